@@ -1,0 +1,42 @@
+//! The command line: one file a command, each a `clap` struct and a `run`.
+
+mod compare;
+mod decode;
+
+use crate::error::Result;
+use clap::{Parser, Subcommand};
+use std::process::ExitCode;
+
+/// A structured-light 3D scanner that is not there.
+#[derive(Debug, Parser)]
+#[command(name = "phasma", version, about, long_about = None)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    Decode(decode::Args),
+    Compare(compare::Args),
+}
+
+/// Parses the arguments, runs the command, and says what went wrong on standard error.
+///
+/// Exit status: 0 done, 1 a device or system failure, 2 a user's mistake.
+pub fn main() -> ExitCode {
+    match dispatch(Cli::parse().command) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("phasma: {error}");
+            ExitCode::from(error.exit_code())
+        }
+    }
+}
+
+fn dispatch(command: Command) -> Result<()> {
+    match command {
+        Command::Decode(args) => decode::run(&args),
+        Command::Compare(args) => compare::run(&args),
+    }
+}

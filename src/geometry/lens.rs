@@ -1,0 +1,178 @@
+//! The lens model: a pinhole with OpenCV's five Brown-Conrady coefficients, for cameras and, as an
+//! inverse camera, for projectors.
+//!
+//! With x = X/Z, y = Y/Z and r2 = x^2 + y^2 (OpenCV documentation, "Camera Calibration and 3D
+//! Reconstruction"):
+//!
+//! ```text
+//! x' = x (1 + k1 r2 + k2 r2^2 + k3 r2^3) + 2 p1 x y + p2 (r2 + 2 x^2)
+//! y' = y (1 + k1 r2 + k2 r2^2 + k3 r2^3) + p1 (r2 + 2 y^2) + 2 p2 x y
+//! u = fx x' + cx,  v = fy y' + cy
+//! ```
+//!
+//! Pixel centres are at integers.
+
+use glam::{DMat2, DVec2, DVec3};
+use serde::{Deserialize, Serialize};
+
+/// Intrinsics of a camera or projector.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Lens {
+    /// Image width in pixels.
+    pub width_px: u32,
+    /// Image height in pixels.
+    pub height_px: u32,
+    /// Focal lengths fx, fy in pixels.
+    pub focal_px: DVec2,
+    /// Principal point cx, cy in pixels.
+    pub principal_px: DVec2,
+    /// k1, k2, p1, p2, k3.
+    #[serde(default)]
+    pub distortion: [f64; 5],
+}
+
+impl Lens {
+    /// Whether any distortion coefficient is set; without, no distortion code need run.
+    pub fn is_distorted(&self) -> bool {
+        self.distortion.iter().any(|&k| k != 0.0)
+    }
+
+    /// The pixel that sees (or lights) a point in the lens's frame, in millimetres; `None` for a
+    /// point that is not in front of the lens.
+    pub fn project(&self, p: DVec3) -> Option<DVec2> {
+        (p.z > 0.0).then(|| self.distort_to_px(p.truncate() / p.z))
+    }
+
+    /// Pixel of the ideal image point (X/Z, Y/Z).
+    pub fn distort_to_px(&self, ideal: DVec2) -> DVec2 {
+        self.focal_px * self.distort(ideal) + self.principal_px
+    }
+
+    /// The direction, with z = 1, of the ray through a pixel. NaN where the distortion cannot be
+    /// inverted.
+    pub fn ray(&self, px: DVec2) -> DVec3 {
+        self.undistort((px - self.principal_px) / self.focal_px)
+            .extend(1.0)
+    }
+
+    /// Whether a pixel coordinate lies on the image's pixels, [-0.5, width - 0.5) and so on.
+    pub fn contains(&self, px: DVec2) -> bool {
+        px.x >= -0.5
+            && px.y >= -0.5
+            && px.x < f64::from(self.width_px) - 0.5
+            && px.y < f64::from(self.height_px) - 0.5
+    }
+
+    /// Distorted image point of an ideal one, both in units of the focal length.
+    pub fn distort(&self, p: DVec2) -> DVec2 {
+        if !self.is_distorted() {
+            return p;
+        }
+        let [k1, k2, p1, p2, k3] = self.distortion;
+        let r2 = p.length_squared();
+        let radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3));
+        let cross = 2.0 * p.x * p.y;
+        p * radial
+            + DVec2::new(
+                p1 * cross + p2 * (r2 + 2.0 * p.x * p.x),
+                p1 * (r2 + 2.0 * p.y * p.y) + p2 * cross,
+            )
+    }
+
+    /// Jacobian of [`Self::distort`]; column j holds the derivatives by coordinate j.
+    pub fn distort_jacobian(&self, p: DVec2) -> DMat2 {
+        let [k1, k2, p1, p2, k3] = self.distortion;
+        let r2 = p.length_squared();
+        let radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3));
+        // d(radial)/d(r2), times 2 for d(r2)/dx = 2x.
+        let slope = 2.0 * (k1 + r2 * (2.0 * k2 + r2 * 3.0 * k3));
+        let off = p.x * p.y * slope + 2.0 * (p1 * p.x + p2 * p.y);
+        DMat2::from_cols(
+            DVec2::new(
+                radial + p.x * p.x * slope + 2.0 * p1 * p.y + 6.0 * p2 * p.x,
+                off,
+            ),
+            DVec2::new(
+                off,
+                radial + p.y * p.y * slope + 6.0 * p1 * p.y + 2.0 * p2 * p.x,
+            ),
+        )
+    }
+
+    /// Ideal image point of a distorted one by Newton's method, exact to rounding. NaN where the
+    /// model has no inverse near the point (it folds over).
+    pub fn undistort(&self, d: DVec2) -> DVec2 {
+        if !self.is_distorted() {
+            return d;
+        }
+        let mut p = d;
+        for _ in 0..50 {
+            let jacobian = self.distort_jacobian(p);
+            let residual = self.distort(p) - d;
+            // A determinant that is not positive means that the image has folded over.
+            if jacobian.determinant() <= 1e-6 {
+                return DVec2::NAN;
+            }
+            let step = jacobian.inverse() * residual;
+            p -= step;
+            if step.length_squared() <= 1e-30 * (1.0 + p.length_squared()) {
+                return p;
+            }
+        }
+        if (self.distort(p) - d).length() < 1e-12 {
+            p
+        } else {
+            DVec2::NAN
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn lens(distortion: [f64; 5]) -> Lens {
+        Lens {
+            width_px: 1138,
+            height_px: 489,
+            focal_px: DVec2::splat(632.0),
+            principal_px: DVec2::new(568.5, 244.0),
+            distortion,
+        }
+    }
+
+    #[test]
+    fn there_and_back_over_the_image() {
+        let lens = lens([-0.21, 0.08, 1.2e-3, -7e-4, -0.011]);
+        for v in (0..489).step_by(16) {
+            for u in (0..1138).step_by(16) {
+                let px = DVec2::new(f64::from(u), f64::from(v));
+                let back = lens.project(lens.ray(px) * 731.0).unwrap();
+                assert!((back - px).length() < 1e-9, "{px} {back}");
+            }
+        }
+    }
+
+    #[test]
+    fn jacobian_is_the_derivative() {
+        let lens = lens([-0.21, 0.08, 1.2e-3, -7e-4, -0.011]);
+        let (p, h) = (DVec2::new(0.4, -0.3), 1e-6);
+        let j = lens.distort_jacobian(p);
+        for (axis, col) in [(DVec2::X, j.x_axis), (DVec2::Y, j.y_axis)] {
+            let numeric = (lens.distort(p + axis * h) - lens.distort(p - axis * h)) / (2.0 * h);
+            assert!((numeric - col).length() < 1e-9);
+        }
+    }
+
+    #[test]
+    fn a_fold_is_nan_and_behind_is_none() {
+        // x (1 - r2) peaks at r = 1/sqrt(3) with 0.385: nothing lies beyond it.
+        assert!(
+            lens([-1.0, 0.0, 0.0, 0.0, 0.0])
+                .undistort(DVec2::new(0.6, 0.0))
+                .is_nan()
+        );
+        assert!(lens([0.0; 5]).project(DVec3::new(0.0, 0.0, -1.0)).is_none());
+    }
+}

@@ -1,0 +1,98 @@
+//! Rigid poses. A pose named `a_from_b` takes coordinates in b to coordinates in a.
+
+use glam::{DMat3, DVec3};
+use serde::{Deserialize, Serialize};
+
+/// A rigid motion, rotation then translation, in millimetres.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Pose {
+    /// Rotation matrix, written as three rows.
+    #[serde(with = "rows")]
+    pub rotation: DMat3,
+    /// Translation in millimetres: where b's origin lies in a.
+    pub translation_mm: DVec3,
+}
+
+impl Pose {
+    /// The pose that changes nothing.
+    pub const IDENTITY: Self = Self {
+        rotation: DMat3::IDENTITY,
+        translation_mm: DVec3::ZERO,
+    };
+
+    /// A pose from a position in millimetres and rotations in degrees about the fixed x, then y,
+    /// then z axis: R = Rz Ry Rx.
+    pub fn from_xyz_deg(position_mm: DVec3, rotation_deg: DVec3) -> Self {
+        let r = rotation_deg * (std::f64::consts::PI / 180.0);
+        Self {
+            rotation: DMat3::from_rotation_z(r.z)
+                * DMat3::from_rotation_y(r.y)
+                * DMat3::from_rotation_x(r.x),
+            translation_mm: position_mm,
+        }
+    }
+
+    /// Takes a point in b to a.
+    pub fn point(&self, p: DVec3) -> DVec3 {
+        self.rotation * p + self.translation_mm
+    }
+
+    /// Takes a direction in b to a.
+    pub fn direction(&self, d: DVec3) -> DVec3 {
+        self.rotation * d
+    }
+
+    /// `b_from_a` of an `a_from_b`.
+    pub fn inverse(&self) -> Self {
+        let rotation = self.rotation.transpose();
+        Self {
+            rotation,
+            translation_mm: -(rotation * self.translation_mm),
+        }
+    }
+}
+
+/// `a_from_b * b_from_c` is `a_from_c`.
+impl std::ops::Mul for Pose {
+    type Output = Self;
+    fn mul(self, rhs: Self) -> Self {
+        Self {
+            rotation: self.rotation * rhs.rotation,
+            translation_mm: self.point(rhs.translation_mm),
+        }
+    }
+}
+
+mod rows {
+    use glam::DMat3;
+    use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+    pub fn serialize<S: Serializer>(m: &DMat3, s: S) -> Result<S::Ok, S::Error> {
+        m.transpose().to_cols_array_2d().serialize(s)
+    }
+
+    pub fn deserialize<'de, D: Deserializer<'de>>(d: D) -> Result<DMat3, D::Error> {
+        Ok(DMat3::from_cols_array_2d(&<[[f64; 3]; 3]>::deserialize(d)?).transpose())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn inverse_and_product_cancel() {
+        let pose = Pose::from_xyz_deg(DVec3::new(1.0, -2.0, 3e4), DVec3::new(10.0, 200.0, -33.0));
+        let p = DVec3::new(0.3, 7.0, -11.0);
+        let back = (pose.inverse() * pose).point(p);
+        assert!((back - p).length() < 1e-10, "{back}");
+    }
+
+    #[test]
+    fn rotation_order_is_x_then_y_then_z() {
+        let pose = Pose::from_xyz_deg(DVec3::ZERO, DVec3::new(90.0, 0.0, 90.0));
+        // y goes to z by the first rotation, and the second leaves z alone.
+        assert!((pose.point(DVec3::Y) - DVec3::Z).length() < 1e-15);
+    }
+}

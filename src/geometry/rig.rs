@@ -1,0 +1,158 @@
+//! A calibrated rig: one camera, one projector, and where they stand. It is what a calibration
+//! file holds, what a device reports as nominal, and what the decoder triangulates with.
+
+use super::{Lens, Pose};
+use crate::error::{Error, Result};
+use glam::{DVec2, DVec3};
+use serde::{Deserialize, Serialize};
+
+/// A camera or projector and its place in the rig's frame (camera 0's: x right, y down, z forward).
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct View {
+    /// Intrinsics.
+    pub lens: Lens,
+    /// Takes coordinates in the view's frame to the rig's frame, in millimetres.
+    pub rig_from_view: Pose,
+}
+
+impl View {
+    /// The pupil in the rig's frame, in millimetres.
+    pub fn center(&self) -> DVec3 {
+        self.rig_from_view.translation_mm
+    }
+
+    /// Pixel of a point given in the rig's frame, in millimetres; `None` behind the lens.
+    pub fn project(&self, p: DVec3) -> Option<DVec2> {
+        let local = self.rig_from_view.rotation.transpose() * (p - self.center());
+        self.lens.project(local)
+    }
+
+    /// Direction in the rig's frame of the ray through a pixel; its z in the view's frame is 1.
+    pub fn ray(&self, px: DVec2) -> DVec3 {
+        self.rig_from_view.direction(self.lens.ray(px))
+    }
+}
+
+/// What the host knows about a camera's noise, in digital numbers (DN), by the linear model of
+/// EMVA 1288 release 4.0, equation 13: variance = read^2 + 1/12 + gain (mean - black).
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct NoiseModel {
+    /// System gain K in DN per electron.
+    pub gain_dn_per_e: f64,
+    /// Standard deviation of the dark signal in DN, without the rounding's 1/12.
+    pub read_noise_dn: f64,
+    /// Mean signal in the dark, in DN.
+    pub black_level_dn: f64,
+    /// Signal from which a pixel counts as saturated, in DN.
+    pub saturation_dn: f64,
+}
+
+impl NoiseModel {
+    /// Variance in DN^2 of a pixel with this mean signal in DN, rounding included.
+    pub fn variance_dn2(&self, mean_dn: f64) -> f64 {
+        self.read_noise_dn.powi(2)
+            + 1.0 / 12.0
+            + self.gain_dn_per_e * (mean_dn - self.black_level_dn).max(0.0)
+    }
+}
+
+/// A calibration: what a file written by `phasma` or asked from a device holds.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Rig {
+    /// The camera.
+    pub camera: View,
+    /// The projector.
+    pub projector: View,
+    /// The camera's noise, where known.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub noise: Option<NoiseModel>,
+}
+
+impl Rig {
+    /// Reads a calibration as TOML; `place` names the file or device in messages.
+    ///
+    /// # Errors
+    /// What is not TOML of this shape, or numbers that no rig can have.
+    pub fn from_toml(text: &str, place: &str) -> Result<Self> {
+        let rig: Self = toml::from_str(text)
+            .map_err(|e| Error::input(place, e.to_string().trim_end(), "a calibration as TOML"))?;
+        for (name, view) in [("camera", &rig.camera), ("projector", &rig.projector)] {
+            view.check().map_err(|(field, found, allowed)| {
+                Error::input(format!("{place}: {name}.{field}"), found, allowed)
+            })?;
+        }
+        if (rig.camera.center() - rig.projector.center()).length() < 1e-6 {
+            return Err(Error::input(
+                format!("{place}: projector.rig_from_view.translation_mm"),
+                "the camera's own position (zero baseline)",
+                "a projector at another place than the camera",
+            ));
+        }
+        Ok(rig)
+    }
+
+    /// The calibration as TOML.
+    pub fn to_toml(&self) -> String {
+        toml::to_string(self).expect("numbers and tables always serialise")
+    }
+}
+
+type Violation = (&'static str, String, &'static str);
+
+impl View {
+    fn check(&self) -> Result<(), Violation> {
+        let Lens {
+            width_px,
+            height_px,
+            focal_px,
+            principal_px,
+            distortion,
+        } = self.lens;
+        let sizes = 1..=32768;
+        if !sizes.contains(&width_px) || !sizes.contains(&height_px) {
+            return Err((
+                "lens.width_px/height_px",
+                format!("{width_px} x {height_px}"),
+                "1 to 32768 each",
+            ));
+        }
+        if !(focal_px.is_finite() && focal_px.min_element() > 0.0) {
+            return Err((
+                "lens.focal_px",
+                focal_px.to_string(),
+                "finite numbers above 0",
+            ));
+        }
+        if !principal_px.is_finite() || distortion.iter().any(|k| !k.is_finite()) {
+            return Err((
+                "lens.principal_px/distortion",
+                format!("{principal_px}, {distortion:?}"),
+                "finite numbers",
+            ));
+        }
+        let r = self.rig_from_view.rotation;
+        let off = r * r.transpose() - glam::DMat3::IDENTITY;
+        let worst = off
+            .to_cols_array()
+            .iter()
+            .fold(0.0_f64, |m, x| m.max(x.abs()));
+        if !(r.is_finite() && worst < 1e-6 && r.determinant() > 0.0) {
+            return Err((
+                "rig_from_view.rotation",
+                format!("a matrix {worst:.1e} away from a rotation"),
+                "orthonormal rows to 1e-6, determinant +1",
+            ));
+        }
+        if !self.center().is_finite() {
+            return Err((
+                "rig_from_view.translation_mm",
+                self.center().to_string(),
+                "finite numbers",
+            ));
+        }
+        Ok(())
+    }
+}

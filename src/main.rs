@@ -1,0 +1,7 @@
+//! The command line's entry: everything is in the library.
+
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    phasma::cli::main()
+}

@@ -1,0 +1,212 @@
+//! The sequence manifest: what was or will be projected, frame by frame, in a schema that the
+//! device's profile, the decoder and captures made elsewhere share.
+
+use super::Pattern;
+use crate::error::Result;
+use crate::profile::TomlSource;
+use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
+
+/// More frames than any sequence has; a manifest beyond it is a mistake or an attack.
+pub const MAX_FRAMES: usize = 4096;
+/// Largest image side in pixels, of projectors, cameras and pictures alike.
+pub const MAX_SIDE_PX: u32 = 32768;
+
+/// The projector's size in pixels.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ProjectorSize {
+    /// Columns.
+    pub width_px: u32,
+    /// Rows.
+    pub height_px: u32,
+}
+
+/// One frame: the pattern shown and, where frames are files, the photograph of it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ManifestFrame {
+    /// Photograph, relative to the folder of frames.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub file: Option<PathBuf>,
+    /// What the projector showed.
+    pub pattern: Pattern,
+}
+
+/// A sequence of patterns on a projector of a known size.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Manifest {
+    /// The projector that shows the sequence.
+    pub projector: ProjectorSize,
+    /// The frames in order of time.
+    pub frame: Vec<ManifestFrame>,
+}
+
+impl Manifest {
+    /// Reads and checks a manifest file.
+    ///
+    /// # Errors
+    /// A file that cannot be read, or what [`Self::parse`] refuses.
+    pub fn read(path: &Path) -> Result<Self> {
+        let source = TomlSource::read(path)?;
+        Self::from_source(&source)
+    }
+
+    /// Reads and checks a manifest from text; `place` stands for the file in messages.
+    ///
+    /// # Errors
+    /// Unknown fields, wrong types and values that no sequence can have, each with its line.
+    pub fn parse(text: &str, place: &str) -> Result<Self> {
+        Self::from_source(&TomlSource::new(text, place))
+    }
+
+    fn from_source(source: &TomlSource) -> Result<Self> {
+        let manifest: Self = source.deserialize()?;
+        let ProjectorSize {
+            width_px,
+            height_px,
+        } = manifest.projector;
+        for (field, side) in [("width_px", width_px), ("height_px", height_px)] {
+            if !(1..=MAX_SIDE_PX).contains(&side) {
+                return Err(source.violation(
+                    &format!("projector.{field}"),
+                    side,
+                    format!("1 to {MAX_SIDE_PX}"),
+                ));
+            }
+        }
+        check_frames(&manifest.frame, "frame", source)?;
+        Ok(manifest)
+    }
+
+    /// The manifest as TOML.
+    pub fn to_toml(&self) -> String {
+        toml::to_string(self).expect("numbers, strings and tables always serialise")
+    }
+}
+
+/// Checks the values of a list of frames; `field` is the list's path in `source`.
+///
+/// # Errors
+/// The first value outside of its range, with its line.
+pub fn check_frames(frames: &[ManifestFrame], field: &str, source: &TomlSource) -> Result<()> {
+    if frames.is_empty() || frames.len() > MAX_FRAMES {
+        return Err(source.violation(
+            field,
+            format!("{} frames", frames.len()),
+            format!("1 to {MAX_FRAMES} frames"),
+        ));
+    }
+    for (i, frame) in frames.iter().enumerate() {
+        if let Err((name, found, allowed)) = check_pattern(&frame.pattern) {
+            return Err(source.violation(&format!("{field}[{i}].pattern.{name}"), found, allowed));
+        }
+    }
+    Ok(())
+}
+
+fn check_pattern(pattern: &Pattern) -> Result<(), (&'static str, String, String)> {
+    let refuse = |name, found: &dyn std::fmt::Display, allowed: &str| {
+        Err((name, found.to_string(), allowed.to_string()))
+    };
+    match pattern {
+        Pattern::Fringe {
+            period_px,
+            phase_rad,
+            ..
+        } => {
+            if !(period_px.is_finite() && *period_px > 2.0 && *period_px <= 1e6) {
+                return refuse("period_px", period_px, "above 2, up to 1e6");
+            }
+            if !(phase_rad.is_finite() && phase_rad.abs() <= 1e4) {
+                return refuse("phase_rad", phase_rad, "-1e4 to 1e4");
+            }
+        }
+        Pattern::Gray {
+            cell_px, bits, bit, ..
+        } => {
+            if !(cell_px.is_finite() && (1.0..=1e6).contains(cell_px)) {
+                return refuse("cell_px", cell_px, "1 to 1e6");
+            }
+            if !(1..=20).contains(bits) {
+                return refuse("bits", bits, "1 to 20");
+            }
+            if bit >= bits {
+                return refuse("bit", bit, &format!("0 to bits - 1 = {}", bits - 1));
+            }
+        }
+        Pattern::Image { file } => {
+            if file.as_os_str().is_empty() {
+                return refuse("file", &"an empty path", "the path of a picture");
+            }
+        }
+        Pattern::White {} | Pattern::Black {} => {}
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::pattern::Axis;
+
+    const HEAD: &str = "[projector]\nwidth_px = 1920\nheight_px = 1080\n";
+
+    #[test]
+    fn every_kind_reads_and_goes_round() {
+        let text = format!(
+            "{HEAD}
+[[frame]]
+file = \"pat00.png\"      # only where frames are files
+pattern = {{ kind = \"fringe\", axis = \"x\", period_px = 100, phase_rad = 0 }}
+[[frame]]
+pattern = {{ kind = \"gray\", axis = \"y\", cell_px = 100, bits = 5, bit = 4, inverted = false }}
+[[frame]]
+pattern = {{ kind = \"white\" }}
+[[frame]]
+pattern = {{ kind = \"image\", file = \"speckle.png\" }}
+"
+        );
+        let manifest = Manifest::parse(&text, "test").unwrap();
+        assert_eq!(manifest.frame.len(), 4);
+        assert_eq!(manifest.frame[1].pattern.axis(), Some(Axis::Y));
+        assert_eq!(
+            Manifest::parse(&manifest.to_toml(), "again").unwrap(),
+            manifest
+        );
+    }
+
+    #[test]
+    fn mistakes_name_the_line_and_the_range() {
+        for (frame, needles) in [
+            (
+                "pattern = { kind = \"fringe\", axis = \"x\", period_px = -4, phase_rad = 0 }",
+                ["m.toml:5", "-4", "above 2"],
+            ),
+            (
+                "pattern = { kind = \"gray\", axis = \"x\", cell_px = 8, bits = 3, bit = 3 }",
+                ["m.toml:5", "3", "0 to bits - 1 = 2"],
+            ),
+            (
+                "pattern = { kind = \"white\", colour = 3 }",
+                ["m.toml:5", "colour", "unknown field"],
+            ),
+            (
+                "pattern = { kind = \"stripes\" }",
+                ["m.toml:5", "stripes", "fringe"],
+            ),
+            (
+                "pattern = { kind = \"fringe\", axis = \"x\", period_px = nan, phase_rad = 0 }",
+                ["m.toml:5", "NaN", "above 2"],
+            ),
+        ] {
+            let text = format!("{HEAD}[[frame]]\n{frame}\n");
+            let message = Manifest::parse(&text, "m.toml").unwrap_err().to_string();
+            for needle in needles {
+                assert!(message.contains(needle), "{needle} not in: {message}");
+            }
+        }
+        assert!(Manifest::parse(HEAD, "m.toml").is_err());
+    }
+}
