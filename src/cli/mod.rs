@@ -2,6 +2,8 @@
 
 mod compare;
 mod decode;
+mod profile;
+mod scene;
 
 use crate::error::Result;
 use clap::{Parser, Subcommand};
@@ -19,6 +21,8 @@ struct Cli {
 enum Command {
     Decode(decode::Args),
     Compare(compare::Args),
+    Profile(profile::Args),
+    Scene(scene::Args),
 }
 
 /// Parses the arguments, runs the command, and says what went wrong on standard error.
@@ -38,5 +42,7 @@ fn dispatch(command: Command) -> Result<()> {
     match command {
         Command::Decode(args) => decode::run(&args),
         Command::Compare(args) => compare::run(&args),
+        Command::Profile(args) => profile::run(&args),
+        Command::Scene(args) => scene::run(&args),
     }
 }

@@ -6,7 +6,7 @@
 //! the pixel's index x, with A = B = half of full scale. Gray code is the reflected binary code of
 //! `floor(x / cell_px)`; bit 0 is the least significant.
 
-mod manifest;
+pub(crate) mod manifest;
 
 pub use manifest::{Manifest, ManifestFrame, ProjectorSize};
 

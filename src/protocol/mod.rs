@@ -1,1 +1,5 @@
-//! (to be written)
+//! What both halves speak: commands, replies, device errors, and every wire format.
+
+mod frame;
+
+pub use frame::{Frame, PixelFormat};

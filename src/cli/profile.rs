@@ -1,0 +1,63 @@
+//! `phasma profile`: lists the built-in profiles and checks profile files.
+
+use crate::error::Result;
+use crate::profile::{Profile, profile_names};
+
+/// List or check device profiles.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    #[command(subcommand)]
+    action: Action,
+}
+
+#[derive(Debug, clap::Subcommand)]
+enum Action {
+    /// List the built-in profiles.
+    List,
+    /// Check a profile file (or a built-in profile) and say what it describes.
+    Check {
+        /// Path of a TOML file, or a built-in name.
+        file: String,
+    },
+}
+
+pub(super) fn run(args: &Args) -> Result<()> {
+    match &args.action {
+        Action::List => {
+            for name in profile_names() {
+                println!("{name:<16}{}", Profile::load(name)?.description);
+            }
+        }
+        Action::Check { file } => {
+            let profile = Profile::load(file)?;
+            let Profile {
+                camera, projector, ..
+            } = &profile;
+            println!("{file}: ok");
+            println!("  name        {}", profile.name);
+            println!(
+                "  camera      {} x {}, focal length {:.2} px, {}",
+                camera.width_px,
+                camera.height_px,
+                camera.view().lens.focal_px.x,
+                String::from_utf8_lossy(&camera.format.fourcc()),
+            );
+            println!(
+                "  projector   {} x {}, focal length {:.2} px, baseline {:.1} mm",
+                projector.width_px,
+                projector.height_px,
+                projector.view().lens.focal_px.x,
+                projector.view().center().length(),
+            );
+            for sequence in &profile.sequence {
+                println!(
+                    "  sequence    {}: {} frames, one every {} us",
+                    sequence.name,
+                    sequence.frame.len(),
+                    sequence.period_us
+                );
+            }
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,81 @@
+//! Profiles and scenes that ship inside the program.
+
+use super::TomlSource;
+use crate::error::{Error, Result};
+use std::path::{Path, PathBuf};
+
+/// Name and text of each profile.
+const PROFILES: [(&str, &str); 2] = [
+    (
+        "pmp-bench",
+        include_str!("../../device-profiles/pmp-bench.toml"),
+    ),
+    (
+        "webcam-grey",
+        include_str!("../../device-profiles/webcam-grey.toml"),
+    ),
+];
+
+/// Name and text of each scene.
+const SCENES: [(&str, &str); 5] = [
+    (
+        "trapezoid",
+        include_str!("../../device-profiles/scenes/trapezoid.toml"),
+    ),
+    (
+        "couch",
+        include_str!("../../device-profiles/scenes/couch.toml"),
+    ),
+    (
+        "torso",
+        include_str!("../../device-profiles/scenes/torso.toml"),
+    ),
+    (
+        "plane",
+        include_str!("../../device-profiles/scenes/plane.toml"),
+    ),
+    (
+        "sphere",
+        include_str!("../../device-profiles/scenes/sphere.toml"),
+    ),
+];
+
+/// Names of the built-in profiles.
+pub fn profile_names() -> impl Iterator<Item = &'static str> {
+    PROFILES.iter().map(|(name, _)| *name)
+}
+
+/// Names of the built-in scenes.
+pub fn scene_names() -> impl Iterator<Item = &'static str> {
+    SCENES.iter().map(|(name, _)| *name)
+}
+
+pub(super) fn profile_source(name_or_path: &str) -> Result<(TomlSource, PathBuf)> {
+    source(name_or_path, &PROFILES, "profile")
+}
+
+pub(super) fn scene_source(name_or_path: &str) -> Result<(TomlSource, PathBuf)> {
+    source(name_or_path, &SCENES, "scene")
+}
+
+fn source(
+    name_or_path: &str,
+    shipped: &[(&str, &str)],
+    kind: &str,
+) -> Result<(TomlSource, PathBuf)> {
+    if let Some((name, text)) = shipped.iter().find(|(name, _)| *name == name_or_path) {
+        let place = format!("built-in {kind} {name}");
+        return Ok((TomlSource::new(text, &place), PathBuf::new()));
+    }
+    let path = Path::new(name_or_path);
+    if !path.is_file() {
+        let names: Vec<_> = shipped.iter().map(|(name, _)| *name).collect();
+        return Err(Error::input(
+            format!("{kind} {name_or_path:?}"),
+            "neither a built-in name nor a file",
+            format!("{} or the path of a TOML file", names.join(", ")),
+        ));
+    }
+    let folder = path.parent().unwrap_or(Path::new("")).to_path_buf();
+    Ok((TomlSource::read(path)?, folder))
+}

@@ -1,0 +1,60 @@
+//! A frame: the pixels of one exposure and what identifies them.
+
+use serde::{Deserialize, Serialize};
+
+/// How a pixel is laid out in memory, named as V4L2 names it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+pub enum PixelFormat {
+    /// One byte a pixel.
+    #[serde(rename = "GREY")]
+    Grey,
+    /// Two bytes a pixel, little-endian, the sensor's bits in the low bits.
+    #[serde(rename = "Y16")]
+    Y16,
+}
+
+impl PixelFormat {
+    /// Bytes that a pixel takes.
+    pub fn bytes_per_pixel(self) -> usize {
+        match self {
+            Self::Grey => 1,
+            Self::Y16 => 2,
+        }
+    }
+
+    /// The four-character code of V4L2.
+    pub fn fourcc(self) -> [u8; 4] {
+        match self {
+            Self::Grey => *b"GREY",
+            Self::Y16 => *b"Y16 ",
+        }
+    }
+
+    /// The format of a four-character code.
+    pub fn from_fourcc(code: [u8; 4]) -> Option<Self> {
+        [Self::Grey, Self::Y16]
+            .into_iter()
+            .find(|format| format.fourcc() == code)
+    }
+}
+
+/// One exposure as it reaches an application.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Frame {
+    /// Identity, counted from the device's start, never repeated.
+    pub id: u64,
+    /// Position of the projected pattern in the selected sequence; `None` when running free.
+    pub pattern_index: Option<u32>,
+    /// Columns.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    /// Layout of `data`.
+    pub format: PixelFormat,
+    /// Start of the exposure in nanoseconds of device time.
+    pub exposure_start_ns: u64,
+    /// End of the exposure in nanoseconds of device time.
+    pub exposure_end_ns: u64,
+    /// Pixels row by row without padding: width * height * bytes per pixel.
+    pub data: Vec<u8>,
+}
