@@ -1,29 +1,25 @@
-//! Rendering in three passes.
+//! Rendering in three passes, each left out when a scene does not need it.
+//!
+//! 1. [`geometry`]: once per camera and state of the scene; what each pixel sees, where on the
+//!    slide its light comes from, how much of it arrives. [`mixed`] samples pixels on edges.
+//! 2. [`exposure`]: per frame; the slide averaged over each pixel's footprint.
+//! 3. [`sensor`]: per frame; electrons, noise, gain, converter.
+//!
+//! The second and third run fused over chunks of pixels that stay in cache. [`reference`] is the
+//! slow f64 path that the tests hold them against.
 
-use super::{Shot, Truth};
-use crate::error::Result;
-use crate::profile::{Profile, Scene};
-use crate::protocol::Frame;
+mod buffer;
+mod exposure;
+mod geometry;
+mod mixed;
+mod normal;
+mod philox;
+mod plan;
+pub mod reference;
+mod renderer;
+mod sample;
+mod sensor;
+mod world;
 
-/// Renders the frames of one camera in front of one scene.
-pub struct Renderer {}
-
-impl Renderer {
-    /// Prepares a scene; `noise` off leaves the sensor's random terms out.
-    ///
-    /// # Errors
-    /// Mesh files that cannot be read.
-    pub fn new(_profile: &Profile, _scene: &Scene, _seed: u64, _noise: bool) -> Result<Self> {
-        Ok(Self {})
-    }
-
-    /// The frame of one exposure.
-    pub fn expose(&mut self, _shot: &Shot) -> Frame {
-        todo!()
-    }
-
-    /// The truth behind the frames.
-    pub fn truth(&mut self) -> Truth {
-        todo!()
-    }
-}
+pub use plan::Plan;
+pub use renderer::Renderer;

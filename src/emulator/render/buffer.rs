@@ -1,0 +1,163 @@
+//! What the geometry pass leaves for the passes after it: one value a pixel and quantity.
+
+use super::Plan;
+use super::world::Surface;
+use glam::{DVec3, I16Vec2};
+
+/// Maps over the camera's pixels, row by row, and the samples of mixed pixels.
+#[derive(Debug, Clone, Default)]
+pub(super) struct GeometryBuffer {
+    pub(super) width: usize,
+    pub(super) height: usize,
+    /// Projector coordinate that the pixel's centre is lit from, in pixels; NaN where nothing is.
+    pub(super) x: Vec<f32>,
+    pub(super) y: Vec<f32>,
+    /// Derivatives of x by the camera's column and row; empty when no slide varies along x.
+    pub(super) x_slope: Vec<[f32; 2]>,
+    /// Derivatives of y; empty when no slide varies along y.
+    pub(super) y_slope: Vec<[f32; 2]>,
+    /// Electrons per second under full white; 0 where unlit.
+    pub(super) projected: Vec<f32>,
+    /// Electrons per second of ambient light.
+    pub(super) ambient: Vec<f32>,
+    /// Depth z in the camera's frame in millimetres; NaN where nothing is seen.
+    pub(super) depth: Vec<f32>,
+    /// Surface that the pixel's centre sees.
+    pub(super) surface: Vec<u32>,
+    /// Its normal, packed.
+    pub(super) normal: Vec<PackedNormal>,
+    /// `Truth::SEEN` and so on.
+    pub(super) flags: Vec<u8>,
+    /// Pixels whose footprint meets more than one surface, in order, and their samples.
+    pub(super) mixed: Vec<Mixed>,
+}
+
+/// Samples of a mixed pixel's footprint, a grid of 4 x 4.
+#[derive(Debug, Clone)]
+pub(super) struct Mixed {
+    /// Row-major pixel index.
+    pub(super) pixel: u32,
+    pub(super) x: [f32; 16],
+    pub(super) y: [f32; 16],
+    pub(super) x_slope: [[f32; 2]; 16],
+    pub(super) y_slope: [[f32; 2]; 16],
+    /// Electrons per second under full white, 0 for unlit samples.
+    pub(super) projected: [f32; 16],
+    /// Electrons per second of ambient light, averaged.
+    pub(super) ambient: f32,
+}
+
+/// Four rows of the maps, for one task.
+pub(super) struct Band<'a> {
+    pub(super) first_row: usize,
+    pub(super) x: &'a mut [f32],
+    pub(super) y: &'a mut [f32],
+    pub(super) x_slope: &'a mut [[f32; 2]],
+    pub(super) y_slope: &'a mut [[f32; 2]],
+    pub(super) projected: &'a mut [f32],
+    pub(super) ambient: &'a mut [f32],
+    pub(super) depth: &'a mut [f32],
+    pub(super) surface: &'a mut [u32],
+    pub(super) normal: &'a mut [PackedNormal],
+    pub(super) flags: &'a mut [u8],
+}
+
+impl GeometryBuffer {
+    /// Takes the size and the maps that the plan asks for; what was there is overwritten.
+    pub(super) fn resize(&mut self, width: usize, height: usize, plan: &Plan) {
+        let n = width * height;
+        (self.width, self.height) = (width, height);
+        self.x.resize(n, f32::NAN);
+        self.y.resize(n, f32::NAN);
+        self.x_slope
+            .resize(if plan.varies_x { n } else { 0 }, [0.0; 2]);
+        self.y_slope
+            .resize(if plan.varies_y { n } else { 0 }, [0.0; 2]);
+        self.projected.resize(n, 0.0);
+        self.ambient.resize(n, 0.0);
+        self.depth.resize(n, f32::NAN);
+        self.surface.resize(n, Surface::NONE.0);
+        self.normal.resize(n, PackedNormal::default());
+        self.flags.resize(n, 0);
+        self.mixed.clear();
+    }
+
+    /// The maps in bands of `rows` rows.
+    pub(super) fn bands(&mut self, rows: usize) -> Vec<Band<'_>> {
+        let n = rows * self.width;
+        let (mut xs, mut ys) = (self.x_slope.chunks_mut(n), self.y_slope.chunks_mut(n));
+        let mut y = self.y.chunks_mut(n);
+        let mut projected = self.projected.chunks_mut(n);
+        let mut ambient = self.ambient.chunks_mut(n);
+        let mut depth = self.depth.chunks_mut(n);
+        let mut surface = self.surface.chunks_mut(n);
+        let mut normal = self.normal.chunks_mut(n);
+        let mut flags = self.flags.chunks_mut(n);
+        let same = "all maps have one length";
+        self.x
+            .chunks_mut(n)
+            .enumerate()
+            .map(|(i, x)| Band {
+                first_row: i * rows,
+                x,
+                y: y.next().expect(same),
+                x_slope: xs.next().unwrap_or_default(),
+                y_slope: ys.next().unwrap_or_default(),
+                projected: projected.next().expect(same),
+                ambient: ambient.next().expect(same),
+                depth: depth.next().expect(same),
+                surface: surface.next().expect(same),
+                normal: normal.next().expect(same),
+                flags: flags.next().expect(same),
+            })
+            .collect()
+    }
+}
+
+/// A unit vector in 32 bits, to about 1e-4 (Cigolle et al.: "A Survey of Efficient Representations
+/// for Independent Unit Vectors", JCGT 3(2), 2014, octahedral mapping).
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub(super) struct PackedNormal(I16Vec2);
+
+impl PackedNormal {
+    pub(super) fn new(n: DVec3) -> Self {
+        let l1 = n.x.abs() + n.y.abs() + n.z.abs();
+        let (x, y) = (n.x / l1, n.y / l1);
+        let (x, y) = if n.z >= 0.0 {
+            (x, y)
+        } else {
+            ((1.0 - y.abs()).copysign(x), (1.0 - x.abs()).copysign(y))
+        };
+        let scale = f64::from(i16::MAX);
+        Self(I16Vec2::new(
+            (x * scale).round() as i16,
+            (y * scale).round() as i16,
+        ))
+    }
+
+    pub(super) fn unpack(self) -> DVec3 {
+        let scale = f64::from(i16::MAX);
+        let (x, y) = (f64::from(self.0.x) / scale, f64::from(self.0.y) / scale);
+        let z = 1.0 - x.abs() - y.abs();
+        let (x, y) = if z >= 0.0 {
+            (x, y)
+        } else {
+            ((1.0 - y.abs()).copysign(x), (1.0 - x.abs()).copysign(y))
+        };
+        DVec3::new(x, y, z).normalize()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn normals_survive_packing() {
+        for i in 0..1000 {
+            let (a, b) = (f64::from(i) * 0.37, f64::from(i) * 0.0031);
+            let n = DVec3::new(a.cos() * b.sin(), a.sin() * b.sin(), b.cos());
+            assert!((PackedNormal::new(n).unpack() - n).length() < 1e-4, "{n}");
+        }
+    }
+}

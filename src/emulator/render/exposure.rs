@@ -1,0 +1,307 @@
+//! The exposure pass: the slide's light at each pixel, averaged over the pixel's footprint.
+//!
+//! A footprint is a parallelogram on the slide. Seen along the axis of a pattern its weight is the
+//! convolution of two boxes, as wide as the derivatives a and b of the projector coordinate by the
+//! camera's column and row: a trapezoid. A slide is a row of held pixels, so its average under the
+//! trapezoid is exact:
+//!
+//! ```text
+//! (S(x + (a+b)/2) - S(x + (a-b)/2) - S(x - (a-b)/2) + S(x - (a+b)/2)) / (a b)
+//! ```
+//!
+//! with S the second antiderivative of the levels, a quadratic on each held pixel. Levels are
+//! integers, so the sums are kept in wrapping 32-bit integers relative to the lowest lookup: exact
+//! for footprints of up to 4096 slide pixels, without cancellation far from the origin.
+
+use super::buffer::{GeometryBuffer, Mixed};
+use crate::emulator::Slide;
+use crate::geometry::raycast::widest;
+use crate::pattern::Axis;
+
+/// Widest footprint along one axis, in slide pixels; wider ones (surfaces seen edge-on) count as
+/// this wide.
+const WIDEST: f32 = 2000.0;
+/// The narrower box is kept at least this fraction of the wider one: below, it changes nothing
+/// that can be seen, and dividing by it would amplify rounding.
+const NARROWEST: f32 = 1.0 / 256.0;
+
+/// A slide prepared for averaging.
+pub(super) enum Table {
+    /// One level, relative to full white.
+    Uniform(f32),
+    /// Levels along one axis.
+    Row(Axis, RowTable),
+    /// Levels of each slide pixel.
+    Picture(PictureTable),
+}
+
+/// A row of held pixels with its running sums.
+pub(super) struct RowTable {
+    cells: Vec<Cell>,
+    /// 1 / full level.
+    scale: f32,
+}
+
+/// A held pixel: its level, and at its left border the first and second antiderivative.
+#[derive(Clone, Copy)]
+#[repr(C, align(16))]
+struct Cell {
+    level: f32,
+    sum: u32,
+    sum_of_sums: u32,
+}
+
+/// A picture as a summed-area table of (width + 1) x (height + 1) corners.
+pub(super) struct PictureTable {
+    width: usize,
+    height: usize,
+    sums: Vec<f64>,
+    scale: f32,
+}
+
+impl Table {
+    /// Prepares a slide whose full level is 2^bits - 1.
+    pub(super) fn new(slide: &Slide, bits: u32) -> Self {
+        let scale = 1.0 / ((1u32 << bits) - 1) as f32;
+        match slide {
+            Slide::Uniform(level) => Self::Uniform(f32::from(*level) * scale),
+            Slide::Row(axis, levels) => Self::Row(*axis, RowTable::new(levels, scale)),
+            Slide::Picture {
+                width,
+                height,
+                levels,
+            } => Self::Picture(PictureTable::new(
+                *width as usize,
+                *height as usize,
+                levels,
+                scale,
+            )),
+        }
+    }
+}
+
+impl RowTable {
+    fn new(levels: &[u16], scale: f32) -> Self {
+        let (mut sum, mut sum_of_sums) = (0u32, 0u32);
+        // The second antiderivative gains sum + level / 2 a pixel; it is kept doubled.
+        let cells = levels
+            .iter()
+            .map(|&level| {
+                let cell = Cell {
+                    level: f32::from(level),
+                    sum,
+                    sum_of_sums,
+                };
+                let level = u32::from(level);
+                sum_of_sums = sum_of_sums
+                    .wrapping_add(sum.wrapping_mul(2))
+                    .wrapping_add(level);
+                sum = sum.wrapping_add(level);
+                cell
+            })
+            .collect();
+        Self { cells, scale }
+    }
+
+    /// Average level, 0 to 1, under the trapezoid of widths `a` and `b` about `x`. Beyond its ends
+    /// the slide goes on with its last level: whether light falls there is the geometry's to say.
+    #[inline(always)]
+    fn average(&self, x: f32, slope: [f32; 2]) -> f32 {
+        let [a, b] = slope.map(|s| s.abs().clamp(1e-6, WIDEST));
+        let wide = if a > b { a } else { b };
+        let narrow = if a > b { b } else { a }.max(wide * NARROWEST);
+        let (outer, inner) = ((wide + narrow) * 0.5, (wide - narrow) * 0.5);
+        let base = self.at(x - outer);
+        let first = self.cells[base.index];
+        // Relative to the lowest cell's border: S there and its slope drop out of the second
+        // difference.
+        let relative = |at: Place| {
+            let cell = self.cells[at.index];
+            let steps = (at.index - base.index) as u32;
+            let offset = cell
+                .sum_of_sums
+                .wrapping_sub(first.sum_of_sums)
+                .wrapping_sub(first.sum.wrapping_mul(steps).wrapping_mul(2));
+            let slope = cell.sum.wrapping_sub(first.sum);
+            0.5 * (offset as i32 as f32) + at.t * (slope as i32 as f32 + 0.5 * cell.level * at.t)
+        };
+        let rise = relative(self.at(x + outer)) - relative(self.at(x + inner));
+        let fall = relative(self.at(x - inner)) - relative(base);
+        (rise - fall) * self.scale / (wide * narrow)
+    }
+
+    /// The held pixel at a coordinate and how far from its left border, in pixels.
+    #[inline(always)]
+    fn at(&self, x: f32) -> Place {
+        let last = self.cells.len() - 1;
+        // The cast saturates and takes NaN to 0: any coordinate has a cell.
+        let index = ((x + 0.5).max(0.0) as usize).min(last);
+        Place {
+            index,
+            t: x - (index as f32 - 0.5),
+        }
+    }
+}
+
+#[derive(Clone, Copy)]
+struct Place {
+    index: usize,
+    t: f32,
+}
+
+impl PictureTable {
+    fn new(width: usize, height: usize, levels: &[u16], scale: f32) -> Self {
+        let stride = width + 1;
+        let mut sums = vec![0.0; stride * (height + 1)];
+        for y in 0..height {
+            let mut row = 0.0;
+            for x in 0..width {
+                row += f64::from(levels[y * width + x]);
+                sums[(y + 1) * stride + x + 1] = sums[y * stride + x + 1] + row;
+            }
+        }
+        Self {
+            width,
+            height,
+            sums,
+            scale,
+        }
+    }
+
+    /// Average level, 0 to 1, over the rectangle of the footprint's second moments.
+    fn average(&self, x: f32, y: f32, x_slope: [f32; 2], y_slope: [f32; 2]) -> f32 {
+        let width = |s: [f32; 2]| f64::from(s[0].hypot(s[1]).clamp(1e-3, WIDEST));
+        let (w, h) = (width(x_slope), width(y_slope));
+        // From pixel centres to corners of the table.
+        let (x, y) = (f64::from(x) + 0.5, f64::from(y) + 0.5);
+        let clip = |low: f64, high: f64, end: usize| {
+            let end = end as f64;
+            let low = low.clamp(0.0, end - 1e-3);
+            (low, high.clamp(low + 1e-3, end))
+        };
+        let (x0, x1) = clip(x - w / 2.0, x + w / 2.0, self.width);
+        let (y0, y1) = clip(y - h / 2.0, y + h / 2.0, self.height);
+        let total = self.sum(x1, y1) - self.sum(x0, y1) - self.sum(x1, y0) + self.sum(x0, y0);
+        (total / ((x1 - x0) * (y1 - y0))) as f32 * self.scale
+    }
+
+    /// Integral from the picture's corner, bilinear between corners as held pixels have it.
+    fn sum(&self, x: f64, y: f64) -> f64 {
+        let (i, j) = (
+            (x as usize).min(self.width - 1),
+            (y as usize).min(self.height - 1),
+        );
+        let (s, t) = (x - i as f64, y - j as f64);
+        let stride = self.width + 1;
+        let row = |j: usize| {
+            let at = j * stride + i;
+            self.sums[at] + s * (self.sums[at + 1] - self.sums[at])
+        };
+        row(j) + t * (row(j + 1) - row(j))
+    }
+}
+
+/// Mean electrons of the pixels from `first` on, mixed pixels excepted: exposure time times ambient
+/// light plus the slide's.
+///
+/// `seconds` is the exposure; `light` the projector's light relative to full, 0 when it is off.
+pub(super) fn run(
+    map: &GeometryBuffer,
+    table: &Table,
+    seconds: f32,
+    light: f32,
+    first: usize,
+    electrons: &mut [f32],
+) {
+    match table {
+        Table::Uniform(level) => uniform(map, *level, [seconds, light], first, electrons),
+        Table::Row(axis, row) => {
+            let (x, slope) = match axis {
+                Axis::X => (&map.x, &map.x_slope),
+                Axis::Y => (&map.y, &map.y_slope),
+            };
+            along_row(map, row, (x, slope), [seconds, light], first, electrons);
+        }
+        Table::Picture(picture) => {
+            for (k, e) in electrons.iter_mut().enumerate() {
+                let i = first + k;
+                let lit = map.projected[i];
+                let level = if lit > 0.0 {
+                    picture.average(map.x[i], map.y[i], map.x_slope[i], map.y_slope[i])
+                } else {
+                    0.0
+                };
+                *e = seconds * (map.ambient[i] + light * lit * level);
+            }
+        }
+    }
+}
+
+/// Mean electrons of a mixed pixel.
+pub(super) fn mixed(pixel: &Mixed, table: &Table, seconds: f32, light: f32) -> f32 {
+    let mut sum = 0.0;
+    for k in 0..pixel.projected.len() {
+        if pixel.projected[k] > 0.0 {
+            let level = match table {
+                Table::Uniform(level) => *level,
+                Table::Row(Axis::X, row) => row.average(pixel.x[k], pixel.x_slope[k]),
+                Table::Row(Axis::Y, row) => row.average(pixel.y[k], pixel.y_slope[k]),
+                Table::Picture(picture) => {
+                    picture.average(pixel.x[k], pixel.y[k], pixel.x_slope[k], pixel.y_slope[k])
+                }
+            };
+            sum += pixel.projected[k] * level;
+        }
+    }
+    seconds * (pixel.ambient + light * sum / pixel.projected.len() as f32)
+}
+
+widest! {
+    fn uniform(
+        map: &GeometryBuffer, level: f32, exposure: [f32; 2], first: usize, electrons: &mut [f32],
+    ) => uniform_body
+}
+widest! {
+    fn along_row(
+        map: &GeometryBuffer, row: &RowTable, coordinate: (&[f32], &[[f32; 2]]), exposure: [f32; 2],
+        first: usize, electrons: &mut [f32],
+    ) => along_row_body
+}
+
+#[inline(always)]
+fn uniform_body(
+    map: &GeometryBuffer,
+    level: f32,
+    [seconds, light]: [f32; 2],
+    first: usize,
+    electrons: &mut [f32],
+) {
+    let range = first..first + electrons.len();
+    let (ambient, projected) = (&map.ambient[range.clone()], &map.projected[range]);
+    for ((e, a), p) in electrons.iter_mut().zip(ambient).zip(projected) {
+        *e = seconds * (a + light * p * level);
+    }
+}
+
+#[inline(always)]
+fn along_row_body(
+    map: &GeometryBuffer,
+    row: &RowTable,
+    (x, slope): (&[f32], &[[f32; 2]]),
+    [seconds, light]: [f32; 2],
+    first: usize,
+    electrons: &mut [f32],
+) {
+    let range = first..first + electrons.len();
+    let (ambient, projected) = (&map.ambient[range.clone()], &map.projected[range.clone()]);
+    let (x, slope) = (&x[range.clone()], &slope[range]);
+    for i in 0..electrons.len() {
+        // Unlit pixels come in long runs: the branch is cheaper than their lookups.
+        let light = if projected[i] > 0.0 {
+            light * projected[i] * row.average(x[i], slope[i])
+        } else {
+            0.0
+        };
+        electrons[i] = seconds * (ambient[i] + light);
+    }
+}

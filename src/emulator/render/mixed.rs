@@ -1,0 +1,209 @@
+//! Mixed pixels: those whose footprint meets more than one surface, or a shadow's edge. A pixel's
+//! centre does not stand for them, so the light of 4 x 4 samples is averaged, as in life.
+//!
+//! Candidates are pixels that differ from one of their eight neighbours; their samples then decide.
+//! A sliver thinner than a pixel that touches no pixel's centre is missed.
+
+use super::Plan;
+use super::buffer::{GeometryBuffer, Mixed};
+use super::geometry::{Cast, Rays, TILE, cast};
+use super::sample::Optics;
+use super::world::{Surface, World};
+use crate::emulator::Truth;
+use crate::geometry::raycast::LANES;
+use glam::{DVec2, DVec3};
+use rayon::prelude::*;
+
+/// Triangles of one mesh whose normals are closer than 15 degrees form one smooth surface.
+const COS_CREASE: f64 = 0.965_925_826_289_068_3;
+
+/// Finds the mixed pixels of the maps, samples them, and flags them as creases.
+pub(super) fn run(
+    world: &World,
+    optics: &Optics,
+    rays: &Rays<'_>,
+    plan: &Plan,
+    buffer: &mut GeometryBuffer,
+) {
+    let found = {
+        let view = &*buffer;
+        let edges = Edges {
+            world,
+            rays,
+            pixel_slope: 1.0 / optics.camera.lens.focal_px.min_element(),
+        };
+        (0..view.height)
+            .into_par_iter()
+            .map_init(Vec::new, |stack, row| {
+                let mut samples = Vec::new();
+                for column in 0..view.width {
+                    if edges.touches(view, column, row) {
+                        samples.extend(sample(&edges, optics, plan, column, row, stack));
+                    }
+                }
+                samples
+            })
+            .collect::<Vec<_>>()
+    };
+    buffer.mixed = found.into_iter().flatten().collect();
+    for mixed in &buffer.mixed {
+        buffer.flags[mixed.pixel as usize] |= Truth::CREASE;
+    }
+}
+
+struct Edges<'a> {
+    world: &'a World,
+    rays: &'a Rays<'a>,
+    /// Width of a pixel at unit depth.
+    pixel_slope: f64,
+}
+
+/// What decides whether two places belong to one smooth surface.
+#[derive(Clone, Copy)]
+struct Place {
+    surface: Surface,
+    lit: bool,
+    normal: DVec3,
+    direction: DVec3,
+    depth: f64,
+}
+
+impl Edges<'_> {
+    /// Whether a pixel differs from one of its neighbours. Most pixels share triangle and light
+    /// with all of them, which two integer maps tell.
+    fn touches(&self, map: &GeometryBuffer, column: usize, row: usize) -> bool {
+        let here = row * map.width + column;
+        let lit = |i: usize| map.flags[i] & Truth::LIT;
+        let columns = column.saturating_sub(1)..(column + 2).min(map.width);
+        for v in row.saturating_sub(1)..(row + 2).min(map.height) {
+            for u in columns.clone() {
+                let there = v * map.width + u;
+                if map.surface[there] == map.surface[here] && lit(there) == lit(here) {
+                    continue;
+                }
+                if self.edge(&self.place(map, column, row), &self.place(map, u, v)) {
+                    return true;
+                }
+            }
+        }
+        false
+    }
+
+    fn place(&self, map: &GeometryBuffer, column: usize, row: usize) -> Place {
+        let i = row * map.width + column;
+        Place {
+            surface: Surface(map.surface[i]),
+            lit: map.flags[i] & Truth::LIT != 0,
+            normal: map.normal[i].unpack(),
+            direction: self.rays.center(column, row),
+            depth: f64::from(map.depth[i]),
+        }
+    }
+
+    /// Whether an edge of the surface or of its light runs between two places.
+    fn edge(&self, a: &Place, b: &Place) -> bool {
+        if a.lit != b.lit {
+            return true;
+        }
+        if a.surface == b.surface {
+            return false;
+        }
+        if a.surface == Surface::NONE || b.surface == Surface::NONE {
+            return true;
+        }
+        let one_mesh = self.world.is_triangle(a.surface)
+            && self.world.is_triangle(b.surface)
+            && self.world.object(a.surface) == self.world.object(b.surface);
+        !one_mesh || a.normal.dot(b.normal) < COS_CREASE || self.jump(a, b)
+    }
+
+    /// Whether b lies off the tangent plane at a by more than a pixel's size on the surface.
+    fn jump(&self, a: &Place, b: &Place) -> bool {
+        let facing = a.normal.dot(b.direction);
+        let predicted = a.normal.dot(a.direction) * a.depth / facing;
+        let cos = (-facing / b.direction.length()).max(0.05);
+        !((predicted - b.depth).abs() <= a.depth * self.pixel_slope / cos)
+    }
+}
+
+/// Casts the samples of a pixel; `None` if they turn out to be one smooth and evenly lit surface.
+fn sample(
+    edges: &Edges<'_>,
+    optics: &Optics,
+    plan: &Plan,
+    column: usize,
+    row: usize,
+    stack: &mut Vec<(u32, f32)>,
+) -> Option<Mixed> {
+    let directions: [DVec3; LANES] = std::array::from_fn(|lane| {
+        let offset = |i: usize| (i as f64 + 0.5) / TILE as f64 - 0.5;
+        let px = DVec2::new(
+            column as f64 + offset(lane % TILE),
+            row as f64 + offset(lane / TILE),
+        );
+        edges.rays.through(px)
+    });
+    let cast = cast(
+        edges.world,
+        optics,
+        plan,
+        &directions,
+        &[true; LANES],
+        stack,
+    );
+    let place = |lane: usize| match (&cast.hits[lane], &cast.samples[lane]) {
+        (Some(hit), Some(sample)) => Place {
+            surface: hit.surface,
+            lit: cast.lit[lane],
+            normal: hit.normal,
+            direction: directions[lane],
+            depth: sample.point.z,
+        },
+        _ => Place {
+            surface: Surface::NONE,
+            lit: false,
+            normal: DVec3::ZERO,
+            direction: directions[lane],
+            depth: f64::NAN,
+        },
+    };
+    let places: [Place; LANES] = std::array::from_fn(place);
+    // Steps between neighbouring samples, so that a curved surface is not taken for an edge.
+    let edge = (0..LANES).any(|lane| {
+        let right = (lane % TILE + 1 < TILE).then_some(lane + 1);
+        let below = (lane + TILE < LANES).then_some(lane + TILE);
+        [right, below]
+            .into_iter()
+            .flatten()
+            .any(|next| edges.edge(&places[lane], &places[next]))
+    });
+    edge.then(|| gather(&cast, (row * edges.rays.width + column) as u32))
+}
+
+fn gather(cast: &Cast, pixel: u32) -> Mixed {
+    let mut mixed = Mixed {
+        pixel,
+        x: [0.0; 16],
+        y: [0.0; 16],
+        x_slope: [[0.0; 2]; 16],
+        y_slope: [[0.0; 2]; 16],
+        projected: [0.0; 16],
+        ambient: 0.0,
+    };
+    // A sample's own footprint is a quarter of the pixel's on each side.
+    let quarter = |v: f64| (v / TILE as f64) as f32;
+    for (lane, sample) in cast.samples.iter().enumerate() {
+        let Some(sample) = sample else { continue };
+        mixed.ambient += sample.ambient as f32 / LANES as f32;
+        if !cast.lit[lane] {
+            continue;
+        }
+        let [by_column, by_row] = [sample.footprint.x_axis, sample.footprint.y_axis];
+        mixed.x[lane] = sample.projector_px.x as f32;
+        mixed.y[lane] = sample.projector_px.y as f32;
+        mixed.x_slope[lane] = [quarter(by_column.x), quarter(by_row.x)];
+        mixed.y_slope[lane] = [quarter(by_column.y), quarter(by_row.y)];
+        mixed.projected[lane] = sample.projected as f32;
+    }
+    mixed
+}

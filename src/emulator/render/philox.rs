@@ -1,0 +1,96 @@
+//! Counter-based random numbers: Philox4x32-10.
+//!
+//! Salmon, Moraes, Dror, Shaw: "Parallel Random Numbers: As Easy as 1, 2, 3", SC11, 2011. A number
+//! is a function of key and counter alone, so a frame's noise is the same on any number of threads
+//! and in any order.
+
+/// Multipliers and Weyl constants of Philox4x32.
+const M: [u32; 2] = [0xD251_1F53, 0xCD9E_8D57];
+const W: [u32; 2] = [0x9E37_79B9, 0xBB67_AE85];
+const ROUNDS: usize = 10;
+
+/// Counters that [`block`] runs side by side.
+pub(super) const WIDTH: usize = 8;
+/// Random words of a block, as many pixels as it serves.
+pub(super) const BLOCK: usize = 4 * WIDTH;
+
+/// The random words of `BLOCK` pixels, one each: word w of counter c belongs to pixel
+/// `block_index * BLOCK + w * WIDTH + c` of the frame.
+///
+/// `key` is the seed; the counter is (pixel counter, draw, low and high half of the frame id).
+#[inline(always)]
+pub(super) fn block(key: u64, block_index: u32, draw: u32, frame: u64) -> [u32; BLOCK] {
+    let mut c0: [u32; WIDTH] = std::array::from_fn(|i| block_index * WIDTH as u32 + i as u32);
+    let mut c1 = [draw; WIDTH];
+    let mut c2 = [frame as u32; WIDTH];
+    let mut c3 = [(frame >> 32) as u32; WIDTH];
+    let mut k = [key as u32, (key >> 32) as u32];
+    for _ in 0..ROUNDS {
+        for i in 0..WIDTH {
+            let p0 = u64::from(M[0]) * u64::from(c0[i]);
+            let p1 = u64::from(M[1]) * u64::from(c2[i]);
+            let n0 = (p1 >> 32) as u32 ^ c1[i] ^ k[0];
+            let n2 = (p0 >> 32) as u32 ^ c3[i] ^ k[1];
+            (c0[i], c1[i], c2[i], c3[i]) = (n0, p1 as u32, n2, p0 as u32);
+        }
+        k = [k[0].wrapping_add(W[0]), k[1].wrapping_add(W[1])];
+    }
+    let mut words = [0; BLOCK];
+    for (chunk, c) in words.chunks_exact_mut(WIDTH).zip([c0, c1, c2, c3]) {
+        chunk.copy_from_slice(&c);
+    }
+    words
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// One counter, for the published vectors; the same rounds, without lanes.
+    fn philox(mut c: [u32; 4], mut k: [u32; 2]) -> [u32; 4] {
+        for _ in 0..ROUNDS {
+            let p0 = u64::from(M[0]) * u64::from(c[0]);
+            let p1 = u64::from(M[1]) * u64::from(c[2]);
+            c = [
+                (p1 >> 32) as u32 ^ c[1] ^ k[0],
+                p1 as u32,
+                (p0 >> 32) as u32 ^ c[3] ^ k[1],
+                p0 as u32,
+            ];
+            k = [k[0].wrapping_add(W[0]), k[1].wrapping_add(W[1])];
+        }
+        c
+    }
+
+    /// Known answers of Random123's `kat_vectors` for philox4x32-10.
+    #[test]
+    fn published_vectors() {
+        assert_eq!(
+            philox([0; 4], [0; 2]),
+            [0x6627_e8d5, 0xe169_c58d, 0xbc57_ac4c, 0x9b00_dbd8]
+        );
+        assert_eq!(
+            philox([u32::MAX; 4], [u32::MAX; 2]),
+            [0x408f_276d, 0x41c8_3b0e, 0xa20b_c7c6, 0x6d54_51fd]
+        );
+        assert_eq!(
+            philox(
+                [0x243f_6a88, 0x85a3_08d3, 0x1319_8a2e, 0x0370_7344],
+                [0xa409_3822, 0x299f_31d0]
+            ),
+            [0xd16c_fe09, 0x94fd_cceb, 0x5001_e420, 0x2412_6ea1]
+        );
+    }
+
+    #[test]
+    fn a_block_is_eight_counters() {
+        let (key, frame) = (0x0123_4567_89ab_cdef, 0xfedc_ba98_7654_3210u64);
+        let words = block(key, 7, 3, frame);
+        for lane in 0..WIDTH {
+            let counter = [7 * 8 + lane as u32, 3, frame as u32, (frame >> 32) as u32];
+            let expected = philox(counter, [key as u32, (key >> 32) as u32]);
+            let got: [u32; 4] = std::array::from_fn(|w| words[w * WIDTH + lane]);
+            assert_eq!(got, expected);
+        }
+    }
+}

@@ -1,0 +1,166 @@
+//! The sensor pass: mean electrons to digital numbers, by the linear model of EMVA 1288 release
+//! 4.0 (section 2): shot noise, read noise, full well, system gain, black level, converter.
+
+use super::{normal, philox};
+use crate::geometry::raycast::widest;
+use crate::profile::Sensor as Parameters;
+use crate::protocol::PixelFormat;
+
+/// Below this mean, a pixel's electrons are drawn from the Poisson distribution itself; above, a
+/// normal number with its variance and skewness is indistinguishable.
+const POISSON_BELOW: f32 = 32.0;
+/// Draw indices of the random terms.
+const DRAW_NORMAL: u32 = 0;
+const DRAW_POISSON: u32 = 1;
+
+/// The sensor at one gain, for one frame.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Sensor {
+    full_well_e: f32,
+    read_variance_e2: f32,
+    gain_dn_per_e: f32,
+    black_dn: f32,
+    full_scale_dn: f32,
+    format: PixelFormat,
+    /// Seed and frame id, or no noise at all.
+    noise: Option<(u64, u64)>,
+}
+
+impl Sensor {
+    pub(super) fn new(
+        sensor: &Parameters,
+        format: PixelFormat,
+        gain_db: f64,
+        noise: Option<(u64, u64)>,
+    ) -> Self {
+        Self {
+            full_well_e: sensor.full_well_e as f32,
+            read_variance_e2: sensor.read_noise_e.powi(2) as f32,
+            gain_dn_per_e: sensor.gain_at(gain_db) as f32,
+            black_dn: sensor.black_level_dn as f32,
+            full_scale_dn: sensor.full_scale_dn() as f32,
+            format,
+            noise,
+        }
+    }
+
+    /// Digital numbers of the pixels from `first` on, a multiple of [`philox::BLOCK`]. `electrons`
+    /// holds their means and is used as scratch.
+    pub(super) fn run(&self, first: usize, electrons: &mut [f32], out: &mut [u8]) {
+        if let Some((seed, frame)) = self.noise {
+            expose(self, [seed, frame], first, electrons);
+        }
+        match self.format {
+            PixelFormat::Grey => quantise_grey(self, electrons, out),
+            PixelFormat::Y16 => {
+                for (e, pair) in electrons.iter().zip(out.chunks_exact_mut(2)) {
+                    pair.copy_from_slice(&(self.convert(*e) as i32 as u16).to_le_bytes());
+                }
+            }
+        }
+    }
+
+    /// Noise-free signal in digital numbers, not rounded, of a mean number of electrons.
+    pub(super) fn signal_dn(&self, electrons: f32) -> f32 {
+        let e = electrons.min(self.full_well_e);
+        (e * self.gain_dn_per_e + self.black_dn).min(self.full_scale_dn)
+    }
+
+    /// Full well, gain, black level, and rounding to the converter's range.
+    #[inline(always)]
+    fn convert(&self, electrons: f32) -> f32 {
+        let e = if electrons < self.full_well_e {
+            electrons
+        } else {
+            self.full_well_e
+        };
+        let dn = e * self.gain_dn_per_e + self.black_dn;
+        let dn = if dn > 0.0 { dn } else { 0.0 };
+        let dn = if dn < self.full_scale_dn {
+            dn
+        } else {
+            self.full_scale_dn
+        };
+        // Half a step up and truncation: rounding, as dn is not negative.
+        dn + 0.5
+    }
+}
+
+widest! {
+    fn expose(sensor: &Sensor, key: [u64; 2], first: usize, electrons: &mut [f32]) => expose_body
+}
+widest! {
+    fn quantise_grey(sensor: &Sensor, electrons: &[f32], out: &mut [u8]) => quantise_grey_body
+}
+
+#[inline(always)]
+fn quantise_grey_body(sensor: &Sensor, electrons: &[f32], out: &mut [u8]) {
+    for (byte, &e) in out.iter_mut().zip(electrons) {
+        *byte = sensor.convert(e) as i32 as u8;
+    }
+}
+
+/// Adds shot and read noise: one normal number with the variance V of both and, by the first term
+/// of Cornish and Fisher (1938), the skewness of the shot noise: z + (z^2 - 1) g / 6, g = mu / V^1.5.
+#[inline(always)]
+fn expose_body(sensor: &Sensor, [seed, frame]: [u64; 2], first: usize, electrons: &mut [f32]) {
+    for (k, chunk) in electrons.chunks_mut(philox::BLOCK).enumerate() {
+        let index = (first / philox::BLOCK + k) as u32;
+        let words = philox::block(seed, index, DRAW_NORMAL, frame);
+        let mut z = [0.0; philox::BLOCK];
+        for i in 0..philox::BLOCK {
+            z[i] = normal::from_word(words[i]);
+        }
+        if chunk.iter().any(|&e| e < POISSON_BELOW) {
+            few_electrons(sensor, [seed, frame], index, &z, chunk);
+            continue;
+        }
+        for (e, z) in chunk.iter_mut().zip(z) {
+            *e = many_electrons(*e, sensor.read_variance_e2, z);
+        }
+    }
+}
+
+#[inline(always)]
+fn many_electrons(mean: f32, read_variance: f32, z: f32) -> f32 {
+    let variance = mean + read_variance;
+    mean + z * variance.sqrt() + (z * z - 1.0) * mean / (6.0 * variance)
+}
+
+/// A block in which some pixel is dark: those draw from the Poisson distribution by inversion.
+fn few_electrons(
+    sensor: &Sensor,
+    [seed, frame]: [u64; 2],
+    index: u32,
+    z: &[f32; philox::BLOCK],
+    chunk: &mut [f32],
+) {
+    let words = philox::block(seed, index, DRAW_POISSON, frame);
+    for (i, e) in chunk.iter_mut().enumerate() {
+        *e = if *e < POISSON_BELOW {
+            poisson(*e, words[i]) + z[i] * sensor.read_variance_e2.sqrt()
+        } else {
+            many_electrons(*e, sensor.read_variance_e2, z[i])
+        };
+    }
+}
+
+/// Poisson number of a uniform word: the smallest n whose distribution function exceeds it.
+fn poisson(mean: f32, word: u32) -> f32 {
+    if !(mean > 0.0) {
+        return 0.0;
+    }
+    let mean = f64::from(mean);
+    let u = (f64::from(word) + 0.5) / 4_294_967_296.0;
+    let mut probability = (-mean).exp();
+    let mut sum = probability;
+    let mut n = 0.0;
+    // 32 bits reach no further than this many standard deviations above the mean.
+    let last = mean + 8.0 * mean.sqrt() + 20.0;
+    while sum < u && n < last {
+        n += 1.0;
+        probability *= mean / n;
+        sum += probability;
+    }
+    n as f32
+}

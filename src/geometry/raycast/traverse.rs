@@ -1,0 +1,132 @@
+//! Walking the hierarchy with a packet: nearest hits, and hits at all.
+
+use super::bvh::{Bvh, Node};
+use super::packet::{LANES, Packet};
+use super::simd::widest;
+use super::triangle::intersect;
+
+/// Widens the far plane by two units in the last place, so that rounding never culls a box that
+/// the ray meets (Ize: "Robust BVH Ray Traversal", JCGT 2(2), 2013).
+const FAR: f32 = 1.0 + 4.0 * f32::EPSILON;
+
+impl Bvh {
+    /// Finds each lane's nearest hit before its end; `packet.t` and `packet.triangle` tell.
+    /// `stack` is scratch space that calls may share.
+    pub fn nearest(&self, packet: &mut Packet, stack: &mut Vec<(u32, f32)>) {
+        if !self.nodes.is_empty() {
+            nearest(self, packet, stack);
+        }
+    }
+
+    /// Tells for each lane whether anything stands before its end, other than the triangle that
+    /// `packet.triangle` names for it. Lanes found blocked have `packet.t` set below zero.
+    pub fn blocked(&self, packet: &mut Packet, stack: &mut Vec<(u32, f32)>) {
+        if !self.nodes.is_empty() {
+            blocked(self, packet, stack);
+        }
+    }
+}
+
+widest! {
+    fn nearest(bvh: &Bvh, packet: &mut Packet, stack: &mut Vec<(u32, f32)>) => nearest_body
+}
+widest! {
+    fn blocked(bvh: &Bvh, packet: &mut Packet, stack: &mut Vec<(u32, f32)>) => blocked_body
+}
+
+#[inline(always)]
+fn nearest_body(bvh: &Bvh, packet: &mut Packet, stack: &mut Vec<(u32, f32)>) {
+    walk(bvh, packet, stack, |packet, id, lane, t| {
+        packet.t[lane] = t;
+        packet.triangle[lane] = id;
+    });
+}
+
+#[inline(always)]
+fn blocked_body(bvh: &Bvh, packet: &mut Packet, stack: &mut Vec<(u32, f32)>) {
+    walk(bvh, packet, stack, |packet, id, lane, _| {
+        if id != packet.triangle[lane] {
+            packet.t[lane] = -1.0;
+        }
+    });
+}
+
+#[inline(always)]
+fn walk(
+    bvh: &Bvh,
+    packet: &mut Packet,
+    stack: &mut Vec<(u32, f32)>,
+    hit: impl Fn(&mut Packet, u32, usize, f32) + Copy,
+) {
+    stack.clear();
+    let root = entry(&bvh.nodes[0], packet);
+    if root == f32::INFINITY {
+        return;
+    }
+    let mut index = 0;
+    loop {
+        let node = bvh.nodes[index as usize];
+        if node.count > 0 {
+            let first = node.first as usize;
+            for corners in &bvh.triangles[first..first + node.count as usize] {
+                intersect(packet, corners, |packet, lane, t| {
+                    hit(packet, corners.id, lane, t);
+                });
+            }
+        } else {
+            let children = [node.first, node.first + 1];
+            let [left, right] = children.map(|i| entry(&bvh.nodes[i as usize], packet));
+            let (near, far) = if left <= right {
+                ((children[0], left), (children[1], right))
+            } else {
+                ((children[1], right), (children[0], left))
+            };
+            if far.1 < f32::INFINITY {
+                stack.push(far);
+            }
+            if near.1 < f32::INFINITY {
+                index = near.0;
+                continue;
+            }
+        }
+        // A node on the stack may have fallen behind what has been hit since.
+        let end = packet
+            .t
+            .iter()
+            .fold(-1.0f32, |m, &t| if t > m { t } else { m });
+        loop {
+            let Some((next, distance)) = stack.pop() else {
+                return;
+            };
+            if distance <= end {
+                index = next;
+                break;
+            }
+        }
+    }
+}
+
+/// The smallest parameter at which a lane enters the box, infinite if none does.
+#[inline(always)]
+fn entry(node: &Node, packet: &Packet) -> f32 {
+    let low = node.min - packet.origin;
+    let high = node.max - packet.origin;
+    let mut enter = [0.0f32; LANES];
+    for lane in 0..LANES {
+        let mut near = 0.0f32;
+        let mut far = packet.t[lane];
+        for axis in 0..3 {
+            let inverse = packet.inverse[axis][lane];
+            let (t0, t1) = (low[axis] * inverse, high[axis] * inverse);
+            // 0 * infinity is NaN: comparisons written so that NaN narrows nothing.
+            let (t_near, t_far) = if inverse >= 0.0 { (t0, t1) } else { (t1, t0) };
+            near = if t_near > near { t_near } else { near };
+            let t_far = t_far * FAR;
+            far = if t_far < far { t_far } else { far };
+        }
+        enter[lane] = if near <= far { near } else { f32::INFINITY };
+    }
+    enter
+        .iter()
+        .fold(f32::INFINITY, |m, &t| if t < m { t } else { m })
+}

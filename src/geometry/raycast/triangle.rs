@@ -1,0 +1,82 @@
+//! The watertight ray/triangle test over the lanes of a packet.
+//!
+//! Woop, Benthin, Wald: "Watertight Ray/Triangle Intersection", JCGT 2(1), 2013. Vertices are
+//! taken relative to the origin and sheared so that the ray runs along +z; the signs of the three
+//! edge functions at the origin then decide. Two triangles that share an edge compute its function
+//! from the same numbers with the opposite sign, so no ray passes between them.
+
+use super::bvh::Corners;
+use super::packet::{LANES, Lanes, Packet};
+use glam::{DVec3, Vec3};
+
+/// Tests one triangle against all lanes. `accept(packet, lane, t)` is called for each lane that it
+/// hits with 0 < t < the lane's end.
+#[inline(always)]
+pub(super) fn intersect(
+    packet: &mut Packet,
+    corners: &Corners,
+    accept: impl Fn(&mut Packet, usize, f32),
+) {
+    let [kx, ky, kz] = packet.axes.k;
+    let [a, b, c] = corners.v.map(|v| v - packet.origin);
+    let (mut u, mut v, mut w) = ([0.0; LANES], [0.0; LANES], [0.0; LANES]);
+    let mut scaled_t: Lanes = [0.0; LANES];
+    let mut touched = false;
+    let mut inside = false;
+    for lane in 0..LANES {
+        let (sx, sy, sz) = (
+            packet.axes.shear[0][lane],
+            packet.axes.shear[1][lane],
+            packet.axes.shear[2][lane],
+        );
+        let (ax, ay) = (a[kx] - sx * a[kz], a[ky] - sy * a[kz]);
+        let (bx, by) = (b[kx] - sx * b[kz], b[ky] - sy * b[kz]);
+        let (cx, cy) = (c[kx] - sx * c[kz], c[ky] - sy * c[kz]);
+        u[lane] = cx * by - cy * bx;
+        v[lane] = ax * cy - ay * cx;
+        w[lane] = bx * ay - by * ax;
+        scaled_t[lane] = sz * (u[lane] * a[kz] + v[lane] * b[kz] + w[lane] * c[kz]);
+        let low = u[lane].min(v[lane]).min(w[lane]);
+        let high = u[lane].max(v[lane]).max(w[lane]);
+        inside |= (low >= 0.0) | (high <= 0.0);
+        touched |= (u[lane] == 0.0) | (v[lane] == 0.0) | (w[lane] == 0.0);
+    }
+    if !inside & !touched {
+        return;
+    }
+    for lane in 0..LANES {
+        let (mut e0, mut e1, mut e2) = (u[lane], v[lane], w[lane]);
+        if e0 == 0.0 || e1 == 0.0 || e2 == 0.0 {
+            let s = [packet.axes.shear[0][lane], packet.axes.shear[1][lane]];
+            [e0, e1, e2] = exact_edges([a, b, c], packet.axes.k, s);
+        }
+        if (e0 < 0.0 || e1 < 0.0 || e2 < 0.0) && (e0 > 0.0 || e1 > 0.0 || e2 > 0.0) {
+            continue;
+        }
+        let det = e0 + e1 + e2;
+        if det == 0.0 {
+            continue;
+        }
+        let t = scaled_t[lane] / det;
+        if t > 0.0 && t < packet.t[lane] {
+            accept(packet, lane, t);
+        }
+    }
+}
+
+/// The edge functions with f64 products, which are exact for f32 factors, where f32 gave a zero
+/// that may be underflow or cancellation.
+#[cold]
+fn exact_edges(v: [Vec3; 3], k: [usize; 3], shear: [f32; 2]) -> [f32; 3] {
+    let sheared = v.map(|p| {
+        let x = p[k[0]] - shear[0] * p[k[2]];
+        let y = p[k[1]] - shear[1] * p[k[2]];
+        DVec3::new(f64::from(x), f64::from(y), 0.0)
+    });
+    let [a, b, c] = sheared;
+    [
+        (c.x * b.y - c.y * b.x) as f32,
+        (a.x * c.y - a.y * c.x) as f32,
+        (b.x * a.y - b.y * a.x) as f32,
+    ]
+}
