@@ -1,12 +1,145 @@
-//! Triangle meshes.
+//! Triangle meshes: what every reader yields, checked.
 
+use super::{file, obj, ply, stl};
+use crate::error::{Error, Result};
 use glam::DVec3;
+use std::path::Path;
 
-/// Triangles over shared vertices.
+/// Beyond this a coordinate is a mistake, and squares in f32 would leave its range.
+const LARGEST_MM: f64 = 1e9;
+
+/// Triangles over shared vertices, in millimetres in the mesh's own frame. Seen from outside, a
+/// triangle's corners run anticlockwise, so `(b - a) x (c - a)` points outwards.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Mesh {
     /// Positions in millimetres.
     pub vertices: Vec<DVec3>,
-    /// Indices of three vertices each, counter-clockwise seen from outside.
+    /// Three indices into `vertices` a triangle.
     pub triangles: Vec<[u32; 3]>,
+}
+
+impl Mesh {
+    /// Reads `.stl` (binary or ASCII), `.obj` or `.ply` (ASCII, little or big endian), whichever
+    /// the name says in any case. Coordinates are taken for millimetres. Polygons become fans of
+    /// triangles; degenerate and duplicate triangles are kept.
+    ///
+    /// # Errors
+    /// What the system refuses; another extension; a malformed or truncated file, a count larger
+    /// than the file, no triangle, an index out of range, a coordinate that is not finite.
+    pub fn read(path: &Path) -> Result<Self> {
+        let place = path.display().to_string();
+        let parse = match extension(path).as_str() {
+            "stl" => stl::parse,
+            "obj" => obj::parse,
+            "ply" => ply::parse_mesh,
+            other => {
+                return Err(Error::input(
+                    place,
+                    format!("extension `{other}`"),
+                    ".stl, .obj or .ply",
+                ));
+            }
+        };
+        parse(&file::read(path)?, &place)
+    }
+
+    /// The mesh, if it can be rendered and measured: at least one triangle, indices in range,
+    /// coordinates finite and within 1e9 mm. `place` names it in messages.
+    ///
+    /// # Errors
+    /// What it lacks, with the index of the vertex or triangle, counted from 0.
+    pub fn checked(self, place: &str) -> Result<Self> {
+        if self.triangles.is_empty() {
+            return Err(Error::input(place, "no triangle", "at least one triangle"));
+        }
+        for (index, &vertex) in self.vertices.iter().enumerate() {
+            check_vertex(vertex, index, place)?;
+        }
+        let count = self.vertices.len();
+        for (index, triangle) in self.triangles.iter().enumerate() {
+            if let Some(bad) = triangle.iter().find(|&&i| i as usize >= count) {
+                return Err(Error::input(
+                    format!("{place}: triangle {index}"),
+                    format!("vertex {bad}"),
+                    format!("vertices 0 to {}", count as i64 - 1),
+                ));
+            }
+        }
+        Ok(self)
+    }
+
+    /// The corners of triangle `index`, in millimetres.
+    pub fn corners(&self, index: usize) -> [DVec3; 3] {
+        self.triangles[index].map(|i| self.vertices[i as usize])
+    }
+
+    /// Lowest and highest corner of the box around all vertices, in millimetres; `None` for no
+    /// vertex.
+    pub fn bounds(&self) -> Option<(DVec3, DVec3)> {
+        let first = *self.vertices.first()?;
+        Some(
+            self.vertices
+                .iter()
+                .fold((first, first), |(lo, hi), &v| (lo.min(v), hi.max(v))),
+        )
+    }
+}
+
+/// The extension in lower case, empty without one.
+pub(crate) fn extension(path: &Path) -> String {
+    path.extension()
+        .map(|e| e.to_string_lossy().to_ascii_lowercase())
+        .unwrap_or_default()
+}
+
+/// Refuses a vertex that is not finite or absurdly far away.
+pub(crate) fn check_vertex(vertex: DVec3, index: usize, place: &str) -> Result<()> {
+    if vertex.is_finite() && vertex.abs().max_element() <= LARGEST_MM {
+        return Ok(());
+    }
+    Err(Error::input(
+        format!("{place}: vertex {index}"),
+        format!("({}, {}, {})", vertex.x, vertex.y, vertex.z),
+        format!("finite coordinates within {LARGEST_MM:e} mm"),
+    ))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn complaint(mesh: Mesh) -> String {
+        mesh.checked("m.stl").unwrap_err().to_string()
+    }
+
+    #[test]
+    fn names_the_culprit() {
+        let good = Mesh {
+            vertices: vec![DVec3::ZERO, DVec3::X, DVec3::Y],
+            triangles: vec![[0, 1, 2], [0, 0, 0], [0, 1, 2]],
+        };
+        good.clone().checked("m.stl").unwrap();
+        let mut nan = good.clone();
+        nan.vertices[1].y = f64::NAN;
+        assert!(complaint(nan).contains("m.stl: vertex 1: (1, NaN, 0)"));
+        let mut far = good.clone();
+        far.triangles[1] = [0, 3, 1];
+        assert!(complaint(far).contains("triangle 1: vertex 3; allowed: vertices 0 to 2"));
+        assert!(complaint(Mesh::default()).contains("no triangle"));
+    }
+
+    #[test]
+    fn the_extension_decides_in_any_case() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("A.ObJ");
+        std::fs::write(&path, "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").unwrap();
+        assert_eq!(Mesh::read(&path).unwrap().triangles, [[0, 1, 2]]);
+        let other = Mesh::read(Path::new("torso.step")).unwrap_err();
+        assert_eq!(other.exit_code(), 2);
+        assert!(other.to_string().contains("`step`"), "{other}");
+        assert_eq!(
+            Mesh::read(Path::new("absent.stl")).unwrap_err().exit_code(),
+            2
+        );
+    }
 }

@@ -1,16 +1,25 @@
 //! Poses, the lens model, meshes and their files, ray casting.
 
+mod closest;
 mod cloud;
+pub(crate) mod file;
 mod lens;
 mod mesh;
+mod neighbours;
+mod obj;
+pub mod ply;
 mod pose;
 pub mod raycast;
 mod rig;
 mod solid;
+pub mod shapes;
+mod stl;
 
+pub use closest::{Closest, MeshTree};
 pub use cloud::Cloud;
 pub use lens::Lens;
 pub use mesh::Mesh;
+pub use neighbours::Neighbours;
 pub use pose::Pose;
 pub use rig::{NoiseModel, Rig, View};
 pub use solid::{Solid, SolidHit};

@@ -3,7 +3,7 @@
 
 use crate::error::Result;
 use crate::geometry::raycast::{Bvh, LANES, NO_TRIANGLE, Packet};
-use crate::geometry::{Mesh, Pose, Solid};
+use crate::geometry::{Mesh, Pose, Solid, shapes};
 use crate::profile::{Object, Scene, Shape};
 use glam::{DVec2, DVec3, Vec3};
 use std::path::Path;
@@ -277,6 +277,25 @@ fn solid(shape: &Shape, scale: f64) -> Option<Solid> {
 
 /// The triangles of a shape that has no closed form.
 fn mesh(shape: &Shape, folder: &Path) -> Result<Mesh> {
-    let _ = (shape, folder);
-    Ok(Mesh::default())
+    match *shape {
+        Shape::Torso {
+            seed,
+            length_mm,
+            width_mm,
+            depth_mm,
+            triangles,
+        } => Ok(shapes::torso(&shapes::Torso {
+            seed,
+            length_mm,
+            width_mm,
+            depth_mm,
+            triangles,
+        })),
+        Shape::Couch {} => Ok(shapes::couch(&shapes::Couch::default())),
+        Shape::Mesh { ref file } => Mesh::read(&folder.join(file)),
+        Shape::Plane { .. }
+        | Shape::Sphere { .. }
+        | Shape::Cylinder { .. }
+        | Shape::Frustum { .. } => Ok(Mesh::default()),
+    }
 }

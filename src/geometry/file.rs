@@ -1,0 +1,156 @@
+//! Files of geometry as bytes: read whole up to a cap, written under another name and renamed.
+
+use crate::error::{Error, Result};
+use std::fs::File;
+use std::io::{BufWriter, Read, Write};
+use std::path::{Path, PathBuf};
+
+/// Largest mesh or cloud file that is read: some 20 million triangles of binary STL.
+pub(crate) const MAX_BYTES: u64 = 1 << 30;
+
+/// The bytes of a regular file of at most [`MAX_BYTES`].
+///
+/// # Errors
+/// What the system refuses, a folder, pipe or device, or a larger file.
+pub(crate) fn read(path: &Path) -> Result<Vec<u8>> {
+    let file = File::open(path).map_err(|e| Error::io(path, e))?;
+    let meta = file.metadata().map_err(|e| Error::io(path, e))?;
+    if !meta.is_file() {
+        return Err(Error::input(
+            path.display(),
+            "not a regular file",
+            "a mesh or cloud file",
+        ));
+    }
+    if meta.len() > MAX_BYTES {
+        return Err(Error::input(
+            path.display(),
+            format!("{} bytes", meta.len()),
+            format!("up to {MAX_BYTES} bytes"),
+        ));
+    }
+    let mut bytes = Vec::with_capacity(meta.len() as usize);
+    // The file may grow while it is read.
+    file.take(MAX_BYTES)
+        .read_to_end(&mut bytes)
+        .map_err(|e| Error::io(path, e))?;
+    Ok(bytes)
+}
+
+/// Writes a file so that its name only ever stands for a whole one: into a new file beside it,
+/// which is renamed at the end and removed on failure.
+pub(crate) fn write_whole(
+    path: &Path,
+    fill: impl FnOnce(&mut BufWriter<File>) -> std::io::Result<()>,
+) -> Result<()> {
+    let (partial, file) = create_beside(path)?;
+    let written = (|| {
+        let mut writer = BufWriter::with_capacity(1 << 18, file);
+        fill(&mut writer)?;
+        writer.flush()?;
+        drop(writer);
+        std::fs::rename(&partial, path)
+    })();
+    written.map_err(|e| {
+        // The first failure is the one worth telling.
+        let _ = std::fs::remove_file(&partial);
+        Error::io(path, e)
+    })
+}
+
+fn create_beside(path: &Path) -> Result<(PathBuf, File)> {
+    let name = path.file_name().ok_or_else(|| {
+        Error::input(
+            path.display(),
+            "no file name",
+            "the path of a file to write",
+        )
+    })?;
+    for attempt in 0..1000 {
+        let mut other = std::ffi::OsString::from(".");
+        other.push(name);
+        other.push(format!(".{attempt}.partial"));
+        let partial = path.with_file_name(other);
+        match File::create_new(&partial) {
+            Ok(file) => return Ok((partial, file)),
+            Err(e) if e.kind() == std::io::ErrorKind::AlreadyExists => {}
+            Err(e) => return Err(Error::io(path, e)),
+        }
+    }
+    Err(Error::device(format!(
+        "{}: a thousand unfinished files (.partial) stand beside it",
+        path.display()
+    )))
+}
+
+/// The next line of `rest` without its end (LF, CR LF or CR), which is taken off `rest`; `None` at
+/// the end of the file.
+pub(crate) fn next_line<'a>(rest: &mut &'a [u8]) -> Option<&'a [u8]> {
+    if rest.is_empty() {
+        return None;
+    }
+    let end = rest
+        .iter()
+        .position(|&b| b == b'\n' || b == b'\r')
+        .unwrap_or(rest.len());
+    let line = &rest[..end];
+    let mut skip = (end + 1).min(rest.len());
+    if rest.get(end) == Some(&b'\r') && rest.get(end + 1) == Some(&b'\n') {
+        skip += 1;
+    }
+    *rest = &rest[skip..];
+    Some(line)
+}
+
+/// The words of a line.
+pub(crate) fn words(line: &[u8]) -> impl Iterator<Item = &[u8]> {
+    line.split(|b| b.is_ascii_whitespace())
+        .filter(|w| !w.is_empty())
+}
+
+/// A word as a number.
+pub(crate) fn number<T: std::str::FromStr>(word: &[u8]) -> Option<T> {
+    std::str::from_utf8(word).ok()?.parse().ok()
+}
+
+/// A word of a file for a message: at most 40 characters of it, printable.
+pub(crate) fn quoted(word: &[u8]) -> String {
+    let text: String = String::from_utf8_lossy(&word[..word.len().min(160)])
+        .chars()
+        .take(40)
+        .map(|c| if c.is_control() { '\u{fffd}' } else { c })
+        .collect();
+    format!("`{text}`")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_failed_write_leaves_the_old_file_and_no_litter() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.ply");
+        write_whole(&path, |w| w.write_all(b"old")).unwrap();
+        let failed = write_whole(&path, |w| {
+            w.write_all(b"ne")?;
+            Err(std::io::Error::other("disk full"))
+        });
+        assert!(failed.unwrap_err().to_string().contains("disk full"));
+        assert_eq!(std::fs::read(&path).unwrap(), b"old");
+        assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn lines_end_three_ways() {
+        let mut rest: &[u8] = b"a\nb\r\nc\rd";
+        let lines: Vec<_> = std::iter::from_fn(|| next_line(&mut rest)).collect();
+        assert_eq!(lines, [b"a", b"b", b"c", b"d"]);
+    }
+
+    #[test]
+    fn a_folder_is_no_mesh() {
+        let dir = tempfile::tempdir().unwrap();
+        assert_eq!(read(dir.path()).unwrap_err().exit_code(), 2);
+    }
+}

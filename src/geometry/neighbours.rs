@@ -1,0 +1,239 @@
+//! Nearest neighbours among points: a balanced k-d tree (J. L. Bentley, 1975) without pointers.
+//!
+//! The range of points that a node covers is halved at its middle, so the tree's shape follows from
+//! the number of points alone and coincident points do no harm. Distances are bounded with the
+//! offsets of all axes (S. Arya and D. Mount, "Algorithms for Fast Vector Quantization", 1993).
+
+use glam::DVec3;
+
+/// Points in a leaf, at most.
+const LEAF: usize = 8;
+
+/// Points ready for queries.
+pub struct Neighbours {
+    points: Vec<[f32; 3]>,
+    ids: Vec<u32>,
+    /// Axis and place of each inner node's cut; children of i are 2 i + 1 and 2 i + 2.
+    cuts: Vec<(u8, f32)>,
+}
+
+impl Neighbours {
+    /// Takes the points that are finite.
+    pub fn new(points: &[[f32; 3]]) -> Self {
+        let mut all: Vec<([f32; 3], u32)> = points
+            .iter()
+            .zip(0..)
+            .filter(|(p, _)| p.iter().all(|x| x.is_finite()))
+            .map(|(&p, i)| (p, i))
+            .collect();
+        let mut levels = 0;
+        while all.len() >> levels > LEAF {
+            levels += 1;
+        }
+        let mut cuts = vec![(0, 0.0); (1 << levels) - 1];
+        // Level by level: a node's range is found by halving, so no recursion holds slices apart.
+        for level in 0..levels {
+            let first = (1 << level) - 1;
+            let mut ranges: Vec<&mut [([f32; 3], u32)]> = Vec::with_capacity(1 << level);
+            let mut rest = all.as_mut_slice();
+            let count = rest.len();
+            for k in 0..1_usize << level {
+                let (start, end) = (start_of(k, level, count), start_of(k + 1, level, count));
+                let (head, tail) = rest.split_at_mut(end - start);
+                ranges.push(head);
+                rest = tail;
+            }
+            use rayon::prelude::*;
+            ranges
+                .into_par_iter()
+                .enumerate()
+                .zip(&mut cuts[first..])
+                .for_each(|((k, range), cut)| {
+                    let start = start_of(k, level, count);
+                    let middle = start_of(2 * k + 1, level + 1, count) - start;
+                    *cut = halve(range, middle);
+                });
+        }
+        Self {
+            points: all.iter().map(|(p, _)| *p).collect(),
+            ids: all.iter().map(|(_, i)| *i).collect(),
+            cuts,
+        }
+    }
+
+    /// How many points are in the tree.
+    pub fn len(&self) -> usize {
+        self.points.len()
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.points.is_empty()
+    }
+
+    /// The `K` points nearest to `p`, nearest first, as (squared distance in square millimetres,
+    /// index into the points given); fewer when there are fewer points. Among points equally far
+    /// the lower index comes first.
+    pub fn nearest<const K: usize>(&self, p: DVec3) -> Nearest<K> {
+        let mut found = Nearest {
+            best: [(f64::INFINITY, u32::MAX); K],
+        };
+        if !self.is_empty() && p.is_finite() {
+            self.descend(p, 0, 0, 0, [0.0; 3], 0.0, &mut found);
+        }
+        found
+    }
+
+    #[allow(clippy::too_many_arguments)] // one step of a recursion: all of it is state
+    fn descend<const K: usize>(
+        &self,
+        p: DVec3,
+        node: usize,
+        level: u32,
+        k: usize,
+        offsets: [f64; 3],
+        bound: f64,
+        found: &mut Nearest<K>,
+    ) {
+        let Some(&(axis, cut)) = self.cuts.get(node) else {
+            let count = self.points.len();
+            for i in start_of(k, level, count)..start_of(k + 1, level, count) {
+                let q = DVec3::from_array(self.points[i].map(f64::from));
+                found.offer((q - p).length_squared(), self.ids[i]);
+            }
+            return;
+        };
+        let axis = usize::from(axis);
+        let beyond = p[axis] - f64::from(cut);
+        let side = usize::from(beyond > 0.0);
+        self.descend(
+            p,
+            2 * node + 1 + side,
+            level + 1,
+            2 * k + side,
+            offsets,
+            bound,
+            found,
+        );
+        let far = bound - offsets[axis] * offsets[axis] + beyond * beyond;
+        // Rounding may put the bound a hair too high; equality keeps ties for the lower index.
+        if far * (1.0 - 1e-12) <= found.best[K - 1].0 {
+            let mut offsets = offsets;
+            offsets[axis] = beyond;
+            self.descend(
+                p,
+                2 * node + 2 - side,
+                level + 1,
+                2 * k + 1 - side,
+                offsets,
+                far,
+                found,
+            );
+        }
+    }
+}
+
+/// Where the `k`-th of 2^level nearly equal ranges of `count` points starts.
+fn start_of(k: usize, level: u32, count: usize) -> usize {
+    ((k as u128 * count as u128) >> level) as usize
+}
+
+/// Parts a range at `middle` along its widest axis; returns the axis and the cut.
+fn halve(range: &mut [([f32; 3], u32)], middle: usize) -> (u8, f32) {
+    let (mut lo, mut hi) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
+    for (p, _) in range.iter() {
+        for axis in 0..3 {
+            lo[axis] = lo[axis].min(p[axis]);
+            hi[axis] = hi[axis].max(p[axis]);
+        }
+    }
+    let width = |axis: &usize| f64::from(hi[*axis]) - f64::from(lo[*axis]);
+    let axis = (0..3)
+        .max_by(|a, b| width(a).total_cmp(&width(b)))
+        .unwrap_or(0);
+    let (_, at, _) = range.select_nth_unstable_by(middle, |a, b| a.0[axis].total_cmp(&b.0[axis]));
+    (axis as u8, at.0[axis])
+}
+
+/// The answer of [`Neighbours::nearest`].
+#[derive(Debug, Clone, Copy)]
+pub struct Nearest<const K: usize> {
+    best: [(f64, u32); K],
+}
+
+impl<const K: usize> Nearest<K> {
+    /// Squared distances and indices, nearest first.
+    pub fn as_slice(&self) -> &[(f64, u32)] {
+        let count = self.best.iter().take_while(|b| b.0.is_finite()).count();
+        &self.best[..count]
+    }
+
+    fn offer(&mut self, distance: f64, id: u32) {
+        let closer = |a: (f64, u32), b: (f64, u32)| a.0 < b.0 || (a.0 == b.0 && a.1 < b.1);
+        let new = (distance, id);
+        if !closer(new, self.best[K - 1]) {
+            return;
+        }
+        let mut at = K - 1;
+        while at > 0 && closer(new, self.best[at - 1]) {
+            self.best[at] = self.best[at - 1];
+            at -= 1;
+        }
+        self.best[at] = new;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn brute(points: &[[f32; 3]], p: DVec3) -> Vec<(f64, u32)> {
+        let mut all: Vec<(f64, u32)> = points
+            .iter()
+            .zip(0..)
+            .filter(|(q, _)| q.iter().all(|x| x.is_finite()))
+            .map(|(q, i)| {
+                (
+                    (DVec3::from_array(q.map(f64::from)) - p).length_squared(),
+                    i,
+                )
+            })
+            .collect();
+        all.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        all.truncate(5);
+        all
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(64))]
+
+        #[test]
+        fn agrees_with_brute_force(
+            // A coarse grid makes many ties and coincident points.
+            raw in proptest::collection::vec((-4_i8..4, -4_i8..4, -1_i8..1), 0..300),
+            at in proptest::array::uniform3(-6.0_f64..6.0),
+        ) {
+            let mut points: Vec<[f32; 3]> = raw
+                .iter()
+                .map(|&(x, y, z)| [f32::from(x), f32::from(y), f32::from(z)])
+                .collect();
+            if points.len() > 3 {
+                points[2][1] = f32::NAN;
+            }
+            let tree = Neighbours::new(&points);
+            for p in [DVec3::from_array(at), DVec3::from_array(at).round()] {
+                let (found, wanted) = (tree.nearest::<5>(p), brute(&points, p));
+                prop_assert_eq!(found.as_slice(), wanted.as_slice());
+            }
+        }
+    }
+
+    #[test]
+    fn a_hundred_thousand_coincident_points() {
+        let tree = Neighbours::new(&vec![[1.0, 2.0, 3.0]; 100_000]);
+        let found = tree.nearest::<3>(DVec3::new(1.0, 2.0, 4.0));
+        assert_eq!(found.as_slice()[0].0, 1.0);
+        assert_eq!(found.as_slice().len(), 3);
+    }
+}

@@ -1,0 +1,169 @@
+//! PLY: meshes and clouds, read in any encoding, written in binary little endian.
+
+mod body;
+mod header;
+#[cfg(test)]
+mod tests;
+
+use super::{Cloud, Mesh, file};
+use crate::error::{Error, Result};
+use std::io::Write;
+use std::path::Path;
+
+/// What a PLY file turned out to hold.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Ply {
+    /// Faces over vertices.
+    Mesh(Mesh),
+    /// Vertices only.
+    Cloud(Cloud),
+}
+
+/// Reads a PLY file: a mesh if it has a face of three corners or more, else a cloud.
+///
+/// # Errors
+/// What the system refuses, and a malformed, truncated or empty file.
+pub fn read(path: &Path) -> Result<Ply> {
+    parse(&file::read(path)?, &path.display().to_string())
+}
+
+/// Reads the vertices of a PLY file as a cloud in millimetres, in the file's order, with `nx ny nz`
+/// and `intensity` where they are. Intensities of type uchar and ushort are divided by 255 and
+/// 65535. A point that is not finite is how organised clouds mark a pixel without one: it is kept,
+/// so that rows stay what they were.
+///
+/// # Errors
+/// What the system refuses, a malformed or truncated file, no point, or no finite one.
+pub fn read_cloud(path: &Path) -> Result<Cloud> {
+    let place = path.display().to_string();
+    cloud(content(&file::read(path)?, &place)?, &place)
+}
+
+/// Writes a cloud: `x y z`, `nx ny nz` if there are normals, `intensity` if there is any, all float.
+///
+/// # Errors
+/// What the system refuses, or normals or intensities that are not as many as the points.
+pub fn write_cloud(path: &Path, cloud: &Cloud) -> Result<()> {
+    let count = cloud.points.len();
+    let normals = cloud.normals.as_ref();
+    let intensity = cloud.intensity.as_ref();
+    if normals.is_some_and(|n| n.len() != count) || intensity.is_some_and(|i| i.len() != count) {
+        return Err(Error::device(format!(
+            "{}: normals or intensities that are not as many as the points",
+            path.display()
+        )));
+    }
+    file::write_whole(path, |out| {
+        preamble(out, count)?;
+        for name in ["x", "y", "z"] {
+            writeln!(out, "property float {name}")?;
+        }
+        if normals.is_some() {
+            for name in ["nx", "ny", "nz"] {
+                writeln!(out, "property float {name}")?;
+            }
+        }
+        if intensity.is_some() {
+            writeln!(out, "property float intensity")?;
+        }
+        writeln!(out, "end_header")?;
+        for (i, point) in cloud.points.iter().enumerate() {
+            let normal = normals.map(|n| n[i]);
+            let brightness = intensity.map(|v| v[i]);
+            for value in point
+                .iter()
+                .chain(normal.iter().flatten())
+                .chain(&brightness)
+            {
+                out.write_all(&value.to_le_bytes())?;
+            }
+        }
+        Ok(())
+    })
+}
+
+/// Writes a mesh: `x y z` as double, so that it reads back to the bit, and its triangles.
+///
+/// # Errors
+/// What the system refuses.
+pub fn write_mesh(path: &Path, mesh: &Mesh) -> Result<()> {
+    file::write_whole(path, |out| {
+        preamble(out, mesh.vertices.len())?;
+        for name in ["x", "y", "z"] {
+            writeln!(out, "property double {name}")?;
+        }
+        writeln!(out, "element face {}", mesh.triangles.len())?;
+        writeln!(out, "property list uchar uint vertex_indices")?;
+        writeln!(out, "end_header")?;
+        for vertex in &mesh.vertices {
+            for value in vertex.to_array() {
+                out.write_all(&value.to_le_bytes())?;
+            }
+        }
+        for triangle in &mesh.triangles {
+            out.write_all(&[3])?;
+            for index in triangle {
+                out.write_all(&index.to_le_bytes())?;
+            }
+        }
+        Ok(())
+    })
+}
+
+fn preamble(out: &mut impl Write, vertices: usize) -> std::io::Result<()> {
+    writeln!(out, "ply\nformat binary_little_endian 1.0")?;
+    writeln!(out, "comment millimetres")?;
+    writeln!(out, "element vertex {vertices}")
+}
+
+/// Reads the bytes of a PLY file that must hold a mesh.
+pub(super) fn parse_mesh(bytes: &[u8], place: &str) -> Result<Mesh> {
+    let content = content(bytes, place)?;
+    Mesh {
+        vertices: content.vertices,
+        triangles: content.triangles,
+    }
+    .checked(place)
+}
+
+fn parse(bytes: &[u8], place: &str) -> Result<Ply> {
+    let content = content(bytes, place)?;
+    if content.triangles.is_empty() {
+        return cloud(content, place).map(Ply::Cloud);
+    }
+    Mesh {
+        vertices: content.vertices,
+        triangles: content.triangles,
+    }
+    .checked(place)
+    .map(Ply::Mesh)
+}
+
+fn content(bytes: &[u8], place: &str) -> Result<body::Content> {
+    let mut rest = bytes;
+    let header = header::read(&mut rest, place)?;
+    body::read(&header, rest, place)
+}
+
+fn cloud(content: body::Content, place: &str) -> Result<Cloud> {
+    let points: Vec<[f32; 3]> = content
+        .vertices
+        .iter()
+        .map(|v| v.as_vec3().to_array())
+        .collect();
+    if points.is_empty() {
+        return Err(Error::input(place, "no point", "at least one point"));
+    }
+    if !points.iter().any(|p| p.iter().all(|x| x.is_finite())) {
+        return Err(Error::input(
+            place,
+            format!("{} points, none of them finite", points.len()),
+            "at least one finite point",
+        ));
+    }
+    Ok(Cloud {
+        points,
+        normals: content.normals,
+        intensity: content.intensity,
+    })
+}

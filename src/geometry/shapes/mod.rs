@@ -1,0 +1,89 @@
+//! Generated shapes: a human torso and a treatment couch, as closed meshes.
+//!
+//! Frame: the resting plane is z = 0 and the body stands towards -z, as a camera that looks along
+//! +z sees it from above. x runs across, y along; the patient's head is towards -y, which is up in
+//! the camera's image. The origin is the middle of the resting plane.
+
+mod couch;
+mod loft;
+mod torso;
+
+pub use couch::{Couch, couch};
+pub use torso::{Torso, torso};
+
+/// Why a shape's parameters will not do: the field, what it holds, what it may hold.
+pub type Violation = (&'static str, String, String);
+
+fn within(
+    field: &'static str,
+    value: f64,
+    allowed: std::ops::RangeInclusive<f64>,
+) -> Result<(), Violation> {
+    // NaN is in no range.
+    if allowed.contains(&value) {
+        return Ok(());
+    }
+    Err((
+        field,
+        value.to_string(),
+        format!("{} to {}", allowed.start(), allowed.end()),
+    ))
+}
+
+/// A field brought into its range, its lower end for NaN.
+fn clamped(value: f64, allowed: std::ops::RangeInclusive<f64>) -> f64 {
+    value.max(*allowed.start()).min(*allowed.end())
+}
+
+#[cfg(test)]
+pub(crate) mod check {
+    //! What every generated mesh must be.
+
+    use crate::geometry::Mesh;
+    use glam::DVec3;
+    use std::collections::HashMap;
+
+    /// Asserts that each edge is used once in each direction, that no triangle is degenerate, and
+    /// that the volume is positive; returns the volume in cubic millimetres.
+    pub(crate) fn closed(mesh: &Mesh) -> f64 {
+        let mut edges: HashMap<(u32, u32), i32> = HashMap::new();
+        let mut volume = 0.0;
+        for (i, &[a, b, c]) in mesh.triangles.iter().enumerate() {
+            for edge in [(a, b), (b, c), (c, a)] {
+                *edges.entry(edge).or_default() += 1;
+            }
+            let [p, q, r] = mesh.corners(i);
+            let area = (q - p).cross(r - p).length() / 2.0;
+            assert!(area > 1e-3, "triangle {i}: {area} mm2");
+            volume += p.dot(q.cross(r)) / 6.0;
+        }
+        for (&(a, b), &count) in &edges {
+            assert_eq!((count, edges.get(&(b, a))), (1, Some(&1)), "edge {a} {b}");
+        }
+        let used: std::collections::HashSet<u32> =
+            mesh.triangles.iter().flatten().copied().collect();
+        assert_eq!(used.len(), mesh.vertices.len());
+        assert!(volume > 0.0);
+        volume
+    }
+
+    /// The largest angle in degrees between neighbouring triangles, edges left out where `skip`
+    /// holds of both ends.
+    pub(crate) fn sharpest_deg(mesh: &Mesh, skip: impl Fn(DVec3) -> bool) -> f64 {
+        let mut normals: HashMap<(u32, u32), DVec3> = HashMap::new();
+        for (i, &[a, b, c]) in mesh.triangles.iter().enumerate() {
+            let [p, q, r] = mesh.corners(i);
+            let normal = (q - p).cross(r - p).normalize();
+            for edge in [(a, b), (b, c), (c, a)] {
+                normals.insert(edge, normal);
+            }
+        }
+        normals
+            .iter()
+            .filter(|((a, b), _)| {
+                !(skip(mesh.vertices[*a as usize]) && skip(mesh.vertices[*b as usize]))
+            })
+            .map(|(&(a, b), n)| n.dot(normals[&(b, a)]).min(1.0).acos().to_degrees())
+            .fold(0.0, f64::max)
+    }
+}
