@@ -1,6 +1,9 @@
 //! Ground truth: what the scene really is, pixel by pixel. It leaves the device on a channel that
 //! no physical scanner has, never on the control port.
 
+use glam::{DMat3, DVec3};
+use rayon::prelude::*;
+
 /// Truth of a still scene over the camera's pixels, row by row; NaN where there is none.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Truth {
@@ -41,5 +44,54 @@ impl Truth {
             ("mean_dn", &self.mean_dn),
             ("modulation_dn", &self.modulation_dn),
         ]
+    }
+}
+
+/// Mean and modulation of each of `pixels` pixels, from noise-free signals at known phases of one
+/// fringe period: the least-squares fit of A + B cos(x + phase), solved by its normal equations.
+/// NaN where the phases do not determine it (fewer than three different ones).
+pub(super) fn harmonic(
+    phases: &[f64],
+    signals: &[Vec<f32>],
+    pixels: usize,
+) -> (Vec<f32>, Vec<f32>) {
+    let mut normal = DMat3::ZERO;
+    let rows: Vec<_> = phases
+        .iter()
+        .map(|phase| DVec3::new(1.0, phase.cos(), -phase.sin()))
+        .collect();
+    for row in &rows {
+        normal += DMat3::from_cols(*row * row.x, *row * row.y, *row * row.z);
+    }
+    if normal.determinant().abs() < 1e-9 {
+        return (vec![f32::NAN; pixels], vec![f32::NAN; pixels]);
+    }
+    let weights: Vec<_> = rows.iter().map(|row| normal.inverse() * *row).collect();
+    (0..pixels)
+        .into_par_iter()
+        .map(|i| {
+            let fit = weights
+                .iter()
+                .zip(signals)
+                .fold(DVec3::ZERO, |sum, (w, s)| sum + *w * f64::from(s[i]));
+            (fit.x as f32, fit.y.hypot(fit.z) as f32)
+        })
+        .unzip()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_cosine_gives_back_its_mean_and_modulation() {
+        let phases = [0.0, 0.9, 2.0, 4.4];
+        let signals: Vec<_> = phases
+            .iter()
+            .map(|p: &f64| vec![(70.0 + 31.0 * (1.2 + p).cos()) as f32])
+            .collect();
+        let (mean, modulation) = harmonic(&phases, &signals, 1);
+        assert!((mean[0] - 70.0).abs() < 1e-4 && (modulation[0] - 31.0).abs() < 1e-4);
+        assert!(harmonic(&phases[..2], &signals[..2], 1).0[0].is_nan());
     }
 }

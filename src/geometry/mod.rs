@@ -11,8 +11,8 @@ pub mod ply;
 mod pose;
 pub mod raycast;
 mod rig;
-mod solid;
 pub mod shapes;
+mod solid;
 mod stl;
 
 pub use closest::{Closest, MeshTree};

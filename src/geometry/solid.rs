@@ -25,14 +25,10 @@ pub enum Solid {
         /// Half of the length.
         half_length: f64,
     },
-    /// A square frustum with its base at z = 0 and its top at z = -height.
+    /// A square frustum, as the half-spaces n . p <= offset that [`Solid::frustum`] makes.
     Frustum {
-        /// Half of the base's side.
-        half_base: f64,
-        /// Half of the top's side.
-        half_top: f64,
-        /// Height.
-        height: f64,
+        /// Outward unit normal and offset of top, base and the four sides.
+        faces: [(DVec3, f64); 6],
     },
 }
 
@@ -48,6 +44,25 @@ pub struct SolidHit {
 }
 
 impl Solid {
+    /// A square frustum with its base at z = 0 and its top at z = -height.
+    pub fn frustum(base: f64, top: f64, height: f64) -> Self {
+        // The four sides rise by `height` while they lean in by half of base - top.
+        let lean = (base - top) / 2.0;
+        let length = height.hypot(lean);
+        let (out, up) = (height / length, -lean / length);
+        let offset = base / 2.0 * out;
+        Self::Frustum {
+            faces: [
+                (DVec3::NEG_Z, height),
+                (DVec3::Z, 0.0),
+                (DVec3::new(out, 0.0, up), offset),
+                (DVec3::new(-out, 0.0, up), offset),
+                (DVec3::new(0.0, out, up), offset),
+                (DVec3::new(0.0, -out, up), offset),
+            ],
+        }
+    }
+
     /// The first meeting of a ray with the surface at a parameter above `t_min`.
     pub fn intersect(&self, origin: DVec3, direction: DVec3, t_min: f64) -> Option<SolidHit> {
         match *self {
@@ -64,26 +79,7 @@ impl Solid {
                 radius,
                 half_length,
             } => cylinder(radius, half_length, origin, direction, t_min),
-            Self::Frustum {
-                half_base,
-                half_top,
-                height,
-            } => {
-                // The four sides rise by `height` while they lean in by base - top.
-                let lean = half_base - half_top;
-                let length = height.hypot(lean);
-                let (out, up) = (height / length, -lean / length);
-                let offset = half_base * out;
-                let faces = [
-                    (DVec3::NEG_Z, height),
-                    (DVec3::Z, 0.0),
-                    (DVec3::new(out, 0.0, up), offset),
-                    (DVec3::new(-out, 0.0, up), offset),
-                    (DVec3::new(0.0, out, up), offset),
-                    (DVec3::new(0.0, -out, up), offset),
-                ];
-                convex(&faces, origin, direction, t_min)
-            }
+            Self::Frustum { ref faces } => convex(faces, origin, direction, t_min),
         }
     }
 }
@@ -231,11 +227,7 @@ mod tests {
 
     #[test]
     fn frustum_top_sides_and_miss() {
-        let f = Solid::Frustum {
-            half_base: 100.0,
-            half_top: 50.0,
-            height: 80.0,
-        };
+        let f = Solid::frustum(200.0, 100.0, 80.0);
         let top = f
             .intersect(DVec3::new(10.0, -20.0, -1000.0), DVec3::Z, 0.0)
             .unwrap();

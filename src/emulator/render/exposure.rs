@@ -25,6 +25,11 @@ const WIDEST: f32 = 2000.0;
 /// that can be seen, and dividing by it would amplify rounding.
 const NARROWEST: f32 = 1.0 / 256.0;
 
+/// Makes offsets positive before they are truncated to integers; above any footprint's half.
+const ROUND: f32 = 4096.0;
+/// Beyond the largest slide.
+const LAST_PIXEL: f32 = 65536.0;
+
 /// A slide prepared for averaging.
 pub(super) enum Table {
     /// One level, relative to full white.
@@ -111,7 +116,11 @@ impl RowTable {
         let wide = if a > b { a } else { b };
         let narrow = if a > b { b } else { a }.max(wide * NARROWEST);
         let (outer, inner) = ((wide + narrow) * 0.5, (wide - narrow) * 0.5);
-        let base = self.at(x - outer);
+        // Positions are kept relative to the held pixel at x, so that they round like the
+        // footprint and not like the coordinate.
+        let middle = (x.clamp(-0.5, LAST_PIXEL) + 0.5) as i32;
+        let inside = x - middle as f32;
+        let base = self.at(middle, inside - outer);
         let first = self.cells[base.index];
         // Relative to the lowest cell's border: S there and its slope drop out of the second
         // difference.
@@ -125,20 +134,23 @@ impl RowTable {
             let slope = cell.sum.wrapping_sub(first.sum);
             0.5 * (offset as i32 as f32) + at.t * (slope as i32 as f32 + 0.5 * cell.level * at.t)
         };
-        let rise = relative(self.at(x + outer)) - relative(self.at(x + inner));
-        let fall = relative(self.at(x - inner)) - relative(base);
+        let rise =
+            relative(self.at(middle, inside + outer)) - relative(self.at(middle, inside + inner));
+        let fall = relative(self.at(middle, inside - inner)) - relative(base);
         (rise - fall) * self.scale / (wide * narrow)
     }
 
-    /// The held pixel at a coordinate and how far from its left border, in pixels.
+    /// The held pixel at `offset` from the centre of pixel `middle`, and how far from that pixel's
+    /// left border, in pixels.
     #[inline(always)]
-    fn at(&self, x: f32) -> Place {
-        let last = self.cells.len() - 1;
-        // The cast saturates and takes NaN to 0: any coordinate has a cell.
-        let index = ((x + 0.5).max(0.0) as usize).min(last);
+    fn at(&self, middle: i32, offset: f32) -> Place {
+        let last = self.cells.len() as i32 - 1;
+        // Rounds to the nearest; where it errs by one at a border, S goes on smoothly.
+        let steps = (offset + (ROUND + 0.5)) as i32 - ROUND as i32;
+        let index = (middle + steps).clamp(0, last);
         Place {
-            index,
-            t: x - (index as f32 - 0.5),
+            index: index as usize,
+            t: offset - (index - middle) as f32 + 0.5,
         }
     }
 }

@@ -136,10 +136,17 @@ fn sample(
     stack: &mut Vec<(u32, f32)>,
 ) -> Option<Mixed> {
     let directions: [DVec3; LANES] = std::array::from_fn(|lane| {
-        let offset = |i: usize| (i as f64 + 0.5) / TILE as f64 - 0.5;
+        // One sample a cell of the grid, sheared so that all sixteen differ in column and in row
+        // (Chiu, Shirley, Wang: "Multi-Jittered Sampling", Graphics Gems IV, 1994): an edge along
+        // the pixels is met at sixteen places rather than four.
+        let (i, j) = (lane % TILE, lane / TILE);
+        let inside = |cell: usize, other: usize| {
+            let n = TILE as f64;
+            (cell as f64 + (other as f64 + 0.5) / n) / n - 0.5
+        };
         let px = DVec2::new(
-            column as f64 + offset(lane % TILE),
-            row as f64 + offset(lane / TILE),
+            column as f64 + inside(i, j),
+            row as f64 + inside(j, TILE - 1 - i),
         );
         edges.rays.through(px)
     });

@@ -1,1 +1,279 @@
-//! Reference.
+//! The reference path: slow, in f64, and without any shortcut of the fast path. Tests hold the
+//! passes against it.
+//!
+//! Every ray is tested against every triangle (Moller and Trumbore 1997) and every solid by a
+//! second method (a frustum as twelve triangles, quadrics by the plain quadratic formula). A
+//! pixel's signal is the mean over rays through its whole area, each of which looks up one held
+//! pixel of the slide: no footprints, no derivatives, no sums of the slide.
+
+use crate::emulator::Slide;
+use crate::error::Result;
+use crate::geometry::{Pose, View};
+use crate::pattern::Axis;
+use crate::profile::{Profile, Scene, Shape};
+use glam::{DVec2, DVec3};
+
+/// A scene as the reference path sees it.
+pub struct Reference {
+    camera: View,
+    projector: View,
+    profile: Profile,
+    ambient_w_m2: f64,
+    parts: Vec<Part>,
+}
+
+struct Part {
+    surface: Primitive,
+    rig_from_part: Pose,
+    albedo: f64,
+}
+
+enum Primitive {
+    Triangles(Vec<[DVec3; 3]>),
+    Plane(DVec2),
+    Sphere(f64),
+    /// Radius and half length along y.
+    Cylinder(f64, f64),
+}
+
+/// What one ray of the camera finds.
+#[derive(Debug, Clone, Copy)]
+pub struct Found {
+    /// Point in the rig's frame in millimetres.
+    pub point: DVec3,
+    /// Unit normal on the camera's side.
+    pub normal: DVec3,
+    /// Projector pixel that the point lies on the ray of.
+    pub projector_px: DVec2,
+    /// In the projector's field, facing it, and with nothing between.
+    pub lit: bool,
+    albedo: f64,
+}
+
+impl Reference {
+    /// Takes a scene; meshes are those that the fast path would load.
+    ///
+    /// # Errors
+    /// Mesh files that cannot be read.
+    pub fn new(profile: &Profile, scene: &Scene) -> Result<Self> {
+        let parts = scene
+            .object
+            .iter()
+            .map(|object| {
+                let scale = object.scale;
+                let surface = match &object.shape {
+                    Shape::Plane { size_mm } => Primitive::Plane(
+                        size_mm.map_or(DVec2::INFINITY, |s| DVec2::from(s) * scale / 2.0),
+                    ),
+                    Shape::Sphere { radius_mm } => Primitive::Sphere(radius_mm * scale),
+                    Shape::Cylinder {
+                        radius_mm,
+                        length_mm,
+                    } => Primitive::Cylinder(radius_mm * scale, length_mm * scale / 2.0),
+                    Shape::Frustum {
+                        base_mm,
+                        top_mm,
+                        height_mm,
+                    } => Primitive::Triangles(frustum(
+                        base_mm * scale / 2.0,
+                        top_mm * scale / 2.0,
+                        height_mm * scale,
+                    )),
+                    other => {
+                        let mesh = super::world::mesh(other, &scene.folder)?;
+                        let corner = |i: u32| mesh.vertices[i as usize] * scale;
+                        Primitive::Triangles(mesh.triangles.iter().map(|t| t.map(corner)).collect())
+                    }
+                };
+                Ok(Part {
+                    surface,
+                    rig_from_part: object.rig_from_object(),
+                    albedo: object.albedo,
+                })
+            })
+            .collect::<Result<_>>()?;
+        Ok(Self {
+            camera: profile.camera.view(),
+            projector: profile.projector.view(),
+            profile: profile.clone(),
+            ambient_w_m2: scene.ambient.irradiance_w_m2,
+            parts,
+        })
+    }
+
+    /// What the ray through a point of the image finds; `None` if it leaves the scene.
+    pub fn look(&self, px: DVec2) -> Option<Found> {
+        let origin = self.camera.center();
+        let direction = self.camera.ray(px).normalize();
+        let (t, normal, albedo) = self.first(origin, direction, 0.0)?;
+        let point = origin + direction * t;
+        let normal = if normal.dot(direction) > 0.0 {
+            -normal
+        } else {
+            normal
+        };
+        let pupil = self.projector.center();
+        let way = point - pupil;
+        let projected = self.projector.project(point);
+        let in_field = projected.is_some_and(|px| self.projector.lens.contains(px));
+        let facing = normal.dot(way) < 0.0;
+        let clear = || match self.first(pupil, way.normalize(), 0.0) {
+            Some((t, ..)) => t > way.length() * (1.0 - 1e-5),
+            None => true,
+        };
+        Some(Found {
+            point,
+            normal,
+            projector_px: projected.unwrap_or(DVec2::NAN),
+            lit: in_field && facing && clear(),
+            albedo,
+        })
+    }
+
+    /// Noise-free signal of a pixel in digital numbers, not rounded: the mean over `rays` rays
+    /// through its area, spread as a lattice (Korobov) that is even along every direction.
+    pub fn signal_dn(&self, px: DVec2, slide: &Slide, exposure_s: f64, rays: u32) -> f64 {
+        let golden = 0.618_033_988_749_894_9;
+        let mean = (0..rays)
+            .map(|i| {
+                let u = (f64::from(i) + 0.5) / f64::from(rays) - 0.5;
+                let v = (f64::from(i) * golden).fract() - 0.5;
+                self.irradiance(px + DVec2::new(u, v), slide)
+            })
+            .sum::<f64>()
+            / f64::from(rays);
+        let camera = &self.profile.camera;
+        let sensor = &camera.sensor;
+        // E = rho E_surface / (4 N^2); photons by h c / lambda.
+        let photon_j =
+            6.626_070_15e-34 * 299_792_458.0 / (self.profile.projector.wavelength_nm * 1e-9);
+        let area_m2 = (camera.sensor_width_mm / f64::from(camera.width_px) * 1e-3).powi(2);
+        let on_sensor = mean / (4.0 * camera.f_number * camera.f_number);
+        let electrons = sensor.quantum_efficiency * on_sensor * area_m2 * exposure_s / photon_j;
+        let dn = electrons.min(sensor.full_well_e) * sensor.gain_dn_per_e + sensor.black_level_dn;
+        dn.min(f64::from((1u32 << sensor.bits) - 1))
+    }
+
+    /// Albedo times irradiance of the surface at a point of the image, in W/m^2.
+    fn irradiance(&self, px: DVec2, slide: &Slide) -> f64 {
+        let Some(found) = self.look(px) else {
+            return 0.0;
+        };
+        let mut irradiance = self.ambient_w_m2;
+        if found.lit {
+            let way = self.projector.center() - found.point;
+            let cos = found.normal.dot(way.normalize());
+            let level = level(slide, found.projector_px)
+                / f64::from((1u32 << self.profile.projector.bits) - 1);
+            irradiance += level * self.profile.projector.radiant_intensity_w_sr * cos
+                / (way.length_squared() * 1e-6);
+        }
+        found.albedo * irradiance
+    }
+
+    /// Nearest surface along a ray with a unit direction: distance, normal, albedo.
+    fn first(&self, origin: DVec3, direction: DVec3, t_min: f64) -> Option<(f64, DVec3, f64)> {
+        let mut nearest: Option<(f64, DVec3, f64)> = None;
+        for part in &self.parts {
+            let inverse = part.rig_from_part.inverse();
+            let (o, d) = (inverse.point(origin), inverse.direction(direction));
+            for (t, normal) in part.surface.crossings(o, d) {
+                if t > t_min && nearest.is_none_or(|n| t < n.0) {
+                    nearest = Some((t, part.rig_from_part.direction(normal), part.albedo));
+                }
+            }
+        }
+        nearest
+    }
+}
+
+impl Primitive {
+    fn crossings(&self, o: DVec3, d: DVec3) -> Vec<(f64, DVec3)> {
+        match self {
+            Self::Triangles(triangles) => triangles
+                .iter()
+                .filter_map(|t| moller_trumbore(t, o, d))
+                .collect(),
+            Self::Plane(half) => {
+                let t = -o.z / d.z;
+                let p = o + d * t;
+                let inside = p.x.abs() <= half.x && p.y.abs() <= half.y;
+                if inside && t.is_finite() {
+                    vec![(t, DVec3::NEG_Z)]
+                } else {
+                    vec![]
+                }
+            }
+            Self::Sphere(r) => quadratic(d.dot(d), 2.0 * o.dot(d), o.dot(o) - r * r)
+                .map(|t| (t, (o + d * t).normalize()))
+                .collect(),
+            Self::Cylinder(r, half) => {
+                let flat = DVec3::new(1.0, 0.0, 1.0);
+                let (fo, fd) = (o * flat, d * flat);
+                let side = quadratic(fd.dot(fd), 2.0 * fo.dot(fd), fo.dot(fo) - r * r)
+                    .map(|t| (t, ((o + d * t) * flat).normalize()))
+                    .filter(|(t, _)| (o.y + d.y * t).abs() <= *half);
+                let caps = [1.0, -1.0]
+                    .map(|s| ((s * half - o.y) / d.y, DVec3::Y * s))
+                    .into_iter()
+                    .filter(|(t, _)| ((o + d * *t) * flat).length() <= *r);
+                side.chain(caps).collect()
+            }
+        }
+    }
+}
+
+fn quadratic(a: f64, b: f64, c: f64) -> impl Iterator<Item = f64> {
+    let root = (b * b - 4.0 * a * c).sqrt();
+    [(-b - root) / (2.0 * a), (-b + root) / (2.0 * a)]
+        .into_iter()
+        .filter(|t| t.is_finite())
+}
+
+fn moller_trumbore([a, b, c]: &[DVec3; 3], o: DVec3, d: DVec3) -> Option<(f64, DVec3)> {
+    let (e1, e2) = (*b - *a, *c - *a);
+    let p = d.cross(e2);
+    let det = e1.dot(p);
+    if det == 0.0 {
+        return None;
+    }
+    let s = o - *a;
+    let u = s.dot(p) / det;
+    let q = s.cross(e1);
+    let v = d.dot(q) / det;
+    let inside = u >= 0.0 && v >= 0.0 && u + v <= 1.0;
+    inside.then(|| (e2.dot(q) / det, e1.cross(e2).normalize()))
+}
+
+/// Two triangles for each of the six faces.
+fn frustum(base: f64, top: f64, height: f64) -> Vec<[DVec3; 3]> {
+    let ring = |half: f64, z: f64| {
+        [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)]
+            .map(|(x, y)| DVec3::new(x * half, y * half, z))
+    };
+    let (b, t) = (ring(base, 0.0), ring(top, -height));
+    let mut faces = vec![[b[0], b[1], b[2], b[3]], [t[0], t[1], t[2], t[3]]];
+    faces.extend((0..4).map(|i| [b[i], b[(i + 1) % 4], t[(i + 1) % 4], t[i]]));
+    faces
+        .into_iter()
+        .flat_map(|[p, q, r, s]| [[p, q, r], [p, r, s]])
+        .collect()
+}
+
+/// Level of the held pixel that a projector coordinate lies in.
+fn level(slide: &Slide, px: DVec2) -> f64 {
+    let index = |x: f64, len: usize| ((x + 0.5).floor().max(0.0) as usize).min(len - 1);
+    f64::from(match slide {
+        Slide::Uniform(level) => *level,
+        Slide::Row(Axis::X, row) => row[index(px.x, row.len())],
+        Slide::Row(Axis::Y, row) => row[index(px.y, row.len())],
+        Slide::Picture {
+            width,
+            height,
+            levels,
+        } => {
+            let (x, y) = (index(px.x, *width as usize), index(px.y, *height as usize));
+            levels[y * *width as usize + x]
+        }
+    })
+}

@@ -7,8 +7,9 @@ use super::sample::Optics;
 use super::sensor::Sensor;
 use super::world::World;
 use super::{Plan, exposure};
-use crate::emulator::{Shot, Slide, Truth};
+use crate::emulator::{Shot, Slide, Truth, truth};
 use crate::error::Result;
+use crate::pattern::{Axis, Pattern};
 use crate::profile::{Profile, Scene};
 use crate::protocol::Frame;
 use glam::DVec2;
@@ -70,6 +71,12 @@ impl Renderer {
     /// Which stages run for the slides seen so far.
     pub fn plan(&self) -> Plan {
         self.plan
+    }
+
+    /// Turns every stage on that can run without need; for tests and for the cost of a full plan.
+    pub fn force_full_plan(&mut self) {
+        (self.plan.shadows, self.plan.varies_x, self.plan.varies_y) = (true, true, true);
+        self.geometry_done = false;
     }
 
     /// Triangles in the scene.
@@ -225,12 +232,19 @@ impl Renderer {
         table
     }
 
-    /// The truth behind the frames of a sequence of shots: geometry, and the mean and modulation
-    /// that its finest fringes have before noise and rounding.
-    pub fn truth(&mut self, shots: &[Shot]) -> Truth {
-        self.expect_slides(shots.iter().filter_map(|s| s.slide.as_deref()));
+    /// The truth behind the frames of a sequence: geometry, and the mean and modulation that its
+    /// finest fringes have before noise and rounding.
+    pub fn truth(&mut self, sequence: &[(Pattern, Shot)]) -> Truth {
+        self.expect_slides(sequence.iter().filter_map(|(_, s)| s.slide.as_deref()));
         self.prepare();
+        let fringes = finest_fringes(sequence);
+        let signals: Vec<_> = fringes
+            .iter()
+            .map(|(_, shot)| self.expected_dn(shot))
+            .collect();
+        let phases: Vec<_> = fringes.iter().map(|(phase, _)| *phase).collect();
         let map = &self.buffer;
+        let (mean_dn, modulation_dn) = truth::harmonic(&phases, &signals, map.x.len());
         Truth {
             width: map.width as u32,
             height: map.height as u32,
@@ -238,9 +252,32 @@ impl Renderer {
             projector_x: map.x.clone(),
             projector_y: map.y.clone(),
             flags: map.flags.clone(),
-            ..Truth::default()
+            mean_dn,
+            modulation_dn,
         }
     }
+}
+
+/// Phases and shots of the fringes with the shortest period; along x where both axes have it.
+fn finest_fringes(sequence: &[(Pattern, Shot)]) -> Vec<(f64, &Shot)> {
+    let fringe = |pattern: &Pattern| match *pattern {
+        Pattern::Fringe {
+            axis,
+            period_px,
+            phase_rad,
+        } => Some(((period_px, axis == Axis::Y), phase_rad)),
+        _ => None,
+    };
+    let key = |pattern: &Pattern| fringe(pattern).map(|(key, _)| key);
+    let finest = sequence
+        .iter()
+        .filter_map(|(pattern, _)| key(pattern))
+        .min_by(|a, b| a.partial_cmp(b).unwrap_or(std::cmp::Ordering::Equal));
+    sequence
+        .iter()
+        .filter(|(pattern, _)| key(pattern).is_some() && key(pattern) == finest)
+        .filter_map(|(pattern, shot)| Some((fringe(pattern)?.1, shot)))
+        .collect()
 }
 
 fn ideal_points(optics: &Optics) -> Vec<DVec2> {

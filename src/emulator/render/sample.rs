@@ -27,7 +27,7 @@ pub(super) struct Sample {
     /// Projector pixel that lights it.
     pub(super) projector_px: DVec2,
     /// d(projector px) / d(camera px): the sample's footprint on the slide. Column 0 is by the
-    /// camera's column.
+    /// camera's column. Zero where the projector cannot reach: nobody asks for it there.
     pub(super) footprint: DMat2,
     /// Electrons per second under full white, shadow aside.
     pub(super) projected: f64,
@@ -88,13 +88,19 @@ impl Optics {
         let albedo = world.albedo(hit.surface);
         let distance_m = distance_mm * 1e-3;
         let irradiance = self.intensity_w_sr * cos_light.max(0.0) / (distance_m * distance_m);
+        let reachable = in_front && cos_light > 0.0 && lens.contains(projector_px);
+        let footprint = if reachable {
+            self.footprint(direction, hit, local, ideal)
+        } else {
+            DMat2::ZERO
+        };
         Sample {
             point,
             projector_px,
-            footprint: self.footprint(direction, hit, local, ideal),
+            footprint,
             projected: albedo * self.electrons_per_irradiance * irradiance,
             ambient: albedo * self.electrons_per_irradiance * self.ambient_w_m2,
-            reachable: in_front && cos_light > 0.0 && lens.contains(projector_px),
+            reachable,
             square: cos_light > COS_80 && cos_view > COS_80,
         }
     }

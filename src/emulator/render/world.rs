@@ -38,6 +38,7 @@ pub(super) struct Hit {
 struct Placed {
     solid: Solid,
     rig_from_solid: Pose,
+    solid_from_rig: Pose,
     object: u16,
 }
 
@@ -75,6 +76,7 @@ impl World {
             Some(solid) => self.solids.push(Placed {
                 solid,
                 rig_from_solid: pose,
+                solid_from_rig: pose.inverse(),
                 object: index,
             }),
             None => {
@@ -140,14 +142,13 @@ impl World {
             }
         }
         for (i, placed) in self.solids.iter().enumerate() {
-            let origin = placed.rig_from_solid.inverse().translation_mm;
-            let solid_from_rig = placed.rig_from_solid.rotation.transpose();
+            let origin = placed.solid_from_rig.translation_mm;
             for lane in 0..LANES {
                 if !used[lane] {
                     continue;
                 }
                 let direction = directions[lane];
-                let local = solid_from_rig * direction;
+                let local = placed.solid_from_rig.direction(direction);
                 let Some(found) = placed.solid.intersect(origin, local, 0.0) else {
                     continue;
                 };
@@ -205,8 +206,7 @@ impl World {
             }
         }
         for placed in &self.solids {
-            let solid_from_rig = placed.rig_from_solid.inverse();
-            let origin = solid_from_rig.point(pupil);
+            let origin = placed.solid_from_rig.point(pupil);
             for lane in 0..LANES {
                 let Some((point, surface)) = points[lane] else {
                     continue;
@@ -215,7 +215,7 @@ impl World {
                 if blocked[lane] || self.object(surface) == placed.object {
                     continue;
                 }
-                let direction = solid_from_rig.direction(point - pupil);
+                let direction = placed.solid_from_rig.direction(point - pupil);
                 blocked[lane] = placed
                     .solid
                     .intersect(origin, direction, 0.0)
@@ -223,18 +223,6 @@ impl World {
             }
         }
         blocked
-    }
-
-    /// Corners and owner of each triangle, for the reference path, which walks no hierarchy.
-    pub(super) fn each_triangle(&self) -> impl Iterator<Item = [DVec3; 3]> {
-        self.triangles
-            .iter()
-            .map(|t| t.map(|i| self.vertices[i as usize]))
-    }
-
-    /// Each solid with its pose, for the reference path.
-    pub(super) fn each_solid(&self) -> impl Iterator<Item = (&Solid, &Pose)> {
-        self.solids.iter().map(|p| (&p.solid, &p.rig_from_solid))
     }
 }
 
@@ -266,17 +254,13 @@ fn solid(shape: &Shape, scale: f64) -> Option<Solid> {
             base_mm,
             top_mm,
             height_mm,
-        } => Solid::Frustum {
-            half_base: base_mm * scale / 2.0,
-            half_top: top_mm * scale / 2.0,
-            height: height_mm * scale,
-        },
+        } => Solid::frustum(base_mm * scale, top_mm * scale, height_mm * scale),
         Shape::Torso { .. } | Shape::Couch {} | Shape::Mesh { .. } => return None,
     })
 }
 
 /// The triangles of a shape that has no closed form.
-fn mesh(shape: &Shape, folder: &Path) -> Result<Mesh> {
+pub(super) fn mesh(shape: &Shape, folder: &Path) -> Result<Mesh> {
     match *shape {
         Shape::Torso {
             seed,

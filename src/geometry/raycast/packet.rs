@@ -16,8 +16,7 @@ pub(super) type Lanes = [f32; LANES];
 pub struct Packet {
     /// Common origin.
     pub(super) origin: Vec3,
-    /// Directions, an array a component; need not be of unit length.
-    pub(super) direction: [Lanes; 3],
+    /// One over each component of the directions.
     pub(super) inverse: [Lanes; 3],
     /// Ray parameter of the nearest hit so far, or the ray's end. Negative: the lane is not used.
     pub t: Lanes,
@@ -35,9 +34,10 @@ pub(super) struct Axes {
 }
 
 impl Packet {
-    /// A packet of the lanes for which `direction` gives one; all others are off.
+    /// A packet of rays from `origin`; directions need not be of unit length.
     ///
-    /// `ends` is each ray's largest parameter, infinite for primary rays.
+    /// `ends` is each ray's largest parameter: infinite for primary rays, negative for lanes that
+    /// are not used.
     pub fn new(origin: Vec3, directions: &[Vec3; LANES], ends: &Lanes) -> Self {
         let mut direction = [[0.0; LANES]; 3];
         let mut inverse = [[0.0; LANES]; 3];
@@ -51,7 +51,6 @@ impl Packet {
         Self {
             origin,
             axes: Axes::new(&direction, ends),
-            direction,
             inverse,
             t: *ends,
             triangle: [NO_TRIANGLE; LANES],

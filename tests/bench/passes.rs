@@ -32,11 +32,19 @@ fn main() {
                 black_box(renderer.expose(&shot(id, i as u32, slide.clone())));
             }
         }) / slides.len() as f64;
-        println!("{name}: {} triangles, geometry {:.1} ms, frame {:.2} ms", renderer.triangle_count(), geometry * 1e3, frame * 1e3);
+        println!(
+            "{name}: {} triangles, geometry {:.1} ms, frame {:.2} ms",
+            renderer.triangle_count(),
+            geometry * 1e3,
+            frame * 1e3
+        );
         if std::env::var_os("DUMP").is_some() {
             for (i, slide) in slides.iter().enumerate() {
                 let f = renderer.expose(&shot(i as u64, i as u32, slide.clone()));
-                image::GrayImage::from_raw(f.width, f.height, f.data).unwrap().save(format!("/tmp/{name}_{i:02}.png")).unwrap();
+                image::GrayImage::from_raw(f.width, f.height, f.data)
+                    .unwrap()
+                    .save(format!("/tmp/{name}_{i:02}.png"))
+                    .unwrap();
             }
         }
     }
