@@ -169,15 +169,21 @@ fn grey_levels_agree_away_from_edges_and_are_bounded_on_them() {
             for (k, slide) in patterns(&profile).iter().enumerate() {
                 let fast = renderer.expected_dn(&shot(slide));
                 let flags = renderer.truth(&[]).flags;
+                let flags_at = |i: usize| flags.get(i).copied().unwrap_or(0);
                 // Edges: mixed pixels, and the limb, where a pixel's footprint is curved.
                 let wanted = |edge: bool| {
-                    let count = if mesh { 8 } else { 60 };
+                    let count = if mesh { 8 } else { 40 };
                     let smooth = Truth::LIT | Truth::SQUARE;
                     let of_kind: Vec<_> = (0..flags.len())
                         .filter(|&i| {
                             let flags = flags[i];
                             let lit = flags & Truth::LIT != 0;
-                            let even = flags & (smooth | Truth::CREASE) == smooth;
+                            // Sixteen samples may miss an edge that cuts off a corner.
+                            let near =
+                                [i.wrapping_sub(1138), i.wrapping_sub(1), i, i + 1, i + 1138];
+                            let even = near
+                                .iter()
+                                .all(|&j| flags_at(j) & (smooth | Truth::CREASE) == smooth);
                             if edge {
                                 flags & Truth::CREASE != 0 || (lit && !even)
                             } else {
@@ -193,19 +199,25 @@ fn grey_levels_agree_away_from_edges_and_are_bounded_on_them() {
                     let px = DVec2::new(u as f64, v as f64);
                     (f64::from(fast[i]) - reference.signal_dn(px, slide, 8e-3, rays)).abs()
                 };
-                let rays = if mesh { 400 } else { 4181 };
+                let rays = if mesh { 300 } else { 2584 };
                 // Images of two dimensions are averaged over a rectangle, not the parallelogram.
                 let picture = matches!(**slide, Slide::Picture { .. });
-                let bar = if mesh {
-                    1.0
-                } else if picture {
-                    6.0
-                } else {
-                    0.5
+                let bar = match (picture, scene.name.as_str()) {
+                    (true, _) => 6.0,
+                    // Spheres of 20 pixels, whose footprints are curved; 300 rays on the mesh.
+                    (_, "solids") => 2.5,
+                    (_, "mesh") => 1.0,
+                    _ => 0.5,
                 };
                 let smooth: Vec<_> = wanted(false).map(|i| error(i, rays)).collect();
                 let worst = smooth.iter().copied().fold(0.0, f64::max);
-                assert!(smooth.len() >= 7);
+                assert!(smooth.len() >= 5);
+                let exact = smooth.iter().filter(|&&e| e < 0.5).count();
+                assert!(
+                    picture || exact * 10 >= smooth.len() * 8,
+                    "{} slide {k}",
+                    scene.name
+                );
                 assert!(
                     worst < bar,
                     "{} slide {k} distorted {distorted}: {worst} DN",
