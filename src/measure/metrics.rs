@@ -236,12 +236,13 @@ mod tests {
             assert!((value - 0.25).abs() < 1e-12, "{value}");
         }
         let back = found.truth_to_cloud.unwrap();
-        // Discs reach 2 mm beyond x = 0, gross begins 1 mm further: 202.97 of 400 mm.
-        assert!(
-            (found.coverage.unwrap() - 202.97 / 400.0).abs() < 0.003,
-            "{found:?}"
-        );
-        assert!((back.hausdorff_mm - 198.0).abs() < 0.3, "{back:?}");
+        // On its border a grid's fourth neighbour is the diagonal one, 2.83 mm away: so far discs
+        // reach beyond x = 0, and gross begins where 0.25 mm up makes 1 mm.
+        let covered = 200.0 + 8_f64.sqrt() + (1.0_f64 - 0.0625).sqrt();
+        let coverage = found.coverage.unwrap();
+        assert!((coverage - covered / 400.0).abs() < 0.003, "{coverage}");
+        let farthest = 200.0 - 8_f64.sqrt();
+        assert!((back.hausdorff_mm - farthest).abs() < 0.3, "{back:?}");
         assert!((back.inlier_rmse_mm - 0.25).abs() < 0.01, "{back:?}");
         assert_eq!(found.mdta_mm.unwrap(), (to.mae_mm + back.mae_mm) / 2.0);
     }
@@ -263,8 +264,10 @@ mod tests {
         let found = against(&grid(50, 1000.125), &truth, None);
         assert_eq!(found.cloud_to_truth.hausdorff_mm, 0.125);
         let back = found.truth_to_cloud.unwrap();
-        // The border of 20 mm, less the disc's reach, is not measured: its corner is farthest.
-        assert!((18.0 * 2.0_f64.sqrt()..20.0 * 2.0_f64.sqrt() + 0.1).contains(&back.hausdorff_mm));
+        // The truth's corner is 20 mm across both ways from the cloud's, whose disc reaches 4 mm:
+        // as far as the point after next, the fourth neighbour of a corner.
+        let corner = (20.0 * 2_f64.sqrt() - 4.0).hypot(0.125);
+        assert!((back.hausdorff_mm - corner).abs() < 1e-6, "{back:?}");
         let measured = 101.0 * 101.0 / (121.0 * 121.0);
         let coverage = found.coverage.unwrap();
         assert!(
