@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 
 /// Measures a cloud against the truth, both in millimetres in the rig's frame.
 #[derive(Debug, clap::Args)]
-pub struct Args {
+pub(super) struct Args {
     /// The measured cloud (.ply).
     cloud: PathBuf,
     /// The true surface: a mesh (.stl, .obj, .ply) or a cloud (.ply without faces).
@@ -36,7 +36,7 @@ struct Report {
 }
 
 /// Runs the command.
-pub fn run(args: &Args) -> Result<()> {
+pub(super) fn run(args: &Args) -> Result<()> {
     let mut cloud = ply::read_cloud(&args.cloud)?;
     let truth = Truth::read(&args.truth)?;
     let mut rig = args.calibration.as_deref().map(read_rig).transpose()?;

@@ -23,8 +23,9 @@ pub fn colour_mapped(
     mapped(width, height, values, None, range, unit, &Scale::sizes())
 }
 
-/// As [`colour_mapped`], each pixel made darker by `shade` (0 black to 1 unchanged; NaN as 1), such
-/// as [`shades`] gives: colour tells the value and light the shape.
+/// As [`colour_mapped`], with light and shade on it: `shade` as [`shades`] gives it, NaN as full
+/// light. Colour tells the value and light the shape; the darkest shade halves a colour, so that it
+/// can still be told.
 pub fn colour_mapped_relief(
     width: u32,
     height: u32,
@@ -109,7 +110,11 @@ pub fn shades(width: u32, height: u32, depth_mm: &[f32], focal_px: f32) -> Vec<f
             let normal = [across, down, -here / focal_px];
             let length = normal.iter().map(|n| n * n).sum::<f32>().sqrt();
             let lit = normal.iter().zip(LAMP).map(|(n, l)| n * l).sum::<f32>() / length;
-            out.push(0.12 + 0.88 * lit.max(0.0) + 0.0 * lit);
+            out.push(if lit.is_nan() {
+                lit
+            } else {
+                0.12 + 0.88 * lit.max(0.0)
+            });
         }
     }
     out
@@ -142,8 +147,13 @@ fn mapped(
                 NOTHING
             } else {
                 let s = shade.map_or(1.0, |s| value(s, width, x, y));
-                let s = if s.is_nan() { 1.0 } else { s.clamp(0.0, 1.0) };
-                scale.at(t).map(|c| (f32::from(c) * s).round() as u8)
+                // A surface that faces the camera has a shade of 0.7 and keeps nearly all its colour.
+                let light = if s.is_nan() {
+                    1.0
+                } else {
+                    (0.45 + 0.75 * s).clamp(0.5, 1.0)
+                };
+                scale.at(t).map(|c| (f32::from(c) * light).round() as u8)
             };
             image.put_pixel(x, y, Rgb(colour));
         }
@@ -218,7 +228,7 @@ fn ticks((low, high): (f32, f32), count: u32) -> Vec<(f32, String)> {
     if !(low.is_finite() && high.is_finite()) {
         return Vec::new();
     }
-    if !(span > 0.0) {
+    if span <= 0.0 {
         return vec![(low as f32, format!("{low}").chars().take(9).collect())];
     }
     let rough = span / f64::from(count.max(1));
@@ -231,7 +241,8 @@ fn ticks((low, high): (f32, f32), count: u32) -> Vec<(f32, String)> {
     let decimals = (-step.log10()).ceil().clamp(0.0, 9.0) as usize;
     let first = (low / step - 1e-6).ceil();
     let last = (high / step + 1e-6).floor();
-    if !(last - first < 100.0) {
+    // Next to a large number a small step is lost in rounding.
+    if last - first >= 100.0 {
         return Vec::new();
     }
     (0..=(last - first) as u32)

@@ -232,7 +232,7 @@ fn least_spread(points: impl Iterator<Item = [f32; 3]> + Clone) -> Option<DVec3>
     }
     let middle = values[3 - least - most];
     // Points on a line, or all in one place, have no plane.
-    if !(middle > 1e-6 * values[most]) {
+    if middle.is_nan() || middle <= 1e-6 * values[most] {
         return None;
     }
     let v = eigen.eigenvectors.column(least);

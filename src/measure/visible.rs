@@ -23,7 +23,7 @@ pub fn lit_and_seen(mesh: &Mesh, tree: &MeshTree, rig: &Rig, samples: usize) -> 
         area += (b - a).cross(c - a).length() / 2.0;
         ends.push(area);
     }
-    if !(area > 0.0) {
+    if area <= 0.0 {
         return Vec::new();
     }
     (0..samples)
