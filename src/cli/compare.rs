@@ -1,12 +1,182 @@
-//! `phasma compare`.
+//! `phasma compare`: a cloud against a true surface, as a table or as JSON.
 
-use crate::error::Result;
+use crate::error::{Error, Result};
+use crate::geometry::{Pose, Rig, View, ply};
+use crate::measure::{
+    Alignment, Comparison, Directed, GROSS_MM, IcpOptions, Surface, Truth, align, compare,
+};
+use std::io::Write;
+use std::path::{Path, PathBuf};
 
-/// (to be written)
+/// Measures a cloud against the truth, both in millimetres in the rig's frame.
 #[derive(Debug, clap::Args)]
-pub struct Args {}
+pub(super) struct Args {
+    /// The measured cloud (.ply).
+    cloud: PathBuf,
+    /// The true surface: a mesh (.stl, .obj, .ply) or a cloud (.ply without faces).
+    #[arg(long, value_name = "MESH|CLOUD")]
+    truth: PathBuf,
+    /// Move the cloud onto the truth first (point-to-plane, from nearby).
+    #[arg(long)]
+    align: bool,
+    /// The rig that made the cloud (TOML): which parts of a true mesh it could light and see.
+    #[arg(long, value_name = "FILE")]
+    calibration: Option<PathBuf>,
+    /// Print JSON instead of a table.
+    #[arg(long)]
+    json: bool,
+}
 
-/// (to be written)
-pub fn run(_args: &Args) -> Result<()> {
-    Ok(())
+#[derive(serde::Serialize)]
+struct Report {
+    #[serde(flatten)]
+    comparison: Comparison,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    alignment: Option<Alignment>,
+}
+
+/// Runs the command.
+pub(super) fn run(args: &Args) -> Result<()> {
+    let mut cloud = ply::read_cloud(&args.cloud)?;
+    let truth = Truth::read(&args.truth)?;
+    let mut rig = args.calibration.as_deref().map(read_rig).transpose()?;
+    let surface = Surface::new(&truth)?;
+    let alignment = args
+        .align
+        .then(|| align(&cloud, &surface, &IcpOptions::default()))
+        .transpose()
+        .map_err(|e| at_file(e, &args.cloud))?;
+    if let Some(found) = &alignment {
+        let motion = found.truth_from_cloud;
+        cloud = cloud.moved(&motion);
+        // The rig goes along: it stood where it stood before the cloud.
+        rig = rig.map(|rig| Rig {
+            camera: moved(rig.camera, &motion),
+            projector: moved(rig.projector, &motion),
+            ..rig
+        });
+    }
+    let comparison =
+        compare(&cloud, &truth, &surface, rig.as_ref()).map_err(|e| at_file(e, &args.cloud))?;
+    let report = Report {
+        comparison,
+        alignment,
+    };
+    let text = if args.json {
+        serde_json::to_string_pretty(&report).map_err(Error::device)? + "\n"
+    } else {
+        table(&report)
+    };
+    let mut out = std::io::stdout().lock();
+    match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
+        // Whoever reads has seen enough.
+        Err(e) if e.kind() == std::io::ErrorKind::BrokenPipe => Ok(()),
+        other => other.map_err(|e| Error::io("standard output", e)),
+    }
+}
+
+fn moved(view: View, motion: &Pose) -> View {
+    View {
+        rig_from_view: *motion * view.rig_from_view,
+        ..view
+    }
+}
+
+/// Names the file in a complaint about "the cloud".
+fn at_file(error: Error, path: &Path) -> Error {
+    match error {
+        Error::Input {
+            place,
+            found,
+            allowed,
+        } if place == "cloud" => Error::input(path.display(), found, allowed),
+        other => other,
+    }
+}
+
+/// More than any calibration needs.
+const RIG_BYTES: u64 = 1 << 20;
+
+fn read_rig(path: &Path) -> Result<Rig> {
+    let size = std::fs::metadata(path)
+        .map_err(|e| Error::io(path, e))?
+        .len();
+    if size > RIG_BYTES {
+        return Err(Error::input(
+            path.display(),
+            format!("{size} bytes"),
+            format!("a calibration of up to {RIG_BYTES} bytes"),
+        ));
+    }
+    let bytes = std::fs::read(path).map_err(|e| Error::io(path, e))?;
+    let text = String::from_utf8(bytes)
+        .map_err(|e| Error::input(path.display(), e, "a text file in UTF-8"))?;
+    Rig::from_toml(&text, &path.display().to_string())
+}
+
+fn table(report: &Report) -> String {
+    let found = &report.comparison;
+    let columns = [
+        ("cloud to truth", Some(found.cloud_to_truth)),
+        ("truth to cloud", found.truth_to_cloud),
+        ("both", found.both),
+    ];
+    let mut out = format!("{:<24}", "");
+    for (name, _) in columns {
+        out += &format!("{name:>16}");
+    }
+    out.push('\n');
+    let mut row = |name: &str, value: fn(&Directed) -> String| {
+        out += &format!("{name:<24}");
+        for (_, column) in &columns {
+            out += &format!("{:>16}", column.as_ref().map_or("-".into(), value));
+        }
+        out.push('\n');
+    };
+    row("points", |d| d.points.to_string());
+    row("MAE, MDTA (mm)", |d| format!("{:.4}", d.mae_mm));
+    row("RMSE (mm)", |d| format!("{:.4}", d.rmse_mm));
+    row("RMSE of inliers (mm)", |d| {
+        format!("{:.4}", d.inlier_rmse_mm)
+    });
+    row("95th percentile (mm)", |d| format!("{:.4}", d.p95_mm));
+    row("Hausdorff (mm)", |d| format!("{:.4}", d.hausdorff_mm));
+    row("gross errors (%)", |d| {
+        format!("{:.4}", 100.0 * d.gross_error_rate)
+    });
+    if let Some(coverage) = found.coverage {
+        out += &format!("{:<24}{:>16.2}\n", "coverage (%)", 100.0 * coverage);
+    }
+    out += &format!("\nGross: more than {GROSS_MM} mm.");
+    if found.points_ignored > 0 {
+        out += &format!(
+            " Left out: {} points that are not finite.",
+            found.points_ignored
+        );
+    }
+    if let Some(why) = &found.truth_to_cloud_absent {
+        out += &format!(" No truth to cloud: {why}.");
+    }
+    out.push('\n');
+    if let Some(a) = &report.alignment {
+        let t = a.truth_from_cloud.translation_mm;
+        out += &format!(
+            "Aligned: {} after {} steps, RMS {:.4} to {:.4} mm, moved by ({:.4}, {:.4}, {:.4}) mm, \
+             {} of 6 degrees of freedom determined, condition {:.1}.\n",
+            if a.converged {
+                "converged"
+            } else {
+                "NOT converged"
+            },
+            a.iterations,
+            a.rms_before_mm,
+            a.rms_after_mm,
+            t.x,
+            t.y,
+            t.z,
+            a.determined,
+            a.condition,
+        );
+    }
+    out
 }

@@ -151,7 +151,8 @@ impl MeshTree {
     /// ends (so that the surface that an end lies on does not count).
     pub fn blocks(&self, from: DVec3, to: DVec3, margin_mm: f64) -> bool {
         let length = (to - from).length();
-        if self.nodes.is_empty() || !(length > 2.0 * margin_mm) {
+        // A segment of no or unknown length crosses nothing.
+        if self.nodes.is_empty() || length.is_nan() || length <= 2.0 * margin_mm {
             return false;
         }
         let direction = (to - from) / length;

@@ -10,3 +10,26 @@ pub struct Cloud {
     /// Brightness of the surface under full projector light, 0 to 1, one a point, or none at all.
     pub intensity: Option<Vec<f32>>,
 }
+
+impl Cloud {
+    /// The cloud in another frame: points moved, normals turned.
+    pub fn moved(&self, to_from_cloud: &super::Pose) -> Self {
+        let each = |all: &[[f32; 3]], f: &dyn Fn(glam::DVec3) -> glam::DVec3| {
+            all.iter()
+                .map(|p| {
+                    f(glam::DVec3::from_array(p.map(f64::from)))
+                        .as_vec3()
+                        .to_array()
+                })
+                .collect()
+        };
+        Self {
+            points: each(&self.points, &|p| to_from_cloud.point(p)),
+            normals: self
+                .normals
+                .as_deref()
+                .map(|n| each(n, &|d| to_from_cloud.direction(d))),
+            intensity: self.intensity.clone(),
+        }
+    }
+}

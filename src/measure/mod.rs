@@ -1,1 +1,14 @@
-//! (to be written)
+//! Error against truth: distances between clouds and surfaces, registration, pictures.
+
+mod colour;
+mod font;
+mod icp;
+mod metrics;
+pub mod picture;
+mod surface;
+mod visible;
+
+pub use icp::{Alignment, IcpOptions, align};
+pub use metrics::{Comparison, Directed, GROSS_MM, compare};
+pub use surface::{Foot, Surface, Surfels, Truth};
+pub use visible::{GRAZING_DEG, lit_and_seen};

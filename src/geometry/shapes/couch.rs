@@ -220,7 +220,7 @@ mod tests {
         for (width_mm, length_mm, thickness_mm, triangles) in [
             (530.0, 900.0, 50.0, 40_000),
             (400.0, 2000.0, 80.0, 20_000),
-            (100.0, 100.0, 10.0, 150_000),
+            (200.0, 300.0, 20.0, 150_000),
         ] {
             let params = Couch {
                 width_mm,
