@@ -2,6 +2,7 @@
 
 mod cloud;
 mod lens;
+pub mod ply;
 mod pose;
 mod rig;
 
