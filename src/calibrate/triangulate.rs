@@ -10,6 +10,7 @@ use crate::error::{Error, Result};
 use crate::geometry::Rig;
 use crate::pattern::Axis;
 use glam::{DMat3, DVec2, DVec3};
+use rayon::prelude::*;
 
 /// A depth known worse than this part of itself is no depth: the parallax is lost in noise.
 const WORST_RELATIVE_SIGMA: f64 = 0.05;
@@ -65,7 +66,6 @@ impl Triangulator {
         }
         let mut rays = [vec![0.0f32; width * height], vec![0.0f32; width * height]];
         let [xs, ys] = &mut rays;
-        use rayon::prelude::*;
         xs.par_chunks_mut(width)
             .zip(ys.par_chunks_mut(width))
             .enumerate()
@@ -136,8 +136,9 @@ impl Triangulator {
         }
     }
 
-    /// One plane a pixel, in f32: the ray's and the plane's directions differ by the parallax, a
-    /// tenth or more, so that f32 leaves about 1e-7 / parallax of the depth (measured in the test).
+    /// One plane a pixel. The parallax is a difference of nearly equal directions: in f32 it costs
+    /// up to 1.6e-3 mm at 1.6 m (measured with the test's rig), in f64 from f32 rays and coordinates
+    /// a sixth of it.
     #[inline(always)]
     fn plane_row(
         &self,
@@ -154,24 +155,23 @@ impl Triangulator {
         let sigma = &mut sigma[..n];
         let k = axis as usize;
         let lens = &self.rig.projector.lens;
-        let inverse_focal = (1.0 / lens.focal_px[k]) as f32;
-        let center = lens.principal_px[k] as f32;
-        let (a, az) = (self.origin[k] as f32, self.origin.z as f32);
-        let [m0, m1, m2] = self.turn.row(k).as_vec3().to_array();
-        let [z0, z1, z2] = self.turn.row(2).as_vec3().to_array();
-        let worst = WORST_RELATIVE_SIGMA as f32;
+        let (inverse_focal, center) = (1.0 / lens.focal_px[k], lens.principal_px[k]);
+        let (a, az) = (self.origin[k], self.origin.z);
+        let ([m0, m1, m2], [z0, z1, z2]) =
+            (self.turn.row(k).to_array(), self.turn.row(2).to_array());
         for u in 0..n {
-            let b = m0 * rx[u] + m1 * ry[u] + m2;
-            let bz = z0 * rx[u] + z1 * ry[u] + z2;
-            let xn = (px[u] - center) * inverse_focal;
-            let parallax = b - xn * bz;
-            let t = (xn * az - a) / parallax;
-            let slope = (az * b - a * bz) * inverse_focal / (parallax * parallax);
-            let s = slope.abs() * sd[u];
+            let (rx, ry) = (f64::from(rx[u]), f64::from(ry[u]));
+            let b = m0 * rx + m1 * ry + m2;
+            let bz = z0 * rx + z1 * ry + z2;
+            let xn = (f64::from(px[u]) - center) * inverse_focal;
+            let parallax = 1.0 / (b - xn * bz);
+            let t = (xn * az - a) * parallax;
+            let slope = (az * b - a * bz) * inverse_focal * (parallax * parallax);
+            let s = slope.abs() * f64::from(sd[u]);
             // NaN fails each of these.
-            let good = (t > 0.0) & (az + t * bz > 0.0) & (s <= worst * t);
-            depth[u] = if good { t } else { f32::NAN };
-            sigma[u] = if good { s } else { f32::NAN };
+            let good = (t > 0.0) & (az + t * bz > 0.0) & (s <= WORST_RELATIVE_SIGMA * t);
+            depth[u] = if good { t as f32 } else { f32::NAN };
+            sigma[u] = if good { s as f32 } else { f32::NAN };
         }
     }
 
@@ -280,28 +280,26 @@ mod tests {
         }
     }
 
-    /// Error of every pixel's depth on a tilted plane: row kernel and f64 path.
+    /// Worst error over a tilted plane, where the projector lights it: row kernel and f64 path.
     fn worst(rig: &Rig, use_x: bool, use_y: bool) -> (f64, f64) {
         let triangulator = Triangulator::new(rig, 160, 90).unwrap();
-        let (mut row_worst, mut f64_worst) = (0.0f64, 0.0f64);
+        let (mut row_worst, mut f64_worst, mut lit) = (0.0f64, 0.0f64, 0);
         for v in 0..90 {
-            let mut truth = vec![];
-            let (mut xs, mut ys) = (vec![], vec![]);
+            let (mut xs, mut ys) = (vec![f32::NAN; 160], vec![f32::NAN; 160]);
+            let mut truth = vec![f64::NAN; 160];
             for u in 0..160 {
-                let d = rig.camera.ray(DVec2::new(f64::from(u), v as f64));
+                let camera_px = DVec2::new(u as f64, v as f64);
+                let d = rig.camera.ray(camera_px);
                 let t = 1000.0 / (1.0 + 0.3 * d.x - 0.2 * d.y);
                 let px = rig.projector.project(d * t).unwrap();
-                truth.push(t);
-                xs.push(px.x as f32);
-                ys.push(px.y as f32);
+                if !rig.projector.lens.contains(px) {
+                    continue;
+                }
+                (truth[u], xs[u], ys[u]) = (t, px.x as f32, px.y as f32);
+                lit += 1;
                 let measured = |on: bool, px| on.then_some(Measured { px, sigma: 0.02 });
-                let (depth, _) = triangulator
-                    .depth(
-                        DVec2::new(f64::from(u), v as f64),
-                        measured(use_x, px.x),
-                        measured(use_y, px.y),
-                    )
-                    .unwrap();
+                let (x, y) = (measured(use_x, px.x), measured(use_y, px.y));
+                let (depth, _) = triangulator.depth(camera_px, x, y).unwrap();
                 f64_worst = f64_worst.max((depth - t).abs());
             }
             let sigma = vec![0.02; 160];
@@ -309,10 +307,11 @@ mod tests {
             let row = |on: bool, px| on.then_some(CoordinateRow { px, sigma: &sigma });
             triangulator.row(v, row(use_x, &xs), row(use_y, &ys), &mut depth, &mut sd);
             for (d, t) in depth.iter().zip(&truth) {
-                assert!(!d.is_nan());
+                assert_eq!(d.is_nan(), t.is_nan());
                 row_worst = row_worst.max((f64::from(*d) - t).abs());
             }
         }
+        assert!(lit > 1500, "{lit}");
         (row_worst, f64_worst)
     }
 
@@ -323,8 +322,8 @@ mod tests {
         for (camera, projector) in [(none, none), (k, none), (none, k), (k, k)] {
             for (use_x, use_y) in [(true, false), (true, true)] {
                 let (row, exact) = worst(&rig(camera, projector), use_x, use_y);
-                // f32 coordinates of 1e3 px are good to 6e-5 px, 6e-5 mm here.
-                assert!(row < 1e-3, "row {row:e} mm");
+                // What f32 coordinates and rays leave.
+                assert!(row < 5e-4, "row {row:e} mm");
                 assert!(exact < 1e-7, "f64 {exact:e} mm");
             }
         }

@@ -32,19 +32,37 @@ impl Ensemble {
     /// sets' nearest positions, and its cost is the weighted sum of squares that remains.
     #[inline]
     pub(super) fn best(&self, wrapped: &[f32], variance: &[f32], lo: f32, hi: f32) -> Candidate {
+        // Only candidates near the coarsest set's positions matter, as long as the best is good
+        // enough that nothing beyond could compete.
+        let last = self.periods.len() - 1;
+        let spread = variance[last] + variance[0];
+        let far = 0.5 * self.periods[last];
+        let near = (8.0 * spread.sqrt()).max(MISFIT * self.periods[last]);
+        if near < far {
+            let found = self.within(wrapped, variance, lo, hi, near, near * near / spread);
+            if found.certain {
+                return found;
+            }
+        }
+        self.within(wrapped, variance, lo, hi, far, f32::INFINITY)
+    }
+
+    /// [`Self::best`] among candidates within `reach` of the coarsest set's positions; one beyond
+    /// costs at least `beyond`.
+    #[inline]
+    fn within(
+        &self,
+        wrapped: &[f32],
+        variance: &[f32],
+        lo: f32,
+        hi: f32,
+        reach: f32,
+        beyond: f32,
+    ) -> Candidate {
         let last = self.periods.len() - 1;
         let (p0, x0) = (self.periods[0], wrapped[0]);
         let (pc, xc) = (self.periods[last], wrapped[last]);
         let total: f32 = variance.iter().map(|v| 1.0 / v).sum();
-        // Only candidates near the coarsest set's positions matter: one beyond `reach` costs at
-        // least `beyond`.
-        let spread = variance[last] + variance[0];
-        let reach = (8.0 * spread.sqrt()).max(MISFIT * pc).min(0.5 * pc);
-        let beyond = if reach < 0.5 * pc {
-            reach * reach / spread
-        } else {
-            f32::INFINITY
-        };
         let mut best = (f32::INFINITY, 0.0, 0.0); // cost, position, worst misfit
         let mut second = beyond;
         let mut m = ((lo - xc - reach) / pc).ceil();
