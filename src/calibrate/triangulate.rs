@@ -4,7 +4,7 @@
 //! the projector's frame as a + t b. A column with ideal image coordinate xn is the plane
 //! X = xn Z there, so t = (xn a_z - a_x) / (b_x - xn b_z); a row likewise. With projector
 //! distortion, or with both axes, t minimises the squared differences between the projected point
-//! and the decoded coordinates, weighted by their variances, by Gauss-Newton from the plane's t.
+//! and the decoded coordinates, weighted by their variances, by Gauss-Newton on 1/t from the plane's t.
 
 use crate::error::{Error, Result};
 use crate::geometry::Rig;
@@ -195,33 +195,30 @@ impl Triangulator {
         }
         let (mut t, mut s) = start?;
         if both || lens.is_distorted() {
+            let pixel = DVec2::from([x, y].map(|m| m.map_or(0.0, |m| m.px)));
+            let weight = [x, y].map(|m| m.map_or(0.0, |m| 1.0 / m.sigma.powi(2).max(1e-12)));
+            let weight = DVec2::from(weight);
+            // Projections are nearly linear in the inverse depth, and far from it in the depth.
+            let mut w = 1.0 / t;
             let mut converged = false;
             for _ in 0..ITERATIONS {
-                let p = a + t * b;
+                let p = a * w + b;
                 if p.z <= 0.0 {
                     return None;
                 }
                 let ideal = p.truncate() / p.z;
-                let rate = (b.truncate() - ideal * b.z) / p.z;
+                let rate = (a.truncate() - ideal * a.z) / p.z;
                 let px_rate = lens.focal_px * (lens.distort_jacobian(ideal) * rate);
-                let miss = lens.distort_to_px(ideal)
-                    - DVec2::from([x, y].map(|m| m.map_or(0.0, |m| m.px)));
-                let weight = DVec2::from(
-                    [x, y].map(|m| m.map_or(0.0, |m| 1.0 / m.sigma.powi(2).max(1e-12))),
-                );
+                let miss = lens.distort_to_px(ideal) - pixel;
                 let information = (weight * px_rate * px_rate).element_sum();
                 let step = (weight * px_rate * miss).element_sum() / information;
-                t -= step;
-                s = 1.0 / information.sqrt();
-                if step.abs() <= 1e-10 * t.abs() {
-                    let worst = [x, y]
-                        .into_iter()
-                        .enumerate()
-                        .filter_map(|(k, m)| {
-                            m.map(|m| miss[k].abs() / (6.0 * m.sigma).max(WORST_MISS_PX))
-                        })
-                        .fold(0.0, f64::max);
-                    converged = worst <= 1.0;
+                w -= step;
+                if step.abs() <= 1e-10 * w.abs() {
+                    let fits = |k: usize, m: Option<Measured>| {
+                        m.is_none_or(|m| miss[k].abs() <= (6.0 * m.sigma).max(WORST_MISS_PX))
+                    };
+                    converged = fits(0, x) && fits(1, y);
+                    (t, s) = (1.0 / w, 1.0 / (w * w * information.sqrt()));
                     break;
                 }
             }
