@@ -180,7 +180,7 @@ impl Triangulator {
         let b = self.turn * ray.extend(1.0);
         let a = self.origin;
         let both = x.is_some() && y.is_some();
-        // The plane of the axis that knows the depth better, without distortion.
+        // The plane of the axis that knows 1/t better, without distortion.
         let mut start: Option<(f64, f64)> = None;
         for (k, m) in [x, y].into_iter().enumerate() {
             let Some(m) = m else { continue };
@@ -189,7 +189,7 @@ impl Triangulator {
             let t = (xn * a.z - a[k]) / parallax;
             let slope = (a.z * b[k] - a[k] * b.z) / (parallax * parallax * lens.focal_px[k]);
             let s = slope.abs() * m.sigma;
-            if t > 0.0 && start.is_none_or(|(_, best)| s < best) {
+            if t > 0.0 && start.is_none_or(|(u, best)| s / (t * t) < best / (u * u)) {
                 start = Some((t, s));
             }
         }
