@@ -1,1 +1,5 @@
-//! (to be written)
+//! Lenses and rigs: from projector coordinates to points.
+
+mod triangulate;
+
+pub use triangulate::{CoordinateRow, Measured, Triangulator};

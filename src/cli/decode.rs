@@ -1,12 +1,134 @@
-//! `phasma decode`.
+//! `phasma decode`: photographs of a sequence to projector coordinates and points.
 
-use crate::error::Result;
+use crate::decode::{Decoder, Options, Plan, Summary, load_frames, output_names, write_outputs};
+use crate::error::{Error, Result};
+use crate::geometry::Rig;
+use crate::pattern::Manifest;
+use std::path::{Path, PathBuf};
 
-/// (to be written)
+/// Decode photographs of projected patterns to projector coordinates, and with a calibration to
+/// points
 #[derive(Debug, clap::Args)]
-pub struct Args {}
+pub(super) struct Args {
+    /// Sequence manifest: what was projected, frame by frame
+    #[arg(long, value_name = "FILE")]
+    manifest: PathBuf,
+    /// Folder for the results; made if it is not there
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// Folder of the photographs [default: the manifest's]
+    #[arg(long, value_name = "DIR")]
+    frames: Option<PathBuf>,
+    /// Calibration: adds cloud.ply and depth.npy
+    #[arg(long, value_name = "FILE")]
+    calibration: Option<PathBuf>,
+    /// Keep pixels that read two surfaces at once
+    #[arg(long)]
+    keep_mixed: bool,
+    /// How a single period without Gray code is unwrapped
+    #[arg(long, value_name = "HOW")]
+    unwrap: Option<Unwrap>,
+    /// Least modulation in grey levels
+    #[arg(long, value_name = "DN", default_value_t = Options::default().min_modulation_dn)]
+    min_modulation: f32,
+    /// Overwrite results of an earlier run
+    #[arg(long)]
+    force: bool,
+    /// Print the figures as JSON
+    #[arg(long)]
+    json: bool,
+}
 
-/// (to be written)
-pub fn run(_args: &Args) -> Result<()> {
+#[derive(Debug, Clone, Copy, clap::ValueEnum)]
+enum Unwrap {
+    /// From pixel to pixel, the best first
+    Spatial,
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// A manifest, photograph or calibration that does not do, or what the system refuses.
+pub(super) fn run(args: &Args) -> Result<()> {
+    if !(args.min_modulation >= 0.0 && args.min_modulation.is_finite()) {
+        return Err(Error::input(
+            "--min-modulation",
+            args.min_modulation,
+            "a finite number of grey levels, 0 or more",
+        ));
+    }
+    let manifest = Manifest::read(&args.manifest)?;
+    let rig = args.calibration.as_deref().map(read_rig).transpose()?;
+    let plan = Plan::new(&manifest).map_err(|e| name_file(e, &args.manifest))?;
+    prepare(&args.out, args.force)?;
+    let beside = args.manifest.parent().unwrap_or(Path::new(""));
+    let folder = args.frames.as_deref().unwrap_or(beside);
+    let frames = load_frames(&manifest, &plan, folder)?;
+    let options = Options {
+        keep_mixed: args.keep_mixed,
+        unwrap_spatial: args.unwrap.is_some(),
+        min_modulation_dn: args.min_modulation,
+        ..Options::default()
+    };
+    let decoder = Decoder::new(
+        &manifest,
+        frames.width,
+        frames.height,
+        rig.as_ref(),
+        options,
+    )
+    .map_err(|e| name_file(e, &args.manifest))?;
+    let decoded = decoder.decode(&frames.stack())?;
+    std::fs::create_dir_all(&args.out).map_err(|e| Error::io(&args.out, e))?;
+    let names = write_outputs(&args.out, &decoder, &decoded)?;
+    let summary = Summary::new(&decoder, &decoded);
+    if args.json {
+        println!(
+            "{}",
+            serde_json::to_string_pretty(&summary).expect("numbers and strings")
+        );
+    } else {
+        print!("{summary}");
+        println!("written      {}: {}", args.out.display(), names.join(", "));
+    }
     Ok(())
+}
+
+/// Puts the manifest's name before an error about the sequence in it.
+fn name_file(error: Error, manifest: &Path) -> Error {
+    match error {
+        Error::Input {
+            place,
+            found,
+            allowed,
+        } if place.starts_with("sequence") => {
+            Error::input(format!("{}: {place}", manifest.display()), found, allowed)
+        }
+        other => other,
+    }
+}
+
+fn read_rig(path: &Path) -> Result<Rig> {
+    let text = std::fs::read_to_string(path).map_err(|e| Error::io(path, e))?;
+    Rig::from_toml(&text, &path.display().to_string())
+}
+
+/// Refuses a folder that holds results already, or a path that is no folder.
+fn prepare(out: &Path, force: bool) -> Result<()> {
+    if out.exists() && !out.is_dir() {
+        return Err(Error::input(
+            format!("--out {}", out.display()),
+            "a file",
+            "a folder, or a path where one can be made",
+        ));
+    }
+    let old = output_names().iter().find(|name| out.join(name).exists());
+    match old {
+        Some(name) if !force => Err(Error::input(
+            format!("--out {}", out.display()),
+            format!("{name} of an earlier run"),
+            "another folder, or --force to overwrite",
+        )),
+        _ => Ok(()),
+    }
 }

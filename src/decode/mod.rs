@@ -1,1 +1,40 @@
-//! (to be written)
+//! Frames to projector coordinates to points.
+//!
+//! [`Plan`] reads a sequence manifest and says how its axes can be decoded, or what is missing.
+//! [`Decoder`] holds the tables and buffers of one plan, image size and rig, and turns a
+//! [`FrameStack`] into [`Decoded`] maps in three passes over rows, each parallel and with the same
+//! result on any number of threads:
+//!
+//! 1. least squares over the steps of every fringe set ([`FringeSet`]), Gray bits ([`GrayCode`]),
+//!    the period's order with a test whether it is certain, one standard deviation per pixel;
+//! 2. mixed pixels and stray errors, which lie on neither side's extrapolation (`edges`);
+//! 3. triangulation, where there is a rig ([`crate::calibrate::Triangulator`]).
+//!
+//! The decoder knows nothing of where frames come from.
+
+mod cloud;
+mod decoder;
+mod edges;
+mod gray;
+mod load;
+mod noise;
+mod npy;
+mod order;
+mod output;
+mod phase;
+mod plan;
+mod rows;
+mod samples;
+mod steps;
+mod turns;
+mod unwrap;
+
+pub use decoder::{AxisMap, Decoded, Decoder, Options, Verdict};
+pub use gray::{GrayBit, GrayCode};
+pub use load::{LoadedFrames, load_frames};
+pub use noise::estimate_noise;
+pub use npy::write_npy;
+pub use output::{Summary, output_names, write_outputs};
+pub use plan::{AxisPlan, Order, Plan};
+pub use samples::{FrameStack, Samples};
+pub use steps::FringeSet;

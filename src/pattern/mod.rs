@@ -8,7 +8,7 @@
 
 pub(crate) mod manifest;
 
-pub use manifest::{Manifest, ManifestFrame, ProjectorSize};
+pub use manifest::{MAX_SIDE_PX, Manifest, ManifestFrame, ProjectorSize};
 
 use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;

@@ -1,0 +1,98 @@
+//! Depth maps to points, and their normals from neighbours in the grid.
+
+use super::decoder::{Decoded, Decoder};
+use crate::geometry::Cloud;
+use glam::Vec3;
+use rayon::prelude::*;
+
+/// Neighbours whose depths differ by more than this part of the depth (and 10 deviations) are on
+/// another surface.
+const SAME_SURFACE: f32 = 0.02;
+
+impl Decoder {
+    /// The valid points in the rig's frame in mm, row by row, into a vector that is used again.
+    /// Empty without a rig.
+    pub fn points_into(&self, decoded: &Decoded, points: &mut Vec<[f32; 3]>) {
+        points.clear();
+        let Some(triangulator) = self.triangulator() else {
+            return;
+        };
+        let width = decoded.width;
+        let counts: Vec<usize> = decoded
+            .depth
+            .par_chunks(width)
+            .with_min_len(32)
+            .map(|row| row.iter().filter(|z| !z.is_nan()).count())
+            .collect();
+        points.resize(counts.iter().sum(), [0.0; 3]);
+        let mut rest = &mut points[..];
+        let mut rows = Vec::with_capacity(counts.len());
+        for (v, &count) in counts.iter().enumerate() {
+            let (row, tail) = rest.split_at_mut(count);
+            rest = tail;
+            rows.push((v, row));
+        }
+        rows.into_par_iter().with_min_len(8).for_each(|(v, row)| {
+            let depth = &decoded.depth[v * width..(v + 1) * width];
+            let valid = depth.iter().enumerate().filter(|(_, z)| !z.is_nan());
+            for (point, (u, &z)) in row.iter_mut().zip(valid) {
+                *point = triangulator.point(u, v, z);
+            }
+        });
+    }
+
+    /// The valid points with normals towards the camera and intensities. Empty without a rig.
+    pub fn cloud(&self, decoded: &Decoded) -> Cloud {
+        let Some(triangulator) = self.triangulator() else {
+            return Cloud::default();
+        };
+        let (width, height) = (decoded.width, decoded.height);
+        let eye = triangulator.rig().camera.center().as_vec3();
+        let same = |i: usize, j: usize| {
+            let (a, b) = (decoded.depth[i], decoded.depth[j]);
+            let noise = 10.0 * (decoded.depth_sigma[i] + decoded.depth_sigma[j]);
+            ((a - b).abs() <= (SAME_SURFACE * a).max(noise)).then_some(j)
+        };
+        let at = |i: usize| Vec3::from(triangulator.point(i % width, i / width, decoded.depth[i]));
+        let rows: Vec<Vec<([f32; 3], [f32; 3], f32)>> = (0..height)
+            .into_par_iter()
+            .map(|v| {
+                let mut row = Vec::new();
+                for u in 0..width {
+                    let i = v * width + u;
+                    if decoded.depth[i].is_nan() {
+                        continue;
+                    }
+                    let left = (u > 0).then(|| same(i, i - 1)).flatten().unwrap_or(i);
+                    let right = (u + 1 < width)
+                        .then(|| same(i, i + 1))
+                        .flatten()
+                        .unwrap_or(i);
+                    let up = (v > 0).then(|| same(i, i - width)).flatten().unwrap_or(i);
+                    let down = (v + 1 < height)
+                        .then(|| same(i, i + width))
+                        .flatten()
+                        .unwrap_or(i);
+                    let p = at(i);
+                    // v down times u right points at a camera that looks along z.
+                    let normal = (at(down) - at(up)).cross(at(right) - at(left));
+                    let to_eye = (eye - p).normalize_or(Vec3::NEG_Z);
+                    let normal = normal.normalize_or(to_eye);
+                    let normal = if normal.dot(to_eye) < 0.0 {
+                        -normal
+                    } else {
+                        normal
+                    };
+                    row.push((p.into(), normal.into(), decoded.intensity[i]));
+                }
+                row
+            })
+            .collect();
+        let all = || rows.iter().flatten();
+        Cloud {
+            points: all().map(|p| p.0).collect(),
+            normals: Some(all().map(|p| p.1).collect()),
+            intensity: Some(all().map(|p| p.2).collect()),
+        }
+    }
+}

@@ -1,0 +1,203 @@
+//! Mixed pixels and stray errors.
+//!
+//! A pixel whose footprint meets two surfaces at a depth edge, or whose footprint is lit in part,
+//! reads a coordinate that belongs to neither side. It is recognised by lying on neither side's
+//! linear extrapolation, along the row or along the column. A pixel of a steep or curved surface
+//! lies on at least one side's; the tolerance follows the noise, the curvature of the side that
+//! extrapolates, and, where both sides meet in a crease, the change of slope. Nothing is smoothed:
+//! a pixel is kept as it is, or not at all.
+
+use super::turns::nearest;
+
+/// Nothing found.
+pub(super) const KEEP: u8 = 0;
+/// On neither side's extrapolation.
+pub(super) const MIXED: u8 = 1;
+/// No neighbours to compare with.
+pub(super) const STRAY: u8 = 2;
+
+/// Deviations of noise: a linear extrapolation carries sqrt(6) times the noise of one pixel, and 5
+/// times that is not noise.
+const NOISE: f32 = 12.25;
+/// In projector pixels; far below what matters, above what f32 leaves of large coordinates.
+const FLOOR_PX: f32 = 0.02;
+
+/// Five rows or so around a row of an axis, each as long as the row; rows beyond the image are
+/// NaN.
+pub(super) struct Around<'a> {
+    /// Rows v - 3 to v + 3.
+    pub(super) rows: [&'a [f32]; 7],
+    /// Row v with three NaN on either side.
+    pub(super) padded: &'a [f32],
+    /// Standard deviations of row v.
+    pub(super) sigma: &'a [f32],
+}
+
+/// Writes [`MIXED`] or [`STRAY`] into `flags` where the row deserves it and they hold [`KEEP`];
+/// `period` is the one that coordinates are known by, or 0.
+#[inline(always)]
+pub(super) fn judge_row(around: &Around<'_>, period: f32, flags: &mut [u8]) {
+    if period > 0.0 {
+        judge::<true>(around, period, flags);
+    } else {
+        judge::<false>(around, 1.0, flags);
+    }
+}
+
+#[inline(always)]
+fn judge<const WRAPPED: bool>(around: &Around<'_>, period: f32, flags: &mut [u8]) {
+    let n = flags.len();
+    let h = |k: usize| &around.padded[k..k + n];
+    let (l3, l2, l1, r1, r2, r3) = (h(0), h(1), h(2), h(4), h(5), h(6));
+    let v = around.rows.map(|row| &row[..n]);
+    let sigma = &around.sigma[..n];
+    for i in 0..n {
+        let x = v[3][i];
+        let base = NOISE * sigma[i] + FLOOR_PX;
+        let (row_bad, row_has) = line::<WRAPPED>(
+            x,
+            [l1[i], l2[i], l3[i]],
+            [r1[i], r2[i], r3[i]],
+            base,
+            period,
+        );
+        let (col_bad, col_has) = line::<WRAPPED>(
+            x,
+            [v[2][i], v[1][i], v[0][i]],
+            [v[4][i], v[5][i], v[6][i]],
+            base,
+            period,
+        );
+        let stray = if row_has | col_has { KEEP } else { STRAY };
+        let verdict = if row_bad | col_bad { MIXED } else { stray };
+        flags[i] = if (flags[i] == KEEP) & (x == x) {
+            verdict
+        } else {
+            flags[i]
+        };
+    }
+}
+
+/// A difference, to the nearest period where coordinates are wrapped.
+#[inline(always)]
+fn less<const WRAPPED: bool>(a: f32, b: f32, period: f32) -> f32 {
+    let d = a - b;
+    if WRAPPED {
+        d - period * nearest(d / period)
+    } else {
+        d
+    }
+}
+
+/// Whether x fails both sides' extrapolations, and whether there was any. Sides list the nearest
+/// pixel first; NaN stands for none.
+#[inline(always)]
+fn line<const WRAPPED: bool>(
+    x: f32,
+    left: [f32; 3],
+    right: [f32; 3],
+    base: f32,
+    period: f32,
+) -> (bool, bool) {
+    // Slopes away from x, seen from x.
+    let (sl, sr) = (
+        less::<WRAPPED>(left[0], left[1], period),
+        less::<WRAPPED>(right[0], right[1], period),
+    );
+    let (bend_l, bend_r) = (
+        less::<WRAPPED>(sl, less::<WRAPPED>(left[1], left[2], period), period),
+        less::<WRAPPED>(sr, less::<WRAPPED>(right[1], right[2], period), period),
+    );
+    // Signed misses of either extrapolation.
+    let miss_l = less::<WRAPPED>(less::<WRAPPED>(x, left[0], period), sl, period);
+    let miss_r = less::<WRAPPED>(less::<WRAPPED>(x, right[0], period), sr, period);
+    let has_l = miss_l == miss_l;
+    let has_r = miss_r == miss_r;
+    // A crease: both extrapolations meet within the pixel, where the footprint averages over it.
+    let turn = (sl + sr).abs();
+    let gap = less::<WRAPPED>(miss_l, miss_r, period).abs();
+    let crease = if gap <= 0.75 * turn + base {
+        0.2 * turn
+    } else {
+        0.0
+    };
+    // f32::max drops a NaN: an unknown bend allows nothing.
+    let allow_l = base + (2.0 * bend_l.abs()).min(0.5 * sl.abs()).max(0.0) + crease;
+    let allow_r = base + (2.0 * bend_r.abs()).min(0.5 * sr.abs()).max(0.0) + crease;
+    let ok = (miss_l.abs() <= allow_l) | (miss_r.abs() <= allow_r);
+    let has = has_l | has_r;
+    (has & !ok, has)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn flags(x: &[f32], sigma: f32, period: f32) -> Vec<u8> {
+        let nan = vec![f32::NAN; x.len()];
+        let mut padded = vec![f32::NAN; 3];
+        padded.extend(x);
+        padded.extend([f32::NAN; 3]);
+        let sigma = vec![sigma; x.len()];
+        let around = Around {
+            rows: [&nan, &nan, &nan, x, &nan, &nan, &nan],
+            padded: &padded,
+            sigma: &sigma,
+        };
+        let mut flags = vec![KEEP; x.len()];
+        judge_row(&around, period, &mut flags);
+        flags
+    }
+
+    #[test]
+    fn a_step_loses_its_mixed_pixel_only() {
+        let x = [10.0, 14.0, 18.0, 22.0, 60.0, 104.0, 108.0, 112.0, 116.0];
+        let mut truth = [KEEP; 9];
+        truth[4] = MIXED;
+        assert_eq!(flags(&x, 0.02, 0.0), truth);
+        let wrapped = x.map(|v: f32| v.rem_euclid(16.0));
+        let mut truth = [KEEP; 9];
+        truth[4] = MIXED;
+        assert_eq!(flags(&wrapped, 0.02, 16.0), truth);
+    }
+
+    #[test]
+    fn steep_curved_and_creased_surfaces_stay() {
+        let sphere: Vec<f32> = (0..60).map(|i| 400.0 * (i as f32 / 60.0).asin()).collect();
+        let crease: Vec<f32> = (0..20)
+            .map(|i| {
+                // The footprint's mean of 4 |t| + 3 t about a crease within pixel 10.
+                (0..100)
+                    .map(|k| i as f32 - 10.2 + (k as f32 + 0.5) / 100.0)
+                    .map(|t| (4.0 * t.abs() + 3.0 * t) / 100.0)
+                    .sum()
+            })
+            .collect();
+        for surface in [sphere, crease] {
+            assert!(
+                flags(&surface, 0.02, 0.0).iter().all(|&f| f == KEEP),
+                "{surface:?}"
+            );
+        }
+    }
+
+    #[test]
+    fn a_lone_wrong_period_goes_and_a_lone_pixel_is_stray() {
+        let mut x: Vec<f32> = (0..12).map(|i| 4.0 * i as f32).collect();
+        x[6] += 16.0;
+        let found = flags(&x, 0.02, 0.0);
+        assert_eq!((found[6], found[5], found[7]), (MIXED, KEEP, KEEP));
+        let n = f32::NAN;
+        assert_eq!(
+            flags(&[n, 5.0, n, 1.0, n], 0.02, 0.0),
+            [0, STRAY, 0, STRAY, 0]
+        );
+    }
+
+    #[test]
+    fn a_partly_lit_border_pixel_goes() {
+        // The last pixel's lit half has its middle a quarter of a footprint inwards.
+        let x = [4.0, 8.0, 12.0, 16.0, 19.0, f32::NAN];
+        assert_eq!(flags(&x, 0.02, 0.0), [0, 0, 0, 0, MIXED, 0]);
+    }
+}

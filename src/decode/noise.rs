@@ -1,0 +1,205 @@
+//! The camera's noise from the frames' own redundancy, where no calibration knows it.
+//!
+//! Frames that say the same thing twice differ by noise: a Gray bit and its complement sum to white
+//! plus black whatever the bit, and more steps than unknowns leave a residual. The residual is taken
+//! after harmonics of the fringe too, where there are steps enough, for a projector's response
+//! curve makes those. The variances, binned by mean, give a photon-transfer line,
+//! variance = s0 + K mean (EMVA 1288 release 4.0, section 6), by weighted least squares on bins
+//! that were cleared of outliers.
+
+use super::plan::Plan;
+use super::samples::{FrameStack, Samples};
+use super::steps::FringeSet;
+use crate::geometry::NoiseModel;
+use nalgebra::{DMatrix, DVector};
+
+/// Pixels that are looked at.
+const PIXELS: usize = 60_000;
+const BINS: usize = 16;
+
+/// One pixel's estimate.
+struct Estimate {
+    mean: f64,
+    variance: f64,
+    freedom: f64,
+}
+
+/// The noise model that the frames' redundancy supports; `None` where there is none.
+pub fn estimate_noise(plan: &Plan, stack: &FrameStack<'_>) -> Option<NoiseModel> {
+    let pixels = stack.width() * stack.height();
+    let stride = (pixels / PIXELS).max(1);
+    let sample = |frame: usize, i: usize| match stack.frames()[frame] {
+        Samples::U8(s) => f64::from(s[i]),
+        Samples::U16(s) => f64::from(s[i]),
+    };
+    let ceiling = f64::from(stack.full_scale()) * 0.98;
+    let sources = Sources::of(plan);
+    let mut estimates = Vec::new();
+    for i in (0..pixels).step_by(stride) {
+        sources.at(&|frame| sample(frame, i), ceiling, &mut estimates);
+    }
+    let (s0, gain) = transfer_line(estimates)?;
+    Some(NoiseModel {
+        gain_dn_per_e: gain,
+        read_noise_dn: (s0 - 1.0 / 12.0).max(0.0).sqrt(),
+        black_level_dn: 0.0,
+        saturation_dn: f64::from(stack.full_scale()),
+    })
+}
+
+/// Where redundancy is found; sums of complements first, since nothing but noise disturbs them.
+enum Sources {
+    Sums(Vec<(usize, usize)>),
+    Residuals(Vec<(Vec<usize>, DMatrix<f64>, f64)>),
+    Means(Vec<FringeSet>),
+}
+
+impl Sources {
+    fn of(plan: &Plan) -> Self {
+        let bits = plan.axes.iter().flat_map(|a| &a.gray).flat_map(|g| &g.bits);
+        let mut sums: Vec<(usize, usize)> = bits.filter_map(|b| b.plain.zip(b.inverse)).collect();
+        sums.extend(plan.references());
+        if sums.len() >= 2 {
+            return Self::Sums(sums);
+        }
+        let sets: Vec<&FringeSet> = plan.axes.iter().flat_map(|a| &a.sets).collect();
+        let residuals: Vec<_> = sets.iter().filter_map(|set| annihilator(set)).collect();
+        if !residuals.is_empty() {
+            return Self::Residuals(residuals);
+        }
+        Self::Means(sets.into_iter().cloned().collect())
+    }
+
+    fn at(&self, sample: &dyn Fn(usize) -> f64, ceiling: f64, out: &mut Vec<Estimate>) {
+        match self {
+            Self::Sums(pairs) => {
+                let n = pairs.len() as f64;
+                let mut values = Vec::with_capacity(pairs.len());
+                for &(a, b) in pairs {
+                    let (a, b) = (sample(a), sample(b));
+                    if a.max(b) > ceiling {
+                        return;
+                    }
+                    values.push(a + b);
+                }
+                let mean = values.iter().sum::<f64>() / n;
+                let squares: f64 = values.iter().map(|v| (v - mean).powi(2)).sum();
+                out.push(Estimate {
+                    mean: 0.5 * mean,
+                    variance: 0.5 * squares / (n - 1.0),
+                    freedom: n - 1.0,
+                });
+            }
+            Self::Residuals(sets) => {
+                for (frames, project, freedom) in sets {
+                    let values: Vec<f64> = frames.iter().map(|&f| sample(f)).collect();
+                    if values.iter().any(|&v| v > ceiling) {
+                        continue;
+                    }
+                    let values = DVector::from_vec(values);
+                    out.push(Estimate {
+                        mean: values.mean(),
+                        variance: (project * &values).norm_squared() / freedom,
+                        freedom: *freedom,
+                    });
+                }
+            }
+            Self::Means(sets) => {
+                for pair in sets.windows(2) {
+                    let [(a, va), (b, vb)] = [&pair[0], &pair[1]].map(|set| {
+                        let values: Vec<f64> = set.frames.iter().map(|&f| sample(f)).collect();
+                        let weight: f64 = set.weights.iter().map(|w| w[0] * w[0]).sum();
+                        (set.solve(&values)[0], weight)
+                    });
+                    out.push(Estimate {
+                        mean: 0.5 * (a + b),
+                        variance: (a - b).powi(2) / (va + vb),
+                        freedom: 1.0,
+                    });
+                }
+            }
+        }
+    }
+}
+
+/// Frames, projector onto what no fringe with harmonics explains, and its rank.
+fn annihilator(set: &FringeSet) -> Option<(Vec<usize>, DMatrix<f64>, f64)> {
+    let n = set.phases.len();
+    // Harmonics as long as at least one degree of freedom in four is left; at most three.
+    for harmonics in (1..=3usize.min(n.saturating_sub(2) / 2)).rev() {
+        let basis = DMatrix::from_fn(n, 2 * harmonics + 1, |i, j| {
+            let order = j.div_ceil(2) as f64;
+            if j % 2 == 1 {
+                (order * set.phases[i]).cos()
+            } else if j == 0 {
+                1.0
+            } else {
+                (order * set.phases[i]).sin()
+            }
+        });
+        let freedom = n as f64 - basis.ncols() as f64;
+        let normal = basis.transpose() * &basis;
+        if freedom < 1.0 || normal.symmetric_eigenvalues().min() < 1e-6 * n as f64 {
+            continue;
+        }
+        let inverse = normal.try_inverse()?;
+        let project = DMatrix::identity(n, n) - &basis * inverse * basis.transpose();
+        return Some((set.frames.clone(), project, freedom));
+    }
+    None
+}
+
+/// s0 and K of variance = s0 + K mean.
+fn transfer_line(mut estimates: Vec<Estimate>) -> Option<(f64, f64)> {
+    const ROUNDING: f64 = 1.0 / 12.0;
+    if estimates.len() < 100 {
+        return None;
+    }
+    estimates.sort_by(|a, b| a.mean.total_cmp(&b.mean));
+    let size = estimates.len().div_ceil(BINS);
+    // Mean, variance and weight of each bin.
+    let mut bins: Vec<(f64, f64, f64)> = Vec::new();
+    for bin in estimates.chunks(size) {
+        let Some(variance) = robust_variance(bin) else {
+            continue;
+        };
+        let variance = variance.max(ROUNDING);
+        let mean = bin.iter().map(|e| e.mean).sum::<f64>() / bin.len() as f64;
+        bins.push((mean, variance, bin.len() as f64 / variance.powi(2)));
+    }
+    if bins.is_empty() {
+        return None;
+    }
+    let weight: f64 = bins.iter().map(|b| b.2).sum();
+    let x = bins.iter().map(|b| b.0 * b.2).sum::<f64>() / weight;
+    let y = bins.iter().map(|b| b.1 * b.2).sum::<f64>() / weight;
+    let xx: f64 = bins.iter().map(|b| b.2 * (b.0 - x).powi(2)).sum();
+    let xy: f64 = bins.iter().map(|b| b.2 * (b.0 - x) * (b.1 - y)).sum();
+    let gain = if xx > 0.0 { (xy / xx).max(0.0) } else { 0.0 };
+    let s0 = y - gain * x;
+    if s0 < ROUNDING {
+        // The line through the rounding's variance in the dark.
+        return Some((ROUNDING, ((y - ROUNDING) / x.max(1e-9)).max(0.0)));
+    }
+    Some((s0, gain))
+}
+
+/// Mean variance without estimates that are twelve times too large for it.
+fn robust_variance(bin: &[Estimate]) -> Option<f64> {
+    let mut sizes: Vec<f64> = bin.iter().map(|e| e.variance).collect();
+    sizes.sort_by(f64::total_cmp);
+    // A median of 0 happens where rounding hides the noise: start from the mean then.
+    let median = sizes[sizes.len() / 2] * 2.2;
+    let mut variance = median.max(sizes[sizes.len() * 9 / 10] / 2.7);
+    for _ in 0..5 {
+        let kept = bin.iter().filter(|e| e.variance <= 12.0 * variance);
+        let (sum, freedom) = kept.fold((0.0, 0.0), |(s, f), e| {
+            (s + e.variance * e.freedom, f + e.freedom)
+        });
+        if freedom == 0.0 {
+            return None;
+        }
+        variance = sum / freedom;
+    }
+    Some(variance)
+}

@@ -1,0 +1,68 @@
+//! NumPy's array file, version 1.0: magic, version, little-endian header length, a Python dictionary
+//! padded with spaces to a multiple of 64 bytes and ended by a newline, then the numbers in C order
+//! (NumPy enhancement proposal 1, "A Simple File Format for NumPy Arrays").
+
+use crate::error::{Error, Result};
+use std::io::Write;
+use std::path::Path;
+
+/// Writes float32 values as an array of shape (height, width).
+///
+/// # Errors
+/// What the system refuses.
+///
+/// # Panics
+/// If there are not width x height values.
+pub fn write_npy(path: &Path, width: usize, height: usize, values: &[f32]) -> Result<()> {
+    assert_eq!(values.len(), width * height);
+    let mut bytes = header(width, height);
+    bytes.reserve(4 * values.len());
+    for v in values {
+        bytes.extend_from_slice(&v.to_le_bytes());
+    }
+    std::fs::File::create(path)
+        .and_then(|mut file| file.write_all(&bytes))
+        .map_err(|e| Error::io(path, e))
+}
+
+fn header(width: usize, height: usize) -> Vec<u8> {
+    let dictionary =
+        format!("{{'descr': '<f4', 'fortran_order': False, 'shape': ({height}, {width}), }}");
+    // Magic, version and length are 10 bytes, the newline one.
+    let total = (10 + dictionary.len() + 1).next_multiple_of(64);
+    let mut bytes = b"\x93NUMPY\x01\x00".to_vec();
+    bytes.extend_from_slice(&((total - 10) as u16).to_le_bytes());
+    bytes.extend_from_slice(dictionary.as_bytes());
+    bytes.resize(total - 1, b' ');
+    bytes.push(b'\n');
+    bytes
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn header_is_as_the_proposal_says() {
+        for (width, height) in [(1, 1), (1138, 489), (32768, 32768)] {
+            let h = header(width, height);
+            assert_eq!(h.len() % 64, 0);
+            assert_eq!(&h[..8], b"\x93NUMPY\x01\x00");
+            assert_eq!(usize::from(u16::from_le_bytes([h[8], h[9]])), h.len() - 10);
+            let text = std::str::from_utf8(&h[10..]).unwrap();
+            assert!(
+                text.contains(&format!("'shape': ({height}, {width})")) && text.ends_with('\n')
+            );
+        }
+    }
+
+    #[test]
+    fn values_follow_row_by_row() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.npy");
+        write_npy(&path, 3, 2, &[1.0, 2.0, 3.0, 4.0, 5.0, f32::NAN]).unwrap();
+        let bytes = std::fs::read(path).unwrap();
+        let body = &bytes[bytes.len() - 24..];
+        assert_eq!(body[..8], [0, 0, 128, 63, 0, 0, 0, 64]);
+    }
+}

@@ -1,0 +1,253 @@
+//! Whole periods: which of the positions that look alike is the right one, and whether that is
+//! certain.
+
+use super::gray::{GrayRow, decode32};
+use super::turns::nearest;
+
+/// Noise margins, in standard deviations, that a decision needs on either side.
+pub(super) const SURE: f32 = 4.0;
+/// How much likelier (in chi squared) the best candidate must be than the next.
+const GAP: f32 = 25.0;
+/// Part of the full contrast within which a Gray bit counts as being on its edge.
+const EDGE_CONTRAST: f32 = 0.25;
+/// Part of a period by which a fringe set may contradict the only candidate.
+const MISFIT: f32 = 0.15;
+
+/// Candidates of one or several fringe sets over a range of positions.
+#[derive(Debug, Clone)]
+pub(super) struct Ensemble {
+    periods: Vec<f32>,
+}
+
+impl Ensemble {
+    /// Periods in projector pixels, finest first.
+    pub(super) fn new(periods: Vec<f32>) -> Self {
+        Self { periods }
+    }
+
+    /// The maximum-likelihood position in [lo, hi) given each set's wrapped coordinate and
+    /// variance, its variance, and whether it is certain.
+    ///
+    /// The candidates are the finest set's; each is moved to the inverse-variance mean of all
+    /// sets' nearest positions, and its cost is the weighted sum of squares that remains.
+    #[inline]
+    pub(super) fn best(&self, wrapped: &[f32], variance: &[f32], lo: f32, hi: f32) -> Candidate {
+        // Only candidates near the coarsest set's positions matter, as long as the best is good
+        // enough that nothing beyond could compete.
+        let last = self.periods.len() - 1;
+        let spread = variance[last] + variance[0];
+        let far = 0.5 * self.periods[last];
+        let near = (8.0 * spread.sqrt()).max(MISFIT * self.periods[last]);
+        if near < far {
+            let found = self.within(wrapped, variance, lo, hi, near, near * near / spread);
+            if found.certain {
+                return found;
+            }
+        }
+        self.within(wrapped, variance, lo, hi, far, f32::INFINITY)
+    }
+
+    /// [`Self::best`] among candidates within `reach` of the coarsest set's positions; one beyond
+    /// costs at least `beyond`.
+    #[inline]
+    fn within(
+        &self,
+        wrapped: &[f32],
+        variance: &[f32],
+        lo: f32,
+        hi: f32,
+        reach: f32,
+        beyond: f32,
+    ) -> Candidate {
+        let last = self.periods.len() - 1;
+        let (p0, x0) = (self.periods[0], wrapped[0]);
+        let (pc, xc) = (self.periods[last], wrapped[last]);
+        let total: f32 = variance.iter().map(|v| 1.0 / v).sum();
+        let mut best = (f32::INFINITY, 0.0, 0.0); // cost, position, worst misfit
+        let mut second = beyond;
+        let mut m = ((lo - xc - reach) / pc).ceil();
+        while xc + m * pc - reach < hi {
+            let middle = xc + m * pc;
+            let (from, to) = ((middle - reach).max(lo), (middle + reach).min(hi));
+            let mut k = ((from - x0) / p0).ceil();
+            while x0 + k * p0 < to {
+                let x = x0 + k * p0;
+                let (mut sum, mut squares, mut misfit) = (0.0, 0.0, 0.0_f32);
+                for j in 1..=last {
+                    let (d, p) = (wrapped[j] - x, self.periods[j]);
+                    let d = d - p * nearest(d / p);
+                    sum += d / variance[j];
+                    squares += d * d / variance[j];
+                    misfit = misfit.max(d.abs() / p);
+                }
+                let cost = squares - sum * sum / total;
+                if cost < best.0 {
+                    second = second.min(best.0);
+                    best = (cost, x + sum / total, misfit);
+                } else {
+                    second = second.min(cost);
+                }
+                k += 1.0;
+            }
+            m += 1.0;
+        }
+        let (cost, x, misfit) = best;
+        // Errors other than noise (response curves, defocus) grow with the fringe, so the best
+        // must also be less than half as far off as the next, whatever the noise.
+        let certain = if second.is_finite() {
+            second - cost >= GAP && cost <= 0.25 * second
+        } else {
+            cost.is_finite() && misfit <= MISFIT
+        };
+        Candidate {
+            x,
+            variance: 1.0 / total,
+            certain,
+        }
+    }
+}
+
+/// What [`Ensemble::best`] finds.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Candidate {
+    pub(super) x: f32,
+    pub(super) variance: f32,
+    pub(super) certain: bool,
+}
+
+/// How Gray code and a coordinate known modulo `repeat` join.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct GrayJoin {
+    /// Cell in projector pixels.
+    pub(super) cell: f32,
+    /// The fringes' repeat in projector pixels; far beyond the axis where there is none.
+    pub(super) repeat: f32,
+    /// Standard deviation of a bit's contrast over that of one sample.
+    pub(super) noise_factor: f32,
+}
+
+impl GrayJoin {
+    /// Middle of the cell that the row's pixel `i` reads. A code edge lies half a pixel before the
+    /// first pixel of its cell.
+    #[inline(always)]
+    pub(super) fn center(&self, code: u32) -> f32 {
+        decode32(code) as f32 * self.cell + 0.5 * self.cell - 0.5
+    }
+
+    /// Moves `x`, known modulo the repeat, into its Gray cell; clears `ok` where the weakest bits
+    /// leave a doubt.
+    ///
+    /// A bit is weak where its contrast is within [`SURE`] deviations or a quarter of the full
+    /// contrast of its threshold. Without weak bits x is the repeat nearest to the cell's middle.
+    /// With one, the pixel may as well lie in the cell on the other side of that bit's edge: if the
+    /// two cells touch, x is the repeat nearest to their common edge. Where that is another repeat
+    /// than the cell's own (cells as wide as the repeat), it is believed only if noise could not
+    /// have made the bit weak. Everything else is uncertain.
+    #[inline(always)]
+    pub(super) fn join(
+        &self,
+        gray: &GrayRow,
+        x: &mut [f32],
+        variance: &[f32],
+        half_contrast: &[f32],
+        sigma: &[f32],
+        ok: &mut [bool],
+    ) {
+        let n = x.len();
+        let (code, weak) = (&gray.code[..n], &gray.weak[..n]);
+        let (margin, second) = (&gray.margin[..n], &gray.second[..n]);
+        let (variance, half) = (&variance[..n], &half_contrast[..n]);
+        let (sigma, ok) = (&sigma[..n], &mut ok[..n]);
+        let (p, cell) = (self.repeat, self.cell);
+        let window = (0.5 * p).min(cell);
+        let limit = 0.5 * cell + 0.5 * (window - 0.5 * cell);
+        for i in 0..n {
+            let (here, there) = (decode32(code[i]), decode32(code[i] ^ weak[i]));
+            let center = here as f32 * cell + 0.5 * cell - 0.5;
+            let edge = here.max(there) as f32 * cell - 0.5;
+            let touching = here.max(there) - here.min(there) == 1;
+            let doubt = SURE * sigma[i] * self.noise_factor;
+            let weak_below = (EDGE_CONTRAST * half[i]).max(doubt);
+            let guard = 0.5 * p - SURE * variance[i].sqrt();
+            let at_center = x[i] + p * nearest((center - x[i]) / p);
+            let at_edge = x[i] + p * nearest((edge - x[i]) / p);
+            let (from_center, from_edge) = ((at_center - center).abs(), (at_edge - edge).abs());
+            let strong_ok = from_center <= limit.min(guard);
+            let same = (at_edge - at_center).abs() < 0.5 * p;
+            let sound = half[i] - weak_below > doubt;
+            let edge_ok = if same {
+                from_center.max(from_edge) <= guard
+            } else {
+                sound && from_edge <= 0.125 * p
+            };
+            let one_weak = margin[i] < weak_below;
+            let two_weak = second[i] < weak_below;
+            let good = if one_weak {
+                touching & !two_weak & edge_ok
+            } else {
+                strong_ok
+            };
+            x[i] = if one_weak { at_edge } else { at_center };
+            ok[i] &= good;
+        }
+    }
+
+    /// Gray code alone: the middle of the cell, or the edge between two cells where one bit is on
+    /// it.
+    #[inline(always)]
+    pub(super) fn cells(
+        &self,
+        gray: &GrayRow,
+        x: &mut [f32],
+        half_contrast: &[f32],
+        sigma: &[f32],
+        ok: &mut [bool],
+    ) {
+        for i in 0..x.len() {
+            let (here, there) = (
+                decode32(gray.code[i]),
+                decode32(gray.code[i] ^ gray.weak[i]),
+            );
+            let doubt = SURE * sigma[i] * self.noise_factor;
+            let weak_below = (EDGE_CONTRAST * half_contrast[i]).max(doubt);
+            let one_weak = gray.margin[i] < weak_below;
+            let two_weak = gray.second[i] < weak_below;
+            let touching = here.max(there) - here.min(there) == 1;
+            x[i] = if one_weak {
+                here.max(there) as f32 * self.cell - 0.5
+            } else {
+                self.center(gray.code[i])
+            };
+            ok[i] &= !one_weak | (touching & !two_weak);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn three_periods_find_every_position() {
+        let periods = [16.0f32, 160.0, 1920.0];
+        let ensemble = Ensemble::new(periods.to_vec());
+        for i in 0..19_180 {
+            let x = 0.5 + i as f32 * 0.1;
+            let wrapped = periods.map(|p| x.rem_euclid(p));
+            let best = ensemble.best(&wrapped, &[4e-4, 0.04, 6.0], -1.5, 1920.5);
+            assert!((best.x - x).abs() < 1e-3 && best.certain, "{x} {best:?}");
+        }
+    }
+
+    #[test]
+    fn a_tie_is_uncertain_and_so_is_the_seam_of_a_single_period() {
+        // 66.67 and 100 repeat after 200.
+        let ensemble = Ensemble::new(vec![200.0 / 3.0, 100.0]);
+        let wrapped = [50.0, 50.0];
+        assert!(ensemble.best(&wrapped, &[0.01, 0.01], 0.0, 200.0).certain);
+        assert!(!ensemble.best(&wrapped, &[0.01, 0.01], 0.0, 400.0).certain);
+        let one = Ensemble::new(vec![1920.0]);
+        assert!(one.best(&[700.0], &[0.01], -1.5, 1920.5).certain);
+        assert!(!one.best(&[0.2], &[0.01], -1.5, 1920.5).certain);
+    }
+}

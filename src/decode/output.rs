@@ -1,0 +1,242 @@
+//! What a decoding leaves in a folder, and the short table about it.
+
+use super::decoder::{Decoded, Decoder, Verdict};
+use super::npy::write_npy;
+use crate::error::{Error, Result};
+use crate::geometry::ply;
+use crate::pattern::Axis;
+use image::{GrayImage, Luma, Rgb, RgbImage};
+use rayon::prelude::*;
+use serde::Serialize;
+use std::path::Path;
+
+/// Every name that [`write_outputs`] may write.
+pub const fn output_names() -> &'static [&'static str] {
+    &[
+        "projector_x.npy",
+        "projector_y.npy",
+        "sigma_x.npy",
+        "sigma_y.npy",
+        "modulation.npy",
+        "mask.png",
+        "phase_x.png",
+        "phase_y.png",
+        "depth.npy",
+        "cloud.ply",
+    ]
+}
+
+/// Writes the maps of a decoding into `folder`, which exists: `projector_x.npy`, `sigma_x.npy` and
+/// `phase_x.png` (and `_y`) for the axes that were decoded, `modulation.npy`, `mask.png`, and with a
+/// rig `depth.npy` and `cloud.ply`. Returns the names written.
+///
+/// # Errors
+/// What the system refuses.
+pub fn write_outputs(
+    folder: &Path,
+    decoder: &Decoder,
+    decoded: &Decoded,
+) -> Result<Vec<&'static str>> {
+    type Task<'a> = (&'static str, Box<dyn Fn(&Path) -> Result<()> + Sync + 'a>);
+    let (width, height) = (decoded.width, decoded.height);
+    let mut tasks: Vec<Task<'_>> = Vec::new();
+    let array = |values: &'_ [f32], path: &Path| write_npy(path, width, height, values);
+    for (axis, map) in decoded.axes() {
+        let [projector, sigma, phase] = match axis {
+            Axis::X => ["projector_x.npy", "sigma_x.npy", "phase_x.png"],
+            Axis::Y => ["projector_y.npy", "sigma_y.npy", "phase_y.png"],
+        };
+        let period = decoder
+            .plan()
+            .axis(axis)
+            .and_then(|a| a.sets.first())
+            .map(|s| s.period_px as f32);
+        tasks.push((projector, Box::new(move |p| array(&map.coordinate, p))));
+        tasks.push((sigma, Box::new(move |p| array(&map.sigma, p))));
+        tasks.push((
+            phase,
+            Box::new(move |p| save(p, phase_picture(width, &map.coordinate, period))),
+        ));
+    }
+    tasks.push((
+        "modulation.npy",
+        Box::new(move |p| array(&decoded.modulation, p)),
+    ));
+    tasks.push((
+        "mask.png",
+        Box::new(move |p| {
+            let mask = GrayImage::from_fn(width as u32, height as u32, |u, v| {
+                let valid = decoded.is_valid(v as usize * width + u as usize);
+                Luma([if valid { 255 } else { 0 }])
+            });
+            save(p, mask.into())
+        }),
+    ));
+    if decoder.triangulator().is_some() {
+        tasks.push(("depth.npy", Box::new(move |p| array(&decoded.depth, p))));
+        tasks.push((
+            "cloud.ply",
+            Box::new(move |p| ply::write_cloud(p, &decoder.cloud(decoded))),
+        ));
+    }
+    tasks
+        .par_iter()
+        .map(|(name, task)| task(&folder.join(name)).map(|()| *name))
+        .collect()
+}
+
+fn save(path: &Path, image: image::DynamicImage) -> Result<()> {
+    image.save(path).map_err(|e| match e {
+        image::ImageError::IoError(e) => Error::io(path, e),
+        e => Error::device(format!("{}: {e}", path.display())),
+    })
+}
+
+/// The phase of the finest fringes as hue, black where there is none; of Gray code alone, its cells
+/// modulo 64 px.
+fn phase_picture(width: usize, coordinate: &[f32], period: Option<f32>) -> image::DynamicImage {
+    let period = period.unwrap_or(64.0);
+    let height = coordinate.len() / width;
+    RgbImage::from_fn(width as u32, height as u32, |u, v| {
+        let x = coordinate[v as usize * width + u as usize];
+        if x.is_nan() {
+            return Rgb([0; 3]);
+        }
+        let hue = (x / period).rem_euclid(1.0) * 6.0;
+        let level = |shift: f32| {
+            let h = (hue + shift).rem_euclid(6.0);
+            (255.0 * (2.0 - (h - 3.0).abs()).clamp(0.0, 1.0)) as u8
+        };
+        // Each colour is full over a third of the circle about its own hue.
+        Rgb([level(3.0), level(1.0), level(5.0)])
+    })
+    .into()
+}
+
+/// The figures of a decoding: coverage, spread and reasons, each apart.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Summary {
+    /// Frames in the sequence.
+    pub frames: usize,
+    /// Columns.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+    /// Pixels in an image.
+    pub pixels: usize,
+    /// Per axis.
+    pub axes: Vec<AxisSummary>,
+    /// Median modulation B in DN over the pixels valid on the first axis.
+    pub median_modulation_dn: Option<f32>,
+    /// Points, with a rig.
+    pub points: Option<usize>,
+    /// Median standard deviation of depth in mm, with a rig.
+    pub median_depth_sigma_mm: Option<f32>,
+    /// What the user should know.
+    pub notes: Vec<String>,
+}
+
+/// The figures of one axis.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct AxisSummary {
+    /// The axis.
+    pub axis: Axis,
+    /// Pixels with a coordinate.
+    pub valid: usize,
+    /// Median standard deviation in projector pixels.
+    pub median_sigma_px: Option<f32>,
+    /// Pixels by the reason that masked them.
+    pub masked: Vec<(&'static str, usize)>,
+}
+
+impl Summary {
+    /// Counts and medians of a decoding.
+    pub fn new(decoder: &Decoder, decoded: &Decoded) -> Self {
+        let axes: Vec<_> = decoded
+            .axes()
+            .map(|(axis, map)| {
+                let mut counts = [0usize; Verdict::ALL.len()];
+                for &v in &map.verdict {
+                    counts[v as usize] += 1;
+                }
+                AxisSummary {
+                    axis,
+                    valid: counts[0],
+                    median_sigma_px: median(map.sigma.iter().copied()),
+                    masked: Verdict::ALL
+                        .iter()
+                        .zip(counts)
+                        .skip(1)
+                        .map(|(v, n)| (v.name(), n))
+                        .collect(),
+                }
+            })
+            .collect();
+        let first = decoded.axes().next().map(|(_, map)| map);
+        let valid = first
+            .iter()
+            .flat_map(|m| &m.verdict)
+            .zip(&decoded.modulation);
+        let with_rig = decoder.triangulator().is_some();
+        Self {
+            frames: decoder.plan().frames,
+            width: decoded.width,
+            height: decoded.height,
+            pixels: decoded.width * decoded.height,
+            axes,
+            median_modulation_dn: median(
+                valid
+                    .filter(|(v, _)| **v == Verdict::Valid)
+                    .map(|(_, m)| *m),
+            ),
+            points: with_rig.then(|| decoded.depth.iter().filter(|z| !z.is_nan()).count()),
+            median_depth_sigma_mm: median(decoded.depth_sigma.iter().copied()),
+            notes: decoded.notes.clone(),
+        }
+    }
+}
+
+impl std::fmt::Display for Summary {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let percent = |n: usize| 100.0 * n as f64 / self.pixels as f64;
+        writeln!(
+            f,
+            "frames       {} of {} x {}",
+            self.frames, self.width, self.height
+        )?;
+        if let Some(m) = self.median_modulation_dn {
+            writeln!(f, "modulation   {m:.2} DN (median)")?;
+        }
+        for axis in &self.axes {
+            let sigma = axis.median_sigma_px.unwrap_or(f32::NAN);
+            writeln!(
+                f,
+                "axis {}       {} valid ({:.1} %), sigma {sigma:.4} px (median)",
+                axis.axis,
+                axis.valid,
+                percent(axis.valid)
+            )?;
+            for (name, count) in axis.masked.iter().filter(|(_, n)| *n > 0) {
+                writeln!(f, "  {name:<16} {count:>9} ({:.2} %)", percent(*count))?;
+            }
+        }
+        if let Some(points) = self.points {
+            let sigma = self.median_depth_sigma_mm.unwrap_or(f32::NAN);
+            writeln!(
+                f,
+                "points       {points}, sigma {sigma:.4} mm in depth (median)"
+            )?;
+        }
+        for note in &self.notes {
+            writeln!(f, "note         {note}")?;
+        }
+        Ok(())
+    }
+}
+
+/// The median of what is not NaN.
+fn median(values: impl Iterator<Item = f32>) -> Option<f32> {
+    let mut values: Vec<f32> = values.filter(|v| !v.is_nan()).collect();
+    let middle = values.len() / 2;
+    (!values.is_empty()).then(|| *values.select_nth_unstable_by(middle, f32::total_cmp).1)
+}

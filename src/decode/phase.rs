@@ -1,0 +1,141 @@
+//! Rows of pixels through the least squares of a fringe set: mean, modulation, wrapped coordinate
+//! and its variance, in f32 and laid out to vectorise.
+
+use super::samples::Sample;
+use super::steps::FringeSet;
+use super::turns::turns;
+use crate::geometry::NoiseModel;
+use std::f64::consts::TAU;
+
+/// The camera's noise as a row kernel needs it.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct RowNoise {
+    pub(super) floor: f32,
+    pub(super) gain: f32,
+    pub(super) black: f32,
+}
+
+impl RowNoise {
+    pub(super) fn new(noise: &NoiseModel) -> Self {
+        Self {
+            floor: noise.variance_dn2(noise.black_level_dn) as f32,
+            gain: noise.gain_dn_per_e as f32,
+            black: noise.black_level_dn as f32,
+        }
+    }
+
+    /// Variance in DN^2 at a mean in DN.
+    #[inline(always)]
+    pub(super) fn variance(&self, mean: f32) -> f32 {
+        self.floor + self.gain * (mean - self.black).max(0.0)
+    }
+}
+
+/// The numbers of a [`FringeSet`] in f32.
+#[derive(Debug, Clone)]
+pub(super) struct SetKernel {
+    pub(super) period: f32,
+    pub(super) frames: Vec<usize>,
+    weights: Vec<[f32; 3]>,
+    gram: [f32; 3],
+    skew: [f32; 4],
+    /// (period / 2 pi)^2: variance of phase to variance of position.
+    per_phase: f32,
+}
+
+impl SetKernel {
+    pub(super) fn new(set: &FringeSet) -> Self {
+        Self {
+            period: set.period_px as f32,
+            frames: set.frames.clone(),
+            weights: set.weights.iter().map(|w| w.map(|v| v as f32)).collect(),
+            gram: set.gram.map(|v| v as f32),
+            skew: set.skew.map(|v| v as f32),
+            per_phase: (set.period_px / TAU).powi(2) as f32,
+        }
+    }
+
+    /// Variance of position at which the phase's standard deviation is `sigma_rad`.
+    pub(super) fn variance_of_phase(&self, sigma_rad: f32) -> f32 {
+        self.per_phase * sigma_rad * sigma_rad
+    }
+}
+
+/// One fringe set's results over a row.
+#[derive(Debug, Default)]
+pub(super) struct SetRow {
+    /// Mean A in DN.
+    pub(super) mean: Vec<f32>,
+    /// C; after [`Self::finish`] the modulation B in DN.
+    pub(super) modulation: Vec<f32>,
+    /// S; after [`Self::finish`] the coordinate modulo the period, in projector pixels.
+    pub(super) wrapped: Vec<f32>,
+    /// Variance of the coordinate in projector pixels squared.
+    pub(super) variance: Vec<f32>,
+}
+
+impl SetRow {
+    pub(super) fn reset(&mut self, n: usize) {
+        for v in [
+            &mut self.mean,
+            &mut self.modulation,
+            &mut self.wrapped,
+            &mut self.variance,
+        ] {
+            v.clear();
+            v.resize(n, 0.0);
+        }
+    }
+
+    /// Adds the samples of step `step`, keeping the greatest sample in `top`.
+    #[inline(always)]
+    pub(super) fn add<T: Sample>(
+        &mut self,
+        kernel: &SetKernel,
+        step: usize,
+        samples: &[T],
+        top: &mut [f32],
+    ) {
+        let [wa, wc, ws] = kernel.weights[step];
+        let n = samples.len();
+        let (a, c, s) = (
+            &mut self.mean[..n],
+            &mut self.modulation[..n],
+            &mut self.wrapped[..n],
+        );
+        let top = &mut top[..n];
+        for i in 0..n {
+            let v = samples[i].dn();
+            a[i] += wa * v;
+            c[i] += wc * v;
+            s[i] += ws * v;
+            top[i] = top[i].max(v);
+        }
+    }
+
+    /// Turns A, C, S into mean, modulation, wrapped coordinate and variance.
+    ///
+    /// The phase phi = atan2(S, C) has d phi = (C dS - S dC) / B^2. Samples' variances follow the
+    /// linear noise model, so that of the phase is
+    /// [v(A) (C^2 Gss - 2 C S Gcs + S^2 Gcc) + K (third-order terms of C and S)] / B^4.
+    #[inline(always)]
+    pub(super) fn finish(&mut self, kernel: &SetKernel, noise: RowNoise) {
+        let n = self.mean.len();
+        let (mean, m) = (&self.mean[..n], &mut self.modulation[..n]);
+        let (w, var) = (&mut self.wrapped[..n], &mut self.variance[..n]);
+        let [gcc, gcs, gss] = kernel.gram;
+        let [t0, t1, t2, t3] = kernel.skew.map(|t| t * noise.gain);
+        for i in 0..n {
+            let (c, s) = (m[i], w[i]);
+            let b2 = (c * c + s * s).max(1e-12);
+            let even = noise.variance(mean[i]) * (c * c * gss - 2.0 * c * s * gcs + s * s * gcc);
+            let odd = c * c * (c * t0 + s * t1) + s * s * (c * t2 + s * t3);
+            // A pixel whose mean and modulation contradict the model still has some noise.
+            let sum = (even + odd).max(0.1 * even);
+            var[i] = kernel.per_phase * sum / (b2 * b2);
+            m[i] = b2.sqrt();
+            let x = kernel.period * turns(s, c);
+            w[i] = if x >= kernel.period { 0.0 } else { x };
+        }
+    }
+}

@@ -1,0 +1,167 @@
+//! N-step fringes of one period by least squares over all steps, equal or not.
+//!
+//! Frame i shows I_i = A + C cos(theta_i) - S sin(theta_i) with C = B cos(phi), S = B sin(phi) and
+//! phi = 2 pi x / period. (A, C, S) is the pseudo-inverse of the N x 3 matrix of rows
+//! [1, cos(theta_i), -sin(theta_i)] applied to the samples (Greivenkamp, "Generalized data
+//! reduction for heterodyne interferometry", Opt. Eng. 23(4), 1984). For N equal steps the phase's
+//! standard deviation is sqrt(2/N) sigma / B.
+
+use crate::error::{Error, Result};
+use nalgebra::{Matrix3, Vector3};
+use std::f64::consts::TAU;
+
+/// Least squares of one set of steps.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FringeSet {
+    /// Period in projector pixels.
+    pub period_px: f64,
+    /// Index of each step's frame in the sequence.
+    pub frames: Vec<usize>,
+    /// Phase of each step in radians.
+    pub phases: Vec<f64>,
+    /// Weights of the frames in A, C and S.
+    pub weights: Vec<[f64; 3]>,
+    /// Sums over the frames of wc wc, wc ws, ws ws: the covariance of (C, S) per unit variance.
+    pub gram: [f64; 3],
+    /// How shot noise that follows the fringe itself adds to the variance of the phase: the
+    /// coefficients of C^3, C^2 S, C S^2, S^3.
+    pub skew: [f64; 4],
+}
+
+impl FringeSet {
+    /// The least squares of steps at `phases` (radians) in the frames `frames`; `place` names the
+    /// set in messages.
+    ///
+    /// # Errors
+    /// Fewer than three steps, or steps that cannot tell A, C and S apart.
+    pub fn new(place: &str, period_px: f64, frames: Vec<usize>, phases: Vec<f64>) -> Result<Self> {
+        let n = phases.len();
+        if n < 3 {
+            return Err(Error::input(
+                place,
+                format!("{n} step{}", if n == 1 { "" } else { "s" }),
+                "3 or more steps of different phase",
+            ));
+        }
+        let rows: Vec<Vector3<f64>> = phases
+            .iter()
+            .map(|&t| t.rem_euclid(TAU))
+            .map(|t| Vector3::new(1.0, t.cos(), -t.sin()))
+            .collect();
+        let normal: Matrix3<f64> = rows.iter().map(|r| r * r.transpose()).sum();
+        let least = normal.symmetric_eigenvalues().min() / n as f64;
+        let inverse = normal.try_inverse().filter(|_| least > 1e-6);
+        let Some(inverse) = inverse else {
+            let degrees: Vec<String> = phases
+                .iter()
+                .map(|t| format!("{:.4}", t.rem_euclid(TAU).to_degrees()))
+                .collect();
+            return Err(Error::input(
+                place,
+                format!("steps at {} degrees", degrees.join(", ")),
+                "at least 3 different phases (modulo 360 degrees)",
+            ));
+        };
+        let weights: Vec<[f64; 3]> = rows.iter().map(|r| (inverse * r).into()).collect();
+        let mut gram = [0.0; 3];
+        let mut skew = [0.0; 4];
+        for (&[_, wc, ws], row) in weights.iter().zip(&rows) {
+            let (cos, sin) = (row[1], -row[2]);
+            gram[0] += wc * wc;
+            gram[1] += wc * ws;
+            gram[2] += ws * ws;
+            // (C ws - S wc)^2 (C cos - S sin), expanded.
+            skew[0] += ws * ws * cos;
+            skew[1] -= ws * ws * sin + 2.0 * ws * wc * cos;
+            skew[2] += 2.0 * ws * wc * sin + wc * wc * cos;
+            skew[3] -= wc * wc * sin;
+        }
+        Ok(Self {
+            period_px,
+            frames,
+            phases,
+            weights,
+            gram,
+            skew,
+        })
+    }
+
+    /// A, C, S of samples in the order of [`Self::frames`], in f64: the reference path.
+    pub fn solve(&self, samples: &[f64]) -> [f64; 3] {
+        let mut sum = [0.0; 3];
+        for (w, &v) in self.weights.iter().zip(samples) {
+            for k in 0..3 {
+                sum[k] += w[k] * v;
+            }
+        }
+        sum
+    }
+
+    /// Sum of squared residuals of samples against their fit.
+    pub fn residual(&self, samples: &[f64]) -> f64 {
+        let [a, c, s] = self.solve(samples);
+        self.phases
+            .iter()
+            .zip(samples)
+            .map(|(t, v)| (v - (a + c * t.cos() - s * t.sin())).powi(2))
+            .sum()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn equal(n: usize) -> FringeSet {
+        let phases = (0..n).map(|i| TAU * i as f64 / n as f64).collect();
+        FringeSet::new("t", 16.0, (0..n).collect(), phases).unwrap()
+    }
+
+    #[test]
+    fn equal_steps_have_the_closed_form() {
+        for n in [3, 4, 5, 12] {
+            let set = equal(n);
+            for (i, w) in set.weights.iter().enumerate() {
+                let t = TAU * i as f64 / n as f64;
+                let truth = [1.0, 2.0 * t.cos(), -2.0 * t.sin()].map(|v| v / n as f64);
+                assert!(w.iter().zip(truth).all(|(a, b)| (a - b).abs() < 1e-12));
+            }
+            let truth = 2.0 / n as f64;
+            assert!((set.gram[0] - truth).abs() < 1e-12 && (set.gram[2] - truth).abs() < 1e-12);
+            assert!(set.gram[1].abs() < 1e-12);
+            // Third harmonics of the weights cancel from four equal steps on.
+            assert_eq!(n > 3, set.skew.iter().all(|t| t.abs() < 1e-12), "{n}");
+        }
+    }
+
+    #[test]
+    fn what_cannot_be_solved_names_its_steps() {
+        for phases in [vec![0.0, 1.0], vec![0.0, TAU / 2.0, TAU, 1.5 * TAU]] {
+            let n = phases.len();
+            let error = FringeSet::new("axis x, period 16 px", 16.0, (0..n).collect(), phases)
+                .unwrap_err()
+                .to_string();
+            assert!(error.contains("axis x, period 16 px"), "{error}");
+            assert!(error.contains("steps"), "{error}");
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn unequal_steps_give_back_what_they_were_made_of(
+            phases in proptest::collection::vec(0.0..TAU, 3..13),
+            x in 0.0..16.0f64, a in 0.0..200.0f64, b in 1.0..100.0f64,
+        ) {
+            let n = phases.len();
+            if let Ok(set) = FringeSet::new("t", 16.0, (0..n).collect(), phases.clone()) {
+                let phi = TAU * x / 16.0;
+                let samples: Vec<f64> = phases.iter().map(|t| a + b * (phi + t).cos()).collect();
+                let [fa, c, s] = set.solve(&samples);
+                prop_assert!((fa - a).abs() < 1e-6);
+                prop_assert!((c - b * phi.cos()).abs() < 1e-6 && (s - b * phi.sin()).abs() < 1e-6);
+                prop_assert!(set.residual(&samples) < 1e-9);
+            }
+        }
+    }
+}
