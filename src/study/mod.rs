@@ -1,1 +1,3 @@
-//! (to be written)
+//! What needs both halves: scans scored against the truth, and the demo.
+
+pub mod score;

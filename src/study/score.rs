@@ -1,0 +1,289 @@
+//! A decoded scan against the device's truth, pixel by pixel: inlier error, gross errors and
+//! coverage apart, and the error beside the bound that noise sets.
+
+use crate::decode::Decoded;
+use crate::emulator::Truth;
+use crate::error::{Error, Result};
+use crate::geometry::{Cloud, NoiseModel, Rig, View};
+use crate::measure::{GROSS_MM, Surface, compare};
+use crate::pattern::{Axis, Manifest, Pattern};
+use glam::{DVec2, DVec3};
+use serde::Serialize;
+use std::f64::consts::TAU;
+
+/// Errors over the pixels whose footprint meets one smooth surface, and over the others.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Score {
+    /// Pixels with a measured point.
+    pub points: usize,
+    /// Valid pixels among those that are lit, seen, and struck below 80 degrees by both rays.
+    pub coverage: f64,
+    /// Share of points more than 1 mm off in depth, or where there is nothing to see.
+    pub gross_error_rate: f64,
+    /// Root mean square depth error of the other points, in millimetres.
+    pub inlier_rmse_mm: f64,
+    /// Mean absolute depth error of all points that have a true depth, in millimetres.
+    pub mae_mm: f64,
+    /// Largest distance between the measured and the true surface, both ways, in millimetres.
+    pub hausdorff_mm: f64,
+    /// Mean distance to agreement: the mean distance to the other surface, both ways.
+    pub mdta_mm: f64,
+    /// Root mean square over pixels of sqrt(2/N) sigma/B carried to depth, in millimetres.
+    pub bound_mm: f64,
+    /// Root mean square of the inliers' errors, each over its own pixel's bound.
+    pub ratio_to_bound: f64,
+    /// The same errors where a pixel meets more than one facet or object.
+    pub crease: CreaseScore,
+}
+
+/// Errors of pixels that meet more than one facet, object or shadow.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct CreaseScore {
+    /// Points.
+    pub points: usize,
+    /// Valid pixels among those lit, seen and struck below 80 degrees.
+    pub coverage: f64,
+    /// Share of points more than 1 mm off.
+    pub gross_error_rate: f64,
+    /// Root mean square depth error of the others, in millimetres.
+    pub inlier_rmse_mm: f64,
+    /// Mean absolute depth error, in millimetres.
+    pub mae_mm: f64,
+}
+
+/// Depth errors by pixel in millimetres, NaN where there is no measured or no true point.
+pub fn depth_errors(decoded: &Decoded, truth: &Truth) -> Vec<f32> {
+    decoded
+        .depth
+        .iter()
+        .zip(&truth.depth_mm)
+        .map(|(measured, exact)| measured - exact)
+        .collect()
+}
+
+/// Scores a scan made with `manifest`. `rig` is the true rig; without its noise model the bound
+/// is of rounding alone.
+///
+/// # Errors
+/// A scan without depth, or of another size than the truth.
+pub fn score(decoded: &Decoded, truth: &Truth, manifest: &Manifest, rig: &Rig) -> Result<Score> {
+    let n = truth.depth_mm.len();
+    if decoded.depth.len() != n || decoded.width != truth.width as usize {
+        return Err(Error::device(format!(
+            "the scan has {} depths of {} columns, the truth {n} of {}",
+            decoded.depth.len(),
+            decoded.width,
+            truth.width
+        )));
+    }
+    let errors = depth_errors(decoded, truth);
+    let is_crease = |i: usize| truth.flags[i] & Truth::CREASE != 0;
+    let smooth = Tally::over((0..n).filter(|&i| !is_crease(i)), decoded, truth, &errors);
+    let crease = Tally::over((0..n).filter(|&i| is_crease(i)), decoded, truth, &errors);
+    let noise = Noise::new(manifest, rig, truth);
+    let (bound_mm, ratio_to_bound) = noise.compare(&errors);
+    let (hausdorff_mm, mdta_mm) = surfaces(decoded, truth, rig)?;
+    Ok(Score {
+        points: decoded.depth.iter().filter(|z| z.is_finite()).count(),
+        coverage: smooth.coverage(),
+        gross_error_rate: smooth.gross_rate(),
+        inlier_rmse_mm: smooth.inlier_rmse(),
+        mae_mm: smooth.mae(),
+        hausdorff_mm,
+        mdta_mm,
+        bound_mm,
+        ratio_to_bound,
+        crease: CreaseScore {
+            points: crease.points,
+            coverage: crease.coverage(),
+            gross_error_rate: crease.gross_rate(),
+            inlier_rmse_mm: crease.inlier_rmse(),
+            mae_mm: crease.mae(),
+        },
+    })
+}
+
+/// Counts and sums over a set of pixels.
+#[derive(Default)]
+struct Tally {
+    points: usize,
+    with_truth: usize,
+    gross: usize,
+    absolute: f64,
+    inliers: usize,
+    squares: f64,
+    /// Pixels that a scanner should measure, and those of them that it did.
+    expected: usize,
+    found: usize,
+}
+
+impl Tally {
+    fn over(
+        pixels: impl Iterator<Item = usize>,
+        decoded: &Decoded,
+        truth: &Truth,
+        errors: &[f32],
+    ) -> Self {
+        let mut t = Self::default();
+        let wanted = Truth::SEEN | Truth::LIT | Truth::SQUARE;
+        for i in pixels {
+            let valid = decoded.depth[i].is_finite();
+            if truth.flags[i] & wanted == wanted {
+                t.expected += 1;
+                t.found += usize::from(valid);
+            }
+            if !valid {
+                continue;
+            }
+            t.points += 1;
+            let error = f64::from(errors[i]).abs();
+            if error.is_nan() {
+                // A point where there is no surface.
+                t.gross += 1;
+                continue;
+            }
+            t.with_truth += 1;
+            t.absolute += error;
+            if error > GROSS_MM {
+                t.gross += 1;
+            } else {
+                t.inliers += 1;
+                t.squares += error * error;
+            }
+        }
+        t
+    }
+
+    fn coverage(&self) -> f64 {
+        self.found as f64 / self.expected.max(1) as f64
+    }
+    fn gross_rate(&self) -> f64 {
+        self.gross as f64 / self.points.max(1) as f64
+    }
+    fn inlier_rmse(&self) -> f64 {
+        (self.squares / self.inliers.max(1) as f64).sqrt()
+    }
+    fn mae(&self) -> f64 {
+        self.absolute / self.with_truth.max(1) as f64
+    }
+}
+
+/// The least-squares noise bound of the finest fringes, carried to depth.
+struct Noise<'a> {
+    rig: &'a Rig,
+    truth: &'a Truth,
+    model: NoiseModel,
+    axis: Axis,
+    /// Standard deviation of the projector coordinate is this over B, times sigma.
+    px_per_ratio: f64,
+}
+
+impl<'a> Noise<'a> {
+    fn new(manifest: &Manifest, rig: &'a Rig, truth: &'a Truth) -> Self {
+        let fringes = manifest.frame.iter().filter_map(|f| match f.pattern {
+            Pattern::Fringe {
+                axis, period_px, ..
+            } => Some((axis, period_px)),
+            _ => None,
+        });
+        let (axis, period_px) = fringes
+            .clone()
+            .min_by(|a, b| {
+                a.1.total_cmp(&b.1)
+                    .then((a.0 == Axis::Y).cmp(&(b.0 == Axis::Y)))
+            })
+            .unwrap_or((Axis::X, f64::NAN));
+        let steps = fringes.filter(|f| *f == (axis, period_px)).count();
+        Self {
+            rig,
+            truth,
+            model: rig.noise.unwrap_or(NoiseModel {
+                gain_dn_per_e: 0.0,
+                read_noise_dn: 0.0,
+                black_level_dn: 0.0,
+                saturation_dn: f64::INFINITY,
+            }),
+            axis,
+            px_per_ratio: period_px / TAU * (2.0 / steps as f64).sqrt(),
+        }
+    }
+
+    /// The bound at a pixel in millimetres; NaN where the truth has no modulation.
+    fn bound_mm(&self, i: usize) -> f64 {
+        let width = self.truth.width as usize;
+        let px = DVec2::new((i % width) as f64, (i / width) as f64);
+        let sigma = self.model.variance_dn2(self.truth.mean_dn[i].into()).sqrt();
+        let sigma_px = self.px_per_ratio * sigma / f64::from(self.truth.modulation_dn[i]);
+        let depth = f64::from(self.truth.depth_mm[i]);
+        sigma_px / px_per_mm(self.rig, px, depth, self.axis).abs()
+    }
+
+    /// RMS of the bounds, and RMS of error over bound, over inlying points that are no creases.
+    fn compare(&self, errors: &[f32]) -> (f64, f64) {
+        let (mut count, mut bounds, mut ratios) = (0usize, 0.0, 0.0);
+        for (i, &error) in errors.iter().enumerate() {
+            let error = f64::from(error);
+            // NaN compares as no inlier.
+            if self.truth.flags[i] & Truth::CREASE != 0 || !(error.abs() <= GROSS_MM) {
+                continue;
+            }
+            let bound = self.bound_mm(i);
+            if bound.is_finite() && bound > 0.0 {
+                count += 1;
+                bounds += bound * bound;
+                ratios += (error / bound).powi(2);
+            }
+        }
+        let n = count.max(1) as f64;
+        ((bounds / n).sqrt(), (ratios / n).sqrt())
+    }
+}
+
+/// How many projector pixels a point moves on its camera ray for a millimetre of depth.
+fn px_per_mm(rig: &Rig, px: DVec2, depth: f64, axis: Axis) -> f64 {
+    let ray = rig.camera.ray(px);
+    let step = depth * 1e-4;
+    let at = |z: f64| project(&rig.projector, ray * z, axis);
+    (at(depth + step) - at(depth - step)) / (2.0 * step)
+}
+
+fn project(view: &View, point: DVec3, axis: Axis) -> f64 {
+    let px = view.project(point).unwrap_or(DVec2::NAN);
+    match axis {
+        Axis::X => px.x,
+        Axis::Y => px.y,
+    }
+}
+
+/// Hausdorff distance and mean distance to agreement between the measured and the true surface,
+/// creases aside.
+fn surfaces(decoded: &Decoded, truth: &Truth, rig: &Rig) -> Result<(f64, f64)> {
+    let wanted = Truth::SEEN | Truth::LIT;
+    let cloud = |depth: &[f32], keep: &dyn Fn(usize) -> bool| Cloud {
+        points: (0..depth.len())
+            .filter(|&i| depth[i].is_finite() && keep(i))
+            .map(|i| {
+                let px = DVec2::new((i % decoded.width) as f64, (i / decoded.width) as f64);
+                (rig.camera.ray(px) * f64::from(depth[i]))
+                    .as_vec3()
+                    .to_array()
+            })
+            .collect(),
+        ..Cloud::default()
+    };
+    let crease = |i: usize| truth.flags[i] & Truth::CREASE != 0;
+    let measured = cloud(&decoded.depth, &|i| !crease(i));
+    let exact = cloud(&truth.depth_mm, &|i| {
+        !crease(i) && truth.flags[i] & wanted == wanted
+    });
+    if measured.points.is_empty() || exact.points.is_empty() {
+        return Ok((f64::NAN, f64::NAN));
+    }
+    let exact = crate::measure::Truth::Cloud(exact);
+    let surface = Surface::new(&exact)?;
+    let comparison = compare(&measured, &exact, &surface, None)?;
+    Ok(match comparison.both {
+        Some(both) => (both.hausdorff_mm, both.mae_mm),
+        None => (f64::NAN, f64::NAN),
+    })
+}
