@@ -1,16 +1,15 @@
-//! A tiny font for scales: 5 rows of 3 dots a letter.
+//! A tiny font for scales: 5 rows of dots, 3 a letter, 5 where a letter needs them.
 
 use image::{Rgb, RgbImage};
 
-/// Dots across and down a letter, and from one letter to the next.
-const WIDTH: u32 = 3;
+/// Dots down a letter, and between letters.
 const HEIGHT: u32 = 5;
-const ADVANCE: u32 = WIDTH + 1;
+const GAP: u32 = 1;
 
 /// Width and height in pixels of a text with dots of `dot` pixels.
 pub(super) fn size(text: &str, dot: u32) -> (u32, u32) {
-    let letters = text.chars().count() as u32;
-    ((letters * ADVANCE).saturating_sub(1) * dot, HEIGHT * dot)
+    let dots: u32 = text.chars().map(|c| glyph(c).0 + GAP).sum();
+    (dots.saturating_sub(GAP) * dot, HEIGHT * dot)
 }
 
 /// Draws a text with its upper left corner at (x, y); what falls off the picture is left out.
@@ -21,13 +20,14 @@ pub(super) fn draw(
     dot: u32,
     colour: [u8; 3],
 ) {
-    for (at, letter) in (0..).zip(text.chars()) {
-        let rows = glyph(letter);
+    let mut left = x;
+    for letter in text.chars() {
+        let (width, rows) = glyph(letter);
         for row in 0..HEIGHT * dot {
-            for column in 0..WIDTH * dot {
+            for column in 0..width * dot {
                 let bits = rows[(row / dot) as usize];
-                let (px, py) = (x + at * ADVANCE * dot + column, y + row);
-                if bits >> (WIDTH - 1 - column / dot) & 1 == 1
+                let (px, py) = (left + column, y + row);
+                if bits >> (width - 1 - column / dot) & 1 == 1
                     && px < image.width()
                     && py < image.height()
                 {
@@ -35,12 +35,16 @@ pub(super) fn draw(
                 }
             }
         }
+        left += (width + GAP) * dot;
     }
 }
 
-/// Rows from the top, the leftmost dot the highest of three bits; a box for what is not there.
-fn glyph(letter: char) -> [u8; 5] {
-    match letter.to_ascii_lowercase() {
+/// Dots across, and rows from the top with the leftmost dot as the highest bit; a box for what is
+/// not there.
+fn glyph(letter: char) -> (u32, [u8; 5]) {
+    let rows = match letter.to_ascii_lowercase() {
+        'm' => return (5, [0, 0b11010, 0b10101, 0b10101, 0b10101]),
+        'w' => return (5, [0, 0b10101, 0b10101, 0b10101, 0b01010]),
         '0' => [7, 5, 5, 5, 7],
         '1' => [2, 6, 2, 2, 7],
         '2' => [7, 1, 7, 4, 7],
@@ -69,9 +73,7 @@ fn glyph(letter: char) -> [u8; 5] {
         'j' => [1, 1, 1, 5, 2],
         'k' => [5, 5, 6, 5, 5],
         'l' => [4, 4, 4, 4, 7],
-        // Three dots are too few for m and n in capitals.
-        'm' => [0, 0, 7, 7, 5],
-        'n' => [0, 0, 6, 5, 5],
+        'n' => [0, 6, 5, 5, 5],
         'o' => [2, 5, 5, 5, 2],
         'p' => [6, 5, 6, 4, 4],
         'q' => [2, 5, 5, 6, 3],
@@ -80,12 +82,12 @@ fn glyph(letter: char) -> [u8; 5] {
         't' => [7, 2, 2, 2, 2],
         'u' => [5, 5, 5, 5, 7],
         'v' => [5, 5, 5, 5, 2],
-        'w' => [5, 5, 7, 7, 5],
         'x' => [5, 5, 2, 5, 5],
         'y' => [5, 5, 2, 2, 2],
         'z' => [7, 1, 2, 4, 7],
         _ => [7, 7, 7, 7, 7],
-    }
+    };
+    (3, rows)
 }
 
 #[cfg(test)]
@@ -95,10 +97,11 @@ mod tests {
     #[test]
     fn letters_differ_and_fit() {
         let all = "0123456789-+./% abcdefghijklmnopqrstuvwxyz";
+        // 0 and o, 5 and s are told apart by a dot or two; none are the same.
         for (i, a) in all.char_indices() {
-            assert!(glyph(a).iter().all(|row| *row < 8));
+            let (width, rows) = glyph(a);
+            assert!(rows.iter().all(|row| row >> width == 0));
             for b in all[i + 1..].chars() {
-                // 0 and o, 5 and s are told apart by a dot; none are the same.
                 assert_ne!(glyph(a), glyph(b), "{a} {b}");
             }
         }

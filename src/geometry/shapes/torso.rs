@@ -185,13 +185,13 @@ impl Body {
             (-0.5 * (((x - x0) / wide).powi(2) + ((y - y0) / long).powi(2))).exp()
         };
         let chest =
-            13.0 * self.chest * (hill(82.0, 165.0, 46.0, 44.0) + hill(-82.0, 165.0, 46.0, 44.0));
+            17.0 * self.chest * (hill(82.0, 165.0, 46.0, 44.0) + hill(-82.0, 165.0, 46.0, 44.0));
         let breastbone = -4.0 * hill(0.0, 150.0, 20.0, 60.0);
         let collar = 2.5 * (hill(75.0, 72.0, 42.0, 14.0) + hill(-75.0, 72.0, 42.0, 14.0));
         let notch = -4.0 * hill(0.0, 62.0, 20.0, 18.0);
         // The ribs' edge arches over the abdomen.
         let arch = 240.0 + 55.0 * (x / 110.0).powi(2);
-        let ribs = 3.5 * (-0.5 * ((y - arch) / 26.0).powi(2) - 0.5 * (x / 105.0).powi(2)).exp();
+        let ribs = 5.0 * (-0.5 * ((y - arch) / 26.0).powi(2) - 0.5 * (x / 105.0).powi(2)).exp();
         let abdomen = 7.0 * self.abdomen * hill(0.0, 385.0, 75.0, 62.0);
         let midline = -1.8 * hill(0.0, 320.0, 15.0, 70.0);
         let navel = -6.5 * hill(0.0, 385.0, 13.0, 12.0);
