@@ -1,5 +1,9 @@
-//! Rates of the passes, each beside a memory copy of the same bytes in the same run.
+//! Rates of the passes, each beside a memory copy of the same bytes in the same run: machines
+//! differ and wander, the ratio less so.
+//!
+//! `cargo bench` runs all; `cargo bench -- geometry` those whose name holds a word.
 
+use phasma::decode::{Decoded, Decoder, FrameStack, Options, Samples};
 use phasma::emulator::render::Renderer;
 use phasma::emulator::{Shot, Slide};
 use phasma::profile::{Profile, Scene};
@@ -8,67 +12,169 @@ use std::sync::Arc;
 use std::time::Instant;
 
 fn main() {
+    let wanted: Vec<String> = std::env::args()
+        .skip(1)
+        .filter(|a| !a.starts_with("--"))
+        .collect();
+    let bench = Bench { wanted };
     let profile = Profile::load("pmp-bench").expect("built in");
-    for name in ["trapezoid", "torso"] {
-        let scene = Scene::load(name).expect("built in");
-        let mut renderer = Renderer::new(&profile, &scene, 1, true).expect("built in");
-        let slides: Vec<_> = profile.sequence[0]
-            .frame
-            .iter()
-            .map(|f| {
-                let none = |_: &std::path::Path| unreachable!("no images");
-                Arc::new(Slide::new(&f.pattern, &profile.projector, &none).expect("has a formula"))
+    let pixels = (profile.camera.width_px * profile.camera.height_px) as usize;
+    println!(
+        "{} x {} pixels, {} threads",
+        profile.camera.width_px,
+        profile.camera.height_px,
+        rayon::current_num_threads()
+    );
+    println!(
+        "{:<44}{:>10}{:>12}{:>12}{:>10}",
+        "", "ms", "Mpixel/s", "copy ms", "ratio"
+    );
+    for name in ["torso", "trapezoid"] {
+        let mut setup = Setup::new(&profile, name);
+        let triangles = setup.renderer.triangle_count();
+        // What the pass writes: ten maps, 45 bytes a pixel.
+        bench.run(
+            &format!("geometry, {name}, {triangles} triangles"),
+            1,
+            pixels,
+            45,
+            || {
+                setup.renderer.invalidate();
+                setup.renderer.prepare();
+            },
+        );
+        let frames = setup.slides.len();
+        let mut id = 0;
+        bench.run(
+            &format!("exposure + sensor, {name}"),
+            frames,
+            pixels,
+            21,
+            || {
+                for i in 0..frames {
+                    id += 1;
+                    black_box(setup.renderer.expose(&setup.shot(id, i)));
+                }
+            },
+        );
+    }
+    decode(&bench, &profile, pixels);
+}
+
+fn decode(bench: &Bench, profile: &Profile, pixels: usize) {
+    // A plane as large as the camera sees, lit all over: every pixel has to be decoded.
+    let mut wide = profile.clone();
+    wide.projector.throw_ratio = 0.5;
+    wide.projector.lens_shift_px = [384.0, 0.0];
+    wide.projector.radiant_intensity_w_sr = 1.1;
+    for (what, profile) in [
+        ("scene a fifth lit", profile),
+        ("scene lit all over", &wide),
+    ] {
+        let mut setup = Setup::new(profile, "plane");
+        let frames: Vec<Vec<u8>> = (0..setup.slides.len())
+            .map(|i| {
+                let shot = setup.shot(i as u64, i);
+                setup.renderer.expose(&shot).data
             })
             .collect();
-        renderer.expect_slides(slides.iter().map(AsRef::as_ref));
-        let geometry = best(7, || {
-            renderer.invalidate();
-            renderer.prepare();
-        });
-        let mut id = 0;
-        let frame = best(10, || {
-            for (i, slide) in slides.iter().enumerate() {
-                id += 1;
-                black_box(renderer.expose(&shot(id, i as u32, slide.clone())));
-            }
-        }) / slides.len() as f64;
-        println!(
-            "{name}: {} triangles, geometry {:.1} ms, frame {:.2} ms",
-            renderer.triangle_count(),
-            geometry * 1e3,
-            frame * 1e3
+        let manifest = profile.manifest(&profile.sequence[0]);
+        let rig = profile.nominal_rig();
+        let (w, h) = (
+            profile.camera.width_px as usize,
+            profile.camera.height_px as usize,
         );
-        if std::env::var_os("DUMP").is_some() {
-            for (i, slide) in slides.iter().enumerate() {
-                let f = renderer.expose(&shot(i as u64, i as u32, slide.clone()));
-                image::GrayImage::from_raw(f.width, f.height, f.data)
-                    .unwrap()
-                    .save(format!("/tmp/{name}_{i:02}.png"))
-                    .unwrap();
-            }
+        let decoder = Decoder::new(&manifest, w, h, Some(&rig), Options::default()).expect("whole");
+        let samples = frames.iter().map(|f| Samples::U8(f)).collect();
+        let stack = FrameStack::new(w, h, samples).expect("one size");
+        let mut out = Decoded::default();
+        let mut points = Vec::new();
+        let name = format!("{} frames to points, {what}", frames.len());
+        bench.run(&name, 1, pixels, frames.len(), || {
+            decoder.decode_into(&stack, &mut out).expect("decodes");
+            decoder.points_into(&out, &mut points);
+            black_box(&points);
+        });
+    }
+}
+
+struct Setup {
+    renderer: Renderer,
+    slides: Vec<Arc<Slide>>,
+    exposure_ns: u64,
+}
+
+impl Setup {
+    fn new(profile: &Profile, scene: &str) -> Self {
+        let scene = Scene::load(scene).expect("built in");
+        let mut renderer = Renderer::new(profile, &scene, 1, true).expect("built in");
+        let slide = |frame: &phasma::pattern::ManifestFrame| {
+            let none = |_: &std::path::Path| unreachable!("no images");
+            Arc::new(Slide::new(&frame.pattern, &profile.projector, &none).expect("has a formula"))
+        };
+        let slides: Vec<_> = profile.sequence[0].frame.iter().map(slide).collect();
+        renderer.expect_slides(slides.iter().map(AsRef::as_ref));
+        Self {
+            renderer,
+            slides,
+            exposure_ns: (profile.camera.exposure_us * 1e3) as u64,
+        }
+    }
+
+    fn shot(&self, id: u64, index: usize) -> Shot {
+        Shot {
+            id,
+            pattern_index: Some(index as u32),
+            slide: Some(self.slides[index].clone()),
+            light: 1.0,
+            start_ns: 0,
+            exposure_ns: self.exposure_ns,
+            gain_db: 0.0,
         }
     }
 }
 
-fn shot(id: u64, index: u32, slide: Arc<Slide>) -> Shot {
-    Shot {
-        id,
-        pattern_index: Some(index),
-        slide: Some(slide),
-        light: 1.0,
-        start_ns: 0,
-        exposure_ns: 8_000_000,
-        gain_db: 0.0,
+struct Bench {
+    wanted: Vec<String>,
+}
+
+impl Bench {
+    /// Times `run`, which does `count` times the work on `pixels` pixels, in turn with a copy of
+    /// the bytes that one unit of work touches; prints the best of each.
+    fn run(
+        &self,
+        name: &str,
+        count: usize,
+        pixels: usize,
+        bytes_per_pixel: usize,
+        mut run: impl FnMut(),
+    ) {
+        if !self.wanted.is_empty() && !self.wanted.iter().any(|w| name.contains(w)) {
+            return;
+        }
+        let from = vec![1u8; pixels * bytes_per_pixel];
+        let mut to = vec![0u8; from.len()];
+        let (mut best, mut copy) = (f64::INFINITY, f64::INFINITY);
+        run();
+        let start = Instant::now();
+        while start.elapsed().as_secs_f64() < 1.5 {
+            best = best.min(seconds(&mut run) / count as f64);
+            copy = copy.min(seconds(|| {
+                black_box(&mut to).copy_from_slice(black_box(&from))
+            }));
+        }
+        println!(
+            "{name:<44}{:>10.2}{:>12.1}{:>12.3}{:>10.1}",
+            best * 1e3,
+            pixels as f64 / best * 1e-6,
+            copy * 1e3,
+            best / copy
+        );
     }
 }
 
-fn best(times: usize, mut run: impl FnMut()) -> f64 {
+fn seconds(mut run: impl FnMut()) -> f64 {
+    let start = Instant::now();
     run();
-    (0..times)
-        .map(|_| {
-            let start = Instant::now();
-            run();
-            start.elapsed().as_secs_f64()
-        })
-        .fold(f64::INFINITY, f64::min)
+    start.elapsed().as_secs_f64()
 }
