@@ -2,7 +2,6 @@
 
 use super::Plan;
 use super::world::Surface;
-use glam::{DVec3, I16Vec2};
 
 /// Maps over the camera's pixels, row by row, and the samples of mixed pixels.
 #[derive(Debug, Clone, Default)]
@@ -24,8 +23,8 @@ pub(super) struct GeometryBuffer {
     pub(super) depth: Vec<f32>,
     /// Surface that the pixel's centre sees.
     pub(super) surface: Vec<u32>,
-    /// Its normal, packed.
-    pub(super) normal: Vec<PackedNormal>,
+    /// Its unit normal on the camera's side.
+    pub(super) normal: Vec<[f32; 3]>,
     /// `Truth::SEEN` and so on.
     pub(super) flags: Vec<u8>,
     /// Pixels whose footprint meets more than one surface, in order, and their samples.
@@ -58,7 +57,7 @@ pub(super) struct Band<'a> {
     pub(super) ambient: &'a mut [f32],
     pub(super) depth: &'a mut [f32],
     pub(super) surface: &'a mut [u32],
-    pub(super) normal: &'a mut [PackedNormal],
+    pub(super) normal: &'a mut [[f32; 3]],
     pub(super) flags: &'a mut [u8],
 }
 
@@ -77,7 +76,7 @@ impl GeometryBuffer {
         self.ambient.resize(n, 0.0);
         self.depth.resize(n, f32::NAN);
         self.surface.resize(n, Surface::NONE.0);
-        self.normal.resize(n, PackedNormal::default());
+        self.normal.resize(n, [0.0; 3]);
         self.flags.resize(n, 0);
         self.mixed.clear();
     }
@@ -111,53 +110,5 @@ impl GeometryBuffer {
                 flags: flags.next().expect(same),
             })
             .collect()
-    }
-}
-
-/// A unit vector in 32 bits, to about 1e-4 (Cigolle et al.: "A Survey of Efficient Representations
-/// for Independent Unit Vectors", JCGT 3(2), 2014, octahedral mapping).
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub(super) struct PackedNormal(I16Vec2);
-
-impl PackedNormal {
-    pub(super) fn new(n: DVec3) -> Self {
-        let l1 = n.x.abs() + n.y.abs() + n.z.abs();
-        let (x, y) = (n.x / l1, n.y / l1);
-        let (x, y) = if n.z >= 0.0 {
-            (x, y)
-        } else {
-            ((1.0 - y.abs()).copysign(x), (1.0 - x.abs()).copysign(y))
-        };
-        let scale = f64::from(i16::MAX);
-        Self(I16Vec2::new(
-            (x * scale).round() as i16,
-            (y * scale).round() as i16,
-        ))
-    }
-
-    pub(super) fn unpack(self) -> DVec3 {
-        let scale = f64::from(i16::MAX);
-        let (x, y) = (f64::from(self.0.x) / scale, f64::from(self.0.y) / scale);
-        let z = 1.0 - x.abs() - y.abs();
-        let (x, y) = if z >= 0.0 {
-            (x, y)
-        } else {
-            ((1.0 - y.abs()).copysign(x), (1.0 - x.abs()).copysign(y))
-        };
-        DVec3::new(x, y, z).normalize()
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn normals_survive_packing() {
-        for i in 0..1000 {
-            let (a, b) = (f64::from(i) * 0.37, f64::from(i) * 0.0031);
-            let n = DVec3::new(a.cos() * b.sin(), a.sin() * b.sin(), b.cos());
-            assert!((PackedNormal::new(n).unpack() - n).length() < 1e-4, "{n}");
-        }
     }
 }

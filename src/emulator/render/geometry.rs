@@ -1,9 +1,9 @@
 //! The geometry pass: once per camera and state of the scene, per pixel what it sees, where on the
 //! slide its light comes from, and how much of it arrives.
 
-use super::buffer::{Band, GeometryBuffer, PackedNormal};
-use super::sample::{Optics, Sample};
-use super::world::{Hit, Surface, World};
+use super::buffer::{Band, GeometryBuffer};
+use super::shade::{Optics, Shaded};
+use super::world::{Hits, Surface, World};
 use super::{Plan, mixed};
 use crate::emulator::Truth;
 use crate::geometry::raycast::LANES;
@@ -82,21 +82,14 @@ fn tile(
     let cast = cast(world, optics, plan, &directions, &used, stack);
     for lane in (0..LANES).filter(|&lane| used[lane]) {
         let (u, v) = place(lane);
-        write(
-            band,
-            v * width + u,
-            cast.hits[lane].as_ref(),
-            &cast.samples[lane],
-            cast.lit[lane],
-        );
+        write(band, v * width + u, &cast, lane);
     }
 }
 
 /// Sixteen rays with all that is known of where they end.
 pub(super) struct Cast {
-    pub(super) hits: [Option<Hit>; LANES],
-    /// Samples of the lanes that hit something.
-    pub(super) samples: [Option<Sample>; LANES],
+    pub(super) hits: Hits,
+    pub(super) shaded: Shaded,
     /// Lanes that the projector lights.
     pub(super) lit: [bool; LANES],
 }
@@ -111,48 +104,54 @@ pub(super) fn cast(
     stack: &mut Vec<(u32, f32)>,
 ) -> Cast {
     let hits = world.nearest(directions, used, stack);
-    let samples: [Option<Sample>; LANES] = std::array::from_fn(|lane| {
-        hits[lane].map(|hit| optics.sample(directions[lane], &hit, world))
-    });
+    let shaded = optics.shade(directions, &hits, world);
     // Rays to points that the projector cannot light anyway are not traced.
-    let asked: [Option<(DVec3, Surface)>; LANES] = std::array::from_fn(|lane| {
-        let (hit, sample) = (hits[lane]?, samples[lane]?);
-        sample.reachable.then_some((sample.point, hit.surface))
-    });
-    let blocked = if plan.shadows && asked.iter().any(Option::is_some) {
-        world.blocked(optics.projector.center(), &asked, stack)
-    } else {
-        [false; LANES]
-    };
-    Cast {
-        hits,
-        samples,
-        lit: std::array::from_fn(|lane| asked[lane].is_some() && !blocked[lane]),
+    let mut lit: [bool; LANES] =
+        std::array::from_fn(|lane| hits.is_hit(lane) && shaded.reachable[lane]);
+    if plan.shadows && lit.contains(&true) {
+        let points: [Option<(DVec3, Surface)>; LANES] = std::array::from_fn(|lane| {
+            let point = DVec3::from_array(shaded.point.map(|axis| axis[lane]));
+            lit[lane].then_some((point, hits.surface[lane]))
+        });
+        let blocked = world.blocked(optics.projector.center(), &points, stack);
+        for lane in 0..LANES {
+            lit[lane] &= !blocked[lane];
+        }
     }
+    Cast { hits, shaded, lit }
 }
 
-fn write(band: &mut Band<'_>, i: usize, hit: Option<&Hit>, sample: &Option<Sample>, lit: bool) {
-    let (Some(hit), Some(sample)) = (hit, sample) else {
+#[inline(always)]
+fn write(band: &mut Band<'_>, i: usize, cast: &Cast, lane: usize) {
+    let (hits, shaded, lit) = (&cast.hits, &cast.shaded, cast.lit[lane]);
+    band.surface[i] = hits.surface[lane].0;
+    if !hits.is_hit(lane) {
         (band.x[i], band.y[i], band.depth[i]) = (f32::NAN, f32::NAN, f32::NAN);
         (band.projected[i], band.ambient[i], band.flags[i]) = (0.0, 0.0, 0);
-        band.surface[i] = Surface::NONE.0;
         return;
+    }
+    let slope = |axis: usize| shaded.footprint[axis].map(|by| by[lane] as f32);
+    band.x[i] = shaded.px[0][lane] as f32;
+    band.y[i] = shaded.px[1][lane] as f32;
+    if let Some(kept) = band.x_slope.get_mut(i) {
+        *kept = slope(0);
+    }
+    if let Some(kept) = band.y_slope.get_mut(i) {
+        *kept = slope(1);
+    }
+    band.projected[i] = if lit {
+        shaded.projected[lane] as f32
+    } else {
+        0.0
     };
-    band.x[i] = sample.projector_px.x as f32;
-    band.y[i] = sample.projector_px.y as f32;
-    let [by_column, by_row] = [sample.footprint.x_axis, sample.footprint.y_axis];
-    if let Some(slope) = band.x_slope.get_mut(i) {
-        *slope = [by_column.x as f32, by_row.x as f32];
-    }
-    if let Some(slope) = band.y_slope.get_mut(i) {
-        *slope = [by_column.y as f32, by_row.y as f32];
-    }
-    band.projected[i] = if lit { sample.projected as f32 } else { 0.0 };
-    band.ambient[i] = sample.ambient as f32;
-    band.depth[i] = sample.point.z as f32;
-    band.surface[i] = hit.surface.0;
-    band.normal[i] = PackedNormal::new(hit.normal);
+    band.ambient[i] = shaded.ambient[lane] as f32;
+    band.depth[i] = shaded.point[2][lane] as f32;
+    band.normal[i] = hits.normal.map(|axis| axis[lane] as f32);
     band.flags[i] = Truth::SEEN
         | if lit { Truth::LIT } else { 0 }
-        | if sample.square { Truth::SQUARE } else { 0 };
+        | if shaded.square[lane] {
+            Truth::SQUARE
+        } else {
+            0
+        };
 }

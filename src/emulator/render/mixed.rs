@@ -7,15 +7,15 @@
 use super::Plan;
 use super::buffer::{GeometryBuffer, Mixed};
 use super::geometry::{Cast, Rays, TILE, cast};
-use super::sample::Optics;
+use super::shade::Optics;
 use super::world::{Surface, World};
 use crate::emulator::Truth;
 use crate::geometry::raycast::LANES;
-use glam::{DVec2, DVec3};
+use glam::{DVec2, DVec3, Vec3};
 use rayon::prelude::*;
 
 /// Triangles of one mesh whose normals are closer than 15 degrees form one smooth surface.
-const COS_CREASE: f64 = 0.965_925_826_289_068_3;
+const COS_CREASE: f32 = 0.965_925_8;
 
 /// Finds the mixed pixels of the maps, samples them, and flags them as creases.
 pub(super) fn run(
@@ -30,7 +30,7 @@ pub(super) fn run(
         let edges = Edges {
             world,
             rays,
-            pixel_slope: 1.0 / optics.camera.lens.focal_px.min_element(),
+            pixel_slope: (1.0 / optics.camera.lens.focal_px.min_element()) as f32,
         };
         (0..view.height)
             .into_par_iter()
@@ -55,7 +55,7 @@ struct Edges<'a> {
     world: &'a World,
     rays: &'a Rays<'a>,
     /// Width of a pixel at unit depth.
-    pixel_slope: f64,
+    pixel_slope: f32,
 }
 
 /// What decides whether two places belong to one smooth surface.
@@ -63,20 +63,21 @@ struct Edges<'a> {
 struct Place {
     surface: Surface,
     lit: bool,
-    normal: DVec3,
-    direction: DVec3,
-    depth: f64,
+    normal: Vec3,
+    direction: Vec3,
+    depth: f32,
 }
 
 impl Edges<'_> {
     /// Whether a pixel differs from one of its neighbours. Most pixels share triangle and light
     /// with all of them, which two integer maps tell.
+    #[inline(always)]
     fn touches(&self, map: &GeometryBuffer, column: usize, row: usize) -> bool {
         let here = row * map.width + column;
         let lit = |i: usize| map.flags[i] & Truth::LIT;
-        let columns = column.saturating_sub(1)..(column + 2).min(map.width);
-        for v in row.saturating_sub(1)..(row + 2).min(map.height) {
-            for u in columns.clone() {
+        let (first, last) = (column.saturating_sub(1), (column + 1).min(map.width - 1));
+        for v in row.saturating_sub(1)..=(row + 1).min(map.height - 1) {
+            for u in first..=last {
                 let there = v * map.width + u;
                 if map.surface[there] == map.surface[here] && lit(there) == lit(here) {
                     continue;
@@ -89,18 +90,20 @@ impl Edges<'_> {
         false
     }
 
+    #[inline(always)]
     fn place(&self, map: &GeometryBuffer, column: usize, row: usize) -> Place {
         let i = row * map.width + column;
         Place {
             surface: Surface(map.surface[i]),
             lit: map.flags[i] & Truth::LIT != 0,
-            normal: map.normal[i].unpack(),
-            direction: self.rays.center(column, row),
-            depth: f64::from(map.depth[i]),
+            normal: Vec3::from_array(map.normal[i]),
+            direction: self.rays.center(column, row).as_vec3(),
+            depth: map.depth[i],
         }
     }
 
     /// Whether an edge of the surface or of its light runs between two places.
+    #[inline(always)]
     fn edge(&self, a: &Place, b: &Place) -> bool {
         if a.lit != b.lit {
             return true;
@@ -118,6 +121,7 @@ impl Edges<'_> {
     }
 
     /// Whether b lies off the tangent plane at a by more than a pixel's size on the surface.
+    #[inline(always)]
     fn jump(&self, a: &Place, b: &Place) -> bool {
         let facing = a.normal.dot(b.direction);
         let predicted = a.normal.dot(a.direction) * a.depth / facing;
@@ -158,21 +162,12 @@ fn sample(
         &[true; LANES],
         stack,
     );
-    let place = |lane: usize| match (&cast.hits[lane], &cast.samples[lane]) {
-        (Some(hit), Some(sample)) => Place {
-            surface: hit.surface,
-            lit: cast.lit[lane],
-            normal: hit.normal,
-            direction: directions[lane],
-            depth: sample.point.z,
-        },
-        _ => Place {
-            surface: Surface::NONE,
-            lit: false,
-            normal: DVec3::ZERO,
-            direction: directions[lane],
-            depth: f64::NAN,
-        },
+    let place = |lane: usize| Place {
+        surface: cast.hits.surface[lane],
+        lit: cast.lit[lane],
+        normal: cast.hits.normal(lane).as_vec3(),
+        direction: directions[lane].as_vec3(),
+        depth: cast.shaded.point[2][lane] as f32,
     };
     let places: [Place; LANES] = std::array::from_fn(place);
     // Steps between neighbouring samples, so that a curved surface is not taken for an edge.
@@ -199,18 +194,17 @@ fn gather(cast: &Cast, pixel: u32) -> Mixed {
     };
     // A sample's own footprint is a quarter of the pixel's on each side.
     let quarter = |v: f64| (v / TILE as f64) as f32;
-    for (lane, sample) in cast.samples.iter().enumerate() {
-        let Some(sample) = sample else { continue };
-        mixed.ambient += sample.ambient as f32 / LANES as f32;
+    let shaded = &cast.shaded;
+    for lane in (0..LANES).filter(|&lane| cast.hits.is_hit(lane)) {
+        mixed.ambient += shaded.ambient[lane] as f32 / LANES as f32;
         if !cast.lit[lane] {
             continue;
         }
-        let [by_column, by_row] = [sample.footprint.x_axis, sample.footprint.y_axis];
-        mixed.x[lane] = sample.projector_px.x as f32;
-        mixed.y[lane] = sample.projector_px.y as f32;
-        mixed.x_slope[lane] = [quarter(by_column.x), quarter(by_row.x)];
-        mixed.y_slope[lane] = [quarter(by_column.y), quarter(by_row.y)];
-        mixed.projected[lane] = sample.projected as f32;
+        mixed.x[lane] = shaded.px[0][lane] as f32;
+        mixed.y[lane] = shaded.px[1][lane] as f32;
+        mixed.x_slope[lane] = shaded.footprint[0].map(|by| quarter(by[lane]));
+        mixed.y_slope[lane] = shaded.footprint[1].map(|by| quarter(by[lane]));
+        mixed.projected[lane] = shaded.projected[lane] as f32;
     }
     mixed
 }

@@ -17,8 +17,8 @@ mod philox;
 mod plan;
 pub mod reference;
 mod renderer;
-mod sample;
 mod sensor;
+mod shade;
 mod world;
 
 pub use plan::Plan;

@@ -3,8 +3,8 @@
 use super::buffer::GeometryBuffer;
 use super::exposure::Table;
 use super::geometry::{self, Rays};
-use super::sample::Optics;
 use super::sensor::Sensor;
+use super::shade::Optics;
 use super::world::World;
 use super::{Plan, exposure};
 use crate::emulator::{Shot, Slide, Truth, truth};

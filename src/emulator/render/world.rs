@@ -1,6 +1,7 @@
 //! A scene made ready for rays: closed-form solids, and all meshes in one hierarchy, in the rig's
 //! frame.
 
+use super::shade::Wide;
 use crate::error::Result;
 use crate::geometry::raycast::{Bvh, LANES, NO_TRIANGLE, Packet};
 use crate::geometry::{Mesh, Pose, Solid, shapes};
@@ -25,14 +26,45 @@ impl Surface {
     pub(super) const NONE: Self = Self(u32::MAX);
 }
 
-/// Where a ray from the camera meets the world.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Hit {
-    /// Ray parameter: with directions of z = 1, the depth.
-    pub(super) t: f64,
-    /// Unit normal on the ray's side.
-    pub(super) normal: DVec3,
-    pub(super) surface: Surface,
+/// Where sixteen rays from the camera meet the world.
+pub(super) struct Hits {
+    /// Ray parameter, with directions of z = 1 the depth; infinite where there is no surface.
+    pub(super) t: Wide,
+    /// Unit normals on the rays' side, an array a component.
+    pub(super) normal: [Wide; 3],
+    pub(super) surface: [Surface; LANES],
+}
+
+impl Hits {
+    fn none() -> Self {
+        Self {
+            t: [f64::INFINITY; LANES],
+            normal: [[0.0; LANES]; 3],
+            surface: [Surface::NONE; LANES],
+        }
+    }
+
+    pub(super) fn is_hit(&self, lane: usize) -> bool {
+        self.surface[lane] != Surface::NONE
+    }
+
+    pub(super) fn normal(&self, lane: usize) -> DVec3 {
+        DVec3::from_array(std::array::from_fn(|axis| self.normal[axis][lane]))
+    }
+
+    /// Takes a hit, with its normal turned to the ray's side.
+    fn set(&mut self, lane: usize, t: f64, normal: DVec3, direction: DVec3, surface: Surface) {
+        let normal = if normal.dot(direction) > 0.0 {
+            -normal
+        } else {
+            normal
+        };
+        self.t[lane] = t;
+        for axis in 0..3 {
+            self.normal[axis][lane] = normal[axis];
+        }
+        self.surface[lane] = surface;
+    }
 }
 
 struct Placed {
@@ -121,69 +153,65 @@ impl World {
         (surface.0 as usize - self.triangles.len()) / FACETS as usize
     }
 
-    /// The nearest surface along each ray from the camera's pupil, the rig's origin; lanes that
-    /// have no direction see nothing.
+    /// The nearest surface along each ray from the camera's pupil, the rig's origin.
     pub(super) fn nearest(
         &self,
         directions: &[DVec3; LANES],
         used: &[bool; LANES],
         stack: &mut Vec<(u32, f32)>,
-    ) -> [Option<Hit>; LANES] {
-        let mut hits = [None; LANES];
+    ) -> Hits {
+        let mut hits = Hits::none();
         if !self.bvh.is_empty() {
             let ends = used.map(|u| if u { f32::INFINITY } else { -1.0 });
             let mut packet = Packet::new(Vec3::ZERO, &directions.map(|d| d.as_vec3()), &ends);
             self.bvh.nearest(&mut packet, stack);
             for lane in 0..LANES {
                 if packet.triangle[lane] != NO_TRIANGLE {
-                    hits[lane] =
-                        self.on_triangle(packet.triangle[lane], directions[lane], packet.t[lane]);
+                    let rough = f64::from(packet.t[lane]);
+                    self.on_triangle(packet.triangle[lane], directions, rough, lane, &mut hits);
                 }
             }
         }
         for (i, placed) in self.solids.iter().enumerate() {
             let origin = placed.solid_from_rig.translation_mm;
-            for lane in 0..LANES {
-                if !used[lane] {
-                    continue;
-                }
+            let first = self.triangles.len() as u32 + i as u32 * FACETS;
+            for lane in (0..LANES).filter(|&lane| used[lane]) {
                 let direction = directions[lane];
                 let local = placed.solid_from_rig.direction(direction);
-                let Some(found) = placed.solid.intersect(origin, local, 0.0) else {
-                    continue;
-                };
-                if hits[lane].is_some_and(|hit: Hit| hit.t <= found.t) {
-                    continue;
+                if let Some(found) = placed.solid.intersect(origin, local, 0.0)
+                    && found.t < hits.t[lane]
+                {
+                    let normal = placed.rig_from_solid.direction(found.normal);
+                    let surface = Surface(first + found.facet);
+                    hits.set(lane, found.t, normal, direction, surface);
                 }
-                let normal = placed.rig_from_solid.rotation * found.normal;
-                let id = self.triangles.len() as u32 + i as u32 * FACETS + found.facet;
-                hits[lane] = Some(Hit {
-                    t: found.t,
-                    normal: towards(normal, direction),
-                    surface: Surface(id),
-                });
             }
         }
         hits
     }
 
     /// Solves the hit again in f64, on the plane of the triangle that the f32 traversal chose.
-    fn on_triangle(&self, id: u32, direction: DVec3, t32: f32) -> Option<Hit> {
+    fn on_triangle(
+        &self,
+        id: u32,
+        directions: &[DVec3; LANES],
+        rough: f64,
+        lane: usize,
+        hits: &mut Hits,
+    ) {
+        let direction = directions[lane];
         let [a, b, c] = self.triangles[id as usize].map(|i| self.vertices[i as usize]);
-        let normal = (b - a).cross(c - a).try_normalize()?;
+        let Some(normal) = (b - a).cross(c - a).try_normalize() else {
+            return;
+        };
         let t = normal.dot(a) / normal.dot(direction);
         // Edge-on, the plane says nothing; what f32 found is as good as it gets.
-        let rough = f64::from(t32);
         let t = if (t - rough).abs() <= 1e-3 * rough {
             t
         } else {
             rough
         };
-        Some(Hit {
-            t,
-            normal: towards(normal, direction),
-            surface: Surface(id),
-        })
+        hits.set(lane, t, normal, direction, Surface(id));
     }
 
     /// Whether something stands between the projector's pupil and each point; lanes with no point
@@ -223,14 +251,6 @@ impl World {
             }
         }
         blocked
-    }
-}
-
-fn towards(normal: DVec3, direction: DVec3) -> DVec3 {
-    if normal.dot(direction) > 0.0 {
-        -normal
-    } else {
-        normal
     }
 }
 

@@ -6,6 +6,34 @@ use glam::Vec3;
 /// Rays in a packet: a tile of 4 x 4 pixels, or the 4 x 4 samples of one pixel.
 pub const LANES: usize = 16;
 
+/// Smaller components of a direction count as this small: the ray runs along the box's face.
+const SMALLEST: f32 = 1e-30;
+
+/// The lesser, as one instruction: Rust's own `min` pays for NaN.
+#[inline(always)]
+pub(super) fn min(a: f32, b: f32) -> f32 {
+    if a < b { a } else { b }
+}
+
+/// The greater, as one instruction.
+#[inline(always)]
+pub(super) fn max(a: f32, b: f32) -> f32 {
+    if a > b { a } else { b }
+}
+
+/// Combines all lanes, half with half, so that it stays in SIMD registers.
+#[inline(always)]
+pub(super) fn reduce(mut lanes: Lanes, combine: impl Fn(f32, f32) -> f32) -> f32 {
+    let mut width = LANES / 2;
+    while width > 0 {
+        for i in 0..width {
+            lanes[i] = combine(lanes[i], lanes[i + width]);
+        }
+        width /= 2;
+    }
+    lanes[0]
+}
+
 /// One value a lane.
 pub(super) type Lanes = [f32; LANES];
 
@@ -45,7 +73,12 @@ impl Packet {
             for axis in 0..3 {
                 let d = directions[lane][axis];
                 direction[axis][lane] = d;
-                inverse[axis][lane] = 1.0 / d;
+                // Kept finite, so that no product with it is NaN.
+                inverse[axis][lane] = if d.abs() > SMALLEST {
+                    1.0 / d
+                } else {
+                    (1.0 / SMALLEST).copysign(d)
+                };
             }
         }
         Self {

@@ -1,7 +1,7 @@
 //! Walking the hierarchy with a packet: nearest hits, and hits at all.
 
 use super::bvh::{Bvh, Node};
-use super::packet::{LANES, Packet};
+use super::packet::{LANES, Packet, max, min, reduce};
 use super::simd::widest;
 use super::triangle::intersect;
 
@@ -114,19 +114,15 @@ fn entry(node: &Node, packet: &Packet) -> f32 {
     let mut enter = [0.0f32; LANES];
     for lane in 0..LANES {
         let mut near = 0.0f32;
-        let mut far = packet.t[lane];
+        let mut far = f32::INFINITY;
         for axis in 0..3 {
             let inverse = packet.inverse[axis][lane];
             let (t0, t1) = (low[axis] * inverse, high[axis] * inverse);
-            // 0 * infinity is NaN: comparisons written so that NaN narrows nothing.
-            let (t_near, t_far) = if inverse >= 0.0 { (t0, t1) } else { (t1, t0) };
-            near = if t_near > near { t_near } else { near };
-            let t_far = t_far * FAR;
-            far = if t_far < far { t_far } else { far };
+            near = max(near, min(t0, t1));
+            far = min(far, max(t0, t1));
         }
+        let far = min(far * FAR, packet.t[lane]);
         enter[lane] = if near <= far { near } else { f32::INFINITY };
     }
-    enter
-        .iter()
-        .fold(f32::INFINITY, |m, &t| if t < m { t } else { m })
+    reduce(enter, min)
 }

@@ -6,7 +6,7 @@
 //! from the same numbers with the opposite sign, so no ray passes between them.
 
 use super::bvh::Corners;
-use super::packet::{LANES, Lanes, Packet};
+use super::packet::{LANES, Lanes, Packet, max, min};
 use glam::{DVec3, Vec3};
 
 /// Tests one triangle against all lanes. `accept(packet, lane, t)` is called for each lane that it
@@ -18,37 +18,42 @@ pub(super) fn intersect(
     accept: impl Fn(&mut Packet, usize, f32),
 ) {
     let [kx, ky, kz] = packet.axes.k;
-    let [a, b, c] = corners.v.map(|v| v - packet.origin);
+    let [a, b, c] = corners.v.map(|v| {
+        let v = v - packet.origin;
+        Vec3::new(v[kx], v[ky], v[kz])
+    });
     let (mut u, mut v, mut w) = ([0.0; LANES], [0.0; LANES], [0.0; LANES]);
     let mut scaled_t: Lanes = [0.0; LANES];
-    let mut touched = false;
-    let mut inside = false;
+    let mut candidates = [0u32; LANES];
     for lane in 0..LANES {
         let (sx, sy, sz) = (
             packet.axes.shear[0][lane],
             packet.axes.shear[1][lane],
             packet.axes.shear[2][lane],
         );
-        let (ax, ay) = (a[kx] - sx * a[kz], a[ky] - sy * a[kz]);
-        let (bx, by) = (b[kx] - sx * b[kz], b[ky] - sy * b[kz]);
-        let (cx, cy) = (c[kx] - sx * c[kz], c[ky] - sy * c[kz]);
+        let (ax, ay) = (a.x - sx * a.z, a.y - sy * a.z);
+        let (bx, by) = (b.x - sx * b.z, b.y - sy * b.z);
+        let (cx, cy) = (c.x - sx * c.z, c.y - sy * c.z);
         u[lane] = cx * by - cy * bx;
         v[lane] = ax * cy - ay * cx;
         w[lane] = bx * ay - by * ax;
-        scaled_t[lane] = sz * (u[lane] * a[kz] + v[lane] * b[kz] + w[lane] * c[kz]);
-        let low = u[lane].min(v[lane]).min(w[lane]);
-        let high = u[lane].max(v[lane]).max(w[lane]);
-        inside |= (low >= 0.0) | (high <= 0.0);
-        touched |= (u[lane] == 0.0) | (v[lane] == 0.0) | (w[lane] == 0.0);
+        scaled_t[lane] = sz * (u[lane] * a.z + v[lane] * b.z + w[lane] * c.z);
+        let low = min(min(u[lane], v[lane]), w[lane]);
+        let high = max(max(u[lane], v[lane]), w[lane]);
+        // All of one sign, zeros with either: a hit, or a zero that f64 must decide.
+        candidates[lane] = u32::from((low >= 0.0) | (high <= 0.0));
     }
-    if !inside & !touched {
+    if candidates.iter().fold(0, |any, c| any | c) == 0 {
         return;
     }
     for lane in 0..LANES {
+        if candidates[lane] == 0 {
+            continue;
+        }
         let (mut e0, mut e1, mut e2) = (u[lane], v[lane], w[lane]);
         if e0 == 0.0 || e1 == 0.0 || e2 == 0.0 {
             let s = [packet.axes.shear[0][lane], packet.axes.shear[1][lane]];
-            [e0, e1, e2] = exact_edges([a, b, c], packet.axes.k, s);
+            [e0, e1, e2] = exact_edges([a, b, c], s);
         }
         if (e0 < 0.0 || e1 < 0.0 || e2 < 0.0) && (e0 > 0.0 || e1 > 0.0 || e2 > 0.0) {
             continue;
@@ -67,10 +72,10 @@ pub(super) fn intersect(
 /// The edge functions with f64 products, which are exact for f32 factors, where f32 gave a zero
 /// that may be underflow or cancellation.
 #[cold]
-fn exact_edges(v: [Vec3; 3], k: [usize; 3], shear: [f32; 2]) -> [f32; 3] {
+fn exact_edges(v: [Vec3; 3], shear: [f32; 2]) -> [f32; 3] {
     let sheared = v.map(|p| {
-        let x = p[k[0]] - shear[0] * p[k[2]];
-        let y = p[k[1]] - shear[1] * p[k[2]];
+        let x = p.x - shear[0] * p.z;
+        let y = p.y - shear[1] * p.z;
         DVec3::new(f64::from(x), f64::from(y), 0.0)
     });
     let [a, b, c] = sheared;
