@@ -175,11 +175,8 @@ impl GrayJoin {
             let strong_ok = from_center <= limit.min(guard);
             let same = (at_edge - at_center).abs() < 0.5 * p;
             let sound = half[i] - weak_below > doubt;
-            let edge_ok = if same {
-                from_center.max(from_edge) <= guard
-            } else {
-                sound && from_edge <= 0.125 * p
-            };
+            let edge_ok =
+                (same & (from_center.max(from_edge) <= guard)) | (sound & (from_edge <= 0.125 * p));
             let one_weak = margin[i] < weak_below;
             let two_weak = second[i] < weak_below;
             let good = if one_weak {
