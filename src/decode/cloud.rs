@@ -34,10 +34,7 @@ impl Decoder {
         }
         rows.into_par_iter().with_min_len(8).for_each(|(v, row)| {
             let depth = &decoded.depth[v * width..(v + 1) * width];
-            let valid = depth.iter().enumerate().filter(|(_, z)| !z.is_nan());
-            for (point, (u, &z)) in row.iter_mut().zip(valid) {
-                *point = triangulator.point(u, v, z);
-            }
+            triangulator.points_row(v, depth, row);
         });
     }
 
