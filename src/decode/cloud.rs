@@ -9,6 +9,9 @@ use rayon::prelude::*;
 /// another surface.
 const SAME_SURFACE: f32 = 0.02;
 
+/// Position, normal and intensity of a point.
+type Oriented = ([f32; 3], [f32; 3], f32);
+
 impl Decoder {
     /// The valid points in the rig's frame in mm, row by row, into a vector that is used again.
     /// Empty without a rig.
@@ -51,7 +54,7 @@ impl Decoder {
             ((a - b).abs() <= (SAME_SURFACE * a).max(noise)).then_some(j)
         };
         let at = |i: usize| Vec3::from(triangulator.point(i % width, i / width, decoded.depth[i]));
-        let rows: Vec<Vec<([f32; 3], [f32; 3], f32)>> = (0..height)
+        let rows: Vec<Vec<Oriented>> = (0..height)
             .into_par_iter()
             .map(|v| {
                 let mut row = Vec::new();
