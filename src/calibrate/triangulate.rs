@@ -7,7 +7,7 @@
 //! and the decoded coordinates, weighted by their variances, by Gauss-Newton on 1/t from the plane's t.
 
 use crate::error::{Error, Result};
-use crate::geometry::Rig;
+use crate::geometry::{Pose, Rig};
 use crate::pattern::Axis;
 use glam::{DMat3, DVec2, DVec3};
 use rayon::prelude::*;
@@ -44,6 +44,8 @@ pub struct Triangulator {
     width: usize,
     /// X/Z and Y/Z of each camera pixel's ray.
     rays: [Vec<f32>; 2],
+    /// Whether the camera's frame is the rig's, so that points need no motion.
+    camera_is_rig: bool,
     /// The camera's pupil in the projector's frame.
     origin: DVec3,
     /// Takes directions in the camera's frame to the projector's.
@@ -81,6 +83,7 @@ impl Triangulator {
             rig: *rig,
             width,
             rays,
+            camera_is_rig: rig.camera.rig_from_view == Pose::IDENTITY,
             origin: projector_from_camera.translation_mm,
             turn: projector_from_camera.rotation,
         })
@@ -234,16 +237,38 @@ impl Triangulator {
     #[inline(always)]
     pub fn point(&self, u: usize, v: usize, depth: f32) -> [f32; 3] {
         let i = v * self.width + u;
-        let view = &self.rig.camera.rig_from_view;
+        if self.camera_is_rig {
+            return [self.rays[0][i] * depth, self.rays[1][i] * depth, depth];
+        }
         let local = DVec3::new(f64::from(self.rays[0][i]), f64::from(self.rays[1][i]), 1.0);
+        let view = &self.rig.camera.rig_from_view;
         view.point(local * f64::from(depth)).as_vec3().to_array()
+    }
+
+    /// The points of row `v` whose depth is not NaN, into `points`, which is as long as they are
+    /// many.
+    pub fn points_row(&self, v: usize, depth: &[f32], points: &mut [[f32; 3]]) {
+        let at = v * self.width;
+        let (rx, ry) = (&self.rays[0][at..], &self.rays[1][at..]);
+        let mut next = points.iter_mut();
+        for (u, ((&z, &x), &y)) in depth.iter().zip(rx).zip(ry).enumerate() {
+            if z.is_nan() {
+                continue;
+            }
+            let Some(point) = next.next() else { return };
+            *point = if self.camera_is_rig {
+                [x * z, y * z, z]
+            } else {
+                self.point(u, v, z)
+            };
+        }
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::{Lens, Pose, View};
+    use crate::geometry::{Lens, View};
 
     fn rig(camera: [f64; 5], projector: [f64; 5]) -> Rig {
         let view = |width_px, height_px, f, principal_px, distortion, pose| View {

@@ -9,6 +9,9 @@ use rayon::prelude::*;
 /// another surface.
 const SAME_SURFACE: f32 = 0.02;
 
+/// Position, normal and intensity of a point.
+type Oriented = ([f32; 3], [f32; 3], f32);
+
 impl Decoder {
     /// The valid points in the rig's frame in mm, row by row, into a vector that is used again.
     /// Empty without a rig.
@@ -34,10 +37,7 @@ impl Decoder {
         }
         rows.into_par_iter().with_min_len(8).for_each(|(v, row)| {
             let depth = &decoded.depth[v * width..(v + 1) * width];
-            let valid = depth.iter().enumerate().filter(|(_, z)| !z.is_nan());
-            for (point, (u, &z)) in row.iter_mut().zip(valid) {
-                *point = triangulator.point(u, v, z);
-            }
+            triangulator.points_row(v, depth, row);
         });
     }
 
@@ -54,7 +54,7 @@ impl Decoder {
             ((a - b).abs() <= (SAME_SURFACE * a).max(noise)).then_some(j)
         };
         let at = |i: usize| Vec3::from(triangulator.point(i % width, i / width, decoded.depth[i]));
-        let rows: Vec<Vec<([f32; 3], [f32; 3], f32)>> = (0..height)
+        let rows: Vec<Vec<Oriented>> = (0..height)
             .into_par_iter()
             .map(|v| {
                 let mut row = Vec::new();

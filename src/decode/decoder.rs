@@ -4,7 +4,9 @@ use super::edges;
 use super::noise::estimate_noise;
 use super::phase::RowNoise;
 use super::plan::{Order, Plan};
-use super::rows::{AxisKernel, AxisOut, Job, Scratch, decode_row, judge_row, triangulate_row};
+use super::rows::{
+    AxisKernel, AxisOut, Job, Scratch, apply_flags, decode_row, judge_row, triangulate_row,
+};
 use super::samples::{FrameStack, Sample, Samples};
 use super::unwrap::unwrap;
 use crate::calibrate::{CoordinateRow, Triangulator};
@@ -404,16 +406,13 @@ impl Decoder {
                 .zip(map.verdict.par_chunks_mut(width))
                 .zip(flags.par_chunks(width))
                 .with_min_len(BAND)
-                .for_each(|(((c, s), verdict), flags)| {
-                    for i in 0..flags.len() {
-                        if flags[i] != edges::KEEP && verdict[i] == Verdict::Valid {
-                            verdict[i] = match flags[i] {
-                                edges::MIXED => Verdict::Mixed,
-                                _ => Verdict::Stray,
-                            };
-                            (c[i], s[i]) = (f32::NAN, f32::NAN);
-                        }
-                    }
+                .for_each(|(((coordinate, sigma), verdict), flags)| {
+                    let out = AxisOut {
+                        coordinate,
+                        sigma,
+                        verdict,
+                    };
+                    apply_flags(out, flags);
                 });
         }
         if self.options.unwrap_spatial {

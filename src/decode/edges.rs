@@ -22,8 +22,7 @@ const NOISE: f32 = 12.25;
 /// In projector pixels; far below what matters, above what f32 leaves of large coordinates.
 const FLOOR_PX: f32 = 0.02;
 
-/// Five rows or so around a row of an axis, each as long as the row; rows beyond the image are
-/// NaN.
+/// The rows around a row of an axis, each as long as it; rows beyond the image are NaN.
 pub(super) struct Around<'a> {
     /// Rows v - 3 to v + 3.
     pub(super) rows: [&'a [f32]; 7],
@@ -70,7 +69,7 @@ fn judge<const WRAPPED: bool>(around: &Around<'_>, period: f32, flags: &mut [u8]
         );
         let stray = if row_has | col_has { KEEP } else { STRAY };
         let verdict = if row_bad | col_bad { MIXED } else { stray };
-        flags[i] = if (flags[i] == KEEP) & (x == x) {
+        flags[i] = if (flags[i] == KEEP) & !x.is_nan() {
             verdict
         } else {
             flags[i]
@@ -111,8 +110,8 @@ fn line<const WRAPPED: bool>(
     // Signed misses of either extrapolation.
     let miss_l = less::<WRAPPED>(less::<WRAPPED>(x, left[0], period), sl, period);
     let miss_r = less::<WRAPPED>(less::<WRAPPED>(x, right[0], period), sr, period);
-    let has_l = miss_l == miss_l;
-    let has_r = miss_r == miss_r;
+    let has_l = !miss_l.is_nan();
+    let has_r = !miss_r.is_nan();
     // A crease: both extrapolations meet within the pixel, where the footprint averages over it.
     let turn = (sl + sr).abs();
     let gap = less::<WRAPPED>(miss_l, miss_r, period).abs();

@@ -147,10 +147,8 @@ pub(super) fn threshold(
 /// Gray bits of a row of pixels with the two weakest contrasts among them.
 #[derive(Debug, Default)]
 pub(super) struct GrayRow {
-    /// The code word.
+    /// The code word in the low bits, the index of its weakest bit from [`WEAKEST`] on.
     pub(super) code: Vec<u32>,
-    /// Mask of the weakest bit.
-    pub(super) weak: Vec<u32>,
     /// Its contrast from the threshold, in DN.
     pub(super) margin: Vec<f32>,
     /// The second weakest contrast.
@@ -161,8 +159,6 @@ impl GrayRow {
     pub(super) fn reset(&mut self, n: usize) {
         self.code.clear();
         self.code.resize(n, 0);
-        self.weak.clear();
-        self.weak.resize(n, 0);
         for v in [&mut self.margin, &mut self.second] {
             v.clear();
             v.resize(n, f32::INFINITY);
@@ -174,18 +170,11 @@ impl GrayRow {
     pub(super) fn add_pair<T: Sample>(&mut self, bit: usize, plain: &[T], inverse: &[T]) {
         let n = self.code.len();
         let (plain, inverse) = (&plain[..n], &inverse[..n]);
-        let (code, weak) = (&mut self.code[..n], &mut self.weak[..n]);
+        let code = &mut self.code[..n];
         let (margin, second) = (&mut self.margin[..n], &mut self.second[..n]);
         for i in 0..n {
             let d = 0.5 * (plain[i].dn() - inverse[i].dn());
-            note(
-                bit,
-                d,
-                &mut code[i],
-                &mut weak[i],
-                &mut margin[i],
-                &mut second[i],
-            );
+            note(bit, d, &mut code[i], &mut margin[i], &mut second[i]);
         }
     }
 
@@ -200,37 +189,44 @@ impl GrayRow {
     ) {
         let n = self.code.len();
         let (frame, threshold) = (&frame[..n], &threshold[..n]);
-        let (code, weak) = (&mut self.code[..n], &mut self.weak[..n]);
+        let code = &mut self.code[..n];
         let (margin, second) = (&mut self.margin[..n], &mut self.second[..n]);
         for i in 0..n {
             let d = sign * (frame[i].dn() - threshold[i]);
-            note(
-                bit,
-                d,
-                &mut code[i],
-                &mut weak[i],
-                &mut margin[i],
-                &mut second[i],
-            );
+            note(bit, d, &mut code[i], &mut margin[i], &mut second[i]);
         }
     }
 }
 
+/// Where a code word keeps the index of its weakest bit.
+const WEAKEST: u32 = 24;
+const CODE: u32 = (1 << WEAKEST) - 1;
+
+/// Adds a bit of contrast `d`. The weakest bit's index shares a word with the code, so that the
+/// store is a plain one; a store under a mask costs more than all the rest on some machines.
 #[inline(always)]
-fn note(bit: usize, d: f32, code: &mut u32, weak: &mut u32, margin: &mut f32, second: &mut f32) {
-    let mask = 1u32 << bit;
-    *code |= if d > 0.0 { mask } else { 0 };
+fn note(bit: usize, d: f32, code: &mut u32, margin: &mut f32, second: &mut f32) {
     let size = d.abs();
-    let weakest = size < *margin;
-    let runner_up = if size < *second { size } else { *second };
-    *second = if weakest { *margin } else { runner_up };
-    *weak = if weakest { mask } else { *weak };
-    *margin = if weakest { size } else { *margin };
+    let word = if size < *margin {
+        (*code & CODE) | ((bit as u32) << WEAKEST)
+    } else {
+        *code
+    };
+    *code = word | (u32::from(d > 0.0) << bit);
+    *second = second.min(margin.max(size));
+    *margin = margin.min(size);
+}
+
+/// The cell that a code word names, and the cell if its weakest bit were the other one.
+#[inline(always)]
+pub(super) fn cells(word: u32) -> (u32, u32) {
+    let code = word & CODE;
+    (decode32(code), decode32(code ^ (1 << (word >> WEAKEST))))
 }
 
 /// The number of a reflected code of at most 32 bits, branch-free.
 #[inline(always)]
-pub(super) fn decode32(code: u32) -> u32 {
+fn decode32(code: u32) -> u32 {
     let mut n = code;
     n ^= n >> 1;
     n ^= n >> 2;

@@ -98,17 +98,17 @@ pub fn load_frames(manifest: &Manifest, plan: &Plan, folder: &Path) -> Result<Lo
         .par_iter()
         .map(|path| path.as_deref().map(open).transpose())
         .collect::<Result<_>>()?;
-    let deep = images.iter().flatten().any(is_deep);
-    if let Some((path, _)) = paths
+    let mut loaded = paths
         .iter()
-        .zip(&images)
-        .find_map(|(p, image)| Some((p.as_ref()?, image.as_ref()?)))
-        .filter(|_| images.iter().flatten().any(|image| is_deep(image) != deep))
-    {
+        .flatten()
+        .zip(images.iter().flatten().map(is_deep));
+    let deep = loaded.next().is_some_and(|(_, deep)| deep);
+    if let Some((path, _)) = loaded.find(|(_, other)| *other != deep) {
+        let (found, others) = if deep { (8, 16) } else { (16, 8) };
         return Err(Error::input(
             path.display(),
-            "8-bit samples, and other frames of 16 bits (or the other way round)",
-            "one sample type for all frames",
+            format!("{found}-bit samples"),
+            format!("{others} bits as the frames before it have"),
         ));
     }
     let frames = if deep {

@@ -1,7 +1,7 @@
 //! Whole periods: which of the positions that look alike is the right one, and whether that is
 //! certain.
 
-use super::gray::{GrayRow, decode32};
+use super::gray::{GrayRow, cells};
 use super::turns::nearest;
 
 /// Noise margins, in standard deviations, that a decision needs on either side.
@@ -131,7 +131,7 @@ impl GrayJoin {
     /// first pixel of its cell.
     #[inline(always)]
     pub(super) fn center(&self, code: u32) -> f32 {
-        decode32(code) as f32 * self.cell + 0.5 * self.cell - 0.5
+        cells(code).0 as f32 * self.cell + 0.5 * self.cell - 0.5
     }
 
     /// Moves `x`, known modulo the repeat, into its Gray cell; clears `ok` where the weakest bits
@@ -154,7 +154,7 @@ impl GrayJoin {
         ok: &mut [bool],
     ) {
         let n = x.len();
-        let (code, weak) = (&gray.code[..n], &gray.weak[..n]);
+        let code = &gray.code[..n];
         let (margin, second) = (&gray.margin[..n], &gray.second[..n]);
         let (variance, half) = (&variance[..n], &half_contrast[..n]);
         let (sigma, ok) = (&sigma[..n], &mut ok[..n]);
@@ -162,7 +162,7 @@ impl GrayJoin {
         let window = (0.5 * p).min(cell);
         let limit = 0.5 * cell + 0.5 * (window - 0.5 * cell);
         for i in 0..n {
-            let (here, there) = (decode32(code[i]), decode32(code[i] ^ weak[i]));
+            let (here, there) = cells(code[i]);
             let center = here as f32 * cell + 0.5 * cell - 0.5;
             let edge = here.max(there) as f32 * cell - 0.5;
             let touching = here.max(there) - here.min(there) == 1;
@@ -175,11 +175,8 @@ impl GrayJoin {
             let strong_ok = from_center <= limit.min(guard);
             let same = (at_edge - at_center).abs() < 0.5 * p;
             let sound = half[i] - weak_below > doubt;
-            let edge_ok = if same {
-                from_center.max(from_edge) <= guard
-            } else {
-                sound && from_edge <= 0.125 * p
-            };
+            let edge_ok =
+                (same & (from_center.max(from_edge) <= guard)) | (sound & (from_edge <= 0.125 * p));
             let one_weak = margin[i] < weak_below;
             let two_weak = second[i] < weak_below;
             let good = if one_weak {
@@ -204,10 +201,7 @@ impl GrayJoin {
         ok: &mut [bool],
     ) {
         for i in 0..x.len() {
-            let (here, there) = (
-                decode32(gray.code[i]),
-                decode32(gray.code[i] ^ gray.weak[i]),
-            );
+            let (here, there) = cells(gray.code[i]);
             let doubt = SURE * sigma[i] * self.noise_factor;
             let weak_below = (EDGE_CONTRAST * half_contrast[i]).max(doubt);
             let one_weak = gray.margin[i] < weak_below;

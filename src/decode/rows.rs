@@ -156,6 +156,11 @@ dispatch! {
 }
 
 dispatch! {
+    /// The second half of pass 2: takes a row's flagged pixels out of a map.
+    apply_flags => apply_body [] (out: AxisOut<'_>, flags: &[u8])
+}
+
+dispatch! {
     /// Pass 3 of row `v`: see [`Triangulator::row`].
     triangulate_row => Triangulator::row [] (
         triangulator: &Triangulator,
@@ -213,6 +218,24 @@ fn decode_body<T: Sample>(
                 intensity[i] = (2.0 * brightness[i] * scale).clamp(0.0, 1.0);
             }
         }
+    }
+}
+
+#[inline(always)]
+fn apply_body(out: AxisOut<'_>, flags: &[u8]) {
+    let n = flags.len();
+    let (x, sigma) = (&mut out.coordinate[..n], &mut out.sigma[..n]);
+    let verdict = &mut out.verdict[..n];
+    for i in 0..n {
+        let reason = if flags[i] == edges::MIXED {
+            Verdict::Mixed
+        } else {
+            Verdict::Stray
+        };
+        let goes = (flags[i] != edges::KEEP) & (verdict[i] as u8 == Verdict::Valid as u8);
+        verdict[i] = if goes { reason } else { verdict[i] };
+        x[i] = if goes { f32::NAN } else { x[i] };
+        sigma[i] = if goes { f32::NAN } else { sigma[i] };
     }
 }
 
@@ -295,7 +318,7 @@ fn axis_row<'f, T: Sample>(
         (-0.5 - OVERHANG_PX, kernel.extent - 0.5 + OVERHANG_PX)
     };
     let (verdict, sd) = (&mut out.verdict[..n], &mut out.sigma[..n]);
-    let (top, ok) = (&top[..n], &ok[..n]);
+    let (top, ok, variance) = (&top[..n], &ok[..n], &variance[..n]);
     for i in 0..n {
         let sure = ok[i] & (x[i] >= lo) & (x[i] <= hi);
         let found = if sure {

@@ -1,0 +1,276 @@
+//! `phasma decode` as a user runs it: files in, files out, exit status and messages.
+
+use image::{DynamicImage, GrayImage, ImageBuffer, Luma};
+use std::f64::consts::TAU;
+use std::path::Path;
+use std::process::{Command, Output};
+
+const SIZE: (u32, u32) = (64, 20);
+
+/// Saves a picture of levels, 0 to 1.
+type Save<'a> = &'a dyn Fn(&Path, &dyn Fn(u32, u32) -> f64);
+
+/// A column of the projector for each pixel.
+fn column(u: u32, v: u32) -> f64 {
+    30.0 + 6.1 * f64::from(u) + 0.4 * f64::from(v)
+}
+
+/// Writes eight-step fringes of one period over the projector, named 0.EXT and so on, and their
+/// manifest.
+fn write_sequence(folder: &Path, extension: &str, save: Save<'_>) {
+    let mut text = "[projector]\nwidth_px = 480\nheight_px = 300\n".to_owned();
+    for i in 0..8 {
+        let phase = TAU * f64::from(i) / 8.0;
+        let name = format!("{i}.{extension}");
+        text += &format!(
+            "[[frame]]\nfile = \"{name}\"\npattern = {{ kind = \"fringe\", axis = \"x\", \
+             period_px = 500, phase_rad = {phase} }}\n"
+        );
+        let level = |u, v| 0.5 + 0.4 * (TAU * column(u, v) / 500.0 + phase).cos();
+        save(&folder.join(name), &level);
+    }
+    std::fs::write(folder.join("sequence.toml"), text).unwrap();
+}
+
+fn save_grey8(path: &Path, level: &dyn Fn(u32, u32) -> f64) {
+    GrayImage::from_fn(SIZE.0, SIZE.1, |u, v| {
+        Luma([(250.0 * level(u, v)).round() as u8])
+    })
+    .save(path)
+    .unwrap();
+}
+
+fn phasma(args: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_phasma"))
+        .arg("decode")
+        .args(args)
+        .output()
+        .unwrap()
+}
+
+fn refused(args: &[&str], needles: &[&str]) {
+    let output = phasma(args);
+    let message = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(2), "{message}");
+    for needle in needles {
+        assert!(message.contains(needle), "{needle} not in: {message}");
+    }
+}
+
+/// Shape and values of a float32 array file.
+fn read_npy(path: &Path) -> (String, Vec<f32>) {
+    let bytes = std::fs::read(path).unwrap();
+    let length = usize::from(u16::from_le_bytes([bytes[8], bytes[9]]));
+    let header = String::from_utf8(bytes[10..10 + length].to_vec()).unwrap();
+    let values = bytes[10 + length..]
+        .chunks_exact(4)
+        .map(|b| f32::from_le_bytes(b.try_into().unwrap()))
+        .collect();
+    (header, values)
+}
+
+#[test]
+fn every_image_format_decodes_to_the_same_columns() {
+    let save_grey16 = |path: &Path, level: &dyn Fn(u32, u32) -> f64| {
+        ImageBuffer::from_fn(SIZE.0, SIZE.1, |u, v| {
+            Luma([(60000.0 * level(u, v)).round() as u16])
+        })
+        .save(path)
+        .unwrap();
+    };
+    let save_colour = |path: &Path, level: &dyn Fn(u32, u32) -> f64| {
+        let grey = GrayImage::from_fn(SIZE.0, SIZE.1, |u, v| {
+            Luma([(250.0 * level(u, v)).round() as u8])
+        });
+        DynamicImage::from(grey).to_rgb8().save(path).unwrap();
+    };
+    let kinds: [(&str, &str, Save<'_>); 5] = [
+        ("grey8", "png", &save_grey8),
+        ("grey16", "png", &save_grey16),
+        ("colour", "png", &save_colour),
+        ("bmp", "bmp", &save_grey8),
+        ("tiff", "tiff", &save_grey16),
+    ];
+    let root = tempfile::tempdir().unwrap();
+    for (name, extension, save) in kinds {
+        let (frames, out) = (
+            root.path().join(name),
+            root.path().join(format!("{name}-out")),
+        );
+        std::fs::create_dir(&frames).unwrap();
+        write_sequence(&frames, extension, save);
+        let manifest = frames.join("sequence.toml");
+        let (manifest, out_text) = (manifest.to_str().unwrap(), out.to_str().unwrap());
+        let output = phasma(&["--manifest", manifest, "--out", out_text, "--json"]);
+        assert!(output.status.success(), "{name}: {output:?}");
+        let json: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+        assert_eq!(json["axes"][0]["valid"], SIZE.0 * SIZE.1, "{name} {json}");
+        let (header, x) = read_npy(&out.join("projector_x.npy"));
+        assert!(header.contains("'shape': (20, 64)"), "{header}");
+        for (i, x) in x.iter().enumerate() {
+            let truth = column(i as u32 % SIZE.0, i as u32 / SIZE.0);
+            assert!(
+                (f64::from(*x) - truth).abs() < 0.5,
+                "{name} {i}: {x} {truth}"
+            );
+        }
+        for file in ["modulation.npy", "sigma_x.npy", "mask.png", "phase_x.png"] {
+            assert!(out.join(file).exists(), "{file}");
+        }
+        assert!(!out.join("projector_y.npy").exists() && !out.join("cloud.ply").exists());
+        // A second run into the same folder needs to be meant.
+        refused(
+            &["--manifest", manifest, "--out", out_text],
+            &["--force", "npy"],
+        );
+        let output = phasma(&["--manifest", manifest, "--out", out_text, "--force"]);
+        let table = String::from_utf8_lossy(&output.stdout).into_owned();
+        assert!(
+            output.status.success() && table.contains("axis x"),
+            "{table}"
+        );
+    }
+}
+
+#[test]
+fn with_a_calibration_there_are_points() {
+    let root = tempfile::tempdir().unwrap();
+    write_sequence(root.path(), "png", &save_grey8);
+    let view = |width: u32, height: u32, focal: f64, center: f64, x: f64| {
+        format!(
+            "lens = {{ width_px = {width}, height_px = {height}, focal_px = [{focal}, {focal}], \
+             principal_px = [{center:?}, {:?}] }}\nrig_from_view = {{ rotation = [[1, 0, 0], [0, 1, 0], \
+             [0, 0, 1]], translation_mm = [{x}, 0, 0] }}\n",
+            f64::from(height) / 2.0
+        )
+        .replace("1, 0, 0]", "1.0, 0.0, 0.0]")
+        .replace("[0, 1, 0]", "[0.0, 1.0, 0.0]")
+        .replace("[0, 0, 1]", "[0.0, 0.0, 1.0]")
+    };
+    let rig = format!(
+        "[camera]\n{}[projector]\n{}",
+        view(SIZE.0, SIZE.1, 80.0, 32.0, 0.0),
+        view(480, 300, 600.0, 600.0, 300.0)
+    );
+    let calibration = root.path().join("rig.toml");
+    std::fs::write(&calibration, &rig).unwrap();
+    let (manifest, out) = (root.path().join("sequence.toml"), root.path().join("out"));
+    let args = |calibration: &Path| {
+        [
+            "--manifest",
+            manifest.to_str().unwrap(),
+            "--out",
+            out.to_str().unwrap(),
+            "--calibration",
+            calibration.to_str().unwrap(),
+        ]
+        .map(str::to_owned)
+    };
+    let run = |calibration: &Path| {
+        let args = args(calibration);
+        phasma(&args.each_ref().map(String::as_str))
+    };
+    let output = run(&calibration);
+    assert!(output.status.success(), "{output:?}");
+    let (_, depth) = read_npy(&out.join("depth.npy"));
+    let points = depth.iter().filter(|z| !z.is_nan()).count();
+    assert_eq!(points, 64 * 20);
+    // Where the ray through pixel i meets its column's plane, in closed form.
+    for (i, z) in depth.iter().enumerate().filter(|(_, z)| !z.is_nan()) {
+        let (u, v) = (i as u32 % SIZE.0, i as u32 / SIZE.0);
+        let camera = (f64::from(u) - 32.0) / 80.0;
+        let truth = -300.0 / ((column(u, v) - 600.0) / 600.0 - camera);
+        assert!(
+            (f64::from(*z) / truth - 1.0).abs() < 0.01,
+            "{u} {v}: {z} {truth}"
+        );
+    }
+    let ply = std::fs::read(out.join("cloud.ply")).unwrap();
+    let text = String::from_utf8_lossy(&ply[..300]).into_owned();
+    assert!(text.starts_with("ply") && text.contains(&format!("element vertex {points}")));
+    assert!(
+        text.contains("property float nx") && text.contains("intensity"),
+        "{text}"
+    );
+    // Another camera's calibration.
+    let other = root.path().join("other.toml");
+    std::fs::write(&other, rig.replace("width_px = 64", "width_px = 65")).unwrap();
+    std::fs::remove_dir_all(&out).unwrap();
+    let args = args(&other);
+    refused(
+        &args.each_ref().map(String::as_str),
+        &["calibration", "65 x 20", "64 x 20"],
+    );
+    assert!(!out.exists());
+}
+
+#[test]
+fn mistakes_are_named_and_leave_nothing() {
+    let root = tempfile::tempdir().unwrap();
+    let folder = |name: &str| {
+        let folder = root.path().join(name);
+        std::fs::create_dir(&folder).unwrap();
+        write_sequence(&folder, "png", &save_grey8);
+        folder
+    };
+    let check = |folder: &Path, more: &[&str], needles: &[&str]| {
+        let out = folder.join("out");
+        let (manifest, out_text) = (folder.join("sequence.toml"), out.to_str().unwrap());
+        let args = [
+            &["--manifest", manifest.to_str().unwrap(), "--out", out_text],
+            more,
+        ]
+        .concat();
+        refused(&args, needles);
+        assert!(!out.exists());
+    };
+    let missing = folder("missing");
+    std::fs::remove_file(missing.join("3.png")).unwrap();
+    check(&missing, &[], &["3.png"]);
+    check(
+        &missing,
+        &["--frames", "/nowhere/at/all"],
+        &["/nowhere/at/all"],
+    );
+
+    let size = folder("size");
+    GrayImage::new(63, 20).save(size.join("4.png")).unwrap();
+    check(&size, &[], &["4.png", "63 x 20", "64 x 20"]);
+
+    let depth = folder("depth");
+    ImageBuffer::<Luma<u16>, _>::new(64, 20)
+        .save(depth.join("5.png"))
+        .unwrap();
+    check(&depth, &[], &["5.png", "16"]);
+
+    let broken = folder("broken");
+    std::fs::write(broken.join("6.png"), b"\x89PNG\r\n\x1a\nnot really").unwrap();
+    check(&broken, &[], &["6.png", "PNG, BMP or TIFF"]);
+    let whole = std::fs::read(folder("whole").join("6.png")).unwrap();
+    std::fs::write(broken.join("6.png"), &whole[..whole.len() / 2]).unwrap();
+    check(&broken, &[], &["6.png"]);
+
+    let two = folder("two");
+    let text = std::fs::read_to_string(two.join("sequence.toml")).unwrap();
+    let cut = text.match_indices("[[frame]]").nth(2).unwrap().0;
+    std::fs::write(two.join("sequence.toml"), &text[..cut]).unwrap();
+    check(&two, &[], &["sequence.toml", "2 steps", "period 500 px"]);
+
+    let nameless = folder("nameless");
+    std::fs::write(
+        nameless.join("sequence.toml"),
+        text.replace("file = \"2.png\"\n", ""),
+    )
+    .unwrap();
+    check(&nameless, &[], &["frame[2].file"]);
+    check(
+        &nameless,
+        &["--min-modulation", "nan"],
+        &["--min-modulation"],
+    );
+    check(
+        &nameless,
+        &["--calibration", "/nowhere/rig.toml"],
+        &["/nowhere/rig.toml"],
+    );
+}
