@@ -1,4 +1,55 @@
 //! Phasma: a structured-light 3D scanner that is not there.
+//!
+//! It renders what a real scanner's camera would see, hands the frames out as a camera would, takes
+//! projector and trigger commands on a serial port, and decodes the frames of any such device,
+//! emulated or physical, into a measured surface. This page is the map.
+//!
+//! # Two halves and the ground between them
+//!
+//! ```text
+//!  profile + scene                                                 sequence manifest
+//!        |                                                                 |
+//!   [ emulator ] --frames--> [ link: frame socket ] --> [ host: camera ] --> [ decode ] --> cloud
+//!        ^                                                       |               ^
+//!        +--commands-- [ link: pty ] <------- [ host: port ] <---+          calibration
+//! ```
+//!
+//! | layer  | module | holds |
+//! | ------ | ------ | ----- |
+//! | ground | [`geometry`] | poses, the lens model, rigs, solids, meshes and their files, ray casting |
+//! | ground | [`pattern`] | what a projector shows; the sequence manifest |
+//! | ground | [`profile`] | devices and scenes as typed, checked structs; the built-in ones |
+//! | ground | [`protocol`] | SCPI, the frame socket's header, the service channel, `device.json` |
+//! | device | [`emulator`] | clock, firmware, slides, [rendering](emulator::render), ground truth |
+//! | device | [`link`] | how a device reaches the world: pty, frame socket, service socket |
+//! | host   | [`host`] | how an application reaches a device: camera, port, scanner |
+//! | host   | [`decode`] | frames to projector coordinates to points |
+//! | host   | [`calibrate`] | triangulation with a calibrated rig |
+//! | host   | [`measure`] | distances to the truth, registration, pictures |
+//! | top    | [`study`], [`cli`] | what needs both halves; the commands |
+//!
+//! The wall: host-side modules never import device-side ones, nor the reverse; `tests/wall.rs`
+//! fails when one does. A decoder that could look behind it would prove nothing.
+//!
+//! # Conventions
+//!
+//! Millimetres, seconds and radians inside; files carry the unit in the field's name. Device time
+//! is integer nanoseconds. The camera's frame is OpenCV's (x right, y down, z forward, pixel centres
+//! at integers) and the rig's frame is camera 0's. A pose `a_from_b` takes coordinates in b to
+//! coordinates in a. A fringe is `A + B cos(2 pi x / period_px + phase_rad)`; see [`pattern`].
+//! Nothing below [`cli`] reads a wall clock, the environment or a global random generator.
+//!
+//! # Where the code departs from the first design, and why
+//!
+//! - A footprint seen along a pattern's axis is not a box but the convolution of two (by the
+//!   camera's column and row). Second differences of a second prefix sum average a slide under that
+//!   trapezoid as exactly as first differences do under a box, so `exposure` does that.
+//! - Rays are cast in packets of sixteen with one origin, so shadow rays start at the projector's
+//!   pupil and end at the surface, and the hierarchy's traversal is ours; obvhs builds it.
+//! - STL, OBJ, PLY and `.npy` are read and written here: the crates lose the line of an error, f64
+//!   vertices, or bounds on memory.
+//! - Ambient light, radiometry and the sensor work in SI units and electrons from the start, so that
+//!   an exposure in a profile means what it means on a camera.
 
 pub mod calibrate;
 pub mod cli;
@@ -13,3 +64,5 @@ pub mod pattern;
 pub mod profile;
 pub mod protocol;
 pub mod study;
+
+pub use error::{Error, Result};
