@@ -8,7 +8,9 @@ const GROUND: [&str; 4] = ["geometry", "pattern", "profile", "protocol"];
 const TOP: [&str; 2] = ["study", "cli"];
 
 fn sources(module: &str) -> Vec<(PathBuf, String)> {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("src").join(module);
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("src")
+        .join(module);
     let mut folders = vec![root];
     let mut found = Vec::new();
     while let Some(folder) = folders.pop() {
@@ -56,7 +58,9 @@ fn imports(text: &str) -> Vec<String> {
     }
     let ident = |s: &String| -> String {
         let s = s.trim_start();
-        s.chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect()
+        s.chars()
+            .take_while(|c| c.is_alphanumeric() || *c == '_')
+            .collect()
     };
     names.iter().map(ident).collect()
 }
@@ -89,6 +93,7 @@ fn the_ground_stands_on_nothing_and_no_half_on_the_top() {
 
 #[test]
 fn an_import_is_found_however_it_is_written() {
-    let text = "use crate::{geometry::{A, B}, emulator::Shot};\nlet x = crate::link::y(); // crate::host";
+    let text =
+        "use crate::{geometry::{A, B}, emulator::Shot};\nlet x = crate::link::y(); // crate::host";
     assert_eq!(imports(text), ["geometry", "emulator", "link"]);
 }

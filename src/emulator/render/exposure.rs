@@ -30,6 +30,10 @@ const ROUND: f32 = 4096.0;
 /// Beyond the largest slide.
 const LAST_PIXEL: f32 = 65536.0;
 
+/// Pixels averaged side by side.
+const LANES: usize = 8;
+type Lanes = [f32; LANES];
+
 /// A slide prepared for averaging.
 pub(super) enum Table {
     /// One level, relative to full white.
@@ -108,57 +112,79 @@ impl RowTable {
         Self { cells, scale }
     }
 
-    /// Average level, 0 to 1, under the trapezoid of widths `a` and `b` about `x`. Beyond its ends
-    /// the slide goes on with its last level: whether light falls there is the geometry's to say.
+    /// Average levels, 0 to 1, under the trapezoids about `x` whose widths are the sizes of
+    /// `slope`. Beyond its ends the slide goes on with its last level: whether light falls there
+    /// is the geometry's to say.
+    ///
+    /// Written lane by lane in stages, so that all but the lookups runs in SIMD registers.
     #[inline(always)]
-    fn average(&self, x: f32, slope: [f32; 2]) -> f32 {
-        let [a, b] = slope.map(|s| s.abs().clamp(1e-6, WIDEST));
-        let wide = if a > b { a } else { b };
-        let narrow = if a > b { b } else { a }.max(wide * NARROWEST);
-        let (outer, inner) = ((wide + narrow) * 0.5, (wide - narrow) * 0.5);
-        // Positions are kept relative to the held pixel at x, so that they round like the
-        // footprint and not like the coordinate.
-        let middle = (x.clamp(-0.5, LAST_PIXEL) + 0.5) as i32;
-        let inside = x - middle as f32;
-        let base = self.at(middle, inside - outer);
-        let first = self.cells[base.index];
-        // Relative to the lowest cell's border: S there and its slope drop out of the second
-        // difference.
-        let relative = |at: Place| {
-            let cell = self.cells[at.index];
-            let steps = (at.index - base.index) as u32;
-            let offset = cell
-                .sum_of_sums
-                .wrapping_sub(first.sum_of_sums)
-                .wrapping_sub(first.sum.wrapping_mul(steps).wrapping_mul(2));
-            let slope = cell.sum.wrapping_sub(first.sum);
-            0.5 * (offset as i32 as f32) + at.t * (slope as i32 as f32 + 0.5 * cell.level * at.t)
-        };
-        let rise =
-            relative(self.at(middle, inside + outer)) - relative(self.at(middle, inside + inner));
-        let fall = relative(self.at(middle, inside - inner)) - relative(base);
-        (rise - fall) * self.scale / (wide * narrow)
-    }
-
-    /// The held pixel at `offset` from the centre of pixel `middle`, and how far from that pixel's
-    /// left border, in pixels.
-    #[inline(always)]
-    fn at(&self, middle: i32, offset: f32) -> Place {
+    fn average(&self, x: &Lanes, slope: &[[f32; 2]; LANES]) -> Lanes {
         let last = self.cells.len() as i32 - 1;
-        // Rounds to the nearest; where it errs by one at a border, S goes on smoothly.
-        let steps = (offset + (ROUND + 0.5)) as i32 - ROUND as i32;
-        let index = (middle + steps).clamp(0, last);
-        Place {
-            index: index as usize,
-            t: offset - (index - middle) as f32 + 0.5,
+        let mut area = [0.0; LANES];
+        // Lookups from the lowest to the highest; `index` of the held pixel and `t`, how far from
+        // its left border.
+        let mut index = [[0i32; LANES]; 4];
+        let mut t = [[0.0; LANES]; 4];
+        for lane in 0..LANES {
+            let a = least(greatest(slope[lane][0].abs(), 1e-6), WIDEST);
+            let b = least(greatest(slope[lane][1].abs(), 1e-6), WIDEST);
+            let wide = greatest(a, b);
+            let narrow = greatest(least(a, b), wide * NARROWEST);
+            area[lane] = wide * narrow;
+            let (outer, inner) = ((wide + narrow) * 0.5, (wide - narrow) * 0.5);
+            // Positions are kept relative to the held pixel at x, so that they round like the
+            // footprint and not like the coordinate.
+            let middle = (least(greatest(x[lane], -0.5), LAST_PIXEL) + 0.5) as i32;
+            let inside = x[lane] - middle as f32;
+            for (k, offset) in [-outer, -inner, inner, outer].into_iter().enumerate() {
+                let offset = inside + offset;
+                // Rounds to the nearest; where it errs by one at a border, S goes on smoothly.
+                let steps = (offset + (ROUND + 0.5)) as i32 - ROUND as i32;
+                let at = (middle + steps).clamp(0, last);
+                index[k][lane] = at;
+                t[k][lane] = offset - (at - middle) as f32 + 0.5;
+            }
         }
+        let mut level = [[0.0; LANES]; 4];
+        let mut sum = [[0u32; LANES]; 4];
+        let mut sum_of_sums = [[0u32; LANES]; 4];
+        for k in 0..4 {
+            for lane in 0..LANES {
+                let cell = self.cells[index[k][lane] as usize];
+                level[k][lane] = cell.level;
+                sum[k][lane] = cell.sum;
+                sum_of_sums[k][lane] = cell.sum_of_sums;
+            }
+        }
+        let mut average = [0.0; LANES];
+        for lane in 0..LANES {
+            // S relative to the lowest cell's border: S there and its slope drop out of the second
+            // difference.
+            let s = |k: usize| {
+                let steps = (index[k][lane] - index[0][lane]) as u32;
+                let offset = sum_of_sums[k][lane]
+                    .wrapping_sub(sum_of_sums[0][lane])
+                    .wrapping_sub(sum[0][lane].wrapping_mul(steps).wrapping_mul(2));
+                let rise = sum[k][lane].wrapping_sub(sum[0][lane]) as i32 as f32;
+                let t = t[k][lane];
+                0.5 * (offset as i32 as f32) + t * (rise + 0.5 * level[k][lane] * t)
+            };
+            average[lane] = ((s(3) - s(2)) - (s(1) - s(0))) * self.scale / area[lane];
+        }
+        average
     }
 }
 
-#[derive(Clone, Copy)]
-struct Place {
-    index: usize,
-    t: f32,
+/// The lesser, the bound if NaN; one instruction.
+#[inline(always)]
+fn least(x: f32, bound: f32) -> f32 {
+    if x < bound { x } else { bound }
+}
+
+/// The greater, the bound if NaN; one instruction.
+#[inline(always)]
+fn greatest(x: f32, bound: f32) -> f32 {
+    if x > bound { x } else { bound }
 }
 
 impl PictureTable {
@@ -251,23 +277,26 @@ pub(super) fn run(
 
 /// Mean electrons of a mixed pixel.
 pub(super) fn mixed(pixel: &Mixed, table: &Table, seconds: f32, light: f32) -> f32 {
-    let mut sum = 0.0;
-    for k in 0..pixel.projected.len() {
-        if pixel.projected[k] > 0.0 {
-            let level = match table {
-                Table::Uniform(level) => *level,
-                Table::Row(Axis::X, row) => row.average(pixel.x[k], pixel.x_slope[k]),
-                Table::Row(Axis::Y, row) => row.average(pixel.y[k], pixel.y_slope[k]),
-                Table::Picture(picture) => {
-                    picture.average(pixel.x[k], pixel.y[k], pixel.x_slope[k], pixel.y_slope[k])
-                }
-            };
-            sum += pixel.projected[k] * level;
-        }
-    }
+    let levels: [f32; 16] = match table {
+        Table::Uniform(level) => [*level; 16],
+        Table::Row(Axis::X, row) => along_mixed(row, &pixel.x, &pixel.x_slope),
+        Table::Row(Axis::Y, row) => along_mixed(row, &pixel.y, &pixel.y_slope),
+        Table::Picture(picture) => std::array::from_fn(|k| {
+            picture.average(pixel.x[k], pixel.y[k], pixel.x_slope[k], pixel.y_slope[k])
+        }),
+    };
+    let sum: f32 = levels
+        .iter()
+        .zip(&pixel.projected)
+        .map(|(l, p)| l * p)
+        .sum();
     seconds * (pixel.ambient + light * sum / pixel.projected.len() as f32)
 }
 
+widest! {
+    fn along_mixed(row: &RowTable, x: &[f32; 16], slope: &[[f32; 2]; 16]) -> [f32; 16]
+        => along_mixed_body
+}
 widest! {
     fn uniform(
         map: &GeometryBuffer, level: f32, exposure: [f32; 2], first: usize, electrons: &mut [f32],
@@ -305,15 +334,49 @@ fn along_row_body(
     electrons: &mut [f32],
 ) {
     let range = first..first + electrons.len();
-    let (ambient, projected) = (&map.ambient[range.clone()], &map.projected[range.clone()]);
-    let (x, slope) = (&x[range.clone()], &slope[range]);
-    for i in 0..electrons.len() {
+    let ambient = map.ambient[range.clone()].chunks(LANES);
+    let projected = map.projected[range.clone()].chunks(LANES);
+    let x = x[range.clone()].chunks(LANES);
+    let slope = slope[range].chunks(LANES);
+    let light = light * seconds;
+    let blocks = electrons
+        .chunks_mut(LANES)
+        .zip(ambient)
+        .zip(projected)
+        .zip(x)
+        .zip(slope);
+    for ((((e, ambient), projected), x), slope) in blocks {
+        for (e, a) in e.iter_mut().zip(ambient) {
+            *e = seconds * a;
+        }
         // Unlit pixels come in long runs: the branch is cheaper than their lookups.
-        let light = if projected[i] > 0.0 {
-            light * projected[i] * row.average(x[i], slope[i])
-        } else {
-            0.0
+        if projected.iter().all(|&p| p == 0.0) {
+            continue;
+        }
+        let level = match (x.try_into(), slope.try_into()) {
+            (Ok(x), Ok(slope)) => row.average(x, slope),
+            // The end of the image.
+            _ => {
+                let (mut xs, mut slopes) = ([0.0; LANES], [[0.0; 2]; LANES]);
+                xs[..x.len()].copy_from_slice(x);
+                slopes[..x.len()].copy_from_slice(slope);
+                row.average(&xs, &slopes)
+            }
         };
-        electrons[i] = seconds * (ambient[i] + light);
+        for ((e, p), level) in e.iter_mut().zip(projected).zip(level) {
+            *e += light * p * level;
+        }
     }
+}
+
+#[inline(always)]
+fn along_mixed_body(row: &RowTable, x: &[f32; 16], slope: &[[f32; 2]; 16]) -> [f32; 16] {
+    let mut levels = [0.0; 16];
+    for half in 0..2 {
+        let from = half * LANES;
+        let x: Lanes = std::array::from_fn(|i| x[from + i]);
+        let slope: [[f32; 2]; LANES] = std::array::from_fn(|i| slope[from + i]);
+        levels[from..from + LANES].copy_from_slice(&row.average(&x, &slope));
+    }
+    levels
 }
