@@ -737,6 +737,30 @@ fn frames_that_do_not_fit_are_refused() {
     assert!(error.to_string().contains("frame 7"));
 }
 
+#[test]
+fn pictures_in_a_sequence_need_no_frame() {
+    let positions = sweep(8);
+    let scene = Scene::default();
+    let list = [equal(Axis::X, 16.0, 4), gray(Axis::X, 8.0, 0..8, true)].concat();
+    let plain = manifest(list.clone());
+    let mut with_picture = list;
+    with_picture.insert(
+        3,
+        Pattern::Image {
+            file: "speckle.png".into(),
+        },
+    );
+    let frames = scene.frames_u8(&plain, &positions);
+    let mut samples: Vec<Samples<'_>> = frames.iter().map(|f| Samples::U8(f)).collect();
+    samples.insert(3, Samples::U8(&[]));
+    let decoder = Decoder::new(&manifest(with_picture), WIDTH, 8, None, scene.options()).unwrap();
+    let decoded = decoder
+        .decode(&FrameStack::new(WIDTH, 8, samples).unwrap())
+        .unwrap();
+    let f = figures(&decoded, Axis::X, &positions, 4.0);
+    assert!(f.gross == 0.0 && f.coverage > 0.99, "{f:?}");
+}
+
 proptest! {
     #![proptest_config(ProptestConfig {
         cases: 40,
@@ -772,5 +796,65 @@ proptest! {
         let f = figures(&decoded, Axis::X, &positions, 0.4 * period);
         prop_assert!(f.gross == 0.0 && f.coverage > 0.98, "{f:?} {:?}", counts(&decoded));
         prop_assert!(f.ratio > 0.85 && f.ratio < 1.15, "{f:?}");
+    }
+}
+
+fn any_pattern() -> impl Strategy<Value = Pattern> {
+    let axis = || prop_oneof![Just(Axis::X), Just(Axis::Y)];
+    prop_oneof![
+        // Few values, so that sets and codes come about.
+        6 => (axis(), prop_oneof![Just(2.5), Just(16.0), Just(24.0), Just(1e6)], 0u8..6).prop_map(
+            |(axis, period_px, step)| Pattern::Fringe {
+                axis,
+                period_px,
+                phase_rad: f64::from(step),
+            }
+        ),
+        3 => (axis(), prop_oneof![Just(1.0), Just(8.0), Just(16.0), Just(1e6)], 0u32..9, any::<bool>())
+            .prop_map(|(axis, cell_px, bit, inverted)| Pattern::Gray {
+                axis,
+                cell_px,
+                bits: 9,
+                bit,
+                inverted,
+            }),
+        1 => Just(Pattern::White {}),
+        1 => Just(Pattern::Black {}),
+    ]
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig {
+        cases: 300,
+        failure_persistence: None,
+        ..ProptestConfig::default()
+    })]
+    #[test]
+    fn no_sequence_and_no_frames_panic(
+        patterns in proptest::collection::vec(any_pattern(), 1..40),
+        size in prop_oneof![Just((1usize, 1usize)), Just((2, 3)), Just((9, 5))],
+        noise in any::<u64>(),
+        projector in prop_oneof![Just((1u32, 1u32)), Just((100, 60)), Just((1920, 1080))],
+        unwrap_spatial: bool,
+    ) {
+        let mut manifest = manifest(patterns);
+        (manifest.projector.width_px, manifest.projector.height_px) = projector;
+        let options = Options { unwrap_spatial, ..Options::default() };
+        if let Ok(decoder) = Decoder::new(&manifest, size.0, size.1, None, options) {
+            let pixels = size.0 * size.1;
+            let frames: Vec<Vec<u16>> = (0..manifest.frame.len() * pixels)
+                .map(|i| (uniform(noise.wrapping_add(i as u64)) * 65536.0) as u16)
+                .collect::<Vec<_>>()
+                .chunks(pixels)
+                .map(<[u16]>::to_vec)
+                .collect();
+            let frames = frames.iter().map(|f| Samples::U16(f)).collect();
+            let decoded = decoder.decode(&FrameStack::new(size.0, size.1, frames).unwrap()).unwrap();
+            for (_, map) in decoded.axes() {
+                for (v, x) in map.verdict.iter().zip(&map.coordinate) {
+                    prop_assert_eq!(*v == Verdict::Valid, x.is_finite());
+                }
+            }
+        }
     }
 }

@@ -9,6 +9,9 @@ use crate::pattern::{Axis, Manifest, Pattern};
 /// to the fringes.
 const SAME_PHASE: f64 = 0.002;
 
+/// Periods along one axis; beyond it a search among candidates would take for ever.
+const MAX_SETS: usize = 16;
+
 /// How the number of whole periods is found.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Order {
@@ -200,6 +203,13 @@ fn fringe_sets(axis: Axis, manifest: &Manifest) -> Result<Vec<FringeSet>> {
         });
         groups[at].1.push(i);
         groups[at].2.push(phase_rad);
+    }
+    if groups.len() > MAX_SETS {
+        return Err(Error::input(
+            format!("sequence, axis {axis}"),
+            format!("fringes of {} periods", groups.len()),
+            format!("up to {MAX_SETS} periods an axis"),
+        ));
     }
     groups.sort_by(|a, b| a.0.total_cmp(&b.0));
     groups
