@@ -35,15 +35,17 @@ pub enum Quantity {
 }
 
 impl Quantity {
-    fn scale(self, suffix: &str) -> Result<f64, DeviceError> {
+    /// The number of suffixed units in a base unit. A divisor, because 20 / 1e6 is the double
+    /// nearest to 20 us and 20 * 1e-6 is not: a limit that is typed in must count as within.
+    fn divisor(self, suffix: &str) -> Result<f64, DeviceError> {
         match (self, suffix) {
             (_, "") => Ok(1.0),
             (Self::Plain, _) => Err(ErrorCode::SuffixNotAllowed.with(suffix)),
             (Self::Time, "S") | (Self::Decibel, "DB") => Ok(1.0),
-            (Self::Time, "MS") => Ok(1e-3),
-            (Self::Time, "US") => Ok(1e-6),
-            (Self::Time, "NS") => Ok(1e-9),
-            (Self::Ratio, "PCT") => Ok(1e-2),
+            (Self::Time, "MS") => Ok(1e3),
+            (Self::Time, "US") => Ok(1e6),
+            (Self::Time, "NS") => Ok(1e9),
+            (Self::Ratio, "PCT") => Ok(1e2),
             _ => Err(ErrorCode::InvalidSuffix.with(suffix)),
         }
     }
@@ -113,8 +115,8 @@ impl<'a> Args<'a> {
     pub fn number(&mut self, quantity: Quantity) -> Result<Number, DeviceError> {
         match self.next()? {
             Param::Number { value, suffix } => quantity
-                .scale(suffix)
-                .map(|scale| Number::Value(value * scale)),
+                .divisor(suffix)
+                .map(|divisor| Number::Value(value / divisor)),
             Param::Name(word) => [
                 ("MINimum", Number::Min),
                 ("MAXimum", Number::Max),
@@ -135,7 +137,7 @@ impl<'a> Args<'a> {
     pub fn boolean(&mut self) -> Result<bool, DeviceError> {
         match self.next()? {
             Param::Number { value, suffix } => {
-                Quantity::Plain.scale(suffix)?;
+                Quantity::Plain.divisor(suffix)?;
                 Ok(value.round() != 0.0)
             }
             Param::Name(word) if word == "ON" => Ok(true),
@@ -245,6 +247,7 @@ mod tests {
     fn units_scale_and_foreign_ones_are_refused() {
         let time = |text: &str| with(text, |a| a.number(Quantity::Time));
         assert_eq!(time("10ms"), Ok(Number::Value(0.01)));
+        assert_eq!(time("20us"), Ok(Number::Value(0.00002)));
         assert_eq!(time("0.008"), Ok(Number::Value(0.008)));
         assert_eq!(time("MAXimum"), Ok(Number::Max));
         assert_eq!(time("5 V"), Err(-131));
