@@ -157,6 +157,11 @@ impl Firmware {
         self.in_flight
     }
 
+    /// Identity of the next frame.
+    pub fn next_id(&self) -> u64 {
+        self.next_id
+    }
+
     /// Says whether somebody reads from the camera; only then does it run free.
     pub fn set_streaming(&mut self, on: bool, now_ns: u64) {
         self.advance(now_ns);
