@@ -16,10 +16,13 @@ use std::mem::MaybeUninit;
 use std::os::fd::{AsFd, OwnedFd};
 use std::os::unix::ffi::OsStringExt;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 use tokio::io::unix::AsyncFd;
 
 /// Bytes of replies that wait for a client to read them.
 const MAX_OUTPUT: usize = 1 << 20;
+/// How often replies that found no room are offered again.
+const RETRY: Duration = Duration::from_millis(5);
 
 /// What happened on the port.
 #[derive(Debug, PartialEq, Eq)]
@@ -38,7 +41,10 @@ pub(super) struct Pty {
     /// Tells of clients that open and close; `None` where the system cannot.
     watch: Option<AsyncFd<OwnedFd>>,
     clients: usize,
+    /// The last client has left, and nobody has been told yet.
     hung_up: bool,
+    /// Bytes that were read and are to be handed on next.
+    unread: Option<Vec<u8>>,
     output: Vec<u8>,
 }
 
@@ -67,6 +73,7 @@ impl Pty {
             watch,
             clients: 0,
             hung_up: false,
+            unread: None,
             output: Vec::new(),
         })
     }
@@ -79,21 +86,27 @@ impl Pty {
     /// Waits for what happens next, and sends what is to be sent meanwhile.
     pub(super) async fn next(&mut self) -> Result<Event> {
         loop {
-            self.count_clients();
-            // What came before the last client left belongs to it.
+            if let Some(bytes) = self.unread.take() {
+                return Ok(Event::Data(bytes));
+            }
             match self.read() {
+                Ok(bytes) => {
+                    self.count_clients();
+                    // What came before the last client left belongs to it and is handed on before
+                    // its leaving is. With a new client there already, the two cannot be told
+                    // apart, and the leaving comes first.
+                    if self.hung_up && self.clients > 0 {
+                        self.hung_up = false;
+                        self.unread = Some(bytes);
+                        return Ok(Event::HungUp);
+                    }
+                    return Ok(Event::Data(bytes));
+                }
                 Err(Errno::WOULDBLOCK) => {}
-                Ok(bytes) => return Ok(Event::Data(bytes)),
                 Err(e) => return Err(Error::io(&self.path, e.into())),
             }
             self.count_clients();
             if std::mem::take(&mut self.hung_up) {
-                if self.clients == 0 {
-                    self.output.clear();
-                    // Neither matters when it fails.
-                    let _ = termios::tcflush(&self.slave, QueueSelector::IFlush);
-                    let _ = termios::ioctl_tiocnxcl(&self.slave);
-                }
                 return Ok(Event::HungUp);
             }
             self.write();
@@ -102,10 +115,9 @@ impl Pty {
             // made again at the top of the loop.
             tokio::select! {
                 ready = watch_stirs(self.watch.as_ref()) => ready.map_err(io)?,
-                ready = self.master.writable(), if !self.output.is_empty() => {
-                    ready.map_err(io)?.clear_ready();
-                }
                 ready = stirs(&self.master) => ready.map_err(io)?,
+                // Linux wakes a pty's writer before it has made room, and not again afterwards.
+                () = tokio::time::sleep(RETRY), if !self.output.is_empty() => {}
             }
         }
     }
@@ -126,7 +138,8 @@ impl Pty {
     }
 
     fn read(&self) -> Result<Vec<u8>, Errno> {
-        let mut bytes = vec![0; 16 << 10];
+        // Few commands at a time: the first one's reply must not wait for the last one's.
+        let mut bytes = vec![0; 1 << 10];
         let len = rustix::io::read(&self.master, &mut bytes)?;
         bytes.truncate(len);
         Ok(bytes)
@@ -141,21 +154,33 @@ impl Pty {
         }
     }
 
-    /// Brings the count of clients up to date.
+    /// Brings the count of clients up to date. Called after every reading and before every reply:
+    /// when it finds that the last client has left, every reply so far was that client's.
     fn count_clients(&mut self) {
         let Some(watch) = &self.watch else { return };
         let mut buffer = [MaybeUninit::uninit(); 4096];
         let mut reader = inotify::Reader::new(watch.as_fd(), &mut buffer);
+        let mut left = false;
         while let Ok(event) = reader.next() {
             if event.events().contains(inotify::ReadFlags::OPEN) {
                 self.clients += 1;
-                self.hung_up = false;
             } else if event
                 .events()
                 .intersects(inotify::ReadFlags::CLOSE_WRITE | inotify::ReadFlags::CLOSE_NOWRITE)
             {
                 self.clients = self.clients.saturating_sub(1);
-                self.hung_up |= self.clients == 0;
+                left |= self.clients == 0;
+            }
+        }
+        if left {
+            self.hung_up = true;
+            self.output.clear();
+            // Replies on their way through the kernel, then those that have arrived. Failing does
+            // no harm: a client has to expect stale replies on any line.
+            let _ = termios::tcflush(&self.master, QueueSelector::OFlush);
+            let _ = termios::tcflush(&self.slave, QueueSelector::IFlush);
+            if self.clients == 0 {
+                let _ = termios::ioctl_tiocnxcl(&self.slave);
             }
         }
     }

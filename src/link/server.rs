@@ -21,7 +21,7 @@ const MAX_BACKLOG: usize = 8192;
 /// Exposures of a free-running camera that may wait; those beyond are dropped, as a camera does.
 const MAX_FREE_BACKLOG: usize = 2;
 /// A block that stops coming for so long will not come.
-const STALL: Duration = Duration::from_secs(2);
+const STALL: Duration = Duration::from_secs(1);
 
 /// What is served.
 pub struct Device {

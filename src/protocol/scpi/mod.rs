@@ -13,7 +13,9 @@ mod header;
 mod param;
 mod parse;
 
-pub use block::{encode as encode_block, header as block_header, split as split_block};
+pub use block::{
+    Prefix as BlockPrefix, encode as encode_block, header as block_header, split as split_block,
+};
 pub use error::{DeviceError, ErrorCode};
 pub use framing::{Framer, Framing, MAX_BLOCK_BYTES, MAX_LINE_BYTES};
 pub use header::{HeaderMatch, keyword_matches, match_header};
