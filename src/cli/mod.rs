@@ -3,7 +3,9 @@
 mod compare;
 mod decode;
 mod profile;
+mod scan;
 mod scene;
+mod serve;
 
 use crate::error::Result;
 use clap::{Parser, Subcommand};
@@ -19,6 +21,8 @@ struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Command {
+    Serve(serve::Args),
+    Scan(scan::Args),
     Decode(decode::Args),
     Compare(compare::Args),
     Profile(profile::Args),
@@ -40,6 +44,8 @@ pub fn main() -> ExitCode {
 
 fn dispatch(command: Command) -> Result<()> {
     match command {
+        Command::Serve(args) => serve::run(&args),
+        Command::Scan(args) => scan::run(&args),
         Command::Decode(args) => decode::run(&args),
         Command::Compare(args) => compare::run(&args),
         Command::Profile(args) => profile::run(&args),

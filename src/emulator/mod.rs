@@ -1,10 +1,23 @@
 //! The emulated device: clock, firmware, projector, sensor, ground truth, rendering.
 
+mod bench;
+mod clock;
+mod firmware;
+mod picture;
 pub mod render;
+mod roi;
 mod shot;
+mod sink;
 mod slide;
 mod truth;
+mod truth_maps;
 
+pub use bench::Bench;
+pub use clock::{Clock, PacedClock, VirtualClock};
+pub use firmware::{Firmware, State, UserSequence};
+pub use render::Renderer;
+pub use roi::{Exposure, Roi};
 pub use shot::Shot;
+pub use sink::{FrameSink, MemorySink};
 pub use slide::Slide;
 pub use truth::Truth;

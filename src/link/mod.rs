@@ -1,1 +1,13 @@
-//! (to be written)
+//! How a device reaches the world: the control port as a pty, the camera as a frame socket, the
+//! service channel, the run directory that holds them, and the loop that serves them all.
+
+mod frame_socket;
+mod optics;
+mod pty;
+mod readiness;
+mod run_dir;
+mod server;
+mod service;
+
+pub use run_dir::RunDir;
+pub use server::{Device, serve};

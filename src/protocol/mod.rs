@@ -1,5 +1,10 @@
 //! What both halves speak: commands, replies, device errors, and every wire format.
 
+pub mod endpoints;
 mod frame;
+pub mod scpi;
+pub mod service;
+pub mod wire;
 
+pub use endpoints::Endpoints;
 pub use frame::{Frame, PixelFormat};

@@ -1,0 +1,132 @@
+//! `phasma serve`: puts a device on the desk that is not there.
+
+use crate::emulator::{Clock, Firmware, PacedClock, Renderer, UserSequence, VirtualClock};
+use crate::error::{Error, Result};
+use crate::link::{Device, RunDir, serve};
+use crate::profile::{Profile, Scene};
+use crate::protocol::Endpoints;
+use std::io::Write;
+use std::path::PathBuf;
+use std::time::Instant;
+use tokio::signal::unix::{SignalKind, signal};
+
+/// Serve an emulated scanner until Ctrl-C or TERM.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// Device profile: a built-in name or a TOML file.
+    #[arg(long, default_value = "pmp-bench")]
+    profile: String,
+    /// What stands before it: a built-in name or a TOML file.
+    #[arg(long, default_value = "torso")]
+    scene: String,
+    /// Where its endpoints are kept; a directory of its own under XDG_RUNTIME_DIR or the temporary
+    /// directory when absent.
+    #[arg(long, value_name = "DIR")]
+    run_dir: Option<PathBuf>,
+    /// Seed of the noise.
+    #[arg(long, default_value_t = 0)]
+    seed: u64,
+    /// Leave the noise out.
+    #[arg(long)]
+    no_noise: bool,
+    /// Serve frames on this port of the loopback interface too; 0 picks a free one.
+    #[arg(long, value_name = "PORT")]
+    tcp: Option<u16>,
+    /// Load a sequence of your own: a manifest whose pictures stand beside it. May be repeated.
+    #[arg(long, value_name = "FILE")]
+    sequence: Vec<PathBuf>,
+    /// How device time passes.
+    #[arg(long, value_enum, default_value_t = Pace::Real)]
+    clock: Pace,
+}
+
+#[derive(Debug, Clone, Copy, clap::ValueEnum)]
+enum Pace {
+    /// As on the wall.
+    Real,
+    /// It jumps to what happens next.
+    Fast,
+}
+
+pub(super) fn run(args: &Args) -> Result<()> {
+    let profile = Profile::load(&args.profile)?;
+    let scene = Scene::load(&args.scene)?;
+    let user: Vec<_> = args
+        .sequence
+        .iter()
+        .map(|path| UserSequence::read(path))
+        .collect::<Result<_>>()?;
+    let clock: Box<dyn Clock> = match args.clock {
+        Pace::Real => Box::new(PacedClock),
+        Pace::Fast => Box::new(VirtualClock::default()),
+    };
+    let id = &profile.identity;
+    let device = Device {
+        firmware: Firmware::new(&profile, &user)?,
+        renderer: Renderer::new(&profile, &scene, args.seed, !args.no_noise)?,
+        clock,
+        name: format!(
+            "{},{},{},{}",
+            id.manufacturer, id.model, id.serial, id.firmware
+        ),
+        profile: args.profile.clone(),
+        scene: args.scene.clone(),
+        seed: args.seed,
+        tcp: args.tcp,
+    };
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .build()
+        .map_err(|e| Error::io("event loop", e))?;
+    runtime.block_on(async {
+        // Before anything is made that would have to be removed.
+        let signal = |kind| signal(kind).map_err(|e| Error::io("signals", e));
+        let mut interrupt = signal(SignalKind::interrupt())?;
+        let mut terminate = signal(SignalKind::terminate())?;
+        let run_dir = match &args.run_dir {
+            // device.json is read from anywhere.
+            Some(dir) => std::path::absolute(dir).map_err(|e| Error::io(dir, e))?,
+            None => default_run_dir(&profile.name),
+        };
+        let run_dir = RunDir::claim(&run_dir)?;
+        let shutdown = async move {
+            tokio::select! {
+                _ = interrupt.recv() => {}
+                _ = terminate.recv() => {}
+            }
+        };
+        let start = Instant::now();
+        serve(device, run_dir, move || start.elapsed(), announce, shutdown).await
+    })
+}
+
+/// One directory a profile: `$XDG_RUNTIME_DIR/phasma-NAME`, or `/tmp/phasma-UID-NAME`.
+fn default_run_dir(profile: &str) -> PathBuf {
+    match std::env::var_os("XDG_RUNTIME_DIR").map(PathBuf::from) {
+        Some(dir) if dir.is_absolute() && dir.is_dir() => dir.join(format!("phasma-{profile}")),
+        _ => {
+            let user = rustix::process::geteuid().as_raw();
+            std::env::temp_dir().join(format!("phasma-{user}-{profile}"))
+        }
+    }
+}
+
+fn announce(endpoints: &Endpoints) {
+    let mut text = format!(
+        "{} looking at {}\n  control  {}\n  camera   {}\n",
+        endpoints.profile,
+        endpoints.scene,
+        endpoints.control.display(),
+        endpoints.camera
+    );
+    if let Some(tcp) = &endpoints.camera_tcp {
+        text += &format!("           {tcp}\n");
+    }
+    text += &format!(
+        "  service  {}\nCtrl-C ends it.\n",
+        endpoints.service.display()
+    );
+    // A closed standard output is no reason to stop serving.
+    let mut out = std::io::stdout();
+    let _ = out.write_all(text.as_bytes()).and_then(|()| out.flush());
+}

@@ -1,0 +1,91 @@
+//! What the commands set, and its state after power-on and `*RST`.
+
+use super::super::Roi;
+use crate::profile::Profile;
+
+/// Where a trigger may come from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Source {
+    Software,
+    Bus,
+    External,
+    /// The camera runs free at its interval.
+    Internal,
+}
+
+/// What one trigger starts.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Mode {
+    /// The whole sequence.
+    Sequence,
+    /// The next pattern.
+    Step,
+}
+
+/// What the projector shows while the camera runs free.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Shown {
+    White,
+    Black,
+    /// A pattern of the selected sequence.
+    Pattern(u32),
+}
+
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Settings {
+    pub(super) exposure_ns: u64,
+    pub(super) gain_db: f64,
+    pub(super) roi: Roi,
+    pub(super) interval_ns: u64,
+    pub(super) lamp: bool,
+    /// Projector light relative to full, 0 to 1.
+    pub(super) current: f64,
+    pub(super) shown: Shown,
+    pub(super) period_ns: u64,
+    pub(super) source: Source,
+    pub(super) delay_ns: u64,
+    pub(super) mode: Mode,
+    pub(super) continuous: bool,
+}
+
+impl Settings {
+    /// Power-on and `*RST`: lamp on and white, the profile's exposure, no gain, the whole sensor,
+    /// the camera running free.
+    pub(super) fn reset(profile: &Profile) -> Self {
+        let camera = &profile.camera;
+        Self {
+            exposure_ns: microseconds(camera.exposure_us),
+            gain_db: 0.0,
+            roi: Roi {
+                x: 0,
+                y: 0,
+                width: camera.width_px,
+                height: camera.height_px,
+            },
+            interval_ns: microseconds(camera.frame_interval_us),
+            lamp: true,
+            current: 1.0,
+            shown: Shown::White,
+            period_ns: microseconds(profile.sequence[0].period_us),
+            source: Source::Internal,
+            delay_ns: 0,
+            mode: Mode::Sequence,
+            continuous: false,
+        }
+    }
+}
+
+/// Nanoseconds of a checked, positive number of microseconds.
+pub(super) fn microseconds(us: f64) -> u64 {
+    (us * 1e3).round() as u64
+}
+
+/// Nanoseconds of a checked number of seconds of 0 or more.
+pub(super) fn from_seconds(s: f64) -> u64 {
+    (s * 1e9).round() as u64
+}
+
+/// Seconds of nanoseconds.
+pub(super) fn seconds(ns: u64) -> f64 {
+    ns as f64 / 1e9
+}

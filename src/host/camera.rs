@@ -1,0 +1,290 @@
+//! Cameras by address: `socket:PATH`, `tcp:HOST:PORT`, `/dev/videoN`.
+
+use crate::error::{Error, Result};
+use crate::protocol::Frame;
+use crate::protocol::wire::FrameDecoder;
+use std::collections::VecDeque;
+use std::io::Read;
+use std::net::{TcpStream, ToSocketAddrs};
+use std::os::unix::net::UnixStream;
+use std::path::Path;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+/// Where frames come from.
+pub trait Camera {
+    /// The address, for messages.
+    fn info(&self) -> &str;
+
+    /// The next frame, or `None` when none has come whole within the timeout; what has come of one
+    /// is kept for the next call.
+    ///
+    /// # Errors
+    /// A camera that has gone or sends what is no frame.
+    fn next_frame(&mut self, timeout: Duration) -> Result<Option<Frame>>;
+}
+
+impl Camera for Box<dyn Camera> {
+    fn info(&self) -> &str {
+        (**self).info()
+    }
+
+    fn next_frame(&mut self, timeout: Duration) -> Result<Option<Frame>> {
+        (**self).next_frame(timeout)
+    }
+}
+
+/// Opens a camera by its address.
+///
+/// # Errors
+/// An address of no known kind, and a camera that cannot be reached within the timeout.
+pub fn open_camera(address: &str, timeout: Duration) -> Result<Box<dyn Camera>> {
+    let place = format!("--camera {address}");
+    let allowed = "socket:PATH or tcp:HOST:PORT";
+    if let Some(path) = address.strip_prefix("socket:") {
+        if path.is_empty() {
+            return Err(Error::input(place, "no path", allowed));
+        }
+        let stream = UnixStream::connect(Path::new(path)).map_err(|e| Error::io(&place, e))?;
+        return Ok(Box::new(SocketCamera::new(Stream::Unix(stream), address)));
+    }
+    if let Some(host) = address.strip_prefix("tcp:") {
+        let stream = connect(host, timeout, &place)?;
+        return Ok(Box::new(SocketCamera::new(Stream::Tcp(stream), address)));
+    }
+    if address.starts_with("/dev/video") {
+        return Err(Error::input(
+            place,
+            "a V4L2 device, which this build cannot read yet",
+            allowed,
+        ));
+    }
+    Err(Error::input(place, "an address of no known kind", allowed))
+}
+
+fn connect(host: &str, timeout: Duration, place: &str) -> Result<TcpStream> {
+    let colon = host.rsplit_once(':').filter(|(name, _)| !name.is_empty());
+    let Some(Ok(_)) = colon.map(|(_, port)| port.parse::<u16>()) else {
+        return Err(Error::input(
+            place,
+            format!("{host:?}"),
+            "tcp:HOST:PORT, the port a number from 0 to 65535",
+        ));
+    };
+    let addresses = host
+        .to_socket_addrs()
+        .map_err(|e| Error::input(place, e, "a host that can be found"))?;
+    let mut last = Error::device(format!("{place}: the host has no address"));
+    for address in addresses {
+        match TcpStream::connect_timeout(&address, timeout) {
+            Ok(stream) => return Ok(stream),
+            Err(e) => last = Error::io(place, e),
+        }
+    }
+    Err(last)
+}
+
+enum Stream {
+    Unix(UnixStream),
+    Tcp(TcpStream),
+}
+
+impl Stream {
+    fn read(&mut self, buffer: &mut [u8], timeout: Duration) -> std::io::Result<usize> {
+        // A timeout of zero would mean none.
+        let timeout = Some(timeout.max(Duration::from_micros(1)));
+        match self {
+            Self::Unix(stream) => {
+                stream.set_read_timeout(timeout)?;
+                stream.read(buffer)
+            }
+            Self::Tcp(stream) => {
+                stream.set_read_timeout(timeout)?;
+                stream.read(buffer)
+            }
+        }
+    }
+}
+
+/// A camera behind a frame socket, which speaks [`crate::protocol::wire`].
+pub struct SocketCamera {
+    stream: Stream,
+    address: String,
+    decoder: FrameDecoder,
+    /// Nothing that comes after damage can be trusted.
+    damaged: bool,
+}
+
+impl SocketCamera {
+    fn new(stream: Stream, address: &str) -> Self {
+        Self {
+            stream,
+            address: address.to_owned(),
+            decoder: FrameDecoder::default(),
+            damaged: false,
+        }
+    }
+}
+
+impl Camera for SocketCamera {
+    fn info(&self) -> &str {
+        &self.address
+    }
+
+    fn next_frame(&mut self, timeout: Duration) -> Result<Option<Frame>> {
+        use std::io::ErrorKind;
+        if self.damaged {
+            return Err(Error::device(format!(
+                "{}: the stream of frames is out of step",
+                self.address
+            )));
+        }
+        let end = Instant::now() + timeout;
+        loop {
+            let left = end.saturating_duration_since(Instant::now());
+            let len = match self.stream.read(self.decoder.space(), left) {
+                Ok(0) => {
+                    return Err(Error::device(format!(
+                        "{}: the camera has closed the connection",
+                        self.address
+                    )));
+                }
+                Ok(len) => len,
+                Err(e) if matches!(e.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => {
+                    return Ok(None);
+                }
+                Err(e) if e.kind() == ErrorKind::Interrupted => continue,
+                Err(e) => return Err(Error::io(&self.address, e)),
+            };
+            match self.decoder.advance(len) {
+                Ok(None) => {}
+                Ok(frame) => return Ok(frame),
+                Err(e) => {
+                    self.damaged = true;
+                    return Err(Error::device(format!("{}: {e}", self.address)));
+                }
+            }
+            // A peer that drips bytes does not prolong the wait.
+            if left.is_zero() {
+                return Ok(None);
+            }
+        }
+    }
+}
+
+/// A camera in memory: it shows the frames that are put into its queue, and never waits.
+#[derive(Debug, Clone, Default)]
+pub struct MemoryCamera {
+    queue: Arc<Mutex<VecDeque<Frame>>>,
+}
+
+impl MemoryCamera {
+    /// Puts a frame into the queue.
+    pub fn put(&self, frame: Frame) {
+        self.queue
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .push_back(frame);
+    }
+}
+
+impl Camera for MemoryCamera {
+    fn info(&self) -> &str {
+        "memory camera"
+    }
+
+    fn next_frame(&mut self, _timeout: Duration) -> Result<Option<Frame>> {
+        let mut queue = self.queue.lock().unwrap_or_else(PoisonError::into_inner);
+        Ok(queue.pop_front())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::protocol::{PixelFormat, wire};
+    use std::io::Write;
+    use std::os::unix::net::UnixListener;
+
+    fn refusal(address: &str) -> Error {
+        match open_camera(address, Duration::from_millis(200)) {
+            Ok(_) => panic!("{address}"),
+            Err(e) => e,
+        }
+    }
+
+    #[test]
+    fn addresses_that_are_none_are_the_user_s_mistake() {
+        for address in [
+            "",
+            "socket:",
+            "tcp:",
+            "tcp:host",
+            "tcp::1",
+            "tcp:a:99999",
+            "cam0",
+        ] {
+            let error = refusal(address);
+            assert_eq!(error.exit_code(), 2, "{error}");
+            assert!(error.to_string().contains("tcp:HOST:PORT"), "{error}");
+        }
+        assert!(refusal("/dev/video10").to_string().contains("V4L2"));
+        assert_eq!(refusal("socket:/no/such/socket").exit_code(), 2);
+    }
+
+    fn frame(id: u64) -> Frame {
+        Frame {
+            id,
+            pattern_index: Some(3),
+            width: 50,
+            height: 40,
+            format: PixelFormat::Grey,
+            exposure_start_ns: 1,
+            exposure_end_ns: 2,
+            data: vec![id as u8; 2000],
+        }
+    }
+
+    #[test]
+    fn frames_come_in_pieces_and_damage_is_final() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("camera.sock");
+        let listener = UnixListener::bind(&path).unwrap();
+        let address = format!("socket:{}", path.display());
+        let mut camera = open_camera(&address, Duration::from_secs(1)).unwrap();
+        let (mut device, _) = listener.accept().unwrap();
+        let short = Duration::from_millis(5);
+        assert_eq!(camera.next_frame(short).unwrap(), None);
+        let bytes = |id| [&wire::encode_header(&frame(id))[..], &frame(id).data].concat();
+        for piece in [&bytes(1)[..30], &bytes(1)[30..500]] {
+            device.write_all(piece).unwrap();
+            assert_eq!(camera.next_frame(short).unwrap(), None);
+        }
+        device.write_all(&bytes(1)[500..]).unwrap();
+        device.write_all(&bytes(2)).unwrap();
+        assert_eq!(camera.next_frame(short).unwrap(), Some(frame(1)));
+        assert_eq!(camera.next_frame(short).unwrap(), Some(frame(2)));
+        let mut bad = bytes(3);
+        bad[100] ^= 1;
+        device.write_all(&bad).unwrap();
+        let message = camera.next_frame(short).unwrap_err().to_string();
+        assert!(
+            message.contains("frame 3") && message.contains(&address),
+            "{message}"
+        );
+        device.write_all(&bytes(4)).unwrap();
+        assert!(camera.next_frame(short).is_err());
+    }
+
+    #[test]
+    fn a_camera_that_goes_is_noticed() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("camera.sock");
+        let listener = UnixListener::bind(&path).unwrap();
+        let address = format!("socket:{}", path.display());
+        let mut camera = open_camera(&address, Duration::from_secs(1)).unwrap();
+        drop(listener.accept().unwrap());
+        let message = camera.next_frame(Duration::from_secs(1)).unwrap_err();
+        assert!(message.to_string().contains("closed"), "{message}");
+    }
+}

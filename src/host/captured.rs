@@ -1,0 +1,170 @@
+//! What a scan has captured, and how it is kept: pictures, the manifest that says what they show,
+//! and the calibration.
+
+use crate::error::{Error, Result};
+use crate::geometry::Rig;
+use crate::pattern::Manifest;
+use crate::protocol::{Frame, PixelFormat};
+use image::{ImageBuffer, Luma};
+use rayon::prelude::*;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// Name of the manifest in a folder of frames.
+pub const MANIFEST_FILE: &str = "sequence.toml";
+/// Name of the calibration in a folder of frames.
+pub const CALIBRATION_FILE: &str = "calibration.toml";
+
+/// A sequence's frames with what is known about them.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Captured {
+    /// The device's `*IDN?`.
+    pub idn: String,
+    /// What was projected, a pattern a frame.
+    pub manifest: Manifest,
+    /// The calibration that the device gave.
+    pub calibration: Option<Rig>,
+    /// The frames in the manifest's order, all of one size and format.
+    pub frames: Vec<Frame>,
+}
+
+impl Captured {
+    /// Names of the files that [`Self::write`] makes.
+    fn file_name(&self, index: usize) -> PathBuf {
+        let digits = self.frames.len().saturating_sub(1).to_string().len().max(2);
+        format!("frame_{index:0digits$}.png").into()
+    }
+
+    /// Refuses a folder that holds a capture already, before one is made.
+    ///
+    /// # Errors
+    /// A folder that holds one, unless `force` is set.
+    pub fn check_folder(folder: &Path, force: bool) -> Result<()> {
+        if force {
+            return Ok(());
+        }
+        let entries = match fs::read_dir(folder) {
+            Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(()),
+            entries => entries.map_err(|e| Error::io(folder, e))?,
+        };
+        for entry in entries {
+            let name = entry.map_err(|e| Error::io(folder, e))?.file_name();
+            let name = name.to_string_lossy();
+            let frame = name.starts_with("frame_") && name.ends_with(".png");
+            if frame || name == MANIFEST_FILE || name == CALIBRATION_FILE {
+                return Err(Error::input(
+                    format!("--out {}", folder.display()),
+                    format!("{name}, of an earlier capture"),
+                    "another folder, or --force to overwrite",
+                ));
+            }
+        }
+        Ok(())
+    }
+
+    /// Writes `frame_00.png` and so on (8 or 16 bits), `sequence.toml` that names them, and
+    /// `calibration.toml` where there is one; frames of an earlier capture go.
+    ///
+    /// # Errors
+    /// What the system refuses, and frames whose bytes do not fit their size.
+    pub fn write(&self, folder: &Path) -> Result<()> {
+        fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
+        for entry in fs::read_dir(folder).map_err(|e| Error::io(folder, e))? {
+            let path = entry.map_err(|e| Error::io(folder, e))?.path();
+            let name = path.file_name().unwrap_or_default().to_string_lossy();
+            if name.starts_with("frame_") && name.ends_with(".png") {
+                fs::remove_file(&path).map_err(|e| Error::io(&path, e))?;
+            }
+        }
+        self.frames
+            .par_iter()
+            .enumerate()
+            .try_for_each(|(i, frame)| write_png(frame, &folder.join(self.file_name(i))))?;
+        let mut manifest = self.manifest.clone();
+        for (i, frame) in manifest.frame.iter_mut().enumerate() {
+            frame.file = Some(self.file_name(i));
+        }
+        let write = |name: &str, text: String| {
+            let path = folder.join(name);
+            fs::write(&path, text).map_err(|e| Error::io(&path, e))
+        };
+        write(MANIFEST_FILE, manifest.to_toml())?;
+        match &self.calibration {
+            Some(rig) => write(CALIBRATION_FILE, rig.to_toml()),
+            None => Ok(()),
+        }
+    }
+}
+
+fn write_png(frame: &Frame, path: &Path) -> Result<()> {
+    let (width, height) = (frame.width, frame.height);
+    let wrong = || Error::device(format!("frame {}: its bytes do not fit its size", frame.id));
+    let saved = match frame.format {
+        PixelFormat::Grey => {
+            ImageBuffer::<Luma<u8>, _>::from_raw(width, height, frame.data.as_slice())
+                .ok_or_else(wrong)?
+                .save(path)
+        }
+        PixelFormat::Y16 => {
+            let pixels: Vec<u16> = frame
+                .data
+                .chunks_exact(2)
+                .map(|b| u16::from_le_bytes([b[0], b[1]]))
+                .collect();
+            ImageBuffer::<Luma<u16>, _>::from_raw(width, height, pixels)
+                .ok_or_else(wrong)?
+                .save(path)
+        }
+    };
+    saved.map_err(|e| match e {
+        image::ImageError::IoError(e) => Error::io(path, e),
+        e => Error::device(format!("{}: {e}", path.display())),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn is_written_so_that_it_reads_back() {
+        let manifest = Manifest::parse(
+            "[projector]\nwidth_px = 8\nheight_px = 4\n\
+             [[frame]]\npattern = { kind = \"white\" }\n\
+             [[frame]]\npattern = { kind = \"black\" }\n",
+            "test",
+        )
+        .unwrap();
+        let frame = |id: u64| Frame {
+            id,
+            pattern_index: Some(id as u32),
+            width: 2,
+            height: 1,
+            format: PixelFormat::Y16,
+            exposure_start_ns: 0,
+            exposure_end_ns: 1,
+            data: vec![0x34, 0x12, id as u8, 0],
+        };
+        let captured = Captured {
+            idn: "a,b,c,d".into(),
+            manifest,
+            calibration: None,
+            frames: vec![frame(0), frame(1)],
+        };
+        let dir = tempfile::tempdir().unwrap();
+        let out = dir.path().join("scan");
+        Captured::check_folder(&out, false).unwrap();
+        captured.write(&out).unwrap();
+        let back = Manifest::read(&out.join(MANIFEST_FILE)).unwrap();
+        let file = back.frame[1].file.clone().unwrap();
+        assert_eq!(file, Path::new("frame_01.png"));
+        let image = image::open(out.join(file)).unwrap().into_luma16();
+        assert_eq!(image.as_raw(), &[0x1234, 1]);
+        let error = Captured::check_folder(&out, false).unwrap_err();
+        assert!(error.to_string().contains("--force"), "{error}");
+        Captured::check_folder(&out, true).unwrap();
+        fs::write(out.join("frame_99.png"), "").unwrap();
+        captured.write(&out).unwrap();
+        assert!(!out.join("frame_99.png").exists());
+    }
+}

@@ -1,0 +1,152 @@
+//! Command ports: bytes to a device and back.
+
+use crate::error::{Error, Result};
+use serialport::{ClearBuffer, TTYPort};
+use std::collections::VecDeque;
+use std::io::{ErrorKind, Read, Write};
+use std::time::Duration;
+
+/// Ignored by ptys and USB; a device on a real line is expected at this rate.
+const BAUD_RATE: u32 = 115_200;
+
+/// A line to a device.
+pub trait CommandPort {
+    /// The path, for messages.
+    fn info(&self) -> &str;
+
+    /// Sends all bytes.
+    ///
+    /// # Errors
+    /// A port that has gone, or one that takes nothing within the timeout.
+    fn send(&mut self, bytes: &[u8], timeout: Duration) -> Result<()>;
+
+    /// Receives what has come, waiting for the first byte; 0 when none has come in time.
+    ///
+    /// # Errors
+    /// A port that has gone.
+    fn receive(&mut self, buffer: &mut [u8], timeout: Duration) -> Result<usize>;
+}
+
+impl CommandPort for Box<dyn CommandPort> {
+    fn info(&self) -> &str {
+        (**self).info()
+    }
+
+    fn send(&mut self, bytes: &[u8], timeout: Duration) -> Result<()> {
+        (**self).send(bytes, timeout)
+    }
+
+    fn receive(&mut self, buffer: &mut [u8], timeout: Duration) -> Result<usize> {
+        (**self).receive(buffer, timeout)
+    }
+}
+
+/// A serial port, a pty among them, by its path.
+pub struct SerialPort {
+    port: TTYPort,
+    path: String,
+}
+
+impl SerialPort {
+    /// Opens a port exclusively, and forgets what was waiting on it.
+    ///
+    /// # Errors
+    /// A path where no serial port is, or one that somebody else has open.
+    pub fn open(path: &str) -> Result<Self> {
+        use serialport::SerialPort as _;
+        let place = format!("--control {path}");
+        let failed = |e: serialport::Error| match e.kind() {
+            serialport::ErrorKind::Io(ErrorKind::NotFound) => {
+                Error::input(&place, "no such file", "the path of a serial port")
+            }
+            serialport::ErrorKind::Io(kind) => Error::io(&place, kind.into()),
+            _ => Error::device(format!("{place}: {e}")),
+        };
+        if std::fs::symlink_metadata(path).is_err() {
+            return Err(Error::input(
+                place,
+                "no such file",
+                "the path of a serial port",
+            ));
+        }
+        let port = TTYPort::open(&serialport::new(path, BAUD_RATE)).map_err(failed)?;
+        port.clear(ClearBuffer::Input).map_err(failed)?;
+        Ok(Self {
+            port,
+            path: path.to_owned(),
+        })
+    }
+
+    fn set_timeout(&mut self, timeout: Duration) -> Result<()> {
+        use serialport::SerialPort as _;
+        self.port
+            .set_timeout(timeout)
+            .map_err(|e| Error::io(&self.path, e.into()))
+    }
+}
+
+impl CommandPort for SerialPort {
+    fn info(&self) -> &str {
+        &self.path
+    }
+
+    fn send(&mut self, bytes: &[u8], timeout: Duration) -> Result<()> {
+        self.set_timeout(timeout)?;
+        self.port.write_all(bytes).map_err(|e| match e.kind() {
+            ErrorKind::TimedOut => Error::device(format!(
+                "{}: the device has taken nothing for {} s",
+                self.path,
+                timeout.as_secs_f64()
+            )),
+            _ => Error::io(&self.path, e),
+        })
+    }
+
+    fn receive(&mut self, buffer: &mut [u8], timeout: Duration) -> Result<usize> {
+        self.set_timeout(timeout)?;
+        loop {
+            match self.port.read(buffer) {
+                Ok(0) => {
+                    return Err(Error::device(format!("{}: the device has gone", self.path)));
+                }
+                Ok(len) => return Ok(len),
+                Err(e) if e.kind() == ErrorKind::TimedOut => return Ok(0),
+                Err(e) if e.kind() == ErrorKind::Interrupted => {}
+                Err(e) => return Err(Error::io(&self.path, e)),
+            }
+        }
+    }
+}
+
+/// A port in memory: a function stands for the device and gives what it sends back.
+pub struct MemoryPort<F> {
+    device: F,
+    replies: VecDeque<u8>,
+}
+
+impl<F: FnMut(&[u8]) -> Vec<u8>> MemoryPort<F> {
+    /// A line to a device that is a function.
+    pub fn new(device: F) -> Self {
+        Self {
+            device,
+            replies: VecDeque::new(),
+        }
+    }
+}
+
+impl<F: FnMut(&[u8]) -> Vec<u8>> CommandPort for MemoryPort<F> {
+    fn info(&self) -> &str {
+        "memory port"
+    }
+
+    fn send(&mut self, bytes: &[u8], _timeout: Duration) -> Result<()> {
+        self.replies.extend((self.device)(bytes));
+        Ok(())
+    }
+
+    fn receive(&mut self, buffer: &mut [u8], _timeout: Duration) -> Result<usize> {
+        self.replies
+            .read(buffer)
+            .map_err(|e| Error::io("memory port", e))
+    }
+}

@@ -1,0 +1,204 @@
+//! The control port: a pseudo-terminal whose other end a client opens as a serial port.
+//!
+//! The device holds a descriptor of the client's side too, so that the port outlives its clients;
+//! an inotify watch tells when the last of them has left. Then what it did not read is thrown away
+//! and its exclusive lock cleared (a crashed client's lock would outlive it), as if a cable had
+//! been pulled. While no client is there, replies go nowhere, as on a wire.
+
+use super::readiness::{stirs, watched};
+use crate::error::{Error, Result};
+use rustix::fs::{Mode, OFlags, inotify};
+use rustix::io::Errno;
+use rustix::pty::OpenptFlags;
+use rustix::termios::{self, OptionalActions, QueueSelector};
+use std::ffi::OsString;
+use std::mem::MaybeUninit;
+use std::os::fd::{AsFd, OwnedFd};
+use std::os::unix::ffi::OsStringExt;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+use tokio::io::unix::AsyncFd;
+
+/// Bytes of replies that wait for a client to read them.
+const MAX_OUTPUT: usize = 1 << 20;
+/// How often replies that found no room are offered again.
+const RETRY: Duration = Duration::from_millis(5);
+
+/// What happened on the port.
+#[derive(Debug, PartialEq, Eq)]
+pub(super) enum Event {
+    /// Bytes came.
+    Data(Vec<u8>),
+    /// The last client left.
+    HungUp,
+}
+
+/// The device's end.
+pub(super) struct Pty {
+    master: AsyncFd<OwnedFd>,
+    slave: OwnedFd,
+    path: PathBuf,
+    /// Tells of clients that open and close; `None` where the system cannot.
+    watch: Option<AsyncFd<OwnedFd>>,
+    clients: usize,
+    /// The last client has left, and nobody has been told yet.
+    hung_up: bool,
+    /// Bytes that were read and are to be handed on next.
+    unread: Option<Vec<u8>>,
+    output: Vec<u8>,
+}
+
+impl Pty {
+    /// Makes a port, raw and without echo before anybody can open it.
+    pub(super) fn open() -> Result<Self> {
+        let io = |e: Errno| Error::io("/dev/ptmx", e.into());
+        let flags = OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC;
+        let master = rustix::pty::openpt(flags).map_err(io)?;
+        rustix::pty::grantpt(&master).map_err(io)?;
+        rustix::pty::unlockpt(&master).map_err(io)?;
+        let name = rustix::pty::ptsname(&master, Vec::new()).map_err(io)?;
+        let path = PathBuf::from(OsString::from_vec(name.into_bytes()));
+        let flags = OFlags::RDWR | OFlags::NOCTTY | OFlags::CLOEXEC;
+        let slave = rustix::fs::open(&path, flags, Mode::empty()).map_err(io)?;
+        let mut attributes = termios::tcgetattr(&slave).map_err(io)?;
+        attributes.make_raw();
+        termios::tcsetattr(&slave, OptionalActions::Now, &attributes).map_err(io)?;
+        let flags = rustix::fs::fcntl_getfl(&master).map_err(io)?;
+        rustix::fs::fcntl_setfl(&master, flags | OFlags::NONBLOCK).map_err(io)?;
+        let watch = watch(&path).ok();
+        Ok(Self {
+            master: watched(master).map_err(|e| Error::io("/dev/ptmx", e))?,
+            slave,
+            path,
+            watch,
+            clients: 0,
+            hung_up: false,
+            unread: None,
+            output: Vec::new(),
+        })
+    }
+
+    /// The client's side.
+    pub(super) fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Waits for what happens next, and sends what is to be sent meanwhile.
+    pub(super) async fn next(&mut self) -> Result<Event> {
+        loop {
+            if let Some(bytes) = self.unread.take() {
+                return Ok(Event::Data(bytes));
+            }
+            match self.read() {
+                Ok(bytes) => {
+                    self.count_clients();
+                    // What came before the last client left belongs to it and is handed on before
+                    // its leaving is. With a new client there already, the two cannot be told
+                    // apart, and the leaving comes first.
+                    if self.hung_up && self.clients > 0 {
+                        self.hung_up = false;
+                        self.unread = Some(bytes);
+                        return Ok(Event::HungUp);
+                    }
+                    return Ok(Event::Data(bytes));
+                }
+                Err(Errno::WOULDBLOCK) => {}
+                Err(e) => return Err(Error::io(&self.path, e.into())),
+            }
+            self.count_clients();
+            if std::mem::take(&mut self.hung_up) {
+                return Ok(Event::HungUp);
+            }
+            self.write();
+            let io = |e| Error::io(&self.path, e);
+            // Each branch only forgets a readiness that the calls above have used up; they are
+            // made again at the top of the loop.
+            tokio::select! {
+                ready = watch_stirs(self.watch.as_ref()) => ready.map_err(io)?,
+                ready = stirs(&self.master) => ready.map_err(io)?,
+                // Linux wakes a pty's writer before it has made room, and not again afterwards.
+                () = tokio::time::sleep(RETRY), if !self.output.is_empty() => {}
+            }
+        }
+    }
+
+    /// Sends a reply, or keeps it until the client reads; false when there is no room for it.
+    pub(super) fn send(&mut self, reply: &[u8]) -> bool {
+        self.count_clients();
+        if self.watch.is_some() && self.clients == 0 {
+            return true;
+        }
+        self.write();
+        if !self.output.is_empty() && self.output.len() + reply.len() > MAX_OUTPUT {
+            return false;
+        }
+        self.output.extend_from_slice(reply);
+        self.write();
+        true
+    }
+
+    fn read(&self) -> Result<Vec<u8>, Errno> {
+        // Few commands at a time: the first one's reply must not wait for the last one's.
+        let mut bytes = vec![0; 1 << 10];
+        let len = rustix::io::read(&self.master, &mut bytes)?;
+        bytes.truncate(len);
+        Ok(bytes)
+    }
+
+    fn write(&mut self) {
+        while !self.output.is_empty() {
+            match rustix::io::write(&self.master, &self.output) {
+                Ok(len) => drop(self.output.drain(..len)),
+                Err(_) => return,
+            }
+        }
+    }
+
+    /// Brings the count of clients up to date. Called after every reading and before every reply:
+    /// when it finds that the last client has left, every reply so far was that client's.
+    fn count_clients(&mut self) {
+        let Some(watch) = &self.watch else { return };
+        let mut buffer = [MaybeUninit::uninit(); 4096];
+        let mut reader = inotify::Reader::new(watch.as_fd(), &mut buffer);
+        let mut left = false;
+        while let Ok(event) = reader.next() {
+            if event.events().contains(inotify::ReadFlags::OPEN) {
+                self.clients += 1;
+            } else if event
+                .events()
+                .intersects(inotify::ReadFlags::CLOSE_WRITE | inotify::ReadFlags::CLOSE_NOWRITE)
+            {
+                self.clients = self.clients.saturating_sub(1);
+                left |= self.clients == 0;
+            }
+        }
+        if left {
+            self.hung_up = true;
+            self.output.clear();
+            // Replies on their way through the kernel, then those that have arrived. Failing does
+            // no harm: a client has to expect stale replies on any line.
+            let _ = termios::tcflush(&self.master, QueueSelector::OFlush);
+            let _ = termios::tcflush(&self.slave, QueueSelector::IFlush);
+            if self.clients == 0 {
+                let _ = termios::ioctl_tiocnxcl(&self.slave);
+            }
+        }
+    }
+}
+
+fn watch(path: &Path) -> Result<AsyncFd<OwnedFd>, std::io::Error> {
+    let flags = inotify::CreateFlags::NONBLOCK | inotify::CreateFlags::CLOEXEC;
+    let watch = inotify::init(flags)?;
+    let events = inotify::WatchFlags::OPEN
+        | inotify::WatchFlags::CLOSE_WRITE
+        | inotify::WatchFlags::CLOSE_NOWRITE;
+    inotify::add_watch(&watch, path, events)?;
+    watched(watch)
+}
+
+async fn watch_stirs(watch: Option<&AsyncFd<OwnedFd>>) -> std::io::Result<()> {
+    match watch {
+        Some(watch) => stirs(watch).await,
+        None => std::future::pending().await,
+    }
+}

@@ -1,0 +1,24 @@
+//! A descriptor in the event loop.
+
+use std::os::fd::OwnedFd;
+use tokio::io::unix::AsyncFd;
+
+/// Hands a non-blocking descriptor to the running event loop.
+///
+/// # Errors
+/// What the system refuses.
+pub(super) fn watched(fd: OwnedFd) -> std::io::Result<AsyncFd<OwnedFd>> {
+    // SAFETY: an `OwnedFd` is an open descriptor of its own until it is dropped, which `AsyncFd`
+    // does after taking it out of the event loop. Nothing in this module calls `get_mut`, the only
+    // way to put another in its place.
+    #[allow(unsafe_code)]
+    let registered = unsafe { AsyncFd::register(fd) };
+    registered.map_err(std::io::Error::from)
+}
+
+/// Waits until a descriptor may be ready and forgets that it is; the caller then uses it until the
+/// system says that it would block.
+pub(super) async fn stirs(fd: &AsyncFd<OwnedFd>) -> std::io::Result<()> {
+    fd.readable().await?.clear_ready();
+    Ok(())
+}

@@ -1,0 +1,211 @@
+//! The loop that serves a device: commands in, replies and frames out, device time in between.
+//! One thread runs it, the optics have their own.
+
+use super::frame_socket::FrameSocket;
+use super::optics::Optics;
+use super::pty::{Event, Pty};
+use super::run_dir::{CAMERA, CONTROL, RunDir, SERVICE};
+use super::service::{Call, ServiceSocket};
+use crate::emulator::{Clock, Firmware, FrameSink, Renderer, State};
+use crate::error::{Error, Result};
+use crate::protocol::Endpoints;
+use crate::protocol::service::{Action, Item, Reply, Request};
+use std::future::Future;
+use std::pin::pin;
+use std::time::Duration;
+use tokio::sync::oneshot;
+use tokio::time::Instant;
+
+/// Exposures that may wait for the optics; device time stands still beyond that.
+const MAX_BACKLOG: usize = 8192;
+/// Exposures of a free-running camera that may wait; those beyond are dropped, as a camera does.
+const MAX_FREE_BACKLOG: usize = 2;
+/// A block that stops coming for so long will not come.
+const STALL: Duration = Duration::from_secs(1);
+
+/// What is served.
+pub struct Device {
+    /// The firmware.
+    pub firmware: Firmware,
+    /// The optics.
+    pub renderer: Renderer,
+    /// How device time passes.
+    pub clock: Box<dyn Clock>,
+    /// `*IDN?` of the device, for `device.json`.
+    pub name: String,
+    /// Profile as it was chosen, for `device.json`.
+    pub profile: String,
+    /// Scene as it was chosen, for `device.json`.
+    pub scene: String,
+    /// Seed of the noise, for `device.json`.
+    pub seed: u64,
+    /// Port on the loopback interface for frames; 0 picks a free one.
+    pub tcp: Option<u16>,
+}
+
+/// Serves a device from a run directory until `shutdown` is done, in a tokio runtime. `wall` tells
+/// for how long the device has been on; `ready` is called once everything can be reached.
+///
+/// # Errors
+/// Ports and sockets that the system refuses, or optics that have died.
+pub async fn serve(
+    device: Device,
+    mut run_dir: RunDir,
+    wall: impl Fn() -> Duration + Clone + Send + 'static,
+    ready: impl FnOnce(&Endpoints),
+    shutdown: impl Future<Output = ()>,
+) -> Result<()> {
+    let pty = Pty::open()?;
+    let control = run_dir.file(CONTROL);
+    std::os::unix::fs::symlink(pty.path(), &control).map_err(|e| Error::io(&control, e))?;
+    let camera_path = run_dir.file(CAMERA);
+    let camera = FrameSocket::open(&camera_path, device.tcp)?;
+    let service_path = run_dir.file(SERVICE);
+    let service = ServiceSocket::open(&service_path)?;
+    let endpoints = Endpoints {
+        name: device.name,
+        pid: std::process::id(),
+        profile: device.profile,
+        scene: device.scene,
+        seed: device.seed,
+        control,
+        camera: format!("socket:{}", camera_path.display()),
+        camera_tcp: camera.tcp_address().map(|address| format!("tcp:{address}")),
+        service: service_path,
+    };
+    let optics =
+        Optics::start(device.renderer, wall.clone()).map_err(|e| Error::io("optics", e))?;
+    run_dir.publish(&endpoints)?;
+    ready(&endpoints);
+    let server = Server {
+        firmware: device.firmware,
+        clock: device.clock,
+        optics,
+        pty,
+        camera,
+        service,
+        stall: None,
+    };
+    server.run(wall, shutdown).await
+}
+
+struct Server {
+    firmware: Firmware,
+    clock: Box<dyn Clock>,
+    optics: Optics,
+    pty: Pty,
+    camera: FrameSocket,
+    service: ServiceSocket,
+    /// When to give up on a block.
+    stall: Option<Instant>,
+}
+
+impl Server {
+    async fn run(
+        mut self,
+        wall: impl Fn() -> Duration,
+        shutdown: impl Future<Output = ()>,
+    ) -> Result<()> {
+        let mut shutdown = pin!(shutdown);
+        loop {
+            let now = self.clock.now_ns(wall());
+            self.firmware.set_streaming(self.camera.attended(), now);
+            self.dispatch();
+            let crowded = self.optics.backlog() >= MAX_BACKLOG;
+            let free = matches!(self.firmware.state(), State::Free { .. });
+            // The optics' next frame wakes the loop in these cases.
+            let behind = crowded || free && self.optics.backlog() >= MAX_FREE_BACKLOG;
+            let next = self.firmware.next_event_ns().filter(|_| !behind);
+            let delay = next.map(|next| self.clock.wait(next, wall()));
+            tokio::select! {
+                biased;
+                () = &mut shutdown => return Ok(()),
+                frame = self.optics.next() => {
+                    let frame = frame.ok_or_else(|| Error::device("the optics have died"))?;
+                    self.camera.put(frame);
+                    self.firmware.delivered(1);
+                }
+                changed = self.camera.changed() => {
+                    changed.map_err(|e| Error::io(CAMERA, e))?;
+                    self.camera.accept(self.firmware.next_id());
+                }
+                (request, reply) = self.service.next() => {
+                    let now = self.clock.now_ns(wall());
+                    self.serve_call((request, reply), now);
+                }
+                event = self.pty.next(), if !crowded => {
+                    // Who connected before the command was sent gets the frames that it causes,
+                    // whichever of the two this loop noticed first.
+                    self.camera.accept(self.firmware.next_id());
+                    let now = self.clock.now_ns(wall());
+                    self.firmware.set_streaming(self.camera.attended(), now);
+                    match event? {
+                        Event::Data(bytes) => self.firmware.receive(&bytes, now),
+                        Event::HungUp => self.firmware.hang_up(),
+                    }
+                    self.stall = self.firmware.inside_block().then(|| Instant::now() + STALL);
+                }
+                () = sleep(delay) => {}
+                () = sleep_until(self.stall) => {
+                    self.stall = None;
+                    self.firmware.input_stalled();
+                }
+            }
+        }
+    }
+
+    /// Hands exposures to the optics and replies to the port.
+    fn dispatch(&mut self) {
+        for exposure in self.firmware.take_exposures() {
+            let free = exposure.shot.pattern_index.is_none();
+            if !self.camera.attended() || free && self.optics.backlog() >= MAX_FREE_BACKLOG {
+                self.firmware.delivered(1);
+            } else {
+                self.optics.expose(exposure);
+            }
+        }
+        let output = self.firmware.take_output();
+        if !output.is_empty() && !self.pty.send(&output) {
+            self.firmware.reply_lost();
+        }
+    }
+
+    fn serve_call(&mut self, (request, reply): Call, now_ns: u64) {
+        match request {
+            Request::Get(Item::Truth) => {
+                let (sender, truth) = oneshot::channel();
+                self.optics.truth(self.firmware.selected_sequence(), sender);
+                let render_us = self.optics.render_us();
+                tokio::spawn(async move {
+                    let answer = match truth.await {
+                        Ok(truth) => {
+                            let (reply, payload) = truth.to_maps().encode();
+                            (Reply { render_us, ..reply }, payload)
+                        }
+                        Err(_) => (Reply::refusal("the device is going away"), Vec::new()),
+                    };
+                    // The client may have left meanwhile.
+                    let _ = reply.send(answer);
+                });
+            }
+            Request::Do(Action::Trigger) => {
+                self.firmware.external_trigger(now_ns);
+                let _ = reply.send((Reply::default(), Vec::new()));
+            }
+        }
+    }
+}
+
+async fn sleep(delay: Option<Duration>) {
+    match delay {
+        Some(delay) => tokio::time::sleep(delay).await,
+        None => std::future::pending().await,
+    }
+}
+
+async fn sleep_until(time: Option<Instant>) {
+    match time {
+        Some(time) => tokio::time::sleep_until(time).await,
+        None => std::future::pending().await,
+    }
+}

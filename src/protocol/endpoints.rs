@@ -1,0 +1,45 @@
+//! `device.json`: what a device that is served says of itself and of where it can be reached.
+
+use crate::error::{Error, Result};
+use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
+
+/// Name of the file in the run directory.
+pub const FILE_NAME: &str = "device.json";
+
+/// The endpoints of one device.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Endpoints {
+    /// `*IDN?` of the device.
+    pub name: String,
+    /// Process that serves it.
+    pub pid: u32,
+    /// Profile as it was chosen.
+    pub profile: String,
+    /// Scene as it was chosen.
+    pub scene: String,
+    /// Seed of its noise.
+    pub seed: u64,
+    /// Path of the control port.
+    pub control: PathBuf,
+    /// Address of the camera: `socket:PATH`.
+    pub camera: String,
+    /// The camera over TCP, where that was asked for: `tcp:127.0.0.1:PORT`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub camera_tcp: Option<String>,
+    /// Socket of the service channel, which no physical device has.
+    pub service: PathBuf,
+}
+
+impl Endpoints {
+    /// Reads `device.json` in a run directory.
+    ///
+    /// # Errors
+    /// A file that is not there, cannot be read, or is something else.
+    pub fn read(run_dir: &Path) -> Result<Self> {
+        let path = run_dir.join(FILE_NAME);
+        let text = std::fs::read_to_string(&path).map_err(|e| Error::io(&path, e))?;
+        serde_json::from_str(&text)
+            .map_err(|e| Error::input(path.display(), e, "the device.json of a served device"))
+    }
+}

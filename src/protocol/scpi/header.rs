@@ -1,0 +1,104 @@
+//! Matching headers and words against SCPI's notation: capitals are the short form, brackets hold
+//! what may be left out, as in `TRIGger[:SEQuence][:IMMediate]`.
+
+use super::parse::{Node, Unit};
+
+/// Whether a word in upper case is the short or the long form of a keyword such as `SOFTware`.
+pub fn keyword_matches(pattern: &str, word: &str) -> bool {
+    let short = pattern
+        .find(|c: char| c.is_ascii_lowercase())
+        .map_or(pattern, |end| &pattern[..end]);
+    word == short || word.eq_ignore_ascii_case(pattern)
+}
+
+/// How a unit's header compares with a pattern.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum HeaderMatch {
+    /// Another header.
+    No,
+    /// The header.
+    Yes,
+    /// The header, but with a numeric suffix other than 1.
+    Suffix,
+}
+
+/// Compares a unit's header with a pattern. Every node has one instance, so a suffix may be 1.
+pub fn match_header(pattern: &str, unit: &Unit) -> HeaderMatch {
+    let (common, pattern) = match pattern.strip_prefix('*') {
+        Some(rest) => (true, rest),
+        None => (false, pattern),
+    };
+    if common != unit.common {
+        return HeaderMatch::No;
+    }
+    walk(pattern, &unit.path, HeaderMatch::Yes)
+}
+
+fn walk(pattern: &str, path: &[Node], so_far: HeaderMatch) -> HeaderMatch {
+    let pattern = pattern.trim_start_matches(':');
+    if pattern.is_empty() {
+        return if path.is_empty() {
+            so_far
+        } else {
+            HeaderMatch::No
+        };
+    }
+    if let Some(inner) = pattern.strip_prefix('[') {
+        let (optional, rest) = inner.split_once(']').unwrap_or((inner, ""));
+        let with = step(optional.trim_start_matches(':'), rest, path, so_far);
+        return if with == HeaderMatch::No {
+            walk(rest, path, so_far)
+        } else {
+            with
+        };
+    }
+    let end = pattern.find([':', '[']).unwrap_or(pattern.len());
+    step(&pattern[..end], &pattern[end..], path, so_far)
+}
+
+fn step(keyword: &str, rest: &str, path: &[Node], so_far: HeaderMatch) -> HeaderMatch {
+    match path {
+        [node, path @ ..] if keyword_matches(keyword, &node.name) => {
+            let so_far = match node.suffix {
+                None | Some(1) => so_far,
+                Some(_) => HeaderMatch::Suffix,
+            };
+            walk(rest, path, so_far)
+        }
+        _ => HeaderMatch::No,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::parse;
+    use super::*;
+
+    #[test]
+    fn short_and_long_forms_and_nodes_left_out() {
+        let trigger = "TRIGger[:SEQuence][:IMMediate]";
+        for (pattern, header, expected) in [
+            ("CAMera:EXPosure", "cam:exposure", HeaderMatch::Yes),
+            ("CAMera:EXPosure", "CAME:EXP", HeaderMatch::No),
+            ("CAMera:EXPosure", "CAM", HeaderMatch::No),
+            ("CAMera:EXPosure", "CAM:EXP:X", HeaderMatch::No),
+            ("CAMera:EXPosure", "CAM1:EXP", HeaderMatch::Yes),
+            ("CAMera:EXPosure", "CAM2:EXP", HeaderMatch::Suffix),
+            (trigger, "TRIG", HeaderMatch::Yes),
+            (trigger, "TRIGGER:IMM", HeaderMatch::Yes),
+            (trigger, "TRIG:SEQ", HeaderMatch::Yes),
+            (trigger, "TRIG:SEQ:IMM", HeaderMatch::Yes),
+            (trigger, "TRIG:IMM:SEQ", HeaderMatch::No),
+            ("SYSTem:ERRor[:NEXT]", "SYST:ERR?", HeaderMatch::Yes),
+            ("*IDN", "*idn?", HeaderMatch::Yes),
+            ("*IDN", "IDN?", HeaderMatch::No),
+        ] {
+            let program = parse(header.as_bytes());
+            assert_eq!(
+                match_header(pattern, &program.units[0]),
+                expected,
+                "{header}"
+            );
+        }
+    }
+}

@@ -1,0 +1,289 @@
+//! Parameters and how commands take them, with the standard's error for each mismatch.
+
+use super::error::{DeviceError, ErrorCode};
+use super::header::keyword_matches;
+
+/// One parameter as it was written.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Param {
+    /// A finite number; the suffix in upper case, empty when there is none.
+    Number {
+        /// The number before its suffix.
+        value: f64,
+        /// The unit, `MS` for instance.
+        suffix: String,
+    },
+    /// Character data in upper case.
+    Name(String),
+    /// A string without its quotes.
+    Text(String),
+    /// A block's bytes.
+    Block(Vec<u8>),
+}
+
+/// What a number measures, and so which suffixes it may have.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Quantity {
+    /// A plain number.
+    Plain,
+    /// Seconds: S, MS, US, NS.
+    Time,
+    /// Decibels: DB.
+    Decibel,
+    /// A ratio; PCT is a hundredth.
+    Ratio,
+}
+
+impl Quantity {
+    /// The number of suffixed units in a base unit. A divisor, because 20 / 1e6 is the double
+    /// nearest to 20 us and 20 * 1e-6 is not: a limit that is typed in must count as within.
+    fn divisor(self, suffix: &str) -> Result<f64, DeviceError> {
+        match (self, suffix) {
+            (_, "") => Ok(1.0),
+            (Self::Plain, _) => Err(ErrorCode::SuffixNotAllowed.with(suffix)),
+            (Self::Time, "S") | (Self::Decibel, "DB") => Ok(1.0),
+            (Self::Time, "MS") => Ok(1e3),
+            (Self::Time, "US") => Ok(1e6),
+            (Self::Time, "NS") => Ok(1e9),
+            (Self::Ratio, "PCT") => Ok(1e2),
+            _ => Err(ErrorCode::InvalidSuffix.with(suffix)),
+        }
+    }
+}
+
+/// A numeric parameter: a value in the quantity's base unit, or one of SCPI's special words.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Number {
+    /// A value.
+    Value(f64),
+    /// `MINimum`.
+    Min,
+    /// `MAXimum`.
+    Max,
+    /// `DEFault`.
+    Default,
+}
+
+impl Number {
+    /// The value, with the special words replaced, when it lies in the range.
+    ///
+    /// # Errors
+    /// -222 with what was given and the range.
+    pub fn within(self, min: f64, max: f64, default: f64) -> Result<f64, DeviceError> {
+        let value = match self {
+            Self::Value(value) => value,
+            Self::Min => min,
+            Self::Max => max,
+            Self::Default => default,
+        };
+        if (min..=max).contains(&value) {
+            Ok(value)
+        } else {
+            Err(ErrorCode::DataOutOfRange.with(format!("{value}, allowed {min} to {max}")))
+        }
+    }
+}
+
+/// The parameters of a unit, taken one by one.
+pub struct Args<'a> {
+    params: std::slice::Iter<'a, Param>,
+}
+
+impl<'a> Args<'a> {
+    /// All parameters of a unit.
+    pub fn new(params: &'a [Param]) -> Self {
+        Self {
+            params: params.iter(),
+        }
+    }
+
+    /// Whether none is left.
+    pub fn is_empty(&self) -> bool {
+        self.params.len() == 0
+    }
+
+    fn next(&mut self) -> Result<&'a Param, DeviceError> {
+        self.params
+            .next()
+            .ok_or_else(|| ErrorCode::MissingParameter.into())
+    }
+
+    /// A number of a quantity.
+    ///
+    /// # Errors
+    /// -109 none left, -131 or -138 its suffix, -141 an unknown word, -158 or -168 another kind.
+    pub fn number(&mut self, quantity: Quantity) -> Result<Number, DeviceError> {
+        match self.next()? {
+            Param::Number { value, suffix } => quantity
+                .divisor(suffix)
+                .map(|divisor| Number::Value(value / divisor)),
+            Param::Name(word) => [
+                ("MINimum", Number::Min),
+                ("MAXimum", Number::Max),
+                ("DEFault", Number::Default),
+            ]
+            .into_iter()
+            .find(|(pattern, _)| keyword_matches(pattern, word))
+            .map(|(_, number)| number)
+            .ok_or_else(|| ErrorCode::InvalidCharacterData.with(word)),
+            other => Err(unwanted(other)),
+        }
+    }
+
+    /// A boolean: ON, OFF, or a number that rounds to nonzero or zero (SCPI-1999 vol 1, 7.3).
+    ///
+    /// # Errors
+    /// -109 none left, -141 an unknown word, -138 a suffix, -158 or -168 another kind.
+    pub fn boolean(&mut self) -> Result<bool, DeviceError> {
+        match self.next()? {
+            Param::Number { value, suffix } => {
+                Quantity::Plain.divisor(suffix)?;
+                Ok(value.round() != 0.0)
+            }
+            Param::Name(word) if word == "ON" => Ok(true),
+            Param::Name(word) if word == "OFF" => Ok(false),
+            Param::Name(word) => Err(ErrorCode::InvalidCharacterData.with(word)),
+            other => Err(unwanted(other)),
+        }
+    }
+
+    /// One word of a list; words in SCPI's notation, `SOFTware` for instance.
+    ///
+    /// # Errors
+    /// -109 none left, -224 an unknown word with the list, -128, -158 or -168 another kind.
+    pub fn choice<T: Copy>(&mut self, choices: &[(&str, T)]) -> Result<T, DeviceError> {
+        match self.next()? {
+            Param::Name(word) => choices
+                .iter()
+                .find(|(pattern, _)| keyword_matches(pattern, word))
+                .map(|(_, value)| *value)
+                .ok_or_else(|| {
+                    let words: Vec<_> = choices.iter().map(|(word, _)| *word).collect();
+                    ErrorCode::IllegalParameterValue
+                        .with(format!("{word}, allowed {}", words.join("|")))
+                }),
+            other => Err(unwanted(other)),
+        }
+    }
+
+    /// The next parameter's word, where it is one; then it is taken.
+    pub fn word(&mut self) -> Option<&'a str> {
+        match self.params.as_slice().first() {
+            Some(Param::Name(word)) => {
+                self.params.next();
+                Some(word)
+            }
+            _ => None,
+        }
+    }
+
+    /// A string.
+    ///
+    /// # Errors
+    /// -109 none left, -128, -148 or -168 another kind.
+    pub fn text(&mut self) -> Result<&'a str, DeviceError> {
+        match self.next()? {
+            Param::Text(text) => Ok(text),
+            other => Err(unwanted(other)),
+        }
+    }
+
+    /// A block.
+    ///
+    /// # Errors
+    /// -109 none left, -128, -148 or -158 another kind.
+    pub fn block(&mut self) -> Result<&'a [u8], DeviceError> {
+        match self.next()? {
+            Param::Block(bytes) => Ok(bytes),
+            other => Err(unwanted(other)),
+        }
+    }
+
+    /// Checks that nothing is left.
+    ///
+    /// # Errors
+    /// -108 when something is.
+    pub fn finish(mut self) -> Result<(), DeviceError> {
+        match self.params.next() {
+            None => Ok(()),
+            Some(_) => Err(ErrorCode::ParameterNotAllowed.into()),
+        }
+    }
+}
+
+fn unwanted(param: &Param) -> DeviceError {
+    match param {
+        Param::Number { .. } => ErrorCode::NumericDataNotAllowed,
+        Param::Name(_) => ErrorCode::CharacterDataNotAllowed,
+        Param::Text(_) => ErrorCode::StringDataNotAllowed,
+        Param::Block(_) => ErrorCode::BlockDataNotAllowed,
+    }
+    .into()
+}
+
+/// A string as a parameter or reply: in double quotes, quotes inside doubled.
+pub fn quote(text: &str) -> String {
+    format!("\"{}\"", text.replace('"', "\"\""))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::parse;
+    use super::*;
+
+    fn with<T>(
+        text: &str,
+        take: impl FnOnce(&mut Args<'_>) -> Result<T, DeviceError>,
+    ) -> Result<T, i16> {
+        let program = parse(format!("A {text}").as_bytes());
+        assert_eq!(program.error, None, "{text}");
+        let mut args = Args::new(&program.units[0].params);
+        take(&mut args)
+            .and_then(|value| args.finish().map(|()| value))
+            .map_err(|e| e.code.number())
+    }
+
+    #[test]
+    fn units_scale_and_foreign_ones_are_refused() {
+        let time = |text: &str| with(text, |a| a.number(Quantity::Time));
+        assert_eq!(time("10ms"), Ok(Number::Value(0.01)));
+        assert_eq!(time("20us"), Ok(Number::Value(0.00002)));
+        assert_eq!(time("0.008"), Ok(Number::Value(0.008)));
+        assert_eq!(time("MAXimum"), Ok(Number::Max));
+        assert_eq!(time("5 V"), Err(-131));
+        assert_eq!(time("LOUD"), Err(-141));
+        assert_eq!(time("'x'"), Err(-158));
+        assert_eq!(time("#11x"), Err(-168));
+        assert_eq!(time("1,2"), Err(-108));
+        assert_eq!(with("5 S", |a| a.number(Quantity::Plain)), Err(-138));
+        assert_eq!(
+            with("50PCT", |a| a.number(Quantity::Ratio)),
+            Ok(Number::Value(0.5))
+        );
+    }
+
+    #[test]
+    fn booleans_words_and_strings() {
+        assert_eq!(with("ON", |a| a.boolean()), Ok(true));
+        assert_eq!(with("0", |a| a.boolean()), Ok(false));
+        assert_eq!(with("MAYBE", |a| a.boolean()), Err(-141));
+        let source = |text: &str| with(text, |a| a.choice(&[("SOFTware", 1), ("BUS", 2)]));
+        assert_eq!(source("soft"), Ok(1));
+        assert_eq!(source("SOFTWARE"), Ok(1));
+        assert_eq!(source("SOFTW"), Err(-224));
+        assert_eq!(source("3"), Err(-128));
+        assert_eq!(with("3", |a| a.text().map(str::to_owned)), Err(-128));
+        assert_eq!(with("X", |a| a.block().map(<[u8]>::to_vec)), Err(-148));
+        assert_eq!(quote("a\"b"), "\"a\"\"b\"");
+    }
+
+    #[test]
+    fn ranges_say_themselves() {
+        let error = Number::Value(9.0).within(0.0, 1.0, 0.5).unwrap_err();
+        assert_eq!(
+            error.to_string(),
+            "-222,\"Data out of range;9, allowed 0 to 1\""
+        );
+        assert_eq!(Number::Max.within(0.0, 1.0, 0.5), Ok(1.0));
+    }
+}

@@ -1,0 +1,330 @@
+//! A frame on the frame socket: a header of 72 bytes, little-endian, then the pixels. The socket
+//! carries nothing else; the device sends, the application reads.
+//!
+//! | offset | bytes | field |
+//! | --- | --- | --- |
+//! | 0 | 4 | magic `PHFR` |
+//! | 4 | 2 | version, 1 |
+//! | 6 | 2 | length of the header, 72 |
+//! | 8 | 8 | id, never repeated in a device's life |
+//! | 16 | 4 | pattern index in the selected sequence; 0xFFFFFFFF for none |
+//! | 20 | 4 | width in pixels |
+//! | 24 | 4 | height in pixels |
+//! | 28 | 4 | pixel format, V4L2's four-character code |
+//! | 32 | 8 | start of the exposure, nanoseconds of device time |
+//! | 40 | 8 | end of the exposure, nanoseconds of device time |
+//! | 48 | 8 | length of the payload: width * height * bytes per pixel |
+//! | 56 | 4 | CRC-32 (IEEE 802.3) of the payload |
+//! | 60 | 4 | flags, 0 |
+//! | 64 | 4 | reserved, 0 |
+//! | 68 | 4 | CRC-32 of the 68 bytes before |
+//!
+//! A reader checks the header before it makes room for the payload, and the payload before it
+//! hands the frame on.
+
+use super::{Frame, PixelFormat};
+use crate::error::{Error, Result};
+use crate::pattern::manifest::MAX_SIDE_PX;
+
+/// Length of the header in bytes.
+pub const HEADER_LEN: usize = 72;
+/// Largest payload in bytes.
+pub const MAX_PAYLOAD: u64 = 128 << 20;
+
+const MAGIC: [u8; 4] = *b"PHFR";
+const VERSION: u16 = 1;
+const NO_PATTERN: u32 = u32::MAX;
+
+/// The header of a frame.
+///
+/// # Panics
+/// Never for a frame whose data has the length that its size and format say.
+pub fn encode_header(frame: &Frame) -> [u8; HEADER_LEN] {
+    let mut header = [0; HEADER_LEN];
+    let mut at = 0;
+    let mut put = |bytes: &[u8]| {
+        header[at..at + bytes.len()].copy_from_slice(bytes);
+        at += bytes.len();
+    };
+    put(&MAGIC);
+    put(&VERSION.to_le_bytes());
+    put(&(HEADER_LEN as u16).to_le_bytes());
+    put(&frame.id.to_le_bytes());
+    put(&frame.pattern_index.unwrap_or(NO_PATTERN).to_le_bytes());
+    put(&frame.width.to_le_bytes());
+    put(&frame.height.to_le_bytes());
+    put(&frame.format.fourcc());
+    put(&frame.exposure_start_ns.to_le_bytes());
+    put(&frame.exposure_end_ns.to_le_bytes());
+    put(&(frame.data.len() as u64).to_le_bytes());
+    put(&crc32fast::hash(&frame.data).to_le_bytes());
+    let crc = crc32fast::hash(&header[..HEADER_LEN - 4]);
+    header[HEADER_LEN - 4..].copy_from_slice(&crc.to_le_bytes());
+    header
+}
+
+/// A header that has been checked.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct FrameHeader {
+    id: u64,
+    pattern_index: Option<u32>,
+    width: u32,
+    height: u32,
+    format: PixelFormat,
+    exposure_ns: (u64, u64),
+    payload_crc: u32,
+}
+
+impl FrameHeader {
+    /// Checks and reads a header.
+    ///
+    /// # Errors
+    /// A device failure that names what is wrong with it.
+    pub fn decode(bytes: &[u8; HEADER_LEN]) -> Result<Self> {
+        let bad = |what: String| Err(Error::device(format!("frame header: {what}")));
+        let u32_at = |at: usize| u32::from_le_bytes(bytes[at..at + 4].try_into().expect("4 bytes"));
+        let u64_at = |at: usize| u64::from_le_bytes(bytes[at..at + 8].try_into().expect("8 bytes"));
+        let u16_at = |at: usize| u16::from_le_bytes([bytes[at], bytes[at + 1]]);
+        if bytes[..4] != MAGIC {
+            return bad(format!(
+                "starts with \"{}\", not with \"PHFR\": this is no frame socket, or the stream is out of step",
+                bytes[..4].escape_ascii()
+            ));
+        }
+        if crc32fast::hash(&bytes[..HEADER_LEN - 4]) != u32_at(HEADER_LEN - 4) {
+            return bad("its checksum does not match".into());
+        }
+        if (u16_at(4), usize::from(u16_at(6))) != (VERSION, HEADER_LEN) {
+            return bad(format!(
+                "version {} with {} bytes, want version {VERSION} with {HEADER_LEN}",
+                u16_at(4),
+                u16_at(6)
+            ));
+        }
+        let (width, height) = (u32_at(20), u32_at(24));
+        let sides = 1..=MAX_SIDE_PX;
+        if !sides.contains(&width) || !sides.contains(&height) {
+            return bad(format!(
+                "{width} x {height} pixels, want 1 to {MAX_SIDE_PX} each"
+            ));
+        }
+        let code: [u8; 4] = bytes[28..32].try_into().expect("4 bytes");
+        let Some(format) = PixelFormat::from_fourcc(code) else {
+            return bad(format!(
+                "pixel format \"{}\", want GREY or Y16",
+                code.escape_ascii()
+            ));
+        };
+        let want = u64::from(width) * u64::from(height) * format.bytes_per_pixel() as u64;
+        let payload = u64_at(48);
+        if payload != want || payload > MAX_PAYLOAD {
+            return bad(format!(
+                "{payload} bytes of payload, want {want} and at most {MAX_PAYLOAD}"
+            ));
+        }
+        let exposure_ns = (u64_at(32), u64_at(40));
+        if exposure_ns.0 > exposure_ns.1 {
+            return bad("the exposure ends before it starts".into());
+        }
+        if (u32_at(60), u32_at(64)) != (0, 0) {
+            return bad("flags or reserved bytes that version 1 does not have".into());
+        }
+        Ok(Self {
+            id: u64_at(8),
+            pattern_index: Some(u32_at(16)).filter(|&index| index != NO_PATTERN),
+            width,
+            height,
+            format,
+            exposure_ns,
+            payload_crc: u32_at(56),
+        })
+    }
+
+    /// Length of the payload in bytes.
+    pub fn payload_len(&self) -> usize {
+        self.width as usize * self.height as usize * self.format.bytes_per_pixel()
+    }
+
+    /// The frame with its payload.
+    ///
+    /// # Errors
+    /// A payload of another length or with another checksum.
+    pub fn with_payload(self, data: Vec<u8>) -> Result<Frame> {
+        if data.len() != self.payload_len() || crc32fast::hash(&data) != self.payload_crc {
+            return Err(Error::device(format!(
+                "frame {}: its payload is damaged, the checksum does not match",
+                self.id
+            )));
+        }
+        Ok(Frame {
+            id: self.id,
+            pattern_index: self.pattern_index,
+            width: self.width,
+            height: self.height,
+            format: self.format,
+            exposure_start_ns: self.exposure_ns.0,
+            exposure_end_ns: self.exposure_ns.1,
+            data,
+        })
+    }
+}
+
+/// Reads a stream of frames that comes in pieces of any size.
+#[derive(Debug)]
+pub struct FrameDecoder {
+    header: Option<FrameHeader>,
+    /// Header or payload, as far as it has come: `filled` bytes of it.
+    buffer: Vec<u8>,
+    filled: usize,
+}
+
+impl Default for FrameDecoder {
+    fn default() -> Self {
+        Self {
+            header: None,
+            buffer: vec![0; HEADER_LEN],
+            filled: 0,
+        }
+    }
+}
+
+impl FrameDecoder {
+    /// Where the stream's next bytes belong; never empty.
+    pub fn space(&mut self) -> &mut [u8] {
+        &mut self.buffer[self.filled..]
+    }
+
+    /// Takes the first `len` bytes of the space as read; gives the frame that they complete.
+    ///
+    /// # Errors
+    /// What [`FrameHeader`] refuses. The stream cannot be trusted any more after that.
+    pub fn advance(&mut self, len: usize) -> Result<Option<Frame>> {
+        self.filled = (self.filled + len).min(self.buffer.len());
+        if self.filled < self.buffer.len() {
+            return Ok(None);
+        }
+        match self.header.take() {
+            None => {
+                let bytes: &[u8; HEADER_LEN] = self.buffer[..].try_into().expect("its length");
+                let header = FrameHeader::decode(bytes)?;
+                self.buffer = vec![0; header.payload_len()];
+                self.header = Some(header);
+                self.filled = 0;
+                Ok(None)
+            }
+            Some(header) => {
+                let data = std::mem::replace(&mut self.buffer, vec![0; HEADER_LEN]);
+                self.filled = 0;
+                header.with_payload(data).map(Some)
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn encode(frame: &Frame) -> Vec<u8> {
+        [&encode_header(frame)[..], &frame.data].concat()
+    }
+
+    /// All frames of a stream that comes in pieces of `step` bytes.
+    fn decode(mut bytes: &[u8], step: usize) -> Result<Vec<Frame>> {
+        let (mut decoder, mut frames) = (FrameDecoder::default(), Vec::new());
+        while !bytes.is_empty() {
+            let space = decoder.space();
+            let len = space.len().min(step).min(bytes.len());
+            space[..len].copy_from_slice(&bytes[..len]);
+            bytes = &bytes[len..];
+            frames.extend(decoder.advance(len)?);
+        }
+        Ok(frames)
+    }
+
+    prop_compose! {
+        fn frames()(
+            id: u64, pattern_index in proptest::option::of(0u32..u32::MAX),
+            width in 1u32..20, height in 1u32..20, wide: bool,
+            times in (any::<u64>(), any::<u64>()), seed: u8,
+        ) -> Frame {
+            let format = if wide { PixelFormat::Y16 } else { PixelFormat::Grey };
+            let len = width as usize * height as usize * format.bytes_per_pixel();
+            Frame {
+                id, pattern_index, width, height, format,
+                exposure_start_ns: times.0.min(times.1),
+                exposure_end_ns: times.0.max(times.1),
+                data: (0..len).map(|i| (i as u8).wrapping_mul(31) ^ seed).collect(),
+            }
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn goes_round_in_pieces_of_any_size(a in frames(), b in frames(), step in 1usize..100) {
+            let bytes = [encode(&a), encode(&b)].concat();
+            prop_assert_eq!(decode(&bytes, step).unwrap(), vec![a, b]);
+        }
+
+        #[test]
+        fn every_flipped_bit_is_noticed(frame in frames(), at: prop::sample::Index, bit in 0u8..8) {
+            let mut bytes = encode(&frame);
+            let at = at.index(bytes.len());
+            bytes[at] ^= 1 << bit;
+            prop_assert!(decode(&bytes, 64).is_err());
+        }
+
+        #[test]
+        fn any_bytes_are_refused_or_wait(bytes in proptest::collection::vec(any::<u8>(), 0..300)) {
+            prop_assert!(decode(&bytes, 50).map_or(true, |frames| frames.is_empty()));
+        }
+
+        /// With a true checksum the fields themselves are checked, before room is made.
+        #[test]
+        fn any_header_is_checked(mut bytes in proptest::collection::vec(any::<u8>(), HEADER_LEN - 12)) {
+            let mut header = Vec::from(MAGIC);
+            header.extend([1, 0, 72, 0]);
+            header.append(&mut bytes);
+            header.extend(crc32fast::hash(&header).to_le_bytes());
+            let header: [u8; HEADER_LEN] = header.try_into().unwrap();
+            if let Ok(header) = FrameHeader::decode(&header) {
+                prop_assert!(header.payload_len() as u64 <= MAX_PAYLOAD);
+            }
+        }
+    }
+
+    #[test]
+    fn mistakes_are_named() {
+        let frame = Frame {
+            id: 1,
+            pattern_index: None,
+            width: 4,
+            height: 3,
+            format: PixelFormat::Grey,
+            exposure_start_ns: 5,
+            exposure_end_ns: 9,
+            data: vec![7; 12],
+        };
+        for (at, value, needle) in [
+            (0, b'X', "PHFR"),
+            (4, 2, "version 2"),
+            (20, 0, "pixels"),
+            (28, b'X', "pixel format"),
+            (48, 13, "payload"),
+            (47, 0xff, ""),
+            (60, 1, "flags"),
+        ] {
+            let mut header = encode_header(&frame);
+            header[at] = value;
+            let crc = crc32fast::hash(&header[..68]);
+            header[68..].copy_from_slice(&crc.to_le_bytes());
+            if needle.is_empty() {
+                FrameHeader::decode(&header).unwrap();
+                continue;
+            }
+            let message = FrameHeader::decode(&header).unwrap_err().to_string();
+            assert!(message.contains(needle), "{needle} not in: {message}");
+        }
+    }
+}

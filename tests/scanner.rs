@@ -1,0 +1,223 @@
+//! The scanner against a device in memory: a good scan, and every way in which frames or replies
+//! can be wrong.
+
+use phasma::emulator::{Bench, Firmware, FrameSink, Renderer};
+use phasma::error::Error;
+use phasma::host::{Captured, MemoryCamera, MemoryPort, Progress, ScanOptions, Scanner};
+use phasma::profile::{Profile, Scene};
+use phasma::protocol::Frame;
+use std::sync::Arc;
+use std::time::Duration;
+
+const SHORT: Duration = Duration::from_millis(20);
+
+/// What happens to the frame that shows pattern 4.
+#[derive(Clone, Copy, Debug)]
+enum Fault {
+    None,
+    Dropped,
+    Repeated,
+    Foreign,
+    Stray,
+    WrongSize,
+}
+
+/// The way from the device to the camera, with a fault in the first runs.
+struct Way {
+    camera: MemoryCamera,
+    fault: Fault,
+    bad_runs: u32,
+}
+
+impl FrameSink for Way {
+    fn attended(&self) -> bool {
+        true
+    }
+
+    fn put(&mut self, frame: Arc<Frame>) {
+        let frame = (*frame).clone();
+        if frame.pattern_index != Some(4) || self.bad_runs == 0 {
+            self.camera.put(frame);
+            return;
+        }
+        self.bad_runs -= 1;
+        match self.fault {
+            Fault::None => self.camera.put(frame),
+            Fault::Dropped => {}
+            Fault::Repeated => {
+                self.camera.put(frame.clone());
+                self.camera.put(frame);
+            }
+            Fault::Foreign => {
+                self.camera.put(Frame {
+                    pattern_index: None,
+                    id: 1_000_000,
+                    ..frame.clone()
+                });
+                self.camera.put(frame);
+            }
+            Fault::Stray => self.camera.put(Frame {
+                id: frame.id + 77,
+                ..frame
+            }),
+            Fault::WrongSize => self.camera.put(Frame {
+                height: frame.height / 2,
+                data: frame.data[..frame.data.len() / 2].to_vec(),
+                ..frame
+            }),
+        }
+    }
+}
+
+fn options() -> ScanOptions {
+    ScanOptions {
+        sequence: Some("quick-4".into()),
+        manifest: None,
+        frame_timeout: SHORT,
+    }
+}
+
+fn scan(
+    fault: Fault,
+    bad_runs: u32,
+    options: &ScanOptions,
+) -> (Result<Captured, Error>, Vec<String>) {
+    let profile = Profile::load("webcam-grey").unwrap();
+    let camera = MemoryCamera::default();
+    let mut bench = Bench::new(
+        Firmware::new(&profile, &[]).unwrap(),
+        Renderer::new(&profile, &Scene::load("plane").unwrap(), 1, false).unwrap(),
+        Way {
+            camera: camera.clone(),
+            fault,
+            bad_runs,
+        },
+    );
+    let port = MemoryPort::new(move |bytes: &[u8]| bench.control(bytes));
+    let mut scanner = Scanner::new(port, SHORT, || Ok(camera)).unwrap();
+    let mut retries = Vec::new();
+    let captured = scanner.scan(options, &mut |progress| {
+        if let Progress::Retry(why) = progress {
+            retries.push(why.to_owned());
+        }
+    });
+    (captured, retries)
+}
+
+#[test]
+fn a_scan_has_every_frame_in_order() {
+    let profile = Profile::load("webcam-grey").unwrap();
+    let (captured, retries) = scan(Fault::None, 0, &options());
+    let captured = captured.unwrap();
+    assert_eq!(retries, [""; 0]);
+    assert_eq!(captured.idn, "Phasma,webcam-grey,0001,0.1.0");
+    assert_eq!(captured.manifest, profile.manifest(&profile.sequence[0]));
+    assert_eq!(captured.calibration, Some(profile.nominal_rig()));
+    let ids: Vec<_> = captured
+        .frames
+        .iter()
+        .map(|f| (f.id, f.pattern_index))
+        .collect();
+    assert_eq!(
+        ids,
+        (0..13).map(|i| (i, Some(i as u32))).collect::<Vec<_>>()
+    );
+}
+
+#[test]
+fn a_fault_is_named_and_the_run_repeated_once() {
+    for (fault, needle) in [
+        (
+            Fault::Dropped,
+            "pattern 4 is missing: frame 5 with pattern 5",
+        ),
+        (
+            Fault::Repeated,
+            "frame 4 is repeated where pattern 5 was due",
+        ),
+        (
+            Fault::Foreign,
+            "frame 1000000 is foreign: it shows no pattern",
+        ),
+        (Fault::Stray, "frame 81 with pattern 4 is foreign"),
+        (Fault::WrongSize, "frame 4 is foreign: 640 x 240 pixels"),
+    ] {
+        let (captured, retries) = scan(fault, 1, &options());
+        assert_eq!(captured.unwrap().frames.len(), 13, "{fault:?}");
+        let [why] = &retries[..] else {
+            panic!("{fault:?}: {retries:?}")
+        };
+        assert!(why.contains(needle), "{needle} not in: {why}");
+
+        let (captured, _) = scan(fault, 2, &options());
+        let error = captured.unwrap_err();
+        assert_eq!(error.exit_code(), 1);
+        let message = error.to_string();
+        assert!(message.contains("two runs failed"), "{message}");
+    }
+}
+
+#[test]
+fn a_missing_last_frame_is_a_timeout_that_says_how_long() {
+    let options = ScanOptions {
+        manifest: Some({
+            let profile = Profile::load("webcam-grey").unwrap();
+            let mut manifest = profile.manifest(&profile.sequence[0]);
+            manifest.frame.push(manifest.frame[0].clone());
+            manifest
+        }),
+        ..options()
+    };
+    let (captured, retries) = scan(Fault::None, 0, &options);
+    let message = captured.unwrap_err().to_string();
+    let needle = "pattern 13 of 14 is missing: no frame within 0.02 s";
+    assert!(message.contains(needle), "{message}");
+    assert_eq!(retries.len(), 1);
+}
+
+#[test]
+fn a_sequence_that_is_not_there_is_refused_in_the_device_s_words() {
+    let options = ScanOptions {
+        sequence: Some("moon".into()),
+        ..options()
+    };
+    let message = scan(Fault::None, 0, &options).0.unwrap_err().to_string();
+    assert!(
+        message.contains("-256,\"File name not found;moon\""),
+        "{message}"
+    );
+}
+
+#[test]
+fn a_device_that_is_none_is_told_apart() {
+    let mark = "*ESE 85;*ESE?;*ESE 0;*ESE?\n";
+    for (greets, answer, needle) in [
+        (false, &b""[..], "no answer to *ESE? within 0.02 s"),
+        (
+            false,
+            b"login: \n",
+            "login: \\n\"): is it a SCPI instrument?",
+        ),
+        (true, b"", "no answer to SYST:ERR? within 0.02 s"),
+        (true, b"\xff\xfe\n", "which is no answer to it"),
+        (
+            true,
+            b"0,\"No error\"\n",
+            "want manufacturer,model,serial,version",
+        ),
+    ] {
+        let port = MemoryPort::new(move |bytes: &[u8]| {
+            if greets && bytes.ends_with(mark.as_bytes()) {
+                b"85;0\n".to_vec()
+            } else if bytes.ends_with(b"?\n") {
+                answer.to_vec()
+            } else {
+                Vec::new()
+            }
+        });
+        let result = Scanner::new(port, SHORT, || Ok(MemoryCamera::default()))
+            .and_then(|mut scanner| scanner.scan(&options(), &mut |_| {}));
+        let message = result.unwrap_err().to_string();
+        assert!(message.contains(needle), "{needle} not in: {message}");
+    }
+}
