@@ -2,6 +2,7 @@
 
 mod compare;
 mod decode;
+mod demo;
 mod profile;
 mod scan;
 mod scene;
@@ -21,6 +22,7 @@ struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Command {
+    Demo(demo::Args),
     Serve(serve::Args),
     Scan(scan::Args),
     Decode(decode::Args),
@@ -44,6 +46,7 @@ pub fn main() -> ExitCode {
 
 fn dispatch(command: Command) -> Result<()> {
     match command {
+        Command::Demo(args) => demo::run(&args),
         Command::Serve(args) => serve::run(&args),
         Command::Scan(args) => scan::run(&args),
         Command::Decode(args) => decode::run(&args),

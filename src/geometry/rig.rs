@@ -2,9 +2,11 @@
 //! file holds, what a device reports as nominal, and what the decoder triangulates with.
 
 use super::{Lens, Pose};
-use crate::error::{Error, Result};
+use crate::error::Result;
+use crate::profile::TomlSource;
 use glam::{DVec2, DVec3};
 use serde::{Deserialize, Serialize};
+use std::path::Path;
 
 /// A camera or projector and its place in the rig's frame (camera 0's: x right, y down, z forward).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -50,6 +52,18 @@ pub struct NoiseModel {
 }
 
 impl NoiseModel {
+    fn check(&self) -> Result<(), (&'static str, f64)> {
+        [
+            ("gain_dn_per_e", self.gain_dn_per_e),
+            ("read_noise_dn", self.read_noise_dn),
+            ("black_level_dn", self.black_level_dn),
+            ("saturation_dn", self.saturation_dn),
+        ]
+        .into_iter()
+        .find(|(_, value)| !(value.is_finite() && *value >= 0.0))
+        .map_or(Ok(()), Err)
+    }
+
     /// Variance in DN^2 of a pixel with this mean signal in DN, rounding included.
     pub fn variance_dn2(&self, mean_dn: f64) -> f64 {
         self.read_noise_dn.powi(2)
@@ -72,24 +86,44 @@ pub struct Rig {
 }
 
 impl Rig {
+    /// Reads a calibration file.
+    ///
+    /// # Errors
+    /// A file that cannot be read, and what [`Self::from_toml`] refuses.
+    pub fn read(path: &Path) -> Result<Self> {
+        Self::from_source(&TomlSource::read(path)?)
+    }
+
     /// Reads a calibration as TOML; `place` names the file or device in messages.
     ///
     /// # Errors
     /// What is not TOML of this shape, or numbers that no rig can have.
     pub fn from_toml(text: &str, place: &str) -> Result<Self> {
-        let rig: Self = toml::from_str(text)
-            .map_err(|e| Error::input(place, e.to_string().trim_end(), "a calibration as TOML"))?;
+        Self::from_source(&TomlSource::new(text, place))
+    }
+
+    fn from_source(source: &TomlSource) -> Result<Self> {
+        let rig: Self = source.deserialize()?;
         for (name, view) in [("camera", &rig.camera), ("projector", &rig.projector)] {
             view.check().map_err(|(field, found, allowed)| {
-                Error::input(format!("{place}: {name}.{field}"), found, allowed)
+                source.violation(&format!("{name}.{field}"), found, allowed)
             })?;
         }
         if (rig.camera.center() - rig.projector.center()).length() < 1e-6 {
-            return Err(Error::input(
-                format!("{place}: projector.rig_from_view.translation_mm"),
+            return Err(source.violation(
+                "projector.rig_from_view.translation_mm",
                 "the camera's own position (zero baseline)",
                 "a projector at another place than the camera",
             ));
+        }
+        if let Some(noise) = &rig.noise {
+            noise.check().map_err(|(field, found)| {
+                source.violation(
+                    &format!("noise.{field}"),
+                    found,
+                    "a finite number, 0 or more",
+                )
+            })?;
         }
         Ok(rig)
     }
@@ -114,7 +148,7 @@ impl View {
         let sizes = 1..=32768;
         if !sizes.contains(&width_px) || !sizes.contains(&height_px) {
             return Err((
-                "lens.width_px/height_px",
+                "lens.width_px",
                 format!("{width_px} x {height_px}"),
                 "1 to 32768 each",
             ));
@@ -128,7 +162,7 @@ impl View {
         }
         if !principal_px.is_finite() || distortion.iter().any(|k| !k.is_finite()) {
             return Err((
-                "lens.principal_px/distortion",
+                "lens.principal_px",
                 format!("{principal_px}, {distortion:?}"),
                 "finite numbers",
             ));
@@ -154,5 +188,48 @@ impl View {
             ));
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn text() -> String {
+        crate::profile::Profile::load("pmp-bench")
+            .unwrap()
+            .nominal_rig()
+            .to_toml()
+    }
+
+    #[test]
+    fn a_calibration_goes_round() {
+        let rig = Rig::from_toml(&text(), "c.toml").unwrap();
+        assert_eq!(rig.to_toml(), text());
+        assert_eq!(rig.projector.center(), DVec3::new(400.0, 0.0, 0.0));
+    }
+
+    #[test]
+    fn impossible_rigs_are_named_with_their_line() {
+        for (from, to, needle) in [
+            ("[400.0, 0.0, 0.0]", "[0.0, 0.0, 0.0]", "zero baseline"),
+            (
+                "width_px = 1138",
+                "width_px = 0",
+                "c.toml:2: camera.lens.width_px",
+            ),
+            ("[1.0, 0.0, 0.0]", "[1.0, 0.1, 0.0]", "away from a rotation"),
+            (
+                "read_noise_dn = ",
+                "read_noise_dn = -",
+                "noise.read_noise_dn",
+            ),
+            ("[camera.lens]", "[camera.lens]\nblur = 1", "unknown field"),
+        ] {
+            let broken = text().replacen(from, to, 1);
+            assert_ne!(broken, text(), "{from} not in {}", text());
+            let message = Rig::from_toml(&broken, "c.toml").unwrap_err().to_string();
+            assert!(message.contains(needle), "{message}");
+        }
     }
 }

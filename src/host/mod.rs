@@ -5,6 +5,7 @@
 
 mod camera;
 mod captured;
+mod decoding;
 mod instrument;
 mod port;
 mod scanner;

@@ -1,3 +1,4 @@
-//! What needs both halves: scans scored against the truth, and the demo.
+//! What needs both halves: scans scored against the truth, and reports about them.
 
+pub mod report;
 pub mod score;

@@ -1,0 +1,169 @@
+//! `phasma demo`: a device that is not there, scanned through its ports and held against its truth.
+
+mod served;
+
+use super::scan::capture;
+use crate::decode::Options;
+use crate::emulator::Truth;
+use crate::error::{Error, Result};
+use crate::geometry::ply;
+use crate::host::{Captured, ScanOptions};
+use crate::protocol::service::{Item, Maps, Request, ask};
+use crate::study::report::{PICTURES, Summary, write_pictures};
+use crate::study::score::score;
+use served::Served;
+use std::fs;
+use std::os::unix::net::UnixStream;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+/// Start an emulated scanner, scan it through its serial port and camera, and compare the surface
+/// with the truth
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// Folder for frames, cloud, pictures and figures
+    #[arg(long, value_name = "DIR", default_value = "phasma-demo")]
+    out: PathBuf,
+    /// Device profile: a built-in name or a TOML file
+    #[arg(long, default_value = "pmp-bench")]
+    profile: String,
+    /// What stands before it: a built-in name or a TOML file
+    #[arg(long, default_value = "torso")]
+    scene: String,
+    /// Seed of the noise
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Leave the sensor's noise out
+    #[arg(long)]
+    no_noise: bool,
+    /// Print the figures as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+/// How long to wait for a reply or a frame: the first one waits for the scene to be prepared.
+const TIMEOUT: Duration = Duration::from_secs(30);
+/// The figures' file, which also marks a folder as a demo's.
+const SUMMARY: &str = "summary.json";
+const CLOUD: &str = "cloud.ply";
+
+pub(super) fn run(args: &Args) -> Result<()> {
+    let start = Instant::now();
+    check_folder(&args.out)?;
+    step("starting the device");
+    let served = Served::start(&serve_arguments(args))?;
+    let endpoints = served.endpoints();
+    let begin = Instant::now();
+    let options = ScanOptions {
+        sequence: None,
+        manifest: None,
+        frame_timeout: TIMEOUT,
+    };
+    let control = endpoints.control.display().to_string();
+    let captured = capture(&endpoints.camera, &control, TIMEOUT, &options)?;
+    let capture_s = begin.elapsed().as_secs_f64();
+    step("decoding");
+    let rig = captured
+        .calibration
+        .ok_or_else(|| Error::device("the device gave no calibration"))?;
+    let begin = Instant::now();
+    let (decoder, decoded) = captured.decode(Options::default())?;
+    let decode_s = begin.elapsed().as_secs_f64();
+    step("asking for the truth");
+    let maps = truth(&endpoints.service)?;
+    let render_s = maps.render_us as f64 * 1e-6;
+    let truth = Truth::from_maps(maps)?;
+    served.stop()?;
+    step("comparing");
+    let score = score(&decoded, &truth, &captured.manifest, &rig)?;
+    step("writing");
+    captured.write(&args.out)?;
+    ply::write_cloud(&args.out.join(CLOUD), &decoder.cloud(&decoded))?;
+    write_pictures(&args.out, &decoded, &truth, &rig)?;
+    let summary = Summary {
+        made_by: format!("phasma demo {}", env!("CARGO_PKG_VERSION")),
+        device: captured.idn.clone(),
+        profile: args.profile.clone(),
+        scene: args.scene.clone(),
+        seed: args.seed,
+        noise: !args.no_noise,
+        frames: captured.frames.len(),
+        score,
+        render_s,
+        capture_s,
+        decode_s,
+        total_s: start.elapsed().as_secs_f64(),
+    };
+    let json = serde_json::to_string_pretty(&summary).expect("numbers and strings");
+    let path = args.out.join(SUMMARY);
+    fs::write(&path, format!("{json}\n")).map_err(|e| Error::io(&path, e))?;
+    if args.json {
+        println!("{json}");
+    } else {
+        print!("{summary}");
+        println!(
+            "{}: frame_*.png, {CLOUD}, {}, {SUMMARY}",
+            args.out.display(),
+            PICTURES.join(", ")
+        );
+    }
+    Ok(())
+}
+
+/// Progress for a person at a terminal; a pipe hears nothing.
+fn step(what: &str) {
+    use std::io::IsTerminal;
+    if std::io::stderr().is_terminal() {
+        eprintln!("{what} ...");
+    }
+}
+
+fn serve_arguments(args: &Args) -> Vec<String> {
+    let mut arguments = vec![
+        "--profile".to_owned(),
+        args.profile.clone(),
+        "--scene".to_owned(),
+        args.scene.clone(),
+        "--seed".to_owned(),
+        args.seed.to_string(),
+    ];
+    if args.no_noise {
+        arguments.push("--no-noise".to_owned());
+    }
+    arguments
+}
+
+/// A folder that an earlier demo made may be written again; one with files of somebody else's under
+/// our names may not.
+fn check_folder(out: &Path) -> Result<()> {
+    let summary = fs::read_to_string(out.join(SUMMARY)).unwrap_or_default();
+    if summary.contains("\"made_by\": \"phasma demo") {
+        return Ok(());
+    }
+    let place = format!("--out {}", out.display());
+    if out.exists() && !out.is_dir() {
+        return Err(Error::input(
+            place,
+            "a file",
+            "a folder, or a path where one can be made",
+        ));
+    }
+    let ours = [SUMMARY, CLOUD].into_iter().chain(PICTURES);
+    if let Some(name) = ours.into_iter().find(|name| out.join(name).exists()) {
+        return Err(Error::input(
+            place,
+            format!("{name}, which no demo has made"),
+            "another folder",
+        ));
+    }
+    Captured::check_folder(out, false)
+}
+
+/// The truth, over the channel that no physical device has.
+fn truth(service: &Path) -> Result<Maps> {
+    let mut stream = UnixStream::connect(service).map_err(|e| Error::io(service, e))?;
+    let io = |e| Error::io(service, e);
+    stream.set_read_timeout(Some(TIMEOUT)).map_err(io)?;
+    stream.set_write_timeout(Some(TIMEOUT)).map_err(io)?;
+    ask(&mut stream, Request::Get(Item::Truth))
+}

@@ -1,0 +1,149 @@
+//! A device in a process of its own, for as long as the demo needs it.
+
+use crate::error::{Error, Result};
+use crate::protocol::Endpoints;
+use rustix::process::{Pid, Signal, kill_process};
+use std::fs;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::thread::sleep;
+use std::time::{Duration, Instant};
+
+/// How long a device may take to be ready, and to go away.
+const PATIENCE: Duration = Duration::from_secs(60);
+const POLL: Duration = Duration::from_millis(5);
+
+/// A running `phasma serve`; it ends with this value.
+pub(super) struct Served {
+    child: Child,
+    run_dir: PathBuf,
+    endpoints: Endpoints,
+}
+
+impl Served {
+    /// Starts `phasma serve` with these arguments and waits until it can be reached.
+    ///
+    /// # Errors
+    /// A process that cannot be started, ends, or is not ready in time; with its own words.
+    pub(super) fn start(arguments: &[String]) -> Result<Self> {
+        let program = std::env::current_exe().map_err(|e| Error::io("phasma", e))?;
+        // Short: the path of a socket has room for some hundred bytes.
+        let run_dir = std::env::temp_dir().join(format!("phasma-demo-{}", std::process::id()));
+        let child = Command::new(&program)
+            .arg("serve")
+            .args(arguments)
+            .arg("--run-dir")
+            .arg(&run_dir)
+            .stdin(Stdio::null())
+            .stdout(Stdio::null())
+            .stderr(Stdio::piped())
+            .spawn()
+            .map_err(|e| Error::io(&program, e))?;
+        let mut served = Starting { child, run_dir };
+        let deadline = Instant::now() + PATIENCE;
+        loop {
+            if let Ok(endpoints) = Endpoints::read(&served.run_dir)
+                && endpoints.pid == served.child.id()
+            {
+                let Starting { child, run_dir } = served;
+                return Ok(Self {
+                    child,
+                    run_dir,
+                    endpoints,
+                });
+            }
+            let ended = served
+                .child
+                .try_wait()
+                .map_err(|e| Error::io("phasma serve", e))?;
+            if let Some(status) = ended {
+                return Err(served.failure(status.code()));
+            }
+            if Instant::now() > deadline {
+                end(&mut served.child, &served.run_dir);
+                return Err(Error::device(format!(
+                    "phasma serve was not ready within {} s",
+                    PATIENCE.as_secs()
+                )));
+            }
+            sleep(POLL);
+        }
+    }
+
+    pub(super) fn endpoints(&self) -> &Endpoints {
+        &self.endpoints
+    }
+
+    /// Asks the device to go, and waits until it has.
+    ///
+    /// # Errors
+    /// A device that does not end well.
+    pub(super) fn stop(mut self) -> Result<()> {
+        let status = terminate(&mut self.child);
+        match status {
+            Some(0) => Ok(()),
+            other => Err(Error::device(format!(
+                "phasma serve ended with status {other:?} when asked to stop, want 0"
+            ))),
+        }
+    }
+}
+
+impl Drop for Served {
+    fn drop(&mut self) {
+        end(&mut self.child, &self.run_dir);
+    }
+}
+
+struct Starting {
+    child: Child,
+    run_dir: PathBuf,
+}
+
+impl Starting {
+    /// The child's own message; a user's mistake stays one.
+    fn failure(&mut self, code: Option<i32>) -> Error {
+        let mut words = String::new();
+        if let Some(stderr) = &mut self.child.stderr {
+            // What can be read is shown; nothing more can be done here.
+            let _ = stderr.take(1 << 16).read_to_string(&mut words);
+        }
+        let words = words.trim().trim_start_matches("phasma: ");
+        match (code, words.split_once("; allowed: ")) {
+            (Some(2), Some((left, allowed))) => match left.rsplit_once(": ") {
+                Some((place, found)) => Error::input(place, found, allowed),
+                None => Error::input("phasma serve", left, allowed),
+            },
+            _ => Error::device(format!("phasma serve ended with status {code:?}: {words}")),
+        }
+    }
+}
+
+/// TERM, then patience; the exit status if it ended in time.
+fn terminate(child: &mut Child) -> Option<i32> {
+    if let Ok(Some(status)) = child.try_wait() {
+        return status.code();
+    }
+    if let Some(pid) = i32::try_from(child.id()).ok().and_then(Pid::from_raw) {
+        // It may have gone by itself meanwhile.
+        let _ = kill_process(pid, Signal::TERM);
+    }
+    let deadline = Instant::now() + PATIENCE;
+    while Instant::now() < deadline {
+        if let Ok(Some(status)) = child.try_wait() {
+            return status.code();
+        }
+        sleep(POLL);
+    }
+    None
+}
+
+/// Leaves neither a process nor a folder behind, whatever happened.
+fn end(child: &mut Child, run_dir: &Path) {
+    if terminate(child).is_none() {
+        let _ = child.kill();
+        let _ = child.wait();
+        let _ = fs::remove_dir_all(run_dir);
+    }
+}

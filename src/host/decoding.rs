@@ -1,0 +1,45 @@
+//! A capture through the decoder.
+
+use super::Captured;
+use crate::decode::{Decoded, Decoder, FrameStack, Options, Samples};
+use crate::error::Result;
+use crate::protocol::PixelFormat;
+
+impl Captured {
+    /// Decodes the frames with the capture's calibration; without one there are coordinates and no
+    /// points.
+    ///
+    /// # Errors
+    /// A sequence that determines nothing, or frames that do not fit it.
+    pub fn decode(&self, options: Options) -> Result<(Decoder, Decoded)> {
+        let (width, height) = self
+            .frames
+            .first()
+            .map_or((0, 0), |f| (f.width as usize, f.height as usize));
+        let wide: Vec<Vec<u16>> = self
+            .frames
+            .iter()
+            .map(|frame| match frame.format {
+                PixelFormat::Grey => Vec::new(),
+                PixelFormat::Y16 => frame
+                    .data
+                    .chunks_exact(2)
+                    .map(|b| u16::from_le_bytes([b[0], b[1]]))
+                    .collect(),
+            })
+            .collect();
+        let samples = self
+            .frames
+            .iter()
+            .zip(&wide)
+            .map(|(frame, wide)| match frame.format {
+                PixelFormat::Grey => Samples::U8(&frame.data),
+                PixelFormat::Y16 => Samples::U16(wide),
+            })
+            .collect();
+        let rig = self.calibration.as_ref();
+        let decoder = Decoder::new(&self.manifest, width, height, rig, options)?;
+        let decoded = decoder.decode(&FrameStack::new(width, height, samples)?)?;
+        Ok((decoder, decoded))
+    }
+}

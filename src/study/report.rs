@@ -1,0 +1,133 @@
+//! What a demo leaves behind: pictures of depth and error, and figures.
+
+use super::score::{Score, depth_errors};
+use crate::decode::Decoded;
+use crate::emulator::Truth;
+use crate::error::{Error, Result};
+use crate::geometry::Rig;
+use crate::measure::picture;
+use image::RgbImage;
+use serde::Serialize;
+use std::fmt;
+use std::path::Path;
+
+/// The pictures that [`write_pictures`] makes.
+pub const PICTURES: [&str; 2] = ["depth.png", "error.png"];
+
+/// The figures of a demo, as `summary.json` holds them.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Summary {
+    /// `phasma demo` and its version: marks a folder as a demo's.
+    pub made_by: String,
+    /// `*IDN?` of the device.
+    pub device: String,
+    /// Profile as it was chosen.
+    pub profile: String,
+    /// Scene as it was chosen.
+    pub scene: String,
+    /// Seed of the noise.
+    pub seed: u64,
+    /// Whether the sensor's noise was on.
+    pub noise: bool,
+    /// Frames captured.
+    pub frames: usize,
+    /// Errors against the truth.
+    #[serde(flatten)]
+    pub score: Score,
+    /// Seconds that the device spent on rendering the frames.
+    pub render_s: f64,
+    /// Seconds from opening the device to the last frame.
+    pub capture_s: f64,
+    /// Seconds from frames to points.
+    pub decode_s: f64,
+    /// Seconds of the whole run, starting the device and writing files included.
+    pub total_s: f64,
+}
+
+impl fmt::Display for Summary {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let s = &self.score;
+        let c = &s.crease;
+        writeln!(
+            f,
+            "{} before {}, {} frames",
+            self.profile, self.scene, self.frames
+        )?;
+        writeln!(f)?;
+        writeln!(f, "{:<26}{:>12}{:>14}", "", "surface", "at creases")?;
+        let points = s.points - c.points;
+        writeln!(f, "{:<26}{:>12}{:>14}", "points", points, c.points)?;
+        let mut percent = |name, a: f64, b: f64| {
+            writeln!(f, "{name:<26}{:>10.3} %{:>12.3} %", 100.0 * a, 100.0 * b)
+        };
+        percent("coverage", s.coverage, c.coverage)?;
+        percent(
+            "gross errors (> 1 mm)",
+            s.gross_error_rate,
+            c.gross_error_rate,
+        )?;
+        let mut mm = |name, a: f64, b: Option<f64>| {
+            let b = b.map_or(String::new(), |b| format!("{b:>11.4} mm"));
+            writeln!(f, "{name:<26}{a:>9.4} mm{b}")
+        };
+        mm("inlier RMS error", s.inlier_rmse_mm, Some(c.inlier_rmse_mm))?;
+        mm("mean absolute error", s.mae_mm, Some(c.mae_mm))?;
+        mm("Hausdorff distance", s.hausdorff_mm, None)?;
+        mm("mean distance to agreement", s.mdta_mm, None)?;
+        mm("noise bound", s.bound_mm, None)?;
+        writeln!(f, "{:<26}{:>12.3}", "error over bound", s.ratio_to_bound)?;
+        writeln!(f)?;
+        writeln!(
+            f,
+            "rendered in {:.2} s, captured in {:.2} s, decoded in {:.3} s, {:.1} s in all",
+            self.render_s, self.capture_s, self.decode_s, self.total_s
+        )
+    }
+}
+
+/// Writes `depth.png`, the measured surface in colour and relief, and `error.png`, measured minus
+/// true depth, each with a scale.
+///
+/// # Errors
+/// What the system refuses.
+pub fn write_pictures(folder: &Path, decoded: &Decoded, truth: &Truth, rig: &Rig) -> Result<()> {
+    let (width, height) = (decoded.width as u32, decoded.height as u32);
+    let focal = rig.camera.lens.focal_px.x as f32;
+    let shade = picture::shades(width, height, &decoded.depth, focal);
+    let range = quantiles(&decoded.depth, 0.001, 0.999).unwrap_or((0.0, 1.0));
+    let depth = picture::colour_mapped_relief(width, height, &decoded.depth, &shade, range, "mm");
+    save(&depth, &folder.join(PICTURES[0]))?;
+    let errors = depth_errors(decoded, truth);
+    let sizes: Vec<f32> = errors.iter().map(|e| e.abs()).collect();
+    // Four out of a hundred go beyond the scale's end, so that the rest is told apart.
+    let limit = quantiles(&sizes, 0.0, 0.96).map_or(1.0, |(_, high)| high.max(1e-4));
+    let error = picture::diverging(width, height, &errors, limit, "mm");
+    save(&error, &folder.join(PICTURES[1]))
+}
+
+fn save(picture: &RgbImage, path: &Path) -> Result<()> {
+    picture
+        .save(path)
+        .map_err(|e| Error::device(format!("{}: {e}", path.display())))
+}
+
+/// Two quantiles of the finite values; `None` without any.
+fn quantiles(values: &[f32], low: f64, high: f64) -> Option<(f32, f32)> {
+    let mut finite: Vec<f32> = values.iter().copied().filter(|v| v.is_finite()).collect();
+    finite.sort_unstable_by(f32::total_cmp);
+    let last = finite.len().checked_sub(1)?;
+    let at = |q: f64| finite[(q * last as f64).round() as usize];
+    Some((at(low), at(high)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn quantiles_leave_nan_out() {
+        let values: Vec<f32> = (0..=100).map(|i| i as f32).chain([f32::NAN]).collect();
+        assert_eq!(quantiles(&values, 0.0, 0.96), Some((0.0, 96.0)));
+        assert_eq!(quantiles(&[f32::NAN], 0.0, 1.0), None);
+    }
+}
