@@ -6,13 +6,13 @@ use crate::emulator::Truth;
 use crate::error::{Error, Result};
 use crate::geometry::Rig;
 use crate::measure::picture;
-use image::RgbImage;
+use image::{GrayImage, Rgb, RgbImage};
 use serde::Serialize;
 use std::fmt;
 use std::path::Path;
 
 /// The pictures that [`write_pictures`] makes.
-pub const PICTURES: [&str; 2] = ["depth.png", "error.png"];
+pub const PICTURES: [&str; 3] = ["depth.png", "error.png", "overview.png"];
 
 /// The figures of a demo, as `summary.json` holds them.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -85,12 +85,19 @@ impl fmt::Display for Summary {
     }
 }
 
-/// Writes `depth.png`, the measured surface in colour and relief, and `error.png`, measured minus
-/// true depth, each with a scale.
+/// Writes `depth.png`, the measured surface in colour and relief, `error.png`, measured minus true
+/// depth, each with a scale, and `overview.png`: `frame`, what the camera saw, above the two, all
+/// cut to what was measured.
 ///
 /// # Errors
 /// What the system refuses.
-pub fn write_pictures(folder: &Path, decoded: &Decoded, truth: &Truth, rig: &Rig) -> Result<()> {
+pub fn write_pictures(
+    folder: &Path,
+    frame: &GrayImage,
+    decoded: &Decoded,
+    truth: &Truth,
+    rig: &Rig,
+) -> Result<()> {
     let (width, height) = (decoded.width as u32, decoded.height as u32);
     let focal = rig.camera.lens.focal_px.x as f32;
     let shade = picture::shades(width, height, &decoded.depth, focal);
@@ -102,7 +109,94 @@ pub fn write_pictures(folder: &Path, decoded: &Decoded, truth: &Truth, rig: &Rig
     // Four out of a hundred go beyond the scale's end, so that the rest is told apart.
     let limit = quantiles(&sizes, 0.0, 0.96).map_or(1.0, |(_, high)| high.max(1e-4));
     let error = picture::diverging(width, height, &errors, limit, "mm");
-    save(&error, &folder.join(PICTURES[1]))
+    save(&error, &folder.join(PICTURES[1]))?;
+    let area = Area::around(&decoded.depth, width, height);
+    let (depth, errors) = (area.cut(&decoded.depth), area.cut(&errors));
+    let depth = picture::colour_mapped_relief(
+        area.width * ZOOM,
+        area.height * ZOOM,
+        &area.enlarge(&depth),
+        &area.enlarge(&area.cut(&shade)),
+        range,
+        "mm",
+    );
+    let wide = (area.width * ZOOM, area.height * ZOOM);
+    let error = picture::diverging(wide.0, wide.1, &area.enlarge(&errors), limit, "mm");
+    let overview = stack(&[area.frame(frame), depth, error]);
+    save(&overview, &folder.join(PICTURES[2]))
+}
+
+/// How many pixels of the overview a pixel of the camera takes, along each side.
+const ZOOM: u32 = 2;
+/// Pixels of the camera around what was measured.
+const MARGIN: u32 = 12;
+
+/// The part of the image that was measured.
+struct Area {
+    left: u32,
+    top: u32,
+    width: u32,
+    height: u32,
+    /// Columns of the whole image.
+    stride: u32,
+}
+
+impl Area {
+    /// The box around the finite values with a margin; all of the image if there are none.
+    fn around(values: &[f32], width: u32, height: u32) -> Self {
+        let finite = || (0..width * height).filter(|&i| values[i as usize].is_finite());
+        let span = |at: &dyn Fn(u32) -> u32, end: u32| {
+            let low = finite().map(at).min().unwrap_or(0).saturating_sub(MARGIN);
+            let high = finite().map(at).max().unwrap_or(end).saturating_add(MARGIN);
+            (low, high.min(end - 1) - low + 1)
+        };
+        let (left, columns) = span(&|i| i % width, width);
+        let (top, rows) = span(&|i| i / width, height);
+        Self {
+            left,
+            top,
+            width: columns,
+            height: rows,
+            stride: width,
+        }
+    }
+
+    fn cut(&self, values: &[f32]) -> Vec<f32> {
+        let at = |y: u32, x: u32| values[((self.top + y) * self.stride + self.left + x) as usize];
+        (0..self.height)
+            .flat_map(|y| (0..self.width).map(move |x| at(y, x)))
+            .collect()
+    }
+
+    /// Each value of a cut map `ZOOM` times along each side.
+    fn enlarge(&self, values: &[f32]) -> Vec<f32> {
+        (0..self.height * ZOOM)
+            .flat_map(|y| {
+                (0..self.width * ZOOM)
+                    .map(move |x| values[(y / ZOOM * self.width + x / ZOOM) as usize])
+            })
+            .collect()
+    }
+
+    fn frame(&self, frame: &GrayImage) -> RgbImage {
+        RgbImage::from_fn(self.width * ZOOM, self.height * ZOOM, |x, y| {
+            let level = frame.get_pixel(self.left + x / ZOOM, self.top + y / ZOOM).0[0];
+            Rgb([level; 3])
+        })
+    }
+}
+
+/// Pictures below one another.
+fn stack(pictures: &[RgbImage]) -> RgbImage {
+    let width = pictures.iter().map(RgbImage::width).max().unwrap_or(0);
+    let height = pictures.iter().map(RgbImage::height).sum();
+    let mut out = RgbImage::from_pixel(width, height, Rgb([22, 22, 24]));
+    let mut top = 0;
+    for picture in pictures {
+        image::imageops::replace(&mut out, picture, 0, i64::from(top));
+        top += picture.height();
+    }
+    out
 }
 
 fn save(picture: &RgbImage, path: &Path) -> Result<()> {

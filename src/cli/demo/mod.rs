@@ -8,9 +8,11 @@ use crate::emulator::Truth;
 use crate::error::{Error, Result};
 use crate::geometry::ply;
 use crate::host::{Captured, ScanOptions};
+use crate::protocol::PixelFormat;
 use crate::protocol::service::{Item, Maps, Request, ask};
 use crate::study::report::{PICTURES, Summary, write_pictures};
 use crate::study::score::score;
+use image::GrayImage;
 use served::Served;
 use std::fs;
 use std::os::unix::net::UnixStream;
@@ -79,7 +81,8 @@ pub(super) fn run(args: &Args) -> Result<()> {
     step("writing");
     captured.write(&args.out)?;
     ply::write_cloud(&args.out.join(CLOUD), &decoder.cloud(&decoded))?;
-    write_pictures(&args.out, &decoded, &truth, &rig)?;
+    let frame = seen(&captured)?;
+    write_pictures(&args.out, &frame, &decoded, &truth, &rig)?;
     let summary = Summary {
         made_by: format!("phasma demo {}", env!("CARGO_PKG_VERSION")),
         device: captured.idn.clone(),
@@ -108,6 +111,29 @@ pub(super) fn run(args: &Args) -> Result<()> {
         );
     }
     Ok(())
+}
+
+/// The first frame as a picture of 8 bits.
+fn seen(captured: &Captured) -> Result<GrayImage> {
+    let frame = captured
+        .frames
+        .first()
+        .ok_or_else(|| Error::device("the device gave no frame"))?;
+    let full = captured
+        .calibration
+        .and_then(|rig| rig.noise)
+        .map_or(f64::from(u16::MAX), |noise| noise.saturation_dn);
+    let levels = match frame.format {
+        PixelFormat::Grey => frame.data.clone(),
+        PixelFormat::Y16 => frame
+            .data
+            .chunks_exact(2)
+            .map(|b| f64::from(u16::from_le_bytes([b[0], b[1]])) / full * 255.0)
+            .map(|level| level as u8)
+            .collect(),
+    };
+    GrayImage::from_raw(frame.width, frame.height, levels)
+        .ok_or_else(|| Error::device("a frame has not the bytes of its size"))
 }
 
 /// Progress for a person at a terminal; a pipe hears nothing.
