@@ -1,0 +1,77 @@
+//! Every command of the README runs, in the order in which a reader meets them.
+
+use std::path::Path;
+use std::process::Command;
+use tempfile::tempdir;
+
+/// The fenced blocks of one language, in order.
+fn blocks<'a>(text: &'a str, language: &str) -> Vec<&'a str> {
+    let fence = format!("```{language}\n");
+    text.split(&fence)
+        .skip(1)
+        .map(|rest| rest.split("```").next().unwrap())
+        .collect()
+}
+
+#[test]
+fn every_command_runs() {
+    let readme = include_str!("../README.md");
+    let folder = tempdir().unwrap();
+    let scene = blocks(readme, "toml")
+        .into_iter()
+        .find(|block| block.contains("[[object]]"))
+        .unwrap();
+    std::fs::write(folder.path().join("mine.toml"), scene).unwrap();
+    let shell = blocks(readme, "sh");
+    assert!(shell.len() >= 6);
+    // `cargo run --release --` is the program that cargo has built for this test.
+    let prelude = "set -eu\n\
+        cargo() { [ \"$1 $2 $3\" = 'run --release --' ]; shift 3; phasma \"$@\"; }\n\
+        trap 'kill $(jobs -p) 2> /dev/null; wait' EXIT\n";
+    let script = format!("{prelude}{}", shell.join("\n"));
+    let program = Path::new(env!("CARGO_BIN_EXE_phasma")).parent().unwrap();
+    let path = format!("{}:{}", program.display(), std::env::var("PATH").unwrap());
+    let output = Command::new("bash")
+        .arg("-c")
+        .arg(&script)
+        .env("PATH", path)
+        .current_dir(folder.path())
+        .output()
+        .unwrap();
+    let (out, err) = (
+        String::from_utf8_lossy(&output.stdout),
+        String::from_utf8_lossy(&output.stderr),
+    );
+    assert!(output.status.success(), "{out}\n{err}");
+    assert!(
+        out.contains("Phasma,webcam-grey,0001,0.1.0;0,\"No error\""),
+        "{out}"
+    );
+    for file in [
+        "phasma-demo/overview.png",
+        "scan/frame_00.png",
+        "scan/cloud.ply",
+        "decoded/projector_x.npy",
+        "decoded/cloud.ply",
+        "mine/summary.json",
+    ] {
+        assert!(folder.path().join(file).is_file(), "{file}\n{out}");
+    }
+    assert!(
+        !folder.path().join("run/device.json").exists(),
+        "serve has cleaned up"
+    );
+}
+
+#[test]
+fn the_manifest_in_the_readme_reads() {
+    let readme = include_str!("../README.md");
+    let manifest = blocks(readme, "toml")[0];
+    assert_eq!(
+        phasma::pattern::Manifest::parse(manifest, "README")
+            .unwrap()
+            .frame
+            .len(),
+        3
+    );
+}
