@@ -129,6 +129,8 @@ fn a_scan_over_pty_and_socket_leaves_what_a_decoder_needs() {
         "nothing was exposed before the scan"
     );
     assert_eq!(summary["calibration"], "device");
+    let source = served.instrument().query("TRIG:SOUR?").unwrap();
+    assert_eq!(source, "INT", "left as it was found");
     for name in [
         "frame_00.png",
         "frame_12.png",
@@ -257,7 +259,7 @@ fn truth_comes_on_a_channel_of_its_own() {
     // The control port knows nothing of it.
     assert!(
         instrument
-            .query("DIAG:TRUT?")
+            .order("DIAG:TRUT?")
             .unwrap_err()
             .to_string()
             .contains("-113")

@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 
 /// Capture a sequence from a scanner: frames, manifest and calibration.
 #[derive(Debug, clap::Args)]
-pub struct Args {
+pub(super) struct Args {
     /// The camera: socket:PATH or tcp:HOST:PORT.
     #[arg(long, value_name = "ADDR")]
     camera: String,
@@ -42,6 +42,8 @@ pub struct Args {
 
 /// Longest timeout in seconds.
 const MAX_TIMEOUT_S: f64 = 3600.0;
+/// Larger than any calibration.
+const MAX_CALIBRATION_BYTES: u64 = 1 << 20;
 
 pub(super) fn run(args: &Args) -> Result<()> {
     let range = 0.001..=MAX_TIMEOUT_S;
@@ -104,10 +106,23 @@ pub(super) fn capture(
         Progress::Retry(why) => bar.suspend(|| eprintln!("phasma: {why}; once more")),
     });
     bar.finish_and_clear();
-    captured
+    let finished = scanner.finish();
+    let captured = captured?;
+    finished?;
+    Ok(captured)
 }
 
 fn read_rig(path: &Path) -> Result<Rig> {
+    let size = std::fs::metadata(path)
+        .map_err(|e| Error::io(path, e))?
+        .len();
+    if size > MAX_CALIBRATION_BYTES {
+        return Err(Error::input(
+            path.display(),
+            format!("{size} bytes"),
+            format!("a calibration of up to {MAX_CALIBRATION_BYTES} bytes"),
+        ));
+    }
     let text = std::fs::read_to_string(path).map_err(|e| Error::io(path, e))?;
     Rig::from_toml(&text, &path.display().to_string())
 }

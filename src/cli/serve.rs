@@ -12,7 +12,7 @@ use tokio::signal::unix::{SignalKind, signal};
 
 /// Serve an emulated scanner until Ctrl-C or TERM.
 #[derive(Debug, clap::Args)]
-pub struct Args {
+pub(super) struct Args {
     /// Device profile: a built-in name or a TOML file.
     #[arg(long, default_value = "pmp-bench")]
     profile: String,

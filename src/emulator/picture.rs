@@ -13,7 +13,7 @@ const MAX_FILE: u64 = 64 << 20;
 ///
 /// # Errors
 /// Bytes that are no picture, or one larger than the projector.
-pub fn decode(bytes: &[u8], projector: &Projector, place: &str) -> Result<GrayImage> {
+pub(super) fn decode(bytes: &[u8], projector: &Projector, place: &str) -> Result<GrayImage> {
     let allowed = "a PNG, BMP or TIFF file no larger than the projector";
     let bad = |e: &dyn std::fmt::Display| Error::input(place, e, allowed);
     let mut reader = ImageReader::new(Cursor::new(bytes))
@@ -32,7 +32,7 @@ pub fn decode(bytes: &[u8], projector: &Projector, place: &str) -> Result<GrayIm
 ///
 /// # Errors
 /// What the system refuses, a file above 64 MiB, and what [`decode`] refuses.
-pub fn read(path: &Path, projector: &Projector) -> Result<GrayImage> {
+pub(super) fn read(path: &Path, projector: &Projector) -> Result<GrayImage> {
     let place = path.display().to_string();
     let size = std::fs::metadata(path)
         .map_err(|e| Error::io(path, e))?

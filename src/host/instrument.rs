@@ -244,7 +244,8 @@ impl<P: CommandPort> Instrument<P> {
                 let rest = self.received.split_off(searched + at + 1);
                 let mut reply = std::mem::replace(&mut self.received, rest);
                 reply.pop();
-                if reply.last() == Some(&b'\r') {
+                // A carriage return inside of a block is content.
+                if reply.len() > searched && reply.last() == Some(&b'\r') {
                     reply.pop();
                 }
                 return Ok(Some(reply));
@@ -298,13 +299,14 @@ mod tests {
         let mut fine = instrument(&[
             ("*IDN?", b"a,b,c,d\n"),
             ("DATA?", b"#15a\n;#9\n"),
-            ("BROKEN?", b"#15a\n"),
+            ("CR?", b"#11\r\r\n"),
             ("LINE?", b"text\n"),
             ("NOISE?", b"\xff\xfe\n"),
             FINE,
         ]);
         assert_eq!(fine.query("*IDN?").unwrap(), "a,b,c,d");
         assert_eq!(fine.query_block("DATA?").unwrap().unwrap(), b"a\n;#9");
+        assert_eq!(fine.query_block("CR?").unwrap().unwrap(), b"\r");
         fine.order("*RST").unwrap();
         for (result, needle) in [
             (fine.query("SILENT?"), "no answer to SILENT? within 0.03 s"),

@@ -11,7 +11,7 @@ mod port;
 mod scanner;
 
 pub use camera::{Camera, MemoryCamera, SocketCamera, open_camera};
-pub use captured::Captured;
+pub use captured::{CALIBRATION_FILE, Captured, MANIFEST_FILE};
 pub use instrument::Instrument;
 pub use port::{CommandPort, MemoryPort, SerialPort};
 pub use scanner::{Progress, ScanOptions, Scanner};

@@ -43,6 +43,8 @@ pub enum Progress<'a> {
 pub struct Scanner<C, P> {
     camera: C,
     instrument: Instrument<P>,
+    /// `TRIGger:SOURce` as it was found.
+    source: String,
 }
 
 /// Why a run gave no capture.
@@ -79,11 +81,28 @@ impl<C: Camera, P: CommandPort> Scanner<C, P> {
         open_camera: impl FnOnce() -> Result<C>,
     ) -> Result<Self> {
         let mut instrument = Instrument::open(port, timeout)?;
+        let source = instrument.query("TRIG:SOUR?")?;
         quiet(&mut instrument)?;
         Ok(Self {
             camera: open_camera()?,
             instrument,
+            source,
         })
+    }
+
+    /// Lets go of the camera and leaves the trigger source as it was found: a camera that ran free
+    /// does so again.
+    ///
+    /// # Errors
+    /// What the port or the device refuses.
+    pub fn finish(mut self) -> Result<()> {
+        drop(self.camera);
+        // It came from the device, but it is not sent back unread.
+        if !self.source.is_empty() && self.source.chars().all(|c| c.is_ascii_alphanumeric()) {
+            let restore = format!("ABOR;:TRIG:SOUR {}", self.source);
+            self.instrument.order(&restore)?;
+        }
+        Ok(())
     }
 
     /// The device's control port, to set what a scan leaves alone: exposure, gain, light.

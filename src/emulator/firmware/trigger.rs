@@ -1,15 +1,15 @@
 //! The trigger system: an explicit state machine in device time. Armed, each exposure gives exactly
 //! one frame, in order; nothing else is exposed.
 //!
-//! ```text
-//!            INITiate              trigger
-//!   Idle ----------------> Armed ----------> Running --- sequence done ---> Idle
-//!    ^  |                  ^ |  ^               | | |    (INITiate:CONTinuous: Armed)
-//!    |  +-- source is      | |  +--- STEP: -----+ | |
-//!    |      INTernal and   | |       more to show | |
-//!    |      somebody reads | +------ ABORt -------+-+---------------------> Idle
-//!    +----- Free <---------+
-//! ```
+//! | from | by | to |
+//! | --- | --- | --- |
+//! | Idle | `INITiate` | Armed at pattern 0 |
+//! | Armed | a trigger | Running: the sequence, or in STEP mode the next pattern |
+//! | Running | last exposure of the trigger ends | Armed at the next pattern, where one is left |
+//! | Running | last exposure of the sequence ends | Idle; Armed with `INITiate:CONTinuous ON` |
+//! | Armed, Running | `ABORt` | Idle; Armed with `INITiate:CONTinuous ON` |
+//! | Idle | source INTernal and somebody reads | Free |
+//! | Free | another source, or nobody reads | Idle; Armed with `INITiate:CONTinuous ON` |
 
 use super::settings::{Mode, Settings, Source};
 use crate::protocol::scpi::{DeviceError, ErrorCode};

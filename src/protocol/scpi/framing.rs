@@ -36,6 +36,8 @@ pub struct Framer {
     buffer: Vec<u8>,
     /// Bytes of `buffer` that are block content.
     block_bytes: usize,
+    /// Where in `buffer` the last block ends: a carriage return before that is content.
+    block_end: usize,
     mode: Mode,
 }
 
@@ -44,6 +46,7 @@ impl Default for Framer {
         Self {
             buffer: Vec::new(),
             block_bytes: 0,
+            block_end: 0,
             mode: Mode::Plain,
         }
     }
@@ -57,6 +60,7 @@ impl Framer {
                 let now = left.min(bytes.len());
                 self.buffer.extend_from_slice(&bytes[..now]);
                 self.block_bytes += now;
+                self.block_end = self.buffer.len();
                 self.mode = if now == left {
                     Mode::Plain
                 } else {
@@ -130,7 +134,10 @@ impl Framer {
 
     fn end(&mut self) -> Option<Framing> {
         let Self {
-            mut buffer, mode, ..
+            mut buffer,
+            block_end,
+            mode,
+            ..
         } = std::mem::take(self);
         if let Mode::Skip(code) = mode {
             let limit = match code {
@@ -139,7 +146,7 @@ impl Framer {
             };
             return Some(Framing::Dropped(code.with(limit)));
         }
-        if buffer.last() == Some(&b'\r') {
+        if buffer.len() > block_end && buffer.last() == Some(&b'\r') {
             buffer.pop();
         }
         let blank = buffer.iter().all(u8::is_ascii_whitespace);
@@ -178,6 +185,8 @@ mod tests {
             frame(&[b"D 'a#15',#1", b"4x\n\n;,\"#9\"\n"]),
             [message(b"D 'a#15',#14x\n\n;,\"#9\"")]
         );
+        assert_eq!(frame(&[b"D #11\r\n"]), [message(b"D #11\r")]);
+        assert_eq!(frame(&[b"D #11\r\r\n"]), [message(b"D #11\r")]);
         assert_eq!(
             frame(&[b"A #H1F\nB #10\n"]),
             [message(b"A #H1F"), message(b"B #10")]
