@@ -455,7 +455,14 @@ fn a_sequence_from_a_file_is_projected() {
         .unwrap();
     let served = Served::start(&["--sequence", file.to_str().unwrap()]);
     let out = base.path().join("out");
-    let scan = served.scan(&out, &["--sequence", "mine", "--json"]);
+    // Nothing in it can be decoded: said so, with the frames kept, unless it is not asked for.
+    let scan = served.scan(&out, &["--sequence", "mine"]);
+    assert_eq!(scan.status.code(), Some(2), "{}", text(&scan));
+    assert!(text(&scan).contains("neither fringes nor Gray code"));
+    let scan = served.scan(
+        &out,
+        &["--sequence", "mine", "--json", "--no-decode", "--force"],
+    );
     assert_eq!(scan.status.code(), Some(0), "{}", text(&scan));
     assert!(out.join("frame_01.png").exists() && !out.join("frame_02.png").exists());
     served.stop(rustix::process::Signal::TERM);

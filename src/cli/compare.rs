@@ -39,7 +39,7 @@ struct Report {
 pub(super) fn run(args: &Args) -> Result<()> {
     let mut cloud = ply::read_cloud(&args.cloud)?;
     let truth = Truth::read(&args.truth)?;
-    let mut rig = args.calibration.as_deref().map(read_rig).transpose()?;
+    let mut rig = args.calibration.as_deref().map(Rig::read).transpose()?;
     let surface = Surface::new(&truth)?;
     let alignment = args
         .align
@@ -92,26 +92,6 @@ fn at_file(error: Error, path: &Path) -> Error {
         } if place == "cloud" => Error::input(path.display(), found, allowed),
         other => other,
     }
-}
-
-/// More than any calibration needs.
-const RIG_BYTES: u64 = 1 << 20;
-
-fn read_rig(path: &Path) -> Result<Rig> {
-    let size = std::fs::metadata(path)
-        .map_err(|e| Error::io(path, e))?
-        .len();
-    if size > RIG_BYTES {
-        return Err(Error::input(
-            path.display(),
-            format!("{size} bytes"),
-            format!("a calibration of up to {RIG_BYTES} bytes"),
-        ));
-    }
-    let bytes = std::fs::read(path).map_err(|e| Error::io(path, e))?;
-    let text = String::from_utf8(bytes)
-        .map_err(|e| Error::input(path.display(), e, "a text file in UTF-8"))?;
-    Rig::from_toml(&text, &path.display().to_string())
 }
 
 fn table(report: &Report) -> String {

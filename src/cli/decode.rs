@@ -58,7 +58,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
         ));
     }
     let manifest = Manifest::read(&args.manifest)?;
-    let rig = args.calibration.as_deref().map(read_rig).transpose()?;
+    let rig = args.calibration.as_deref().map(Rig::read).transpose()?;
     let plan = Plan::new(&manifest).map_err(|e| name_file(e, &args.manifest))?;
     prepare(&args.out, args.force)?;
     let beside = args.manifest.parent().unwrap_or(Path::new(""));
@@ -108,13 +108,8 @@ fn name_file(error: Error, manifest: &Path) -> Error {
     }
 }
 
-fn read_rig(path: &Path) -> Result<Rig> {
-    let text = std::fs::read_to_string(path).map_err(|e| Error::io(path, e))?;
-    Rig::from_toml(&text, &path.display().to_string())
-}
-
 /// Refuses a folder that holds results already, or a path that is no folder.
-fn prepare(out: &Path, force: bool) -> Result<()> {
+pub(super) fn prepare(out: &Path, force: bool) -> Result<()> {
     if out.exists() && !out.is_dir() {
         return Err(Error::input(
             format!("--out {}", out.display()),

@@ -1,14 +1,15 @@
-//! `phasma scan`: captures a sequence from any device that can be reached.
+//! `phasma scan`: captures a sequence from any device that can be reached, and decodes it.
 
+use crate::decode::{Options, Summary, write_outputs};
 use crate::error::{Error, Result};
 use crate::geometry::Rig;
 use crate::host::{Camera, Captured, Progress, ScanOptions, Scanner, SerialPort, open_camera};
 use crate::pattern::Manifest;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-/// Capture a sequence from a scanner: frames, manifest and calibration.
+/// Capture a sequence from a scanner and decode it: frames, manifest, calibration, maps and cloud
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
     /// The camera: socket:PATH or tcp:HOST:PORT.
@@ -32,6 +33,12 @@ pub(super) struct Args {
     /// Seconds to wait for a reply or a frame.
     #[arg(long, value_name = "S", default_value_t = 5.0)]
     timeout: f64,
+    /// Keep pixels that read two surfaces at once.
+    #[arg(long)]
+    keep_mixed: bool,
+    /// Capture only: for sequences that are not meant to be decoded.
+    #[arg(long)]
+    no_decode: bool,
     /// Overwrite an earlier capture.
     #[arg(long)]
     force: bool,
@@ -42,8 +49,6 @@ pub(super) struct Args {
 
 /// Longest timeout in seconds.
 const MAX_TIMEOUT_S: f64 = 3600.0;
-/// Larger than any calibration.
-const MAX_CALIBRATION_BYTES: u64 = 1 << 20;
 
 pub(super) fn run(args: &Args) -> Result<()> {
     let range = 0.001..=MAX_TIMEOUT_S;
@@ -56,8 +61,9 @@ pub(super) fn run(args: &Args) -> Result<()> {
     }
     let timeout = Duration::from_secs_f64(args.timeout);
     Captured::check_folder(&args.out, args.force)?;
+    super::decode::prepare(&args.out, args.force)?;
     let manifest = args.manifest.as_deref().map(Manifest::read).transpose()?;
-    let calibration = args.calibration.as_deref().map(read_rig).transpose()?;
+    let calibration = args.calibration.as_deref().map(Rig::read).transpose()?;
     let options = ScanOptions {
         sequence: args.sequence.clone(),
         manifest,
@@ -75,8 +81,10 @@ pub(super) fn run(args: &Args) -> Result<()> {
         (None, None) => "none",
     };
     captured.write(&args.out)?;
-    decode_captured(&captured, &args.out)?;
-    report(&captured, args, source, capture_s);
+    let decoding = (!args.no_decode)
+        .then(|| decode_captured(&captured, args))
+        .transpose()?;
+    report(&captured, args, source, capture_s, decoding.as_ref());
     Ok(())
 }
 
@@ -112,27 +120,26 @@ pub(super) fn capture(
     Ok(captured)
 }
 
-fn read_rig(path: &Path) -> Result<Rig> {
-    let size = std::fs::metadata(path)
-        .map_err(|e| Error::io(path, e))?
-        .len();
-    if size > MAX_CALIBRATION_BYTES {
-        return Err(Error::input(
-            path.display(),
-            format!("{size} bytes"),
-            format!("a calibration of up to {MAX_CALIBRATION_BYTES} bytes"),
-        ));
-    }
-    let text = std::fs::read_to_string(path).map_err(|e| Error::io(path, e))?;
-    Rig::from_toml(&text, &path.display().to_string())
+/// Decodes the capture into its folder.
+fn decode_captured(captured: &Captured, args: &Args) -> Result<(Summary, f64)> {
+    let options = Options {
+        keep_mixed: args.keep_mixed,
+        ..Options::default()
+    };
+    let begin = Instant::now();
+    let (decoder, decoded) = captured.decode(options)?;
+    let decode_s = begin.elapsed().as_secs_f64();
+    write_outputs(&args.out, &decoder, &decoded)?;
+    Ok((Summary::new(&decoder, &decoded), decode_s))
 }
 
-/// Where decoding plugs in: frames, manifest and calibration are there, the folder exists.
-fn decode_captured(_captured: &Captured, _out: &Path) -> Result<()> {
-    Ok(())
-}
-
-fn report(captured: &Captured, args: &Args, calibration: &str, capture_s: f64) {
+fn report(
+    captured: &Captured,
+    args: &Args,
+    calibration: &str,
+    capture_s: f64,
+    decoding: Option<&(Summary, f64)>,
+) {
     if args.json {
         let summary = serde_json::json!({
             "idn": captured.idn,
@@ -140,15 +147,24 @@ fn report(captured: &Captured, args: &Args, calibration: &str, capture_s: f64) {
             "first_id": captured.frames.first().map(|frame| frame.id),
             "calibration": calibration,
             "capture_s": capture_s,
+            "decode_s": decoding.map(|d| d.1),
+            "decoding": decoding.map(|d| &d.0),
             "out": args.out,
         });
         println!("{summary}");
     } else {
-        println!(
-            "{}: {} frames in {capture_s:.2} s, calibration: {calibration}, in {}",
-            captured.idn,
-            captured.frames.len(),
-            args.out.display()
-        );
+        println!("device       {}", captured.idn);
+        println!("calibration  {calibration}");
+        match decoding {
+            Some((summary, decode_s)) => {
+                print!("{summary}");
+                println!("time         captured in {capture_s:.2} s, decoded in {decode_s:.3} s");
+            }
+            None => {
+                println!("frames       {}", captured.frames.len());
+                println!("time         captured in {capture_s:.2} s");
+            }
+        }
+        println!("written      {}", args.out.display());
     }
 }

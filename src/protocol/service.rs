@@ -288,6 +288,7 @@ mod tests {
                 ("projector_x".into(), vec![0.5; 6]),
             ],
             flags: vec![1, 2, 3, 4, 5, 6],
+            render_us: 1234,
         };
         let (reply, payload) = maps.encode();
         let mut bytes = reply.to_line().into_bytes();
