@@ -1,11 +1,11 @@
 //! Rendering in three passes, each left out when a scene does not need it.
 //!
-//! 1. [`geometry`]: once per camera and state of the scene; what each pixel sees, where on the
-//!    slide its light comes from, how much of it arrives. [`mixed`] samples pixels on edges.
-//! 2. [`exposure`]: per frame; the slide averaged over each pixel's footprint.
-//! 3. [`sensor`]: per frame; electrons, noise, gain, converter.
+//! 1. `geometry`: once per camera and state of the scene; what each pixel sees, where on the
+//!    slide its light comes from, how much of it arrives. `mixed` samples pixels on edges.
+//! 2. `exposure`: per frame; the slide averaged over each pixel's footprint.
+//! 3. `sensor`: per frame; electrons, noise, gain, converter.
 //!
-//! The second and third run fused over chunks of pixels that stay in cache. [`reference`] is the
+//! The second and third run fused over chunks of pixels that stay in cache. [`mod@reference`] is the
 //! slow f64 path that the tests hold them against.
 
 mod buffer;
