@@ -6,6 +6,7 @@ use phasma::emulator::render::reference::Reference;
 use phasma::emulator::{Shot, Slide, Truth};
 use phasma::pattern::{Axis, Pattern};
 use phasma::profile::{Profile, Scene};
+use rayon::prelude::*;
 use std::sync::Arc;
 
 fn bench(distorted: bool) -> Profile {
@@ -209,7 +210,11 @@ fn grey_levels_agree_away_from_edges_and_are_bounded_on_them() {
                     (_, "mesh") => 1.0,
                     _ => 0.5,
                 };
-                let smooth: Vec<_> = wanted(false).map(|i| error(i, rays)).collect();
+                let errors = |edge: bool| -> Vec<f64> {
+                    let pixels: Vec<_> = wanted(edge).collect();
+                    pixels.into_par_iter().map(|i| error(i, rays)).collect()
+                };
+                let smooth = errors(false);
                 let worst = smooth.iter().copied().fold(0.0, f64::max);
                 assert!(smooth.len() >= 5);
                 let exact = smooth.iter().filter(|&&e| e < 0.5).count();
@@ -224,7 +229,7 @@ fn grey_levels_agree_away_from_edges_and_are_bounded_on_them() {
                     scene.name
                 );
                 // Sixteen samples of an edge: a few per cent of the step between its sides.
-                let edges: Vec<_> = wanted(true).map(|i| error(i, rays)).collect();
+                let edges = errors(true);
                 let mean = edges.iter().sum::<f64>() / edges.len().max(1) as f64;
                 let far = edges.iter().filter(|&&e| e > 25.0).count();
                 assert!(

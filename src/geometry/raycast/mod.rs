@@ -9,6 +9,8 @@
 mod bvh;
 mod packet;
 mod simd;
+#[cfg(test)]
+mod tests;
 mod traverse;
 mod triangle;
 

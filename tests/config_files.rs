@@ -1,0 +1,231 @@
+//! Profiles, scenes and manifests with mistakes in them: one message that names the line, what was
+//! found and what is allowed; and no text at all that makes a reader panic.
+
+use phasma::pattern::Manifest;
+use phasma::profile::{Profile, Scene, profile_names, scene_names};
+use proptest::prelude::*;
+
+const BENCH: &str = include_str!("../device-profiles/pmp-bench.toml");
+const SPHERE: &str = include_str!("../device-profiles/scenes/sphere.toml");
+
+/// The error of a text in which `from` is replaced by `to`, and the line of the replacement.
+fn broken<T>(
+    text: &str,
+    from: &str,
+    to: &str,
+    parse: impl Fn(&str, &str) -> phasma::Result<T>,
+) -> (String, usize) {
+    let at = text
+        .find(from)
+        .unwrap_or_else(|| panic!("{from} is not in the file"));
+    let line = 1 + text[..at].matches('\n').count();
+    match parse(&text.replacen(from, to, 1), "file.toml") {
+        Ok(_) => panic!("{to} was accepted"),
+        Err(error) => {
+            assert_eq!(error.exit_code(), 2, "{error}");
+            (error.to_string(), line)
+        }
+    }
+}
+
+#[test]
+fn impossible_profiles_are_refused_with_line_and_range() {
+    for (from, to, needles) in [
+        (
+            "exposure_us = 8000.0",
+            "exposure_us = -8000.0",
+            vec!["camera.exposure_us", "-8000", "20 to 1000000"],
+        ),
+        (
+            "exposure_us = 8000.0",
+            "exposure_us = nan",
+            vec!["NaN", "20 to 1000000"],
+        ),
+        (
+            "position_mm = [400.0, 0.0, 0.0]",
+            "position_mm = [0.0, 0.0, 0.0]",
+            vec!["projector.position_mm", "zero baseline"],
+        ),
+        (
+            "width_px = 1138",
+            "width_px = 0",
+            vec!["camera.width_px", "8 to 32768"],
+        ),
+        ("width_px = 1138", "width_px = 11.5", vec!["11.5"]),
+        (
+            "width_px = 1138",
+            "wdith_px = 1138",
+            vec!["wdith_px", "unknown field"],
+        ),
+        (
+            "format = \"GREY\"",
+            "format = \"RGB3\"",
+            vec!["RGB3", "GREY"],
+        ),
+        (
+            "bits = 8\n\n[projector]",
+            "bits = 12\n\n[projector]",
+            vec!["camera.sensor.bits", "8 to 8"],
+        ),
+        (
+            "f_number = 16.0",
+            "f_number = 0.0",
+            vec!["camera.f_number", "0.5 to 128"],
+        ),
+        (
+            "full_well_e = 10500.0",
+            "full_well_e = inf",
+            vec!["full_well_e", "inf"],
+        ),
+        (
+            "throw_ratio = 1.433",
+            "throw_ratio = -1.0",
+            vec!["projector.throw_ratio", "0.05 to 100"],
+        ),
+        (
+            "period_us = 10000.0",
+            "period_us = 1000.0",
+            vec!["sequence[0].period_us", "8000 to"],
+        ),
+        (
+            "name = \"pmp-bench\"",
+            "name = \"pmp bench\"",
+            vec!["name", "letters"],
+        ),
+        (
+            "manufacturer = \"Phasma\"",
+            "manufacturer = \"a,b\"",
+            vec!["identity.manufacturer", "comma"],
+        ),
+        (
+            "lens_shift_px = [1100.5, 0.0]",
+            "distortion = [-5.0, 0.0, 0.0, 0.0, 0.0]",
+            vec!["projector.distortion", "folds over"],
+        ),
+    ] {
+        let (message, line) = broken(BENCH, from, to, Profile::parse);
+        for needle in needles {
+            assert!(message.contains(needle), "{needle:?} is not in: {message}");
+        }
+        // A field of a table is on its own line; the line of a bare word may be its table's.
+        let line_named = message.contains(&format!("file.toml:{line}"));
+        assert!(line_named || message.contains("file.toml:"), "{message}");
+        if from.contains('=') && !to.contains("wdith") && !to.contains("bits") {
+            assert!(line_named, "line {line} is not in: {message}");
+        }
+    }
+}
+
+#[test]
+fn a_gray_code_too_short_for_its_fringes_is_refused() {
+    let text = BENCH
+        .replace("bits = 7,", "bits = 6,")
+        .replace("bit = 6 }", "bit = 5 }");
+    let message = Profile::parse(&text, "file.toml").unwrap_err().to_string();
+    assert!(
+        message.contains("6 bits of 16 px") && message.contains("at least 7 bits"),
+        "{message}"
+    );
+    let line = 1 + text[..text.find("bits = 6,").unwrap()]
+        .matches('\n')
+        .count();
+    assert!(message.contains(&format!("file.toml:{line}")), "{message}");
+}
+
+#[test]
+fn impossible_scenes_are_refused_with_line_and_range() {
+    for (from, to, needles) in [
+        (
+            "radius_mm = 75.0",
+            "radius_mm = 0.0",
+            vec!["object[1].shape.radius_mm", "0"],
+        ),
+        (
+            "albedo = 0.8",
+            "albedo = 1.2",
+            vec!["object[1].albedo", "0 to 1"],
+        ),
+        (
+            "kind = \"sphere\"",
+            "kind = \"ball\"",
+            vec!["ball", "sphere"],
+        ),
+        (
+            "irradiance_w_m2 = 0.02",
+            "irradiance_w_m2 = -1",
+            vec!["ambient.irradiance_w_m2"],
+        ),
+        ("[0.0, 0.0, 940.0]", "[0.0, 0.0]", vec!["file.toml"]),
+        (
+            "[0.0, 0.0, 940.0]",
+            "[0.0, 0.0, inf]",
+            vec!["object[1].position_mm", "inf"],
+        ),
+        (
+            "radius_mm = 75.0",
+            "radius_mm = 75.0, colour = 3",
+            vec!["colour", "unknown field"],
+        ),
+    ] {
+        let (message, line) = broken(SPHERE, from, to, Scene::parse);
+        for needle in needles {
+            assert!(message.contains(needle), "{needle:?} is not in: {message}");
+        }
+        assert!(
+            message.contains(&format!("file.toml:{line}")),
+            "line {line}: {message}"
+        );
+    }
+}
+
+#[test]
+fn the_built_in_ones_are_sound() {
+    for name in profile_names() {
+        assert_eq!(Profile::load(name).unwrap().name, name);
+    }
+    for name in scene_names() {
+        assert_eq!(Scene::load(name).unwrap().name, name);
+    }
+    let fringes_per_mm = 1.433 * 1920.0 / 1000.0 / 16.0;
+    assert!((fringes_per_mm - 0.172f64).abs() < 5e-4);
+}
+
+/// A text with a few of its bytes replaced, removed or doubled.
+fn mutated(text: &'static str) -> impl Strategy<Value = String> {
+    let edit = (0..text.len(), any::<u8>(), 0..3u8);
+    proptest::collection::vec(edit, 1..8).prop_map(move |edits| {
+        let mut bytes = text.as_bytes().to_vec();
+        for (at, byte, how) in edits {
+            let at = at.min(bytes.len() - 1);
+            match how {
+                0 => bytes[at] = byte & 0x7f,
+                1 => drop(bytes.remove(at)),
+                _ => bytes.insert(at, b"0123456789-.e[]{}\"\n"[usize::from(byte) % 19]),
+            }
+        }
+        String::from_utf8_lossy(&bytes).into_owned()
+    })
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(300))]
+
+    #[test]
+    fn no_text_makes_a_reader_panic(text in "\\PC{0,200}") {
+        let _ = Profile::parse(&text, "t");
+        let _ = Scene::parse(&text, "t");
+        let _ = Manifest::parse(&text, "t");
+    }
+
+    #[test]
+    fn no_mutation_makes_a_reader_panic(profile in mutated(BENCH), scene in mutated(SPHERE)) {
+        // What is accepted after a mutation still keeps its promises.
+        if let Ok(profile) = Profile::parse(&profile, "t") {
+            prop_assert!(profile.nominal_rig().projector.center().length() > 0.0);
+            let manifest = profile.manifest(&profile.sequence[0]);
+            let again = Manifest::parse(&manifest.to_toml(), "again");
+            prop_assert_eq!(again.unwrap(), manifest);
+        }
+        let _ = Scene::parse(&scene, "t");
+    }
+}
