@@ -1,14 +1,28 @@
 //! Rendered frames through the decoder against the device's truth, in one process: the bars that
 //! the demo is held to.
 
-use phasma::decode::{Decoder, FrameStack, Options, Samples};
+use phasma::decode::{Decoded, Decoder, FrameStack, Options, Samples};
 use phasma::emulator::render::Renderer;
-use phasma::emulator::{Shot, Slide};
+use phasma::emulator::{Shot, Slide, Truth};
+use phasma::pattern::Pattern;
 use phasma::profile::{Profile, Scene};
 use phasma::study::score::{Score, score};
+use std::f64::consts::TAU;
 use std::sync::Arc;
 
 fn scan(profile: &str, scene: &str, seed: u64, noise: bool) -> Score {
+    full_scan(profile, scene, seed, noise).score
+}
+
+struct Scan {
+    score: Score,
+    truth: Truth,
+    decoded: Decoded,
+    /// Signals of the fringe frames before noise and rounding, in DN, and their phases in radians.
+    fringes: Vec<(Vec<f32>, f64)>,
+}
+
+fn full_scan(profile: &str, scene: &str, seed: u64, noise: bool) -> Scan {
     let profile = Profile::load(profile).unwrap();
     let scene = Scene::load(scene).unwrap();
     let mut renderer = Renderer::new(&profile, &scene, seed, noise).unwrap();
@@ -42,14 +56,30 @@ fn scan(profile: &str, scene: &str, seed: u64, noise: bool) -> Score {
         .unwrap();
     let score = score(&decoded, &truth, &manifest, &rig).unwrap();
     println!("{} {} noise {noise}: {score:#?}", profile.name, scene.name);
-    score
+    let fringes = shots
+        .iter()
+        .filter_map(|(pattern, shot)| match pattern {
+            Pattern::Fringe { phase_rad, .. } => Some((renderer.expected_dn(shot), *phase_rad)),
+            _ => None,
+        })
+        .collect();
+    Scan {
+        score,
+        truth,
+        decoded,
+        fringes,
+    }
 }
 
 #[test]
 fn trapezoid_with_default_noise() {
     let s = scan("pmp-bench", "trapezoid", 1, true);
     assert!(s.mae_mm <= 0.035 && s.gross_error_rate <= 0.001, "{s:?}");
-    assert!(s.coverage >= 0.97 && s.ratio_to_bound <= 1.15, "{s:?}");
+    assert!(s.coverage >= 0.99 && s.ratio_to_bound <= 1.15, "{s:?}");
+    assert!(
+        s.crease.gross_error_rate == 0.0 && s.crease.coverage >= 0.75,
+        "{s:?}"
+    );
 }
 
 #[test]
@@ -62,12 +92,97 @@ fn trapezoid_without_noise() {
 fn other_scenes_and_the_webcam() {
     for scene in ["torso", "sphere", "plane", "couch"] {
         let s = scan("pmp-bench", scene, 2, true);
-        assert!(
-            s.gross_error_rate <= 0.001 && s.coverage >= 0.95,
-            "{scene} {s:?}"
-        );
+        assert!(s.gross_error_rate <= 0.001, "{scene} {s:?}");
+        assert!(s.coverage >= 0.99, "{scene} {s:?}");
         assert!(s.ratio_to_bound <= 1.25, "{scene} {s:?}");
+        // Mixed pixels at slanted silhouettes and shadows; without the border pass 14 % of the
+        // torso's, 17 % of the couch's and 5 % of the sphere's crease points are gross.
+        let c = &s.crease;
+        assert!(c.gross_error_rate <= 0.005, "{scene} {s:?}");
+        assert!(c.points >= 850 && c.coverage >= 0.5, "{scene} {s:?}");
     }
     let s = scan("webcam-grey", "sphere", 3, true);
-    assert!(s.gross_error_rate <= 0.005 && s.coverage >= 0.9, "{s:?}");
+    assert!(s.gross_error_rate <= 0.005 && s.coverage >= 0.99, "{s:?}");
+    assert!(s.crease.gross_error_rate <= 0.03, "{s:?}");
+}
+
+/// Error in projector pixels that held projector pixels leave in a fringe of `period` px at the
+/// coordinate `x`, seen through a footprint with the derivatives `a` and `b` of x by the camera's
+/// column and row.
+///
+/// Held pixels are the fringe sampled at whole x and convolved with a box one pixel wide. Sampling
+/// repeats its line at 1/period + k for every whole k, with the same phase step from frame to frame,
+/// so that no number of steps tells the images apart; box and footprint weaken each line by
+/// sinc(f) sinc(a f) sinc(b f). The phase is therefore off by the sum over k of
+/// r(k) sin(2 pi k x), r(k) being a line's strength over that of k = 0.
+fn held_pixel_error(x: f64, [a, b]: [f64; 2], period: f64) -> f64 {
+    let sinc = |t: f64| {
+        let t = std::f64::consts::PI * t;
+        if t == 0.0 { 1.0 } else { t.sin() / t }
+    };
+    let strength = |k: f64| {
+        let f = k + 1.0 / period;
+        sinc(f) * sinc(a * f) * sinc(b * f)
+    };
+    let sum: f64 = [-3.0, -2.0, -1.0, 1.0, 2.0, 3.0]
+        .iter()
+        .map(|&k| strength(k) / strength(0.0) * (TAU * k * x).sin())
+        .sum();
+    period / TAU * sum
+}
+
+/// Where the error without noise comes from, on the trapezoid (0.0120 px RMS, 0.0108 mm):
+///
+/// - 0.0102 px is the image of the held pixels, an optical effect in closed form (above) that is in
+///   the light itself: the frames before rounding show it through an independent f64 phase;
+/// - 0.0062 px is rounding to whole DN, as white noise of 1/12 DN^2 predicts (0.0065 px at the
+///   B of 64 DN that the slopes leave);
+/// - 0.0012 px is all the rest: the projector's 8-bit levels, irradiance within a pixel, f32.
+///
+/// With noise the first is 0.4 of the bound, and sqrt(1 + 0.4^2) = 1.08 of the ratio of 1.10.
+#[test]
+fn the_error_without_noise_is_held_pixels_and_rounding() {
+    const PERIOD: f64 = 16.0;
+    let scan = full_scan("pmp-bench", "trapezoid", 1, false);
+    let (truth, w) = (&scan.truth, scan.truth.width as usize);
+    let usable = |i: usize| {
+        let wanted = Truth::SEEN | Truth::LIT;
+        truth.flags[i] & (wanted | Truth::CREASE) == wanted
+    };
+    let x = |i: usize| f64::from(truth.projector_x[i]);
+    let measured = &scan.decoded.x.as_ref().unwrap().coordinate;
+    // Sums of squares: unrounded error, it less the image, decoded error less the unrounded,
+    // rounding's variance.
+    let (mut n, mut sums) = (0.0, [0.0; 4]);
+    for i in w..truth.depth_mm.len() - w {
+        let around = [i, i - 1, i + 1, i - w, i + w];
+        if !around.into_iter().all(usable) || !measured[i].is_finite() {
+            continue;
+        }
+        let slope = [(x(i + 1) - x(i - 1)) / 2.0, (x(i + w) - x(i - w)) / 2.0];
+        let (c, s) = scan.fringes.iter().fold((0.0, 0.0), |(c, s), (dn, phase)| {
+            let dn = f64::from(dn[i]);
+            (c + dn * phase.cos(), s - dn * phase.sin())
+        });
+        let difference = s.atan2(c) / TAU * PERIOD - x(i);
+        let unrounded = difference - PERIOD * (difference / PERIOD).round();
+        let image = held_pixel_error(x(i), slope, PERIOD);
+        let per_dn = PERIOD / TAU / f64::from(truth.modulation_dn[i]);
+        n += 1.0;
+        sums[0] += unrounded.powi(2);
+        sums[1] += (unrounded - image).powi(2);
+        sums[2] += (f64::from(measured[i]) - x(i) - unrounded).powi(2);
+        sums[3] += per_dn.powi(2) * 2.0 / scan.fringes.len() as f64 / 12.0;
+    }
+    let [unrounded, rest, rounding, white] = sums.map(|s| (s / n).sqrt());
+    println!("px RMS: unrounded {unrounded}, rest {rest}, rounding {rounding}, white {white}");
+    assert!(
+        n > 1e5 && (0.009..0.0115).contains(&unrounded),
+        "{n} {unrounded}"
+    );
+    assert!(rest <= 0.0015, "{rest}");
+    assert!(
+        (0.8..1.1).contains(&(rounding / white)),
+        "{rounding} {white}"
+    );
 }

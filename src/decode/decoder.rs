@@ -1,11 +1,13 @@
 //! The decoder: a plan, an image size and a rig made into tables once, then frames into maps.
 
+use super::borders::{self, LightNoise};
 use super::edges;
 use super::noise::estimate_noise;
 use super::phase::RowNoise;
 use super::plan::{Order, Plan};
 use super::rows::{
-    AxisKernel, AxisOut, Job, Scratch, apply_flags, decode_row, judge_row, triangulate_row,
+    AxisKernel, AxisOut, Job, Scratch, apply_flags, decode_row, judge_borders, judge_row,
+    triangulate_row,
 };
 use super::samples::{FrameStack, Sample, Samples};
 use super::unwrap::unwrap;
@@ -283,11 +285,13 @@ impl Decoder {
                 }
             });
         out.noise = Some(noise);
+        let saturation = noise.saturation_dn.min(f64::from(stack.full_scale())) as f32;
+        let range = (saturation - noise.black_level_dn as f32).max(1.0);
         match stack.frames()[0] {
-            Samples::U8(_) => self.rows::<u8>(stack, &noise, out),
-            Samples::U16(_) => self.rows::<u16>(stack, &noise, out),
+            Samples::U8(_) => self.rows::<u8>(stack, &noise, [saturation, range], out),
+            Samples::U16(_) => self.rows::<u16>(stack, &noise, [saturation, range], out),
         }
-        self.finish(out);
+        self.finish(LightNoise::new(&noise, range), out);
         Ok(())
     }
 
@@ -345,16 +349,21 @@ impl Decoder {
     }
 
     /// Pass 1: every row on its own.
-    fn rows<T: Sample>(&self, stack: &FrameStack<'_>, noise: &NoiseModel, out: &mut Decoded) {
+    fn rows<T: Sample>(
+        &self,
+        stack: &FrameStack<'_>,
+        noise: &NoiseModel,
+        [saturation, range]: [f32; 2],
+        out: &mut Decoded,
+    ) {
         let frames: Vec<&[T]> = stack.typed().expect("checked: all frames are of one type");
-        let saturation = noise.saturation_dn.min(f64::from(stack.full_scale())) as f32;
         let job = Job {
             frames: &frames,
             kernels: &self.kernels,
             references: self.plan.references(),
             noise: RowNoise::new(noise),
             saturation,
-            range: (saturation - noise.black_level_dn as f32).max(1.0),
+            range,
             min_modulation: self.options.min_modulation_dn,
             max_phase_sigma: self.options.max_phase_sigma_rad,
             width: self.width,
@@ -395,25 +404,14 @@ impl Decoder {
     }
 
     /// Passes 2 and 3: what needs neighbours, then depth.
-    fn finish(&self, out: &mut Decoded) {
+    fn finish(&self, light: LightNoise, out: &mut Decoded) {
         let width = self.width;
-        let flags = (!self.options.keep_mixed).then(|| self.judge(out));
-        for map in [&mut out.x, &mut out.y].into_iter().flatten() {
-            let Some(flags) = &flags else { break };
-            map.coordinate
-                .par_chunks_mut(width)
-                .zip(map.sigma.par_chunks_mut(width))
-                .zip(map.verdict.par_chunks_mut(width))
-                .zip(flags.par_chunks(width))
-                .with_min_len(BAND)
-                .for_each(|(((coordinate, sigma), verdict), flags)| {
-                    let out = AxisOut {
-                        coordinate,
-                        sigma,
-                        verdict,
-                    };
-                    apply_flags(out, flags);
-                });
+        if !self.options.keep_mixed {
+            let mut flags = vec![edges::KEEP; width * self.height];
+            self.judge(out, &mut flags);
+            apply(out, &flags);
+            self.judge_borders(out, light, &mut flags);
+            apply(out, &flags);
         }
         if self.options.unwrap_spatial {
             for (axis, map) in [(Axis::X, &mut out.x), (Axis::Y, &mut out.y)] {
@@ -452,10 +450,9 @@ impl Decoder {
     }
 
     /// Pass 2: flags of pixels that disagree with their neighbours on any axis.
-    fn judge(&self, out: &Decoded) -> Vec<u8> {
-        let (width, height) = (self.width, self.height);
+    fn judge(&self, out: &Decoded, flags: &mut [u8]) {
+        let width = self.width;
         let nan = vec![f32::NAN; width];
-        let mut flags = vec![edges::KEEP; width * height];
         flags
             .par_chunks_mut(width)
             .enumerate()
@@ -464,15 +461,7 @@ impl Decoder {
                 || vec![f32::NAN; width + 6],
                 |padded, (v, flags)| {
                     for (_, map) in out.axes() {
-                        let row = |dv: usize| {
-                            let at = (v + dv).wrapping_sub(3);
-                            if at < height {
-                                &map.coordinate[at * width..(at + 1) * width]
-                            } else {
-                                &nan[..]
-                            }
-                        };
-                        let rows = [0, 1, 2, 3, 4, 5, 6].map(row);
+                        let rows = rows_around(&map.coordinate, &nan, v);
                         padded[3..width + 3].copy_from_slice(rows[3]);
                         let around = edges::Around {
                             rows,
@@ -483,8 +472,72 @@ impl Decoder {
                     }
                 },
             );
-        flags
     }
+
+    /// Pass 2 again: flags of border pixels that are not trusted on some axis.
+    fn judge_borders(&self, out: &Decoded, noise: LightNoise, flags: &mut [u8]) {
+        let width = self.width;
+        let nan = vec![f32::NAN; width];
+        flags
+            .par_chunks_mut(width)
+            .enumerate()
+            .with_min_len(BAND)
+            .for_each_init(
+                || (vec![f32::NAN; width + 4], vec![f32::NAN; width + 2]),
+                |(padded, padded_light), (v, flags)| {
+                    flags.fill(edges::KEEP);
+                    let light = rows_around(&out.intensity, &nan, v);
+                    padded_light[1..width + 1].copy_from_slice(light[1]);
+                    for (_, map) in out.axes() {
+                        let rows = rows_around(&map.coordinate, &nan, v);
+                        padded[2..width + 2].copy_from_slice(rows[2]);
+                        let near = borders::Near {
+                            rows,
+                            padded,
+                            light,
+                            padded_light,
+                            sigma: &map.sigma[v * width..(v + 1) * width],
+                            noise,
+                        };
+                        judge_borders(&near, map.wrapped_px.unwrap_or(0.0) as f32, flags);
+                    }
+                },
+            );
+    }
+}
+
+/// Takes flagged pixels out of every map.
+fn apply(out: &mut Decoded, flags: &[u8]) {
+    let width = out.width;
+    for map in [&mut out.x, &mut out.y].into_iter().flatten() {
+        map.coordinate
+            .par_chunks_mut(width)
+            .zip(map.sigma.par_chunks_mut(width))
+            .zip(map.verdict.par_chunks_mut(width))
+            .zip(flags.par_chunks(width))
+            .with_min_len(BAND)
+            .for_each(|(((coordinate, sigma), verdict), flags)| {
+                let out = AxisOut {
+                    coordinate,
+                    sigma,
+                    verdict,
+                };
+                apply_flags(out, flags);
+            });
+    }
+}
+
+/// `N` rows of a map about row `v`; `beyond` stands for those outside it.
+fn rows_around<'a, const N: usize>(map: &'a [f32], beyond: &'a [f32], v: usize) -> [&'a [f32]; N] {
+    let width = beyond.len();
+    std::array::from_fn(|k| {
+        let first = (v + k).wrapping_sub(N / 2).wrapping_mul(width);
+        if first < map.len() {
+            &map[first..first + width]
+        } else {
+            beyond
+        }
+    })
 }
 
 /// Chunks of a map's three vectors side by side.

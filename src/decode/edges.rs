@@ -79,7 +79,7 @@ fn judge<const WRAPPED: bool>(around: &Around<'_>, period: f32, flags: &mut [u8]
 
 /// A difference, to the nearest period where coordinates are wrapped.
 #[inline(always)]
-fn less<const WRAPPED: bool>(a: f32, b: f32, period: f32) -> f32 {
+pub(super) fn less<const WRAPPED: bool>(a: f32, b: f32, period: f32) -> f32 {
     let d = a - b;
     if WRAPPED {
         d - period * nearest(d / period)

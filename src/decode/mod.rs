@@ -7,11 +7,13 @@
 //!
 //! 1. least squares over the steps of every fringe set ([`FringeSet`]), Gray bits ([`GrayCode`]),
 //!    the period's order with a test whether it is certain, one standard deviation per pixel;
-//! 2. mixed pixels and stray errors, which lie on neither side's extrapolation (`edges`);
+//! 2. mixed pixels and stray errors, which lie on neither side's extrapolation (`edges`), then the
+//!    pixels that border on a step or a hole (`borders`);
 //! 3. triangulation, where there is a rig ([`crate::calibrate::Triangulator`]).
 //!
 //! The decoder knows nothing of where frames come from.
 
+mod borders;
 mod cloud;
 mod decoder;
 mod edges;

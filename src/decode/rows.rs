@@ -4,6 +4,7 @@
 //! The bodies are written once, to vectorise; on x86-64 with AVX2 they run compiled for it. No
 //! multiplication is fused with an addition in either, so both give the same bits.
 
+use super::borders::{self, Near};
 use super::decoder::Verdict;
 use super::edges::{self, Around};
 use super::gray::{GrayBit, GrayRow, Threshold};
@@ -153,6 +154,11 @@ dispatch! {
 dispatch! {
     /// Pass 2 of a row: see [`edges::judge_row`].
     judge_row => edges::judge_row [] (around: &Around<'_>, period: f32, flags: &mut [u8])
+}
+
+dispatch! {
+    /// Pass 2 of a row, once the first flags are applied: see [`borders::judge_row`].
+    judge_borders => borders::judge_row [] (near: &Near<'_>, period: f32, flags: &mut [u8])
 }
 
 dispatch! {
