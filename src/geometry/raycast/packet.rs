@@ -44,6 +44,8 @@ pub(super) type Lanes = [f32; LANES];
 pub struct Packet {
     /// Common origin.
     pub(super) origin: Vec3,
+    /// Directions, an array a component.
+    direction: [Lanes; 3],
     /// One over each component of the directions.
     pub(super) inverse: [Lanes; 3],
     /// Ray parameter of the nearest hit so far, or the ray's end. Negative: the lane is not used.
@@ -52,7 +54,13 @@ pub struct Packet {
     /// triangle that the lane's ray must not count (the one it ends on).
     pub triangle: [u32; LANES],
     pub(super) axes: Axes,
+    /// Whether all lanes in use point along the packet's dominant axis enough for its shear.
+    pub(super) coherent: bool,
 }
+
+/// A lane whose component along the dominant axis is smaller than this fraction of its largest is
+/// too oblique for the packet's shear.
+const OBLIQUE: f32 = 0.05;
 
 /// The permutation that makes the packet's dominant direction z, and each lane's shear.
 #[derive(Debug, Clone, Copy)]
@@ -81,13 +89,31 @@ impl Packet {
                 };
             }
         }
+        let axes = Axes::new(&direction, ends);
+        let coherent = (0..LANES).filter(|&lane| ends[lane] >= 0.0).all(|lane| {
+            directions[lane][axes.k[2]].abs() >= OBLIQUE * directions[lane].abs().max_element()
+        });
         Self {
             origin,
-            axes: Axes::new(&direction, ends),
+            axes,
+            coherent,
+            direction,
             inverse,
             t: *ends,
             triangle: [NO_TRIANGLE; LANES],
         }
+    }
+}
+
+impl Packet {
+    /// The same packet with one lane's ray in all lanes, and only that lane in use.
+    pub(super) fn only(&self, lane: usize) -> Self {
+        let mut ends = [-1.0; LANES];
+        ends[lane] = self.t[lane];
+        let direction = Vec3::from_array(std::array::from_fn(|axis| self.direction[axis][lane]));
+        let mut packet = Self::new(self.origin, &[direction; LANES], &ends);
+        packet.triangle = self.triangle;
+        packet
     }
 }
 

@@ -13,16 +13,36 @@ impl Bvh {
     /// Finds each lane's nearest hit before its end; `packet.t` and `packet.triangle` tell.
     /// `stack` is scratch space that calls may share.
     pub fn nearest(&self, packet: &mut Packet, stack: &mut Vec<(u32, f32)>) {
-        if !self.nodes.is_empty() {
-            nearest(self, packet, stack);
-        }
+        self.cast(packet, stack, nearest);
     }
 
     /// Tells for each lane whether anything stands before its end, other than the triangle that
     /// `packet.triangle` names for it. Lanes found blocked have `packet.t` set below zero.
     pub fn blocked(&self, packet: &mut Packet, stack: &mut Vec<(u32, f32)>) {
-        if !self.nodes.is_empty() {
-            blocked(self, packet, stack);
+        self.cast(packet, stack, blocked);
+    }
+
+    /// Rays that spread too far for one shear go one by one.
+    fn cast(
+        &self,
+        packet: &mut Packet,
+        stack: &mut Vec<(u32, f32)>,
+        walk: fn(&Self, &mut Packet, &mut Vec<(u32, f32)>),
+    ) {
+        if self.nodes.is_empty() {
+            return;
+        }
+        if packet.coherent {
+            return walk(self, packet, stack);
+        }
+        for lane in 0..LANES {
+            if packet.t[lane] < 0.0 {
+                continue;
+            }
+            let mut single = packet.only(lane);
+            walk(self, &mut single, stack);
+            packet.t[lane] = single.t[lane];
+            packet.triangle[lane] = single.triangle[lane];
         }
     }
 }
