@@ -4,7 +4,7 @@ use super::device::{Camera, Profile, Projector, Sensor, Sequence};
 use super::scene::{Object, Scene, Shape};
 use super::source::TomlSource;
 use crate::error::Result;
-use crate::geometry::Lens;
+use crate::geometry::{Lens, shapes};
 use crate::pattern::manifest::{MAX_SIDE_PX, check_frames};
 use crate::pattern::{Axis, Pattern};
 use crate::protocol::PixelFormat;
@@ -316,17 +316,20 @@ fn object(o: &Object, at: &str, check: &Check<'_>) -> Result<()> {
             check.within(&shape("height_mm"), *height_mm, size)
         }
         Shape::Torso {
+            seed,
             length_mm,
             width_mm,
             depth_mm,
             triangles,
-            ..
-        } => {
-            check.within(&shape("length_mm"), *length_mm, 10.0..=1e5)?;
-            check.within(&shape("width_mm"), *width_mm, 10.0..=1e5)?;
-            check.within(&shape("depth_mm"), *depth_mm, 10.0..=1e5)?;
-            check.within(&shape("triangles"), *triangles, 100..=20_000_000)
+        } => shapes::Torso {
+            seed: *seed,
+            length_mm: *length_mm,
+            width_mm: *width_mm,
+            depth_mm: *depth_mm,
+            triangles: *triangles,
         }
+        .check()
+        .map_err(|(name, found, allowed)| check.source.violation(&shape(name), found, allowed)),
         Shape::Couch {} => Ok(()),
         Shape::Mesh { file } => check.that(
             !file.as_os_str().is_empty(),

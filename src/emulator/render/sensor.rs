@@ -164,3 +164,81 @@ fn poisson(mean: f32, word: u32) -> f32 {
     }
     n as f32
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn moments(values: impl Iterator<Item = f64> + Clone) -> [f64; 3] {
+        let n = values.clone().count() as f64;
+        let mean = values.clone().sum::<f64>() / n;
+        let central = |k| values.clone().map(|v| (v - mean).powi(k)).sum::<f64>() / n;
+        [mean, central(2), central(3)]
+    }
+
+    fn sensor(read_noise: f32) -> Sensor {
+        Sensor {
+            full_well_e: 1e6,
+            read_variance_e2: read_noise * read_noise,
+            gain_dn_per_e: 1.0,
+            black_dn: 0.0,
+            full_scale_dn: 65535.0,
+            format: PixelFormat::Y16,
+            noise: Some((7, 1)),
+        }
+    }
+
+    /// Mean, variance and third moment of shot noise are all the mean; read noise adds its
+    /// variance. Both sides of the switch from Poisson to normal numbers.
+    #[test]
+    fn shot_and_read_noise_have_their_moments() {
+        const N: usize = 1 << 20;
+        for (mean, read_noise) in [
+            (0.4, 0.0),
+            (5.0, 2.0),
+            (31.9, 3.0),
+            (33.0, 3.0),
+            (400.0, 2.3),
+        ] {
+            let mut electrons = vec![mean; N];
+            expose(&sensor(read_noise), [7, 1], 0, &mut electrons);
+            let [m1, m2, m3] = moments(electrons.iter().map(|&e| f64::from(e)));
+            let (mean, variance) = (f64::from(mean), f64::from(mean + read_noise * read_noise));
+            let n = N as f64;
+            // Five standard errors.
+            assert!(
+                (m1 - mean).abs() < 5.0 * (variance / n).sqrt(),
+                "{mean}: mean {m1}"
+            );
+            assert!(
+                (m2 / variance - 1.0).abs() < 5.0 * (2.6 / n).sqrt() + 0.001,
+                "{mean}: {m2}"
+            );
+            assert!(
+                (m3 - mean).abs() < 0.06 * variance.powf(1.5) + 0.02,
+                "{mean}: third {m3}"
+            );
+        }
+    }
+
+    #[test]
+    fn no_light_leaves_read_noise_alone() {
+        let mut electrons = vec![0.0; 4096];
+        expose(&sensor(0.0), [7, 1], 0, &mut electrons);
+        assert!(electrons.iter().all(|&e| e == 0.0));
+    }
+
+    #[test]
+    fn saturation_and_black_clip_at_the_converters_ends() {
+        let sensor = Sensor {
+            black_dn: 4.0,
+            full_scale_dn: 255.0,
+            format: PixelFormat::Grey,
+            noise: None,
+            ..sensor(0.0)
+        };
+        let mut out = [0; 4];
+        sensor.run(0, &mut [-9.0, 0.0, 100.4, 1e9], &mut out);
+        assert_eq!(out, [0, 4, 104, 255]);
+    }
+}
