@@ -107,10 +107,7 @@ fn expose_body(sensor: &Sensor, [seed, frame]: [u64; 2], first: usize, electrons
     for (k, chunk) in electrons.chunks_mut(philox::BLOCK).enumerate() {
         let index = (first / philox::BLOCK + k) as u32;
         let words = philox::block(seed, index, DRAW_NORMAL, frame);
-        let mut z = [0.0; philox::BLOCK];
-        for i in 0..philox::BLOCK {
-            z[i] = normal::from_word(words[i]);
-        }
+        let z = normal::from_words(&words);
         if chunk.iter().any(|&e| e < POISSON_BELOW) {
             few_electrons(sensor, [seed, frame], index, &z, chunk);
             continue;
