@@ -2,8 +2,8 @@
 
 use super::bits::gray_row;
 use super::{AxisKernel, AxisOut, Job, Scratch, clear};
-use crate::decode::decoder::Verdict;
 use crate::decode::gray::GrayRow;
+use crate::decode::maps::Verdict;
 use crate::decode::order::Ensemble;
 use crate::decode::phase::SetRow;
 use crate::decode::samples::Sample;

@@ -12,9 +12,9 @@ mod tests;
 pub(super) use dispatch::{apply_flags, decode_row, judge_borders, judge_row, triangulate_row};
 pub(super) use kernel::AxisKernel;
 
-use super::decoder::Verdict;
 use super::edges;
 use super::gray::GrayRow;
+use super::maps::Verdict;
 use super::phase::{RowNoise, SetRow};
 use super::samples::Sample;
 use axis::axis_row;
