@@ -9,7 +9,6 @@ mod setting;
 mod trigger;
 
 use super::settings::{Settings, microseconds, seconds};
-use super::status::OPERATION_COMPLETE;
 use super::table::{Command, find};
 use super::{Firmware, State};
 use crate::protocol::scpi::{DeviceError, ErrorCode, Unit};
@@ -97,9 +96,6 @@ fn check_period(exposure_ns: u64, period_ns: u64) -> Result<(), DeviceError> {
         seconds(period_ns)
     )))
 }
-
-/// Bits that `settle` raises.
-pub(super) const COMPLETE: u8 = OPERATION_COMPLETE;
 
 /// The profile's exposure fits the profile's period; kept beside the rule that says so.
 pub(super) fn power_on_is_consistent(profile: &crate::profile::Profile) -> bool {
