@@ -1,6 +1,7 @@
 //! Depth maps to points, and their normals from neighbours in the grid.
 
-use super::decoder::{Decoded, Decoder};
+use super::decoder::Decoder;
+use super::maps::Decoded;
 use crate::geometry::Cloud;
 use glam::Vec3;
 use rayon::prelude::*;

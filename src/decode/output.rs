@@ -1,6 +1,7 @@
 //! What a decoding leaves in a folder, and the short table about it.
 
-use super::decoder::{Decoded, Decoder, Verdict};
+use super::decoder::Decoder;
+use super::maps::{Decoded, Verdict};
 use super::npy::write_npy;
 use crate::error::{Error, Result};
 use crate::geometry::ply;

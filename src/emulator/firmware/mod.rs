@@ -2,7 +2,9 @@
 //! whoever drives it says what time it is, and asks when something will happen next.
 
 mod execute;
+mod exposing;
 mod memory;
+mod messages;
 mod settings;
 mod status;
 mod table;
@@ -13,20 +15,15 @@ mod trigger;
 pub use memory::UserSequence;
 pub use trigger::State;
 
-use super::{Exposure, Shot, Slide};
+use super::{Exposure, Slide};
 use crate::error::Result;
-use crate::pattern::Pattern;
 use crate::profile::Profile;
-use crate::protocol::scpi::{DeviceError, ErrorCode, Framer, Framing, Program, Unit, parse};
+use crate::protocol::scpi::{DeviceError, ErrorCode, Framer, Framing, Program, Unit};
 use memory::{Memory, Stored};
-use settings::{Settings, Shown, Source};
+use settings::{Settings, Source};
+use status::Status;
 use std::collections::VecDeque;
 use std::sync::Arc;
-
-/// Messages that wait behind `*WAI` or `*OPC?`.
-const MAX_WAITING: usize = 64;
-/// Bytes of messages that wait.
-const MAX_WAITING_BYTES: usize = 64 << 20;
 
 /// What holds up the execution of a message until no operation is pending.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -72,8 +69,6 @@ pub struct Firmware {
     streaming: bool,
     now_ns: u64,
 }
-
-use status::Status;
 
 impl Firmware {
     /// Powers the device on at time 0.
@@ -222,172 +217,4 @@ impl Firmware {
     pub fn state(&self) -> State {
         self.state
     }
-
-    fn message(&mut self, message: &[u8]) {
-        let program = parse(message);
-        // A trigger or ABORt acts at once even behind a waiting *OPC?, as the interface messages
-        // GET and DCL do on a bus; otherwise a device that waits for it could not be reached.
-        if self.block.is_some() && program.error.is_none() && program.units.iter().all(urgent) {
-            for unit in &program.units {
-                if let Err(error) = self.execute(unit) {
-                    self.status.report(error);
-                }
-            }
-        } else if self.waiting.len() >= MAX_WAITING
-            || self.waiting_bytes + message.len() > MAX_WAITING_BYTES
-        {
-            self.status
-                .report(ErrorCode::InputBufferOverrun.with("too much waits behind *WAI or *OPC?"));
-        } else {
-            self.waiting_bytes += message.len();
-            self.waiting.push_back((program, message.len()));
-        }
-        self.run();
-    }
-
-    /// Executes what can be executed now.
-    fn run(&mut self) {
-        self.settle();
-        loop {
-            if let Some(block) = self.block {
-                if self.pending() {
-                    return;
-                }
-                self.block = None;
-                if block == Block::Answer {
-                    self.answers.push(b"1".to_vec());
-                }
-            }
-            if let Some(unit) = self.current.pop_front() {
-                match self.execute(&unit) {
-                    Ok(answer) => self.answers.extend(answer),
-                    Err(error) => {
-                        // A unit that was not understood voids the rest of its message.
-                        if error.code.number() > -200 {
-                            self.current.clear();
-                            self.current_error = None;
-                        }
-                        self.status.report(error);
-                    }
-                }
-                self.settle();
-                continue;
-            }
-            if let Some(error) = self.current_error.take() {
-                self.status.report(error);
-            }
-            if !self.answers.is_empty() {
-                self.output.extend(self.answers.join(&b';'));
-                self.output.push(b'\n');
-                self.answers.clear();
-            }
-            let Some((program, len)) = self.waiting.pop_front() else {
-                return;
-            };
-            self.waiting_bytes -= len;
-            self.current = program.units.into();
-            self.current_error = program.error;
-        }
-    }
-
-    /// Whether an operation is pending: an INITiate that is not worked off, or frames of one that
-    /// have not left the device. A camera that runs free, or is armed again and again, never ends.
-    fn pending(&self) -> bool {
-        match self.state {
-            State::Free { .. } => false,
-            State::Idle => self.in_flight > 0,
-            State::Armed { .. } | State::Running { .. } => !self.settings.continuous,
-        }
-    }
-
-    /// Brings the status registers up to date.
-    fn settle(&mut self) {
-        self.status.operation.set(match self.state {
-            State::Idle => 0,
-            State::Armed { .. } => status::WAITING_FOR_TRIGGER,
-            State::Free { .. } | State::Running { .. } => status::MEASURING,
-        });
-        if self.completion_asked && !self.pending() {
-            self.completion_asked = false;
-            self.status.raise(execute::COMPLETE);
-        }
-    }
-
-    fn rest(&mut self) {
-        self.state = State::rest(&self.settings, self.streaming, self.now_ns);
-    }
-
-    fn fire(&mut self) -> Result<(), DeviceError> {
-        let len = self.sequence_len();
-        self.state.trigger(&self.settings, len, self.now_ns)
-    }
-
-    fn select(&mut self, stored: Arc<Stored>) {
-        self.settings.period_ns = stored.period_ns;
-        self.selected = stored;
-        if matches!(self.settings.shown, Shown::Pattern(i) if i >= self.sequence_len()) {
-            self.settings.shown = Shown::White;
-        }
-    }
-
-    /// The selected sequence as it would be exposed with the present settings: what
-    /// ground truth is asked about. It exposes nothing.
-    pub fn selected_sequence(&self) -> Vec<(Pattern, Shot)> {
-        let shots = self
-            .selected
-            .slides
-            .iter()
-            .enumerate()
-            .map(|(i, slide)| Shot {
-                id: 0,
-                pattern_index: Some(i as u32),
-                slide: Some(slide.clone()),
-                light: self.settings.current,
-                start_ns: 0,
-                exposure_ns: self.settings.exposure_ns,
-                gain_db: self.settings.gain_db,
-            });
-        let frames = self.selected.manifest.frame.iter();
-        frames.map(|f| f.pattern.clone()).zip(shots).collect()
-    }
-
-    fn expose(&mut self, exposed: trigger::Exposed) {
-        let Settings {
-            exposure_ns,
-            gain_db,
-            roi,
-            lamp,
-            current,
-            shown,
-            ..
-        } = self.settings;
-        let slide = match exposed.index.map_or(shown, Shown::Pattern) {
-            Shown::White => &self.white,
-            Shown::Black => &self.black,
-            Shown::Pattern(index) => &self.selected.slides[index as usize],
-        };
-        self.exposures.push(Exposure {
-            shot: Shot {
-                id: self.next_id,
-                pattern_index: exposed.index,
-                slide: lamp.then(|| slide.clone()),
-                light: current,
-                start_ns: exposed.start_ns,
-                exposure_ns,
-                gain_db,
-            },
-            roi,
-        });
-        self.next_id += 1;
-        self.in_flight += 1;
-    }
-}
-
-/// Whether a unit acts even while others wait.
-fn urgent(unit: &Unit) -> bool {
-    use table::Command;
-    matches!(
-        table::find(unit),
-        Ok(Command::BusTrigger | Command::Trigger | Command::Abort)
-    ) && !unit.query
 }

@@ -1,0 +1,80 @@
+//! Pass 1: every row on its own, in bands that are the tasks.
+
+use super::{BAND, Decoder};
+use crate::decode::maps::{AxisMap, Decoded, Verdict};
+use crate::decode::phase::RowNoise;
+use crate::decode::rows::{AxisOut, Job, Scratch, decode_row};
+use crate::decode::samples::{FrameStack, Sample};
+use crate::geometry::NoiseModel;
+use rayon::prelude::*;
+
+impl Decoder {
+    /// Pass 1: every row on its own.
+    pub(super) fn rows<T: Sample>(
+        &self,
+        stack: &FrameStack<'_>,
+        noise: &NoiseModel,
+        [saturation, range]: [f32; 2],
+        out: &mut Decoded,
+    ) {
+        let frames: Vec<&[T]> = stack.typed().expect("checked: all frames are of one type");
+        let job = Job {
+            frames: &frames,
+            kernels: &self.kernels,
+            references: self.plan.references(),
+            noise: RowNoise::new(noise),
+            saturation,
+            range,
+            min_modulation: self.options.min_modulation_dn,
+            max_phase_sigma: self.options.max_phase_sigma_rad,
+            width: self.width,
+        };
+        let size = BAND * self.width;
+        let mut x = bands(&mut out.x, size);
+        let mut y = bands(&mut out.y, size);
+        let mut tasks: Vec<_> = out
+            .modulation
+            .chunks_mut(size)
+            .zip(out.intensity.chunks_mut(size))
+            .enumerate()
+            .map(|(i, (modulation, intensity))| {
+                let maps = [x.next(), y.next()];
+                (i * BAND, maps, modulation, intensity)
+            })
+            .collect();
+        tasks.par_iter_mut().for_each_init(
+            Scratch::default,
+            |scratch, (first, maps, modulation, intensity)| {
+                let width = self.width;
+                let rows = modulation
+                    .chunks_mut(width)
+                    .zip(intensity.chunks_mut(width));
+                for (k, (modulation, intensity)) in rows.enumerate() {
+                    let row = k * width..(k + 1) * width;
+                    let outs = maps.each_mut().map(|map| {
+                        map.as_mut().map(|(c, s, v)| AxisOut {
+                            coordinate: &mut c[row.clone()],
+                            sigma: &mut s[row.clone()],
+                            verdict: &mut v[row.clone()],
+                        })
+                    });
+                    decode_row(&job, *first + k, scratch, outs, modulation, intensity);
+                }
+            },
+        );
+    }
+}
+
+/// Chunks of a map's three vectors side by side.
+fn bands(
+    map: &mut Option<AxisMap>,
+    size: usize,
+) -> impl Iterator<Item = (&mut [f32], &mut [f32], &mut [Verdict])> {
+    map.iter_mut().flat_map(move |map| {
+        map.coordinate
+            .chunks_mut(size)
+            .zip(map.sigma.chunks_mut(size))
+            .zip(map.verdict.chunks_mut(size))
+            .map(|((c, s), v)| (c, s, v))
+    })
+}

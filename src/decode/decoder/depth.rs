@@ -1,0 +1,31 @@
+//! Pass 3: coordinates to depth, row by row.
+
+use super::BAND;
+use crate::calibrate::{CoordinateRow, Triangulator};
+use crate::decode::maps::{AxisMap, Decoded};
+use crate::decode::rows::triangulate_row;
+use rayon::prelude::*;
+
+/// Writes the depth maps from the axes whose order is resolved.
+pub(super) fn triangulate(triangulator: &Triangulator, out: &mut Decoded) {
+    let width = out.width;
+    let resolved =
+        |map: &Option<AxisMap>| map.as_ref().filter(|m| m.wrapped_px.is_none()).is_some();
+    let (use_x, use_y) = (resolved(&out.x), resolved(&out.y));
+    let (x, y) = (&out.x, &out.y);
+    out.depth
+        .par_chunks_mut(width)
+        .zip(out.depth_sigma.par_chunks_mut(width))
+        .enumerate()
+        .with_min_len(BAND)
+        .for_each(|(v, (depth, sigma))| {
+            let at = v * width..(v + 1) * width;
+            let [x, y] = [(x, use_x), (y, use_y)].map(|(map, on)| {
+                map.as_ref().filter(|_| on).map(|m| CoordinateRow {
+                    px: &m.coordinate[at.clone()],
+                    sigma: &m.sigma[at.clone()],
+                })
+            });
+            triangulate_row(triangulator, v, x, y, depth, sigma);
+        });
+}

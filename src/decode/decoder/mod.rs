@@ -1,0 +1,260 @@
+//! The decoder: a plan, an image size and a rig made into tables once, then frames into maps.
+
+mod bands;
+mod depth;
+mod neighbours;
+
+use super::borders::LightNoise;
+use super::maps::{Decoded, Verdict};
+use super::noise::estimate_noise;
+use super::plan::{Order, Plan};
+use super::rows::AxisKernel;
+use super::samples::{FrameStack, Samples};
+use super::unwrap::unwrap;
+use crate::calibrate::Triangulator;
+use crate::error::{Error, Result};
+use crate::geometry::{NoiseModel, Rig};
+use crate::pattern::{Axis, Manifest};
+
+/// Rows that one task decodes: few enough for balance, enough to amortise.
+const BAND: usize = 8;
+
+/// What the user chooses.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Options {
+    /// Keeps pixels that read two surfaces at once.
+    pub keep_mixed: bool,
+    /// Unwraps a single wrapped period along space.
+    pub unwrap_spatial: bool,
+    /// Least modulation B in DN.
+    pub min_modulation_dn: f32,
+    /// Largest standard deviation of a set's phase in radians: beyond it a phase is hardly known.
+    pub max_phase_sigma_rad: f32,
+    /// The camera's noise; comes before the rig's, and both before an estimate from the frames.
+    pub noise: Option<NoiseModel>,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            keep_mixed: false,
+            unwrap_spatial: false,
+            min_modulation_dn: 2.0,
+            max_phase_sigma_rad: 0.15,
+            noise: None,
+        }
+    }
+}
+
+/// Decodes the frames of one sequence from one camera, again and again.
+#[derive(Debug)]
+pub struct Decoder {
+    plan: Plan,
+    width: usize,
+    height: usize,
+    options: Options,
+    kernels: Vec<AxisKernel>,
+    triangulator: Option<Triangulator>,
+    noise: Option<NoiseModel>,
+}
+
+impl Decoder {
+    /// Prepares the decoding of a sequence from images of `width` x `height`, to points if there is
+    /// a rig.
+    ///
+    /// # Errors
+    /// A sequence that determines no coordinate (see [`Plan::new`]), or one or an image size that
+    /// the rig cannot triangulate.
+    pub fn new(
+        manifest: &Manifest,
+        width: usize,
+        height: usize,
+        rig: Option<&Rig>,
+        options: Options,
+    ) -> Result<Self> {
+        let plan = Plan::new(manifest)?;
+        if width == 0 || height == 0 {
+            return Err(Error::input(
+                "frames",
+                format!("{width} x {height}"),
+                "at least 1 x 1",
+            ));
+        }
+        let triangulator = match rig {
+            Some(rig) => {
+                if plan
+                    .axes
+                    .iter()
+                    .all(|a| matches!(a.order, Order::Wrapped { .. }))
+                {
+                    let axis = &plan.axes[0];
+                    let period = axis.sets[0].period_px;
+                    return Err(Error::input(
+                        format!("sequence, axis {}", axis.axis),
+                        format!(
+                            "period {period} px covers only 1/{:.0} of the {} px, and there is \
+                             neither Gray code nor a second period: no points with that",
+                            axis.extent_px / period,
+                            axis.extent_px
+                        ),
+                        "a Gray code or a second period, or no calibration",
+                    ));
+                }
+                Some(Triangulator::new(rig, width, height)?)
+            }
+            None => None,
+        };
+        let kernels = plan
+            .axes
+            .iter()
+            .map(|axis| AxisKernel::new(axis, plan.references().is_some()))
+            .collect();
+        Ok(Self {
+            width,
+            height,
+            options,
+            kernels,
+            triangulator,
+            noise: options.noise.or(rig.and_then(|r| r.noise)),
+            plan,
+        })
+    }
+
+    /// How the sequence is decoded.
+    pub fn plan(&self) -> &Plan {
+        &self.plan
+    }
+
+    /// The rig's tables, if there is a rig.
+    pub fn triangulator(&self) -> Option<&Triangulator> {
+        self.triangulator.as_ref()
+    }
+
+    /// Decodes frames in the manifest's order.
+    ///
+    /// # Errors
+    /// Another number or size of frames than the decoder was made for.
+    pub fn decode(&self, stack: &FrameStack<'_>) -> Result<Decoded> {
+        let mut decoded = Decoded::default();
+        self.decode_into(stack, &mut decoded)?;
+        Ok(decoded)
+    }
+
+    /// [`Self::decode`] into maps that are used again: fresh memory costs as much as decoding.
+    ///
+    /// # Errors
+    /// As [`Self::decode`].
+    pub fn decode_into(&self, stack: &FrameStack<'_>, out: &mut Decoded) -> Result<()> {
+        self.check(stack)?;
+        self.shape(out);
+        out.notes.clear();
+        out.notes.extend(self.plan.notes.iter().cloned());
+        let noise = self
+            .noise
+            .unwrap_or_else(|| match estimate_noise(&self.plan, stack) {
+                Some(noise) => {
+                    out.notes.push(format!(
+                        "noise estimated from the frames: {:.2} DN in the dark, gain {:.4} DN/e",
+                        noise.variance_dn2(0.0).sqrt(),
+                        noise.gain_dn_per_e
+                    ));
+                    noise
+                }
+                None => {
+                    out.notes
+                        .push("the frames do not tell their noise: 1 DN is assumed".to_owned());
+                    NoiseModel {
+                        gain_dn_per_e: 0.0,
+                        read_noise_dn: (11.0f64 / 12.0).sqrt(),
+                        black_level_dn: 0.0,
+                        saturation_dn: f64::from(stack.full_scale()),
+                    }
+                }
+            });
+        out.noise = Some(noise);
+        let saturation = noise.saturation_dn.min(f64::from(stack.full_scale())) as f32;
+        let range = (saturation - noise.black_level_dn as f32).max(1.0);
+        match stack.frames()[0] {
+            Samples::U8(_) => self.rows::<u8>(stack, &noise, [saturation, range], out),
+            Samples::U16(_) => self.rows::<u16>(stack, &noise, [saturation, range], out),
+        }
+        self.finish(LightNoise::new(&noise, range), out);
+        Ok(())
+    }
+
+    fn check(&self, stack: &FrameStack<'_>) -> Result<()> {
+        if (stack.width(), stack.height()) != (self.width, self.height) {
+            return Err(Error::input(
+                "frames",
+                format!("{} x {}", stack.width(), stack.height()),
+                format!("{} x {}", self.width, self.height),
+            ));
+        }
+        if stack.frames().len() != self.plan.frames {
+            return Err(Error::input(
+                "frames",
+                format!("{} frames", stack.frames().len()),
+                format!("{} frames, one a pattern of the sequence", self.plan.frames),
+            ));
+        }
+        for (i, frame) in stack.frames().iter().enumerate() {
+            if self.plan.uses(i) && frame.is_empty() {
+                return Err(Error::input(
+                    format!("frame {i}"),
+                    "no samples",
+                    format!("{} x {} samples", self.width, self.height),
+                ));
+            }
+        }
+        Ok(())
+    }
+
+    /// Gives the maps their sizes; every element is written later.
+    fn shape(&self, out: &mut Decoded) {
+        let n = self.width * self.height;
+        (out.width, out.height) = (self.width, self.height);
+        for axis in [Axis::X, Axis::Y] {
+            let slot = out.axis_mut(axis);
+            let Some(plan) = self.plan.axis(axis) else {
+                *slot = None;
+                continue;
+            };
+            let map = slot.get_or_insert_default();
+            map.coordinate.resize(n, 0.0);
+            map.sigma.resize(n, 0.0);
+            map.verdict.resize(n, Verdict::Valid);
+            map.wrapped_px = match plan.order {
+                Order::Wrapped { period_px } => Some(period_px),
+                _ => None,
+            };
+        }
+        out.modulation.resize(n, 0.0);
+        out.intensity.resize(n, 0.0);
+        let with_depth = if self.triangulator.is_some() { n } else { 0 };
+        out.depth.resize(with_depth, 0.0);
+        out.depth_sigma.resize(with_depth, 0.0);
+    }
+
+    /// Passes 2 and 3: what needs neighbours, then depth.
+    fn finish(&self, light: LightNoise, out: &mut Decoded) {
+        if !self.options.keep_mixed {
+            neighbours::clean(out, light);
+        }
+        if self.options.unwrap_spatial {
+            for (axis, map) in [(Axis::X, &mut out.x), (Axis::Y, &mut out.y)] {
+                let Some(map) = map else { continue };
+                let Some(period) = map.wrapped_px else {
+                    continue;
+                };
+                unwrap(self.width, &mut map.coordinate, &map.sigma, period as f32);
+                out.notes.push(format!(
+                    "axis {axis} is unwrapped along space: right up to whole periods of {period} px \
+                     per connected region"
+                ));
+            }
+        }
+        if let Some(triangulator) = &self.triangulator {
+            depth::triangulate(triangulator, out);
+        }
+    }
+}

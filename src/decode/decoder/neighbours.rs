@@ -1,0 +1,120 @@
+//! Pass 2: pixels that do not go with their neighbours are flagged, then taken out of the maps.
+
+use super::BAND;
+use crate::decode::borders::{LightNoise, Near};
+use crate::decode::edges::{Around, KEEP};
+use crate::decode::maps::{AxisMap, Decoded};
+use crate::decode::rows::{AxisOut, apply_flags, judge_borders, judge_row};
+use rayon::prelude::*;
+
+/// Takes out what reads two surfaces at once or stands alone, then what borders on it and is not
+/// trusted.
+pub(super) fn clean(out: &mut Decoded, light: LightNoise) {
+    let mut flags = vec![KEEP; out.width * out.height];
+    flag_edges(out, &mut flags);
+    apply(out, &flags);
+    flag_borders(out, light, &mut flags);
+    apply(out, &flags);
+}
+
+/// Flags of pixels that disagree with their neighbours on any axis.
+fn flag_edges(out: &Decoded, flags: &mut [u8]) {
+    let width = out.width;
+    let nan = vec![f32::NAN; width];
+    let scratch = || vec![f32::NAN; width + 6];
+    each_row(width, flags, scratch, |padded, v, flags| {
+        for (_, map) in out.axes() {
+            let rows = rows_around(&map.coordinate, &nan, v);
+            let around = Around {
+                padded: pad(padded, rows[3]),
+                rows,
+                sigma: &map.sigma[v * width..(v + 1) * width],
+            };
+            judge_row(&around, period(map), flags);
+        }
+    });
+}
+
+/// Flags of border pixels that are not trusted on some axis.
+fn flag_borders(out: &Decoded, noise: LightNoise, flags: &mut [u8]) {
+    let width = out.width;
+    let nan = vec![f32::NAN; width];
+    let scratch = || (vec![f32::NAN; width + 4], vec![f32::NAN; width + 2]);
+    each_row(width, flags, scratch, |(padded, padded_light), v, flags| {
+        flags.fill(KEEP);
+        let light = rows_around(&out.intensity, &nan, v);
+        let padded_light = pad(padded_light, light[1]);
+        for (_, map) in out.axes() {
+            let rows = rows_around(&map.coordinate, &nan, v);
+            let near = Near {
+                padded: pad(padded, rows[2]),
+                rows,
+                light,
+                padded_light,
+                sigma: &map.sigma[v * width..(v + 1) * width],
+                noise,
+            };
+            judge_borders(&near, period(map), flags);
+        }
+    });
+}
+
+/// Runs `judge` on every row of flags in parallel, each worker with its own scratch.
+fn each_row<S>(
+    width: usize,
+    flags: &mut [u8],
+    scratch: impl Fn() -> S + Sync + Send,
+    judge: impl Fn(&mut S, usize, &mut [u8]) + Sync + Send,
+) {
+    flags
+        .par_chunks_mut(width)
+        .enumerate()
+        .with_min_len(BAND)
+        .for_each_init(scratch, |scratch, (v, flags)| judge(scratch, v, flags));
+}
+
+/// A row in the middle of a longer buffer, whose ends stay as they are.
+fn pad<'a>(buffer: &'a mut [f32], row: &[f32]) -> &'a [f32] {
+    let margin = (buffer.len() - row.len()) / 2;
+    buffer[margin..margin + row.len()].copy_from_slice(row);
+    buffer
+}
+
+/// The period that a map is known modulo; 0 where it is known altogether.
+fn period(map: &AxisMap) -> f32 {
+    map.wrapped_px.unwrap_or(0.0) as f32
+}
+
+/// Takes flagged pixels out of every map.
+fn apply(out: &mut Decoded, flags: &[u8]) {
+    let width = out.width;
+    for map in [&mut out.x, &mut out.y].into_iter().flatten() {
+        map.coordinate
+            .par_chunks_mut(width)
+            .zip(map.sigma.par_chunks_mut(width))
+            .zip(map.verdict.par_chunks_mut(width))
+            .zip(flags.par_chunks(width))
+            .with_min_len(BAND)
+            .for_each(|(((coordinate, sigma), verdict), flags)| {
+                let out = AxisOut {
+                    coordinate,
+                    sigma,
+                    verdict,
+                };
+                apply_flags(out, flags);
+            });
+    }
+}
+
+/// `N` rows of a map about row `v`; `beyond` stands for those outside it.
+fn rows_around<'a, const N: usize>(map: &'a [f32], beyond: &'a [f32], v: usize) -> [&'a [f32]; N] {
+    let width = beyond.len();
+    std::array::from_fn(|k| {
+        let first = (v + k).wrapping_sub(N / 2).wrapping_mul(width);
+        if first < map.len() {
+            &map[first..first + width]
+        } else {
+            beyond
+        }
+    })
+}

@@ -1,0 +1,160 @@
+//! One row of one axis: phases and bits to a coordinate, its variance and a verdict.
+
+use super::bits::gray_row;
+use super::{AxisKernel, AxisOut, Job, Scratch, clear};
+use crate::decode::gray::GrayRow;
+use crate::decode::maps::Verdict;
+use crate::decode::order::Ensemble;
+use crate::decode::phase::SetRow;
+use crate::decode::samples::Sample;
+
+/// How far beyond the projector's pixels a decoded coordinate may lie, in projector pixels.
+const OVERHANG_PX: f32 = 1.0;
+
+#[inline(always)]
+pub(super) fn axis_row<'f, T: Sample>(
+    job: &Job<'_, T>,
+    kernel: &AxisKernel,
+    row: &impl Fn(usize) -> &'f [T],
+    scratch: &mut Scratch,
+    out: AxisOut<'_>,
+) {
+    let n = job.width;
+    clear(&mut scratch.top, n);
+    clear(&mut scratch.sigma, n);
+    clear(&mut scratch.variance, n);
+    scratch.ok.clear();
+    scratch.ok.resize(n, true);
+    scratch
+        .sets
+        .resize_with(kernel.sets.len().max(scratch.sets.len()), SetRow::default);
+    for (set, k) in scratch.sets.iter_mut().zip(&kernel.sets) {
+        set.reset(n);
+        for (step, &frame) in k.frames.iter().enumerate() {
+            set.add(k, step, row(frame), &mut scratch.top);
+        }
+        set.finish(k, job.noise);
+    }
+    gray_row(job, kernel, row, scratch);
+    let x = &mut out.coordinate[..n];
+    let Scratch {
+        sets,
+        gray,
+        top,
+        half,
+        sigma,
+        variance,
+        ok,
+        candidate,
+        ..
+    } = scratch;
+    let sets = &sets[..kernel.sets.len()];
+    match sets {
+        [] => {
+            let cell = kernel.join.as_ref().map_or(1.0, |j| j.cell);
+            variance.fill(cell * cell / 12.0);
+        }
+        [set, ..] => {
+            x.copy_from_slice(&set.wrapped);
+            variance.copy_from_slice(&set.variance);
+        }
+    }
+    if let Some(ensemble) = &kernel.ensemble {
+        search(
+            job, kernel, ensemble, sets, gray, x, variance, ok, candidate,
+        );
+    }
+    if let Some(join) = &kernel.join {
+        if sets.is_empty() {
+            join.cells(gray, x, half, sigma, ok);
+        } else {
+            join.join(gray, x, variance, half, sigma, ok);
+        }
+    }
+    // The verdict, the plainest reason first.
+    let (lo, hi) = if kernel.wrapped {
+        (f32::NEG_INFINITY, f32::INFINITY)
+    } else {
+        (-0.5 - OVERHANG_PX, kernel.extent - 0.5 + OVERHANG_PX)
+    };
+    let (verdict, sd) = (&mut out.verdict[..n], &mut out.sigma[..n]);
+    let (top, ok, variance) = (&top[..n], &ok[..n], &variance[..n]);
+    for i in 0..n {
+        let sure = ok[i] & (x[i] >= lo) & (x[i] <= hi);
+        let found = if sure {
+            Verdict::Valid
+        } else {
+            Verdict::Uncertain
+        };
+        verdict[i] = if top[i] >= job.saturation {
+            Verdict::Saturated
+        } else {
+            found
+        };
+    }
+    for (set, k) in sets.iter().zip(&kernel.sets) {
+        let worst = k.variance_of_phase(job.max_phase_sigma);
+        let (b, var) = (&set.modulation[..n], &set.variance[..n]);
+        for i in 0..n {
+            let dim = (b[i] < job.min_modulation) | (var[i] > worst);
+            let was = verdict[i];
+            verdict[i] = if dim & (was as u8 != Verdict::Saturated as u8) {
+                Verdict::Dim
+            } else {
+                was
+            };
+        }
+    }
+    if sets.is_empty() {
+        for i in 0..n {
+            if half[i] < job.min_modulation {
+                verdict[i] = Verdict::Dim;
+            }
+        }
+    }
+    for i in 0..n {
+        let valid = verdict[i] as u8 == Verdict::Valid as u8;
+        x[i] = if valid { x[i] } else { f32::NAN };
+        sd[i] = if valid { variance[i].sqrt() } else { f32::NAN };
+    }
+}
+
+/// The search among candidates of several periods, pixel by pixel.
+#[allow(clippy::too_many_arguments)]
+#[inline(always)]
+fn search<T>(
+    job: &Job<'_, T>,
+    kernel: &AxisKernel,
+    ensemble: &Ensemble,
+    sets: &[SetRow],
+    gray: &GrayRow,
+    x: &mut [f32],
+    variance: &mut [f32],
+    ok: &mut [bool],
+    (wrapped, variances): &mut (Vec<f32>, Vec<f32>),
+) {
+    for i in 0..job.width {
+        // Pixels that will be masked for their modulation need no search.
+        if sets.iter().any(|s| s.modulation[i] < job.min_modulation) {
+            ok[i] = false;
+            continue;
+        }
+        wrapped.clear();
+        variances.clear();
+        wrapped.extend(sets.iter().map(|s| s.wrapped[i]));
+        variances.extend(sets.iter().map(|s| s.variance[i]));
+        let (lo, hi) = match &kernel.join {
+            Some(join) => {
+                // Half a cell to the edges, and a cell beyond them for a bit that is on its edge.
+                let reach = (0.5 * join.repeat).min(1.5 * join.cell);
+                let center = join.center(gray.code[i]);
+                (center - reach, center + reach)
+            }
+            None => (-0.5 - OVERHANG_PX, kernel.extent - 0.5 + OVERHANG_PX),
+        };
+        let found = ensemble.best(wrapped, variances, lo, hi);
+        x[i] = found.x;
+        variance[i] = found.variance;
+        ok[i] = found.certain;
+    }
+}

@@ -1,0 +1,64 @@
+//! The constants of one axis, made once a decoder.
+
+use crate::decode::gray::{GrayBit, Threshold};
+use crate::decode::order::{Ensemble, GrayJoin};
+use crate::decode::phase::SetKernel;
+use crate::decode::plan::{AxisPlan, Order};
+use crate::pattern::Axis;
+
+/// Stands for a repeat beyond any projector.
+const NO_REPEAT: f32 = 1e6;
+
+/// One axis of a plan, in f32.
+#[derive(Debug)]
+pub(in crate::decode) struct AxisKernel {
+    pub(super) axis: Axis,
+    pub(super) extent: f32,
+    pub(super) sets: Vec<SetKernel>,
+    pub(super) ensemble: Option<Ensemble>,
+    pub(super) bits: Vec<(GrayBit, Threshold)>,
+    pub(super) join: Option<GrayJoin>,
+    pub(super) wrapped: bool,
+}
+
+impl AxisKernel {
+    pub(in crate::decode) fn new(plan: &AxisPlan, references: bool) -> Self {
+        let sets: Vec<SetKernel> = plan.sets.iter().map(SetKernel::new).collect();
+        let wrapped = matches!(plan.order, Order::Wrapped { .. });
+        let repeat = match plan.order {
+            Order::Resolved { repeat_px } if repeat_px.is_finite() => repeat_px as f32,
+            _ => NO_REPEAT,
+        };
+        let bits: Vec<_> = plan
+            .gray
+            .iter()
+            .flat_map(|g| g.bits.iter().copied())
+            .zip(plan.thresholds.iter().copied())
+            .collect();
+        let steps = plan.sets.first().map_or(0, |s| s.frames.len());
+        let noise_factor = bits
+            .iter()
+            .map(|(_, t)| t.variance_factor(steps))
+            .fold(0.0, f64::max)
+            .sqrt() as f32;
+        let join = plan.gray.as_ref().map(|g| GrayJoin {
+            cell: g.cell_px as f32,
+            repeat,
+            noise_factor,
+        });
+        // A lone period with Gray code needs no search among candidates.
+        let alone = sets.len() == 1 && join.is_some() && repeat < NO_REPEAT;
+        let search = !sets.is_empty() && !wrapped && !alone;
+        let ensemble = search.then(|| Ensemble::new(sets.iter().map(|set| set.period).collect()));
+        debug_assert!(references || bits.iter().all(|(_, t)| *t != Threshold::Reference));
+        Self {
+            axis: plan.axis,
+            extent: plan.extent_px as f32,
+            sets,
+            ensemble,
+            bits,
+            join,
+            wrapped,
+        }
+    }
+}

@@ -1,0 +1,133 @@
+//! One row of pixels through the whole of pass 1: what its kernels share, and the order of work.
+//!
+//! `dispatch` chooses the instruction set, `axis` decodes one axis of a row.
+
+mod axis;
+mod bits;
+mod dispatch;
+mod kernel;
+#[cfg(test)]
+mod tests;
+
+pub(super) use dispatch::{apply_flags, decode_row, judge_borders, judge_row, triangulate_row};
+pub(super) use kernel::AxisKernel;
+
+use super::edges;
+use super::gray::GrayRow;
+use super::maps::Verdict;
+use super::phase::{RowNoise, SetRow};
+use super::samples::Sample;
+use axis::axis_row;
+
+/// What all rows of a decoding share.
+pub(super) struct Job<'a, T> {
+    pub(super) frames: &'a [&'a [T]],
+    pub(super) kernels: &'a [AxisKernel],
+    pub(super) references: Option<(usize, usize)>,
+    pub(super) noise: RowNoise,
+    pub(super) saturation: f32,
+    /// From black to saturation.
+    pub(super) range: f32,
+    pub(super) min_modulation: f32,
+    pub(super) max_phase_sigma: f32,
+    pub(super) width: usize,
+}
+
+/// A worker's buffers, one row long each.
+#[derive(Debug, Default)]
+pub(super) struct Scratch {
+    sets: Vec<SetRow>,
+    gray: GrayRow,
+    top: Vec<f32>,
+    /// Middle of white and black.
+    middle: Vec<f32>,
+    /// Half of white minus black; without them the modulation.
+    half: Vec<f32>,
+    /// Standard deviation of a sample at the pixel's mean.
+    sigma: Vec<f32>,
+    variance: Vec<f32>,
+    ok: Vec<bool>,
+    candidate: (Vec<f32>, Vec<f32>),
+}
+
+/// A row of an axis' maps.
+pub(super) struct AxisOut<'a> {
+    pub(super) coordinate: &'a mut [f32],
+    pub(super) sigma: &'a mut [f32],
+    pub(super) verdict: &'a mut [Verdict],
+}
+fn clear(buffer: &mut Vec<f32>, n: usize) {
+    buffer.clear();
+    buffer.resize(n, 0.0);
+}
+#[inline(always)]
+fn decode_body<T: Sample>(
+    job: &Job<'_, T>,
+    v: usize,
+    scratch: &mut Scratch,
+    outs: [Option<AxisOut<'_>>; 2],
+    modulation: &mut [f32],
+    intensity: &mut [f32],
+) {
+    let n = job.width;
+    let row = |frame: usize| &job.frames[frame][v * n..(v + 1) * n];
+    clear(&mut scratch.middle, n);
+    clear(&mut scratch.half, n);
+    if let Some((white, black)) = job.references {
+        let (white, black) = (row(white), row(black));
+        let (middle, half) = (&mut scratch.middle[..n], &mut scratch.half[..n]);
+        for i in 0..n {
+            let (w, b) = (white[i].dn(), black[i].dn());
+            middle[i] = 0.5 * (w + b);
+            half[i] = 0.5 * (w - b);
+        }
+    }
+    let mut first = true;
+    for (kernel, out) in job.kernels.iter().zip(matched(job.kernels, outs)) {
+        axis_row(job, kernel, &row, scratch, out);
+        if first {
+            first = false;
+            match scratch.sets.first() {
+                Some(set) if !kernel.sets.is_empty() => modulation.copy_from_slice(&set.modulation),
+                _ => modulation.copy_from_slice(&scratch.half),
+            }
+            let scale = 1.0 / job.range;
+            let brightness = if job.references.is_some() {
+                &scratch.half[..n]
+            } else {
+                &modulation[..n]
+            };
+            for i in 0..n {
+                intensity[i] = (2.0 * brightness[i] * scale).clamp(0.0, 1.0);
+            }
+        }
+    }
+}
+#[inline(always)]
+fn apply_body(out: AxisOut<'_>, flags: &[u8]) {
+    let n = flags.len();
+    let (x, sigma) = (&mut out.coordinate[..n], &mut out.sigma[..n]);
+    let verdict = &mut out.verdict[..n];
+    for i in 0..n {
+        let reason = if flags[i] == edges::MIXED {
+            Verdict::Mixed
+        } else {
+            Verdict::Stray
+        };
+        let goes = (flags[i] != edges::KEEP) & (verdict[i] as u8 == Verdict::Valid as u8);
+        verdict[i] = if goes { reason } else { verdict[i] };
+        x[i] = if goes { f32::NAN } else { x[i] };
+        sigma[i] = if goes { f32::NAN } else { sigma[i] };
+    }
+}
+/// The outputs in the order of the kernels.
+fn matched<'a, 'b>(
+    kernels: &'b [AxisKernel],
+    mut outs: [Option<AxisOut<'a>>; 2],
+) -> impl Iterator<Item = AxisOut<'a>> + use<'a, 'b> {
+    kernels.iter().map(move |k| {
+        outs[k.axis as usize]
+            .take()
+            .expect("a map for each axis of the plan")
+    })
+}

@@ -1,0 +1,77 @@
+//! The common commands of IEEE 488.2, `STATus`, `SYSTem`, `CALibration` and `DIAGnostic`.
+
+use super::{Answer, say};
+use crate::emulator::firmware::table::Command;
+use crate::emulator::firmware::{Block, Firmware};
+use crate::protocol::scpi::{Args, Quantity, Unit, encode_block};
+
+impl Firmware {
+    pub(super) fn common(&mut self, unit: &Unit, command: Command) -> Answer {
+        let mut args = Args::new(&unit.params);
+        match command {
+            Command::Identify => {
+                let id = &self.profile.identity;
+                return say(format!(
+                    "{},{},{},{}",
+                    id.manufacturer, id.model, id.serial, id.firmware
+                ));
+            }
+            Command::Reset => self.reset(),
+            Command::ClearStatus => {
+                self.status.clear();
+                self.completion_asked = false;
+            }
+            Command::EventEnable if unit.query => return say(self.status.event_enable),
+            Command::EventEnable => {
+                let value = args.number(Quantity::Plain)?.within(0.0, 255.0, 0.0)?;
+                args.finish()?;
+                self.status.event_enable = value.round() as u8;
+            }
+            Command::EventStatus => return say(self.status.take_event()),
+            Command::OperationComplete if unit.query => self.block = Some(Block::Answer),
+            Command::OperationComplete => {
+                self.completion_asked = true;
+                self.settle();
+            }
+            Command::ServiceEnable if unit.query => return say(self.status.service_enable),
+            Command::ServiceEnable => {
+                let value = args.number(Quantity::Plain)?.within(0.0, 255.0, 0.0)?;
+                args.finish()?;
+                // Bit 6 cannot be enabled (IEEE 488.2, 11.3.2.3).
+                self.status.service_enable = value.round() as u8 & !(1 << 6);
+            }
+            Command::StatusByte => return say(self.status.byte(!self.answers.is_empty())),
+            Command::SelfTest => return say(0),
+            Command::Wait => self.block = Some(Block::Silent),
+            Command::OperationEvent => return say(self.status.operation.take_event()),
+            Command::OperationCondition => return say(self.status.operation.condition()),
+            Command::QuestionableEvent => return say(self.status.questionable.take_event()),
+            Command::QuestionableCondition => return say(self.status.questionable.condition()),
+            Command::OperationEnable | Command::QuestionableEnable => {
+                let register = match command {
+                    Command::OperationEnable => &mut self.status.operation,
+                    _ => &mut self.status.questionable,
+                };
+                if unit.query {
+                    return say(register.enable);
+                }
+                let value = args.number(Quantity::Plain)?.within(0.0, 65535.0, 0.0)?;
+                args.finish()?;
+                // Bit 15 is not used (SCPI-1999 vol 1, 20).
+                register.enable = value.round() as u16 & 0x7fff;
+            }
+            Command::Preset => self.status.preset(),
+            Command::NextError => return say(self.status.next_error()),
+            Command::ErrorCount => return say(self.status.error_count()),
+            Command::Version => return say("1999.0"),
+            Command::Calibration => {
+                let mut rig = self.settings.roi.rig(self.profile.nominal_rig());
+                let sensor = &self.profile.camera.sensor;
+                rig.noise = Some(sensor.noise_model(self.settings.gain_db));
+                return Ok(Some(encode_block(rig.to_toml().as_bytes())));
+            }
+            _ => return say(self.next_id),
+        }
+        Ok(None)
+    }
+}

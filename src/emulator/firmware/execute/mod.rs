@@ -1,0 +1,107 @@
+//! What each command does and each query answers: a file for each of the device's subsystems.
+
+mod camera;
+mod common;
+mod form;
+mod projector;
+mod sequence;
+mod setting;
+mod trigger;
+
+use super::settings::{Settings, microseconds, seconds};
+use super::table::{Command, find};
+use super::{Firmware, State};
+use crate::protocol::scpi::{DeviceError, ErrorCode, Unit};
+
+/// Longest times that can be set, in seconds.
+const MAX_TIME_S: f64 = 60.0;
+
+type Answer = Result<Option<Vec<u8>>, DeviceError>;
+
+/// A query's answer.
+fn say(value: impl std::fmt::Display) -> Answer {
+    Ok(Some(value.to_string().into_bytes()))
+}
+
+impl Firmware {
+    /// Executes one unit.
+    pub(super) fn execute(&mut self, unit: &Unit) -> Answer {
+        let command = find(unit)?;
+        self.check_form(unit, command)?;
+        match command {
+            Command::Exposure
+            | Command::Gain
+            | Command::Format
+            | Command::Roi
+            | Command::Interval => self.camera(unit, command),
+            Command::Lamp | Command::Current | Command::Shown => self.projector(unit, command),
+            Command::Select
+            | Command::List
+            | Command::Count
+            | Command::Period
+            | Command::Data
+            | Command::Picture
+            | Command::DeletePicture
+            | Command::Define
+            | Command::Delete => self.sequence(unit, command),
+            Command::Trigger
+            | Command::BusTrigger
+            | Command::Source
+            | Command::Delay
+            | Command::Mode
+            | Command::Initiate
+            | Command::Continuous
+            | Command::Abort => self.trigger_system(unit, command),
+            _ => self.common(unit, command),
+        }
+    }
+
+    fn not_running(&self) -> Result<(), DeviceError> {
+        match self.state {
+            State::Running { .. } => {
+                Err(ErrorCode::SettingsConflict.with("a sequence is being exposed"))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    fn not_initiated(&self) -> Result<(), DeviceError> {
+        if self.state.initiated() {
+            return Err(ErrorCode::SettingsConflict
+                .with("initiated, ABORt first (INITiate:CONTinuous OFF before that)"));
+        }
+        Ok(())
+    }
+
+    fn reset(&mut self) {
+        self.settings = Settings::reset(&self.profile);
+        let first = self.memory.first().clone();
+        self.select(first);
+        self.completion_asked = false;
+        self.rest();
+    }
+
+    pub(super) fn sequence_len(&self) -> u32 {
+        self.selected.slides.len() as u32
+    }
+}
+
+fn check_period(exposure_ns: u64, period_ns: u64) -> Result<(), DeviceError> {
+    if exposure_ns <= period_ns {
+        return Ok(());
+    }
+    Err(ErrorCode::SettingsConflict.with(format!(
+        "exposure {} s exceeds the sequence's period {} s",
+        seconds(exposure_ns),
+        seconds(period_ns)
+    )))
+}
+
+/// The profile's exposure fits the profile's period; kept beside the rule that says so.
+pub(super) fn power_on_is_consistent(profile: &crate::profile::Profile) -> bool {
+    check_period(
+        microseconds(profile.camera.exposure_us),
+        microseconds(profile.sequence[0].period_us),
+    )
+    .is_ok()
+}

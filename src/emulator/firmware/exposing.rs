@@ -1,0 +1,81 @@
+//! What the trigger system sets off: exposures of the selected sequence, or of what is shown at rest.
+
+use super::memory::Stored;
+use super::settings::{Settings, Shown};
+use super::trigger::Exposed;
+use super::{Firmware, State};
+use crate::emulator::{Exposure, Shot};
+use crate::pattern::Pattern;
+use crate::protocol::scpi::DeviceError;
+use std::sync::Arc;
+
+impl Firmware {
+    /// The selected sequence as it would be exposed with the present settings: what
+    /// ground truth is asked about. It exposes nothing.
+    pub fn selected_sequence(&self) -> Vec<(Pattern, Shot)> {
+        let shots = self
+            .selected
+            .slides
+            .iter()
+            .enumerate()
+            .map(|(i, slide)| Shot {
+                id: 0,
+                pattern_index: Some(i as u32),
+                slide: Some(slide.clone()),
+                light: self.settings.current,
+                start_ns: 0,
+                exposure_ns: self.settings.exposure_ns,
+                gain_db: self.settings.gain_db,
+            });
+        let frames = self.selected.manifest.frame.iter();
+        frames.map(|f| f.pattern.clone()).zip(shots).collect()
+    }
+
+    pub(super) fn rest(&mut self) {
+        self.state = State::rest(&self.settings, self.streaming, self.now_ns);
+    }
+
+    pub(super) fn fire(&mut self) -> Result<(), DeviceError> {
+        let len = self.sequence_len();
+        self.state.trigger(&self.settings, len, self.now_ns)
+    }
+
+    pub(super) fn select(&mut self, stored: Arc<Stored>) {
+        self.settings.period_ns = stored.period_ns;
+        self.selected = stored;
+        if matches!(self.settings.shown, Shown::Pattern(i) if i >= self.sequence_len()) {
+            self.settings.shown = Shown::White;
+        }
+    }
+
+    pub(super) fn expose(&mut self, exposed: Exposed) {
+        let Settings {
+            exposure_ns,
+            gain_db,
+            roi,
+            lamp,
+            current,
+            shown,
+            ..
+        } = self.settings;
+        let slide = match exposed.index.map_or(shown, Shown::Pattern) {
+            Shown::White => &self.white,
+            Shown::Black => &self.black,
+            Shown::Pattern(index) => &self.selected.slides[index as usize],
+        };
+        self.exposures.push(Exposure {
+            shot: Shot {
+                id: self.next_id,
+                pattern_index: exposed.index,
+                slide: lamp.then(|| slide.clone()),
+                light: current,
+                start_ns: exposed.start_ns,
+                exposure_ns,
+                gain_db,
+            },
+            roi,
+        });
+        self.next_id += 1;
+        self.in_flight += 1;
+    }
+}

@@ -1,0 +1,151 @@
+//! A program message to its units (IEEE 488.2 chapter 7, SCPI-1999 volume 1 chapter 6): a pure
+//! function of the message's bytes.
+
+mod cursor;
+mod data;
+#[cfg(test)]
+mod tests;
+
+use super::error::{DeviceError, ErrorCode};
+use super::param::Param;
+use cursor::{Cursor, ascii};
+use data::params;
+
+/// Longest mnemonic (IEEE 488.2, 7.6.1.4.1).
+const MAX_MNEMONIC: usize = 12;
+
+/// One mnemonic of a header in upper case, and its numeric suffix where it has one.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Node {
+    /// Letters, digits and underscores, without the trailing digits.
+    pub name: String,
+    /// The trailing digits' value.
+    pub suffix: Option<u32>,
+}
+
+/// A program message unit: one command or query.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Unit {
+    /// Whether the header is a common one, `*IDN?` for instance.
+    pub common: bool,
+    /// The header from the root, what was inherited from the unit before included.
+    pub path: Vec<Node>,
+    /// Whether it ends with `?`.
+    pub query: bool,
+    /// What follows.
+    pub params: Vec<Param>,
+}
+
+impl Unit {
+    /// The header as text, for messages.
+    pub fn header(&self) -> String {
+        let mut text = String::from(if self.common { "*" } else { "" });
+        for (i, node) in self.path.iter().enumerate() {
+            if i > 0 {
+                text.push(':');
+            }
+            text.push_str(&node.name);
+            if let Some(suffix) = node.suffix {
+                text.push_str(&suffix.to_string());
+            }
+        }
+        if self.query {
+            text.push('?');
+        }
+        text
+    }
+}
+
+/// A message's units up to its first error, which voids the rest of it.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Program {
+    /// The units in order.
+    pub units: Vec<Unit>,
+    /// What ended the message early.
+    pub error: Option<DeviceError>,
+}
+
+/// Parses a message without its terminator.
+pub fn parse(message: &[u8]) -> Program {
+    let mut cursor = Cursor::new(message);
+    let mut program = Program::default();
+    let mut node = Vec::new();
+    loop {
+        cursor.skip_space();
+        match cursor.peek() {
+            None => return program,
+            // An empty unit does nothing: a trailing `;` is common and harmless.
+            Some(b';') => cursor.at += 1,
+            Some(_) => match unit(&mut cursor, &mut node) {
+                Ok(unit) => program.units.push(unit),
+                Err(error) => {
+                    program.error = Some(error);
+                    return program;
+                }
+            },
+        }
+    }
+}
+
+/// One unit; `node` is the header path that the next one inherits.
+fn unit(cursor: &mut Cursor<'_>, node: &mut Vec<Node>) -> Result<Unit, DeviceError> {
+    let common = cursor.eat(b'*');
+    let mut path = if common || cursor.eat(b':') {
+        Vec::new()
+    } else {
+        node.clone()
+    };
+    path.push(mnemonic(cursor)?);
+    while !common && cursor.eat(b':') {
+        path.push(mnemonic(cursor)?);
+    }
+    let query = cursor.eat(b'?');
+    if !common {
+        node.clone_from(&path);
+        node.pop();
+    }
+    let spaced = cursor.skip_space();
+    let params = match cursor.peek() {
+        None | Some(b';') => Vec::new(),
+        Some(_) if spaced => params(cursor)?,
+        Some(byte) if byte.is_ascii_graphic() => {
+            return Err(cursor.error(ErrorCode::HeaderSeparatorError));
+        }
+        Some(_) => return Err(cursor.error(ErrorCode::InvalidCharacter)),
+    };
+    Ok(Unit {
+        common,
+        path,
+        query,
+        params,
+    })
+}
+
+fn mnemonic(cursor: &mut Cursor<'_>) -> Result<Node, DeviceError> {
+    match cursor.peek() {
+        Some(byte) if byte.is_ascii_alphabetic() => {}
+        Some(byte) if byte.is_ascii_graphic() => {
+            return Err(cursor.error(ErrorCode::CommandHeaderError));
+        }
+        None => return Err(cursor.error(ErrorCode::CommandHeaderError)),
+        Some(_) => return Err(cursor.error(ErrorCode::InvalidCharacter)),
+    }
+    let word = cursor.take_while(|b| b.is_ascii_alphanumeric() || b == b'_');
+    if word.len() > MAX_MNEMONIC {
+        return Err(ErrorCode::ProgramMnemonicTooLong.with(ascii(&word[..MAX_MNEMONIC])));
+    }
+    let digits = word.iter().rev().take_while(|b| b.is_ascii_digit()).count();
+    let (name, suffix) = word.split_at(word.len() - digits);
+    let suffix = match suffix {
+        [] => None,
+        digits => Some(
+            ascii(digits)
+                .parse()
+                .map_err(|_| ErrorCode::HeaderSuffixOutOfRange.with(ascii(word)))?,
+        ),
+    };
+    Ok(Node {
+        name: ascii(name).to_ascii_uppercase(),
+        suffix,
+    })
+}

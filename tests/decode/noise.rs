@@ -1,0 +1,163 @@
+//! Errors sit where the noise of the samples puts them, and that noise is found.
+
+use crate::patterns::*;
+use crate::scene::*;
+use phasma::decode::{Decoder, FrameStack, Options, Samples};
+use phasma::geometry::NoiseModel;
+use phasma::pattern::{Axis, Pattern};
+use std::f64::consts::TAU;
+
+#[test]
+fn phase_noise_sits_on_the_bound() {
+    let scene = Scene::default();
+    let positions = sweep(128);
+    let deviation = (scene.noise.powi(2) + 1.0 / 12.0).sqrt();
+    let unequal = [0.0, 0.4, 1.3, 2.9, 3.3, 5.1];
+    let sets = [3, 4, 5, 12].map(|n| (Some(n), equal(Axis::X, 16.0, n)));
+    for (n, set) in sets
+        .into_iter()
+        .chain([(None, fringes(Axis::X, 16.0, &unequal))])
+    {
+        let manifest = manifest([set, gray(Axis::X, 8.0, 0..8, true)].concat());
+        let options = Options {
+            keep_mixed: true,
+            ..scene.options()
+        };
+        let decoded = scene.decode(&manifest, &positions, options);
+        let f = figures(&decoded, Axis::X, &positions, 4.0);
+        assert!(f.gross == 0.0 && f.coverage > 0.999, "{n:?} {f:?}");
+        assert!((f.ratio - 1.0).abs() < 0.03, "{n:?} {f:?}");
+        if let Some(n) = n {
+            let bound = 16.0 / TAU * (2.0 / n as f64).sqrt() * deviation / (0.5 * scene.swing);
+            assert!((f.rms / bound - 1.0).abs() < 0.03, "{n} {f:?} {bound}");
+            assert!((f.sigma / bound - 1.0).abs() < 0.01, "{n} {f:?} {bound}");
+        }
+    }
+}
+
+#[test]
+fn shot_noise_is_carried_pixel_by_pixel_even_with_three_steps() {
+    // Variance 0.5 + 0.05 I: made here with its own noise per sample.
+    let positions = sweep(128);
+    let scene = Scene {
+        noise: 0.0,
+        ..Scene::default()
+    };
+    let manifest = manifest([equal(Axis::X, 16.0, 3), gray(Axis::X, 8.0, 0..8, true)].concat());
+    let frames: Vec<Vec<u16>> = (0..manifest.frame.len())
+        .map(|k| {
+            let clean = scene.frame(k, &manifest.frame[k].pattern, &positions);
+            clean
+                .iter()
+                .enumerate()
+                .map(|(i, v)| {
+                    let sigma = (0.5 + 0.05 * v).sqrt();
+                    let noisy = v + sigma * normal((k as u64) << 32 | i as u64);
+                    // Sixteen bits, so that rounding is nothing.
+                    (100.0 * noisy).round().clamp(0.0, 65535.0) as u16
+                })
+                .collect()
+        })
+        .collect();
+    let noise = NoiseModel {
+        gain_dn_per_e: 5.0,
+        read_noise_dn: 5000.0f64.sqrt(),
+        black_level_dn: 0.0,
+        saturation_dn: 65535.0,
+    };
+    let options = Options {
+        noise: Some(noise),
+        keep_mixed: true,
+        ..Options::default()
+    };
+    let decoder = Decoder::new(&manifest, WIDTH, 128, None, options).unwrap();
+    let frames = frames.iter().map(|f| Samples::U16(f)).collect();
+    let stack = FrameStack::new(WIDTH, 128, frames).unwrap();
+    let decoded = decoder.decode(&stack).unwrap();
+    // Apart by where in the period the pixel is: the third harmonic shows there.
+    for third in 0..3 {
+        let here: Vec<usize> = (0..positions.len())
+            .filter(|&i| (positions[i][0] / 16.0 * 9.0).rem_euclid(3.0).floor() as i32 == third)
+            .collect();
+        let mut squares = 0.0;
+        for &i in &here {
+            let map = decoded.x.as_ref().unwrap();
+            let error = f64::from(map.coordinate[i]) - positions[i][0];
+            squares += (error / f64::from(map.sigma[i])).powi(2) / here.len() as f64;
+        }
+        assert!(
+            (squares.sqrt() - 1.0).abs() < 0.03,
+            "{third}: {}",
+            squares.sqrt()
+        );
+    }
+}
+
+#[test]
+fn noise_is_estimated_from_redundancy() {
+    let positions = sweep(200);
+    let estimate = |patterns: Vec<Pattern>, noise: f64| {
+        let scene = Scene {
+            noise,
+            ..Scene::default()
+        };
+        let decoded = scene.decode(&manifest(patterns), &positions, Options::default());
+        let f = figures(&decoded, Axis::X, &positions, 8.0);
+        (decoded.noise.unwrap(), f, decoded.notes)
+    };
+    for noise in [0.5, 1.5, 4.0] {
+        let truth = noise * noise + 1.0 / 12.0;
+        for patterns in [
+            [equal(Axis::X, 16.0, 3), gray(Axis::X, 8.0, 0..8, true)].concat(),
+            [
+                equal(Axis::X, 16.0, 12),
+                gray(Axis::X, 8.0, 0..8, false),
+                references(),
+            ]
+            .concat(),
+        ] {
+            let (model, f, _) = estimate(patterns, noise);
+            let found = model.variance_dn2(110.0);
+            assert!((found / truth - 1.0).abs() < 0.1, "{found} {truth}");
+            assert!((f.ratio - 1.0).abs() < 0.06, "{f:?}");
+        }
+    }
+    // Three steps and plain bits tell nothing; that is said.
+    let (_, _, notes) = estimate(
+        [
+            equal(Axis::X, 16.0, 3),
+            gray(Axis::X, 8.0, 0..8, false),
+            references(),
+        ]
+        .concat(),
+        1.0,
+    );
+    assert!(
+        notes.iter().any(|n| n.contains("1 DN is assumed")),
+        "{notes:?}"
+    );
+}
+
+#[test]
+fn rounding_of_twelve_steps_leaves_no_bias() {
+    let positions = sweep(64);
+    let scene = Scene {
+        noise: 0.0,
+        ..Scene::default()
+    };
+    let manifest = manifest([equal(Axis::X, 16.0, 12), gray(Axis::X, 8.0, 0..8, true)].concat());
+    let decoded = scene.decode(&manifest, &positions, scene.options());
+    let f = figures(&decoded, Axis::X, &positions, 1.0);
+    // The bound with a variance of 1/12; rounding is not white, so only nearly.
+    let bound = 16.0 / TAU * (2.0f64 / 12.0).sqrt() * (1.0f64 / 12.0).sqrt() / 90.0;
+    assert!(f.coverage > 0.99 && f.rms < 1.5 * bound, "{f:?} {bound}");
+    let map = decoded.x.as_ref().unwrap();
+    let errors = positions
+        .iter()
+        .zip(&map.coordinate)
+        .filter(|(_, x)| !x.is_nan());
+    let (sum, n) = errors.fold((0.0, 0.0), |(s, n), (p, x)| {
+        (s + f64::from(*x) - p[0], n + 1.0)
+    });
+    assert!((sum / n).abs() < 0.1 * bound, "{}", sum / n);
+}

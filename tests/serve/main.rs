@@ -1,0 +1,8 @@
+//! `phasma serve` and `phasma scan` as processes: ports, sockets, signals, and clients that
+//! misbehave.
+
+mod clients;
+mod directory;
+mod scan;
+mod served;
+mod stream;

@@ -1,0 +1,103 @@
+//! A device that is served for a test.
+
+use phasma::host::{Instrument, SerialPort};
+use phasma::protocol::Endpoints;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Output, Stdio};
+use std::time::{Duration, Instant};
+
+pub const LONG: Duration = Duration::from_secs(5);
+
+/// A device that is served; gone with the test.
+pub struct Served {
+    pub child: Child,
+    pub dir: PathBuf,
+    pub at: Endpoints,
+    _base: tempfile::TempDir,
+}
+
+pub fn phasma() -> Command {
+    Command::new(env!("CARGO_BIN_EXE_phasma"))
+}
+
+/// `phasma serve` of the device and scene that all tests use.
+pub fn serve() -> Command {
+    let mut command = phasma();
+    command.args(["serve", "--profile", "webcam-grey", "--scene", "plane"]);
+    command
+}
+
+pub fn text(output: &Output) -> String {
+    String::from_utf8_lossy(&[&output.stdout[..], &output.stderr].concat()).into_owned()
+}
+
+impl Served {
+    /// Serves on a fast clock, and waits until the device is up.
+    pub fn start(args: &[&str]) -> Self {
+        Self::spawn(serve().args(args))
+    }
+
+    /// [`Self::start`] by a command that still lacks clock and directory.
+    pub fn spawn(command: &mut Command) -> Self {
+        let base = tempfile::tempdir().unwrap();
+        let dir = base.path().join("run");
+        let mut child = command
+            .args(["--clock", "fast", "--run-dir"])
+            .arg(&dir)
+            .stdout(Stdio::null())
+            .spawn()
+            .unwrap();
+        let at = come_up(&mut child, &dir);
+        Self {
+            child,
+            dir,
+            at,
+            _base: base,
+        }
+    }
+
+    pub fn instrument(&self) -> Instrument<SerialPort> {
+        let port = SerialPort::open(self.at.control.to_str().unwrap()).unwrap();
+        Instrument::open(port, LONG).unwrap()
+    }
+
+    pub fn scan(&self, out: &Path, args: &[&str]) -> Output {
+        phasma()
+            .args(["scan", "--camera", &self.at.camera, "--control"])
+            .arg(&self.at.control)
+            .arg("--out")
+            .arg(out)
+            .args(args)
+            .output()
+            .unwrap()
+    }
+
+    pub fn stop(mut self, signal: rustix::process::Signal) {
+        let pid = rustix::process::Pid::from_child(&self.child);
+        rustix::process::kill_process(pid, signal).unwrap();
+        let status = self.child.wait().unwrap();
+        assert_eq!(status.code(), Some(0), "{status}");
+        assert!(!self.dir.exists(), "nothing is left behind");
+    }
+}
+
+impl Drop for Served {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+/// Waits for a device to say where it is.
+fn come_up(child: &mut Child, dir: &Path) -> Endpoints {
+    let end = Instant::now() + LONG;
+    while !dir.join("device.json").exists() {
+        if Instant::now() >= end {
+            let _ = child.kill();
+            panic!("the device does not come up");
+        }
+        assert!(child.try_wait().unwrap().is_none(), "the device has gone");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    Endpoints::read(dir).unwrap()
+}
