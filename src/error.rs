@@ -26,6 +26,14 @@ pub enum Error {
         /// The system's own words.
         source: std::io::Error,
     },
+    /// What a command of ours that ran as a process of its own has said.
+    #[error("{words}")]
+    Relayed {
+        /// Its message.
+        words: String,
+        /// Its exit status.
+        status: u8,
+    },
     /// A device, link or peer that failed or broke its contract.
     #[error("{0}")]
     Device(String),
@@ -57,10 +65,40 @@ impl Error {
         }
     }
 
+    /// The same error with the place that led to it put before; a missing file becomes a mistake of
+    /// whoever named it there.
+    #[must_use]
+    pub fn at(self, outer: impl Display) -> Self {
+        match self {
+            Self::Input {
+                place,
+                found,
+                allowed,
+            } => Self::Input {
+                place: format!("{outer}: {place}"),
+                found,
+                allowed,
+            },
+            Self::Io { place, source } if source.kind() == std::io::ErrorKind::NotFound => {
+                Self::input(format!("{outer}: {place}"), source, "a file that is there")
+            }
+            Self::Io { place, source } => Self::Io {
+                place: format!("{outer}: {place}"),
+                source,
+            },
+            Self::Relayed { words, status } => Self::Relayed {
+                words: format!("{outer}: {words}"),
+                status,
+            },
+            Self::Device(message) => Self::Device(format!("{outer}: {message}")),
+        }
+    }
+
     /// The process's exit status: 2 for a user's mistake (a missing file among them), else 1.
     pub fn exit_code(&self) -> u8 {
         match self {
             Self::Input { .. } => 2,
+            Self::Relayed { status, .. } => *status,
             Self::Io { source, .. } if source.kind() == std::io::ErrorKind::NotFound => 2,
             Self::Io { .. } | Self::Device(_) => 1,
         }

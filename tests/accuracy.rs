@@ -25,7 +25,7 @@ struct Scan {
 fn full_scan(profile: &str, scene: &str, seed: u64, noise: bool) -> Scan {
     let profile = Profile::load(profile).unwrap();
     let scene = Scene::load(scene).unwrap();
-    let mut renderer = Renderer::new(&profile, &scene, seed, noise).unwrap();
+    let mut renderer = Renderer::new(&profile, &scene, seed).unwrap();
     let manifest = profile.manifest(&profile.sequence[0]);
     let shots: Vec<_> = manifest
         .frame

@@ -65,7 +65,7 @@ fn impossible_profiles_are_refused_with_line_and_range() {
         (
             "bits = 8\n\n[projector]",
             "bits = 12\n\n[projector]",
-            vec!["camera.sensor.bits", "8 to 8"],
+            vec!["camera.sensor.bits", "allowed: 8"],
         ),
         (
             "f_number = 16.0",

@@ -81,7 +81,7 @@ fn projector_coordinates_light_and_sight_agree() {
         let profile = bench(distorted);
         for scene in scenes() {
             let reference = Reference::new(&profile, &scene).unwrap();
-            let mut renderer = Renderer::new(&profile, &scene, 1, false).unwrap();
+            let mut renderer = Renderer::new(&profile, &scene, 1).unwrap();
             let truth = renderer.truth(&[]);
             let (mut compared, mut off, mut lit_off) = (0, 0, 0);
             let mut worst = 0.0f64;
@@ -165,7 +165,7 @@ fn grey_levels_agree_away_from_edges_and_are_bounded_on_them() {
         let profile = bench(distorted);
         for scene in scenes() {
             let reference = Reference::new(&profile, &scene).unwrap();
-            let mut renderer = Renderer::new(&profile, &scene, 1, false).unwrap();
+            let mut renderer = Renderer::new(&profile, &scene, 1).unwrap();
             let mesh = renderer.triangle_count() > 0;
             for (k, slide) in patterns(&profile).iter().enumerate() {
                 let fast = renderer.expected_dn(&shot(slide));
@@ -253,7 +253,7 @@ fn bytes_do_not_depend_on_the_number_of_threads() {
             .build()
             .unwrap();
         pool.install(|| {
-            let mut renderer = Renderer::new(&profile, &scene, 42, true).unwrap();
+            let mut renderer = Renderer::new(&profile, &scene, 42).unwrap();
             profile.sequence[0].frame[..3]
                 .iter()
                 .map(|f| renderer.expose(&shot(&slide(&f.pattern, &profile))).data)
@@ -279,10 +279,10 @@ fn what_the_plan_leaves_out_changes_no_byte() {
             },
             &profile,
         );
-        let mut lean = Renderer::new(&profile, &scene, 7, true).unwrap();
+        let mut lean = Renderer::new(&profile, &scene, 7).unwrap();
         let lean_bytes = lean.expose(&shot(&fringe)).data;
         assert!(!lean.plan().varies_y);
-        let mut full = Renderer::new(&profile, &scene, 7, true).unwrap();
+        let mut full = Renderer::new(&profile, &scene, 7).unwrap();
         full.force_full_plan();
         full.expect_slides([along_y.as_ref()]);
         assert!(full.plan().varies_y && full.plan().shadows);
@@ -296,7 +296,7 @@ fn noise_is_that_of_the_sensor() {
     // gain, and its intercept the read noise and the rounding's 1/12 (EMVA 1288, section 6).
     let profile = bench(false);
     let scene = Scene::load("trapezoid").unwrap();
-    let mut renderer = Renderer::new(&profile, &scene, 5, true).unwrap();
+    let mut renderer = Renderer::new(&profile, &scene, 5).unwrap();
     let frames = 40;
     let fringe = slide(&profile.sequence[0].frame[0].pattern, &profile);
     let expected = renderer.expected_dn(&shot(&fringe));
@@ -346,4 +346,51 @@ fn noise_is_that_of_the_sensor() {
         (dark - expected_dark).abs() < 0.02,
         "{dark} {expected_dark}"
     );
+}
+
+#[test]
+fn a_solid_around_the_camera_is_shaded_by_its_own_wall() {
+    let profile = bench(false);
+    // The projector's pupil is 400 mm aside: outside of the first, inside of the second.
+    for (radius, lit) in [(395.0, false), (405.0, true)] {
+        let text = format!(
+            "name = \"shell\"\ndescription = \"\"\n[[object]]\n\
+             shape = {{ kind = \"sphere\", radius_mm = {radius} }}\nalbedo = 0.1\n"
+        );
+        let scene = Scene::parse(&text, "shell").unwrap();
+        let mut renderer = Renderer::new(&profile, &scene, 1).unwrap();
+        let flags = renderer.truth(&[]).flags;
+        let any = flags.iter().any(|f| f & Truth::LIT != 0);
+        assert_eq!(any, lit, "radius {radius}");
+    }
+}
+
+#[test]
+fn a_distorted_projector_lights_nothing_beyond_its_field() {
+    // A barrel so strong that its polynomial folds back into the picture at wide angles. Light
+    // falls on one connected patch, and each lit pixel's ray leads back to its point.
+    let mut profile = bench(false);
+    profile.camera.focal_length_mm = 6.0;
+    profile.projector.throw_ratio = 1.0;
+    profile.projector.lens_shift_px = [0.0, 0.0];
+    profile.projector.distortion = [-0.3, 0.0, 0.0, 0.0, 0.0];
+    let scene = Scene::load("plane").unwrap();
+    let mut renderer = Renderer::new(&profile, &scene, 1).unwrap();
+    let truth = renderer.truth(&[]);
+    let (camera, projector) = (profile.camera.view(), profile.projector.view());
+    let mut lit = 0;
+    for i in (0..truth.flags.len()).filter(|&i| truth.flags[i] & Truth::LIT != 0) {
+        lit += 1;
+        let px = DVec2::new((i % 1138) as f64, (i / 1138) as f64);
+        let point = camera.ray(px) * f64::from(truth.depth_mm[i]);
+        let slide = DVec2::new(truth.projector_x[i].into(), truth.projector_y[i].into());
+        let ray = projector.ray(slide);
+        let way = point - projector.center();
+        let off = (way - ray * (way.dot(ray) / ray.length_squared())).length();
+        assert!(
+            off < 1e-3 * way.length(),
+            "({px}): the slide's ray misses by {off} mm"
+        );
+    }
+    assert!(lit > 1000, "{lit}");
 }

@@ -86,7 +86,7 @@ fn scan(
     let camera = MemoryCamera::default();
     let mut bench = Bench::new(
         Firmware::new(&profile, &[]).unwrap(),
-        Renderer::new(&profile, &Scene::load("plane").unwrap(), 1, false).unwrap(),
+        Renderer::new(&profile, &Scene::load("plane").unwrap(), 1).unwrap(),
         Way {
             camera: camera.clone(),
             fault,

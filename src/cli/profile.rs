@@ -1,5 +1,6 @@
 //! `phasma profile`: lists the built-in profiles and checks profile files.
 
+use crate::decode::Plan;
 use crate::error::Result;
 use crate::profile::{Profile, profile_names};
 
@@ -56,6 +57,10 @@ pub(super) fn run(args: &Args) -> Result<()> {
                     sequence.frame.len(),
                     sequence.period_us
                 );
+                // A sequence may be meant for something else than decoding: no mistake.
+                if let Err(why) = Plan::new(&profile.manifest(sequence)) {
+                    println!("              cannot be decoded: {why}");
+                }
             }
         }
     }

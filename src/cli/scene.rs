@@ -1,7 +1,8 @@
 //! `phasma scene`: lists the built-in scenes and checks scene files.
 
 use crate::error::Result;
-use crate::profile::{Scene, scene_names};
+use crate::geometry::Mesh;
+use crate::profile::{Scene, Shape, scene_names};
 
 /// List or check scenes.
 #[derive(Debug, clap::Args)]
@@ -30,7 +31,18 @@ pub(super) fn run(args: &Args) -> Result<()> {
         }
         Action::Check { file } => {
             let scene = Scene::load(file)?;
-            println!("{file}: ok, {} objects", scene.object.len());
+            let mut triangles = 0;
+            for (i, object) in scene.object.iter().enumerate() {
+                if let Shape::Mesh { file: mesh } = &object.shape {
+                    let place = format!("{file}: object[{i}].shape.file");
+                    let mesh = Mesh::read(&scene.folder.join(mesh)).map_err(|e| e.at(place))?;
+                    triangles += mesh.triangles.len();
+                }
+            }
+            println!(
+                "{file}: ok, {} objects, {triangles} triangles from files",
+                scene.object.len()
+            );
         }
     }
     Ok(())

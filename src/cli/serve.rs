@@ -9,6 +9,7 @@ use std::io::Write;
 use std::path::PathBuf;
 use std::time::Instant;
 use tokio::signal::unix::{SignalKind, signal};
+use tokio::sync::oneshot;
 
 /// Serve an emulated scanner until Ctrl-C or TERM.
 #[derive(Debug, clap::Args)]
@@ -35,6 +36,9 @@ pub(super) struct Args {
     /// Load a sequence of your own: a manifest whose pictures stand beside it. May be repeated.
     #[arg(long, value_name = "FILE")]
     sequence: Vec<PathBuf>,
+    /// End when standard input does: for programs that start a device and may be killed.
+    #[arg(long)]
+    while_stdin: bool,
     /// How device time passes.
     #[arg(long, value_enum, default_value_t = Pace::Real)]
     clock: Pace,
@@ -49,7 +53,8 @@ enum Pace {
 }
 
 pub(super) fn run(args: &Args) -> Result<()> {
-    let profile = Profile::load(&args.profile)?;
+    let mut profile = Profile::load(&args.profile)?;
+    profile.camera.sensor.noiseless = args.no_noise;
     let scene = Scene::load(&args.scene)?;
     let user: Vec<_> = args
         .sequence
@@ -63,7 +68,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let id = &profile.identity;
     let device = Device {
         firmware: Firmware::new(&profile, &user)?,
-        renderer: Renderer::new(&profile, &scene, args.seed, !args.no_noise)?,
+        renderer: Renderer::new(&profile, &scene, args.seed)?,
         clock,
         name: format!(
             "{},{},{},{}",
@@ -83,6 +88,9 @@ pub(super) fn run(args: &Args) -> Result<()> {
         let signal = |kind| signal(kind).map_err(|e| Error::io("signals", e));
         let mut interrupt = signal(SignalKind::interrupt())?;
         let mut terminate = signal(SignalKind::terminate())?;
+        // A terminal that is closed.
+        let mut hang_up = signal(SignalKind::hangup())?;
+        let parent = args.while_stdin.then(end_of_input);
         let run_dir = match &args.run_dir {
             // device.json is read from anywhere.
             Some(dir) => std::path::absolute(dir).map_err(|e| Error::io(dir, e))?,
@@ -93,11 +101,32 @@ pub(super) fn run(args: &Args) -> Result<()> {
             tokio::select! {
                 _ = interrupt.recv() => {}
                 _ = terminate.recv() => {}
+                _ = hang_up.recv() => {}
+                () = gone(parent) => {}
             }
         };
         let start = Instant::now();
         serve(device, run_dir, move || start.elapsed(), announce, shutdown).await
     })
+}
+
+/// Tells when standard input has ended: whoever held its other end is gone, even by KILL.
+fn end_of_input() -> oneshot::Receiver<()> {
+    let (ended, wait) = oneshot::channel();
+    std::thread::spawn(move || {
+        // What is written there is nobody's concern; an error is an end too.
+        let _ = std::io::copy(&mut std::io::stdin(), &mut std::io::sink());
+        let _ = ended.send(());
+    });
+    wait
+}
+
+async fn gone(parent: Option<oneshot::Receiver<()>>) {
+    match parent {
+        // The thread sends, or dies: both are the end.
+        Some(wait) => drop(wait.await),
+        None => std::future::pending().await,
+    }
 }
 
 /// One directory a profile: `$XDG_RUNTIME_DIR/phasma-NAME`, or `/tmp/phasma-UID-NAME`.

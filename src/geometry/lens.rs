@@ -39,12 +39,27 @@ impl Lens {
     }
 
     /// The pixel that sees (or lights) a point in the lens's frame, in millimetres; `None` for a
-    /// point that is not in front of the lens.
+    /// point that is not in front of the lens, or so far aside that the distortion's polynomial
+    /// folds it back into the image.
     pub fn project(&self, p: DVec3) -> Option<DVec2> {
-        (p.z > 0.0).then(|| self.distort_to_px(p.truncate() / p.z))
+        (p.z > 0.0)
+            .then(|| self.place(p.truncate() / p.z))
+            .flatten()
     }
 
-    /// Pixel of the ideal image point (X/Z, Y/Z).
+    /// Pixel of the ideal image point (X/Z, Y/Z); `None` where the polynomial has folded back into
+    /// the image, which a real lens does not do.
+    pub fn place(&self, ideal: DVec2) -> Option<DVec2> {
+        let px = self.distort_to_px(ideal);
+        if !self.is_distorted() || !self.contains(px) {
+            return Some(px);
+        }
+        // Each pixel has one ray: Newton's method finds it, starting from the middle.
+        let back = self.undistort((px - self.principal_px) / self.focal_px);
+        ((back - ideal).length() <= 1e-6 * (1.0 + ideal.length())).then_some(px)
+    }
+
+    /// Pixel of the ideal image point (X/Z, Y/Z) by the bare polynomial; see [`Self::place`].
     pub fn distort_to_px(&self, ideal: DVec2) -> DVec2 {
         self.focal_px * self.distort(ideal) + self.principal_px
     }
@@ -174,5 +189,10 @@ mod tests {
                 .is_nan()
         );
         assert!(lens([0.0; 5]).project(DVec3::new(0.0, 0.0, -1.0)).is_none());
+        // x' = x (1 - 0.3 x^2) rises up to x = 1.05 and is back in the image's middle at 1.8.
+        let barrel = lens([-0.3, 0.0, 0.0, 0.0, 0.0]);
+        assert!(barrel.contains(barrel.distort_to_px(DVec2::new(1.8, 0.0))));
+        assert!(barrel.project(DVec3::new(1.8, 0.0, 1.0)).is_none());
+        assert!(barrel.project(DVec3::new(0.8, 0.0, 1.0)).is_some());
     }
 }

@@ -1,7 +1,7 @@
 //! Shapes with a closed form: intersected analytically, in f64, in their own frame.
 //!
-//! They stand on z = 0 and rise towards -z. All of them are convex, so none shades itself other
-//! than by facing away.
+//! They stand on z = 0 and rise towards -z. All of them are convex: seen from outside, none shades
+//! itself other than by facing away.
 
 use glam::{DVec2, DVec3};
 
@@ -60,6 +60,19 @@ impl Solid {
                 (DVec3::new(0.0, out, up), offset),
                 (DVec3::new(0.0, -out, up), offset),
             ],
+        }
+    }
+
+    /// Whether a point lies within the solid; a plane holds none.
+    pub fn contains(&self, p: DVec3) -> bool {
+        match *self {
+            Self::Plane { .. } => false,
+            Self::Sphere { radius } => p.length() < radius,
+            Self::Cylinder {
+                radius,
+                half_length,
+            } => p.x.hypot(p.z) < radius && p.y.abs() < half_length,
+            Self::Frustum { ref faces } => faces.iter().all(|(n, offset)| n.dot(p) < *offset),
         }
     }
 

@@ -9,7 +9,7 @@ use crate::pattern::manifest::{MAX_SIDE_PX, check_frames};
 use crate::pattern::{Axis, Pattern};
 use crate::protocol::PixelFormat;
 use glam::DVec2;
-use std::fmt::{Debug, Display};
+use std::fmt::{Display, LowerExp};
 use std::ops::RangeInclusive;
 
 /// A source with the checks that its values go through.
@@ -25,17 +25,26 @@ impl<'a> Check<'a> {
     /// A finite number in an inclusive range.
     fn within<T>(&self, field: &str, value: T, range: RangeInclusive<T>) -> Result<()>
     where
-        T: PartialOrd + Display + Debug + Copy,
+        T: PartialOrd + Display + LowerExp + Copy,
     {
         // NaN compares as outside of every range.
         if range.contains(&value) {
             return Ok(());
         }
-        Err(self.source.violation(
-            field,
-            value,
-            format!("{} to {}", range.start(), range.end()),
-        ))
+        let (low, high) = (range.start(), range.end());
+        let allowed = if low == high {
+            low.to_string()
+        } else {
+            format!("{low} to {high}")
+        };
+        // Three hundred digits tell no more than an exponent.
+        let plain = value.to_string();
+        let found = if plain.len() <= 24 {
+            plain
+        } else {
+            format!("{value:e}")
+        };
+        Err(self.source.violation(field, found, allowed))
     }
 
     fn all_within(&self, field: &str, values: &[f64], range: RangeInclusive<f64>) -> Result<()> {

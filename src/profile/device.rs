@@ -95,6 +95,9 @@ pub struct Sensor {
     pub black_level_dn: f64,
     /// Bits of the converter, 8 to 16.
     pub bits: u32,
+    /// Leaves shot and read noise out: chosen at run time, not a property of a model.
+    #[serde(skip)]
+    pub noiseless: bool,
 }
 
 /// The projector, an inverse camera.
@@ -229,8 +232,12 @@ impl Sensor {
         let gain = self.gain_at(gain_db);
         let full_well_dn = self.black_level_dn + gain * self.full_well_e;
         NoiseModel {
-            gain_dn_per_e: gain,
-            read_noise_dn: gain * self.read_noise_e,
+            gain_dn_per_e: if self.noiseless { 0.0 } else { gain },
+            read_noise_dn: if self.noiseless {
+                0.0
+            } else {
+                gain * self.read_noise_e
+            },
             black_level_dn: self.black_level_dn,
             saturation_dn: full_well_dn.min(self.full_scale_dn()).floor(),
         }

@@ -62,7 +62,7 @@ impl TomlSource {
             Error::input(
                 format!("{}:{line}", self.place),
                 message,
-                "the fields and types that the documentation lists",
+                "what the README and the files in device-profiles show",
             )
         })
     }

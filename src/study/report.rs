@@ -34,6 +34,8 @@ pub struct Summary {
     /// Errors against the truth.
     #[serde(flatten)]
     pub score: Score,
+    /// Pixels left out of the cloud, by reason.
+    pub masked: Vec<(&'static str, usize)>,
     /// Seconds that the device spent on rendering the frames.
     pub render_s: f64,
     /// Seconds from opening the device to the last frame.
@@ -58,7 +60,8 @@ impl fmt::Display for Summary {
         let points = s.points - c.points;
         writeln!(f, "{:<26}{:>12}{:>14}", "points", points, c.points)?;
         let mut percent = |name, a: f64, b: f64| {
-            writeln!(f, "{name:<26}{:>10.3} %{:>12.3} %", 100.0 * a, 100.0 * b)
+            let share = |v: f64| cell(100.0 * v, 3, "%");
+            writeln!(f, "{name:<26}{:>12}{:>14}", share(a), share(b))
         };
         percent("coverage", s.coverage, c.coverage)?;
         percent(
@@ -67,21 +70,38 @@ impl fmt::Display for Summary {
             c.gross_error_rate,
         )?;
         let mut mm = |name, a: f64, b: Option<f64>| {
-            let b = b.map_or(String::new(), |b| format!("{b:>11.4} mm"));
-            writeln!(f, "{name:<26}{a:>9.4} mm{b}")
+            let b = b.map_or(String::new(), |b| cell(b, 4, "mm"));
+            writeln!(f, "{name:<26}{:>12}{b:>14}", cell(a, 4, "mm"))
         };
         mm("inlier RMS error", s.inlier_rmse_mm, Some(c.inlier_rmse_mm))?;
         mm("mean absolute error", s.mae_mm, Some(c.mae_mm))?;
         mm("Hausdorff distance", s.hausdorff_mm, None)?;
         mm("mean distance to agreement", s.mdta_mm, None)?;
         mm("noise bound", s.bound_mm, None)?;
-        writeln!(f, "{:<26}{:>12.3}", "error over bound", s.ratio_to_bound)?;
+        writeln!(
+            f,
+            "{:<26}{:>12}",
+            "error over bound",
+            cell(s.ratio_to_bound, 3, "")
+        )?;
+        for (reason, pixels) in self.masked.iter().filter(|(_, pixels)| *pixels > 0) {
+            writeln!(f, "{:<26}{pixels:>12}", format!("left out, {reason}"))?;
+        }
         writeln!(f)?;
         writeln!(
             f,
             "rendered in {:.2} s, captured in {:.2} s, decoded in {:.3} s, {:.1} s in all",
             self.render_s, self.capture_s, self.decode_s, self.total_s
         )
+    }
+}
+
+/// A number with its unit, or a dash where there is none.
+fn cell(value: f64, digits: usize, unit: &str) -> String {
+    if value.is_finite() {
+        format!("{value:.digits$} {unit}").trim_end().to_owned()
+    } else {
+        "-".to_owned()
     }
 }
 

@@ -11,7 +11,8 @@ use glam::{DVec2, DVec3};
 use serde::Serialize;
 use std::f64::consts::TAU;
 
-/// Errors over the pixels whose footprint meets one smooth surface, and over the others.
+/// Errors over the pixels whose footprint meets one smooth surface, and over the others. NaN (null
+/// in JSON) where there is no pixel of the kind.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Score {
     /// Pixels with a measured point.
@@ -155,16 +156,25 @@ impl Tally {
     }
 
     fn coverage(&self) -> f64 {
-        self.found as f64 / self.expected.max(1) as f64
+        ratio(self.found as f64, self.expected)
     }
     fn gross_rate(&self) -> f64 {
-        self.gross as f64 / self.points.max(1) as f64
+        ratio(self.gross as f64, self.points)
     }
     fn inlier_rmse(&self) -> f64 {
-        (self.squares / self.inliers.max(1) as f64).sqrt()
+        ratio(self.squares, self.inliers).sqrt()
     }
     fn mae(&self) -> f64 {
-        self.absolute / self.with_truth.max(1) as f64
+        ratio(self.absolute, self.with_truth)
+    }
+}
+
+/// NaN, null in JSON, where there is nothing to speak of: no error is not a small error.
+fn ratio(sum: f64, count: usize) -> f64 {
+    if count == 0 {
+        f64::NAN
+    } else {
+        sum / count as f64
     }
 }
 
@@ -234,8 +244,7 @@ impl<'a> Noise<'a> {
                 ratios += (error / bound).powi(2);
             }
         }
-        let n = count.max(1) as f64;
-        ((bounds / n).sqrt(), (ratios / n).sqrt())
+        (ratio(bounds, count).sqrt(), ratio(ratios, count).sqrt())
     }
 }
 

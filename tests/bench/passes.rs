@@ -107,7 +107,7 @@ struct Setup {
 impl Setup {
     fn new(profile: &Profile, scene: &str) -> Self {
         let scene = Scene::load(scene).expect("built in");
-        let mut renderer = Renderer::new(profile, &scene, 1, true).expect("built in");
+        let mut renderer = Renderer::new(profile, &scene, 1).expect("built in");
         let slide = |frame: &phasma::pattern::ManifestFrame| {
             let none = |_: &std::path::Path| unreachable!("no images");
             Arc::new(Slide::new(&frame.pattern, &profile.projector, &none).expect("has a formula"))

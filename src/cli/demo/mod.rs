@@ -3,7 +3,7 @@
 mod served;
 
 use super::scan::capture;
-use crate::decode::Options;
+use crate::decode::{Options, Summary as Decoding};
 use crate::emulator::Truth;
 use crate::error::{Error, Result};
 use crate::geometry::ply;
@@ -83,6 +83,11 @@ pub(super) fn run(args: &Args) -> Result<()> {
     ply::write_cloud(&args.out.join(CLOUD), &decoder.cloud(&decoded))?;
     let frame = seen(&captured)?;
     write_pictures(&args.out, &frame, &decoded, &truth, &rig)?;
+    let masked = Decoding::new(&decoder, &decoded)
+        .axes
+        .into_iter()
+        .flat_map(|axis| axis.masked)
+        .collect();
     let summary = Summary {
         made_by: format!("phasma demo {}", env!("CARGO_PKG_VERSION")),
         device: captured.idn.clone(),
@@ -92,6 +97,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
         noise: !args.no_noise,
         frames: captured.frames.len(),
         score,
+        masked,
         render_s,
         capture_s,
         decode_s,
@@ -109,6 +115,12 @@ pub(super) fn run(args: &Args) -> Result<()> {
             args.out.display(),
             PICTURES.join(", ")
         );
+    }
+    if summary.score.points == 0 {
+        return Err(Error::device(format!(
+            "no point was measured: {} before {} gives the scanner nothing to see or to light",
+            args.profile, args.scene
+        )));
     }
     Ok(())
 }

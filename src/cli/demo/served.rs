@@ -35,7 +35,9 @@ impl Served {
             .args(arguments)
             .arg("--run-dir")
             .arg(&run_dir)
-            .stdin(Stdio::null())
+            // It ends when this process does, however that happens.
+            .arg("--while-stdin")
+            .stdin(Stdio::piped())
             .stdout(Stdio::null())
             .stderr(Stdio::piped())
             .spawn()
@@ -83,9 +85,10 @@ impl Served {
         let status = terminate(&mut self.child);
         match status {
             Some(0) => Ok(()),
-            other => Err(Error::device(format!(
-                "phasma serve ended with status {other:?} when asked to stop, want 0"
+            Some(other) => Err(Error::device(format!(
+                "phasma serve ended with status {other} when asked to stop, want 0"
             ))),
+            None => Err(Error::device("phasma serve did not end when asked to stop")),
         }
     }
 }
@@ -110,12 +113,15 @@ impl Starting {
             let _ = stderr.take(1 << 16).read_to_string(&mut words);
         }
         let words = words.trim().trim_start_matches("phasma: ");
-        match (code, words.split_once("; allowed: ")) {
-            (Some(2), Some((left, allowed))) => match left.rsplit_once(": ") {
-                Some((place, found)) => Error::input(place, found, allowed),
-                None => Error::input("phasma serve", left, allowed),
+        match code {
+            Some(status @ 1..=2) if !words.is_empty() => Error::Relayed {
+                words: words.to_owned(),
+                status: status as u8,
             },
-            _ => Error::device(format!("phasma serve ended with status {code:?}: {words}")),
+            Some(status) => {
+                Error::device(format!("phasma serve ended with status {status}: {words}"))
+            }
+            None => Error::device(format!("phasma serve was killed: {words}")),
         }
     }
 }

@@ -35,8 +35,7 @@ impl Plan {
         let mut plan = Self {
             camera_distortion: camera.lens.is_distorted(),
             projector_distortion: projector.lens.is_distorted(),
-            // One convex solid shades itself only by facing away.
-            shadows: world.triangle_count() > 0 || world.solid_count() > 1,
+            shadows: world.casts_shadows(),
             varies_x: false,
             varies_y: false,
             noise,

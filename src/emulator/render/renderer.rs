@@ -40,11 +40,12 @@ pub struct Renderer {
 const MOST_TABLES: usize = 64;
 
 impl Renderer {
-    /// Prepares a scene; `noise` off leaves the sensor's random terms out.
+    /// Prepares a scene. `seed` keys the sensor's noise.
     ///
     /// # Errors
-    /// Mesh files that cannot be read.
-    pub fn new(profile: &Profile, scene: &Scene, seed: u64, noise: bool) -> Result<Self> {
+    /// Mesh files that cannot be read, or too many triangles.
+    pub fn new(profile: &Profile, scene: &Scene, seed: u64) -> Result<Self> {
+        let noise = !profile.camera.sensor.noiseless;
         let world = World::new(scene)?;
         let optics = Optics::new(profile, scene);
         let plan = Plan::new(

@@ -203,7 +203,8 @@ fn distort(lens: &Lens, shaded: &mut Shaded) {
     for lane in 0..LANES {
         let px = DVec2::new(shaded.px[0][lane], shaded.px[1][lane]);
         let ideal = (px - lens.principal_px) / lens.focal_px;
-        let distorted = lens.distort_to_px(ideal);
+        // A coordinate that has folded back is nowhere: NaN is in no field.
+        let distorted = lens.place(ideal).unwrap_or(DVec2::NAN);
         let scale = DMat2::from_diagonal(lens.focal_px);
         let jacobian = scale * lens.distort_jacobian(ideal) * scale.inverse();
         shaded.px[0][lane] = distorted.x;

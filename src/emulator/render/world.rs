@@ -2,7 +2,7 @@
 //! frame.
 
 use super::shade::Wide;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::geometry::raycast::{Bvh, LANES, NO_TRIANGLE, Packet};
 use crate::geometry::{Mesh, Pose, Solid, shapes};
 use crate::profile::{Object, Scene, Shape};
@@ -14,6 +14,8 @@ use std::path::Path;
 const SHADOW_END: f32 = 1.0 - 1e-5;
 /// The same for solids, whose intersection is in f64.
 const SHADOW_END_SOLID: f64 = 1.0 - 1e-9;
+/// Most triangles of a scene: some 10 GiB with their hierarchy.
+const MAX_TRIANGLES: usize = 50_000_000;
 /// Facets that a solid may have.
 const FACETS: u32 = 8;
 
@@ -72,6 +74,8 @@ struct Placed {
     rig_from_solid: Pose,
     solid_from_rig: Pose,
     object: u16,
+    /// The camera is inside and sees the inner wall, which the outer one shades.
+    around_camera: bool,
 }
 
 /// All surfaces.
@@ -110,9 +114,19 @@ impl World {
                 rig_from_solid: pose,
                 solid_from_rig: pose.inverse(),
                 object: index,
+                around_camera: solid.contains(pose.inverse().translation_mm),
             }),
             None => {
-                let mesh = mesh(&object.shape, folder)?;
+                let place = || format!("scene, object[{index}].shape");
+                let mesh = mesh(&object.shape, folder).map_err(|e| e.at(place()))?;
+                let total = self.triangles.len() + mesh.triangles.len();
+                if total > MAX_TRIANGLES {
+                    return Err(Error::input(
+                        place(),
+                        format!("{total} triangles with those before it"),
+                        format!("up to {MAX_TRIANGLES} triangles in a scene"),
+                    ));
+                }
                 let first = self.vertices.len() as u32;
                 let placed = mesh.vertices.iter().map(|&v| pose.point(v * object.scale));
                 self.vertices.extend(placed);
@@ -128,8 +142,12 @@ impl World {
         self.triangles.len()
     }
 
-    pub(super) fn solid_count(&self) -> usize {
-        self.solids.len()
+    /// Whether some surface may stand in the light of another, or of itself: one convex solid, seen
+    /// from outside, shades itself only by facing away.
+    pub(super) fn casts_shadows(&self) -> bool {
+        !self.triangles.is_empty()
+            || self.solids.len() > 1
+            || self.solids.iter().any(|s| s.around_camera)
     }
 
     /// Whether a surface belongs to a mesh: neighbours of one mesh may form one smooth surface.
@@ -239,8 +257,9 @@ impl World {
                 let Some((point, surface)) = points[lane] else {
                     continue;
                 };
-                // A convex solid shades itself only by facing away.
-                if blocked[lane] || self.object(surface) == placed.object {
+                // Seen from outside, a convex solid shades itself only by facing away.
+                let own = self.object(surface) == placed.object && !placed.around_camera;
+                if blocked[lane] || own {
                     continue;
                 }
                 let direction = placed.solid_from_rig.direction(point - pupil);
