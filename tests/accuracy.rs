@@ -23,7 +23,8 @@ struct Scan {
 }
 
 fn full_scan(profile: &str, scene: &str, seed: u64, noise: bool) -> Scan {
-    let profile = Profile::load(profile).unwrap();
+    let mut profile = Profile::load(profile).unwrap();
+    profile.camera.sensor.noiseless = !noise;
     let scene = Scene::load(scene).unwrap();
     let mut renderer = Renderer::new(&profile, &scene, seed).unwrap();
     let manifest = profile.manifest(&profile.sequence[0]);
