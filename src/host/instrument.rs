@@ -226,7 +226,7 @@ impl<P: CommandPort> Instrument<P> {
 
     /// Number and text of a reply to `SYSTem:ERRor?`; `None` for no error.
     fn error(&self, reply: &[u8]) -> Result<Option<(i32, String)>> {
-        let text = String::from_utf8_lossy(reply).into_owned();
+        let text = printable(&String::from_utf8_lossy(reply));
         let number = text
             .split_once(',')
             .and_then(|(number, _)| number.trim().parse().ok());
@@ -282,6 +282,21 @@ impl<P: CommandPort> Instrument<P> {
             self.received.extend_from_slice(&buffer[..len]);
         }
     }
+}
+
+/// A device's words for a terminal: whatever would steer one is escaped.
+fn printable(text: &str) -> String {
+    let mut shown = String::with_capacity(text.len());
+    for c in text.chars() {
+        let escaped = c.escape_debug();
+        // Quotes and backslashes are as harmless as they are frequent.
+        if c.is_ascii_graphic() || escaped.len() == 1 {
+            shown.push(c);
+        } else {
+            shown.extend(escaped);
+        }
+    }
+    shown
 }
 
 #[cfg(test)]
@@ -347,6 +362,19 @@ mod tests {
         assert!(message.contains("CAM:EXP 9"), "{message}");
     }
 
+    #[test]
+    fn a_device_s_words_cannot_steer_a_terminal() {
+        let mut instrument = instrument(&[(
+            "SYST:ERR?",
+            b"-300,\"\x1b]0;owned\x07\x1b[2J\xc2\x9b1m\xe2\x80\xae\r\xc3\xa9\\\"\n",
+        )]);
+        let message = instrument.check("*RST").unwrap_err().to_string();
+        assert!(!message.contains(char::is_control), "{message:?}");
+        assert!(!message.contains('\u{202e}'), "{message:?}");
+        let needle = "-300,\"\\u{1b}]0;owned\\u{7}\\u{1b}[2J\\u{9b}1m\\u{202e}\\r\u{e9}\\\"";
+        assert!(message.contains(needle), "{message}");
+    }
+
     /// Answers every question with an error, each after a while.
     struct Complainer {
         pause: Duration,
@@ -380,7 +408,7 @@ mod tests {
     fn a_device_that_goes_on_complaining_is_cut_short() {
         for (pause, timeout, needle) in [
             (Duration::ZERO, LONG, "-300,\"no. 5\"; and 59 more"),
-            (SHORT / 2, SHORT, "-300,\"no. 1\""),
+            (SHORT / 4, SHORT, "-300,\"no. 1\""),
         ] {
             let mut instrument = Instrument {
                 port: Complainer {
