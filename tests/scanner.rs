@@ -20,6 +20,8 @@ enum Fault {
     Foreign,
     Stray,
     WrongSize,
+    /// The last id there is, in the place of pattern 0 already.
+    LastId,
 }
 
 /// The way from the device to the camera, with a fault in the first runs.
@@ -35,14 +37,18 @@ impl FrameSink for Way {
     }
 
     fn put(&mut self, frame: Arc<Frame>) {
-        let frame = (*frame).clone();
+        let mut frame = (*frame).clone();
+        if matches!(self.fault, Fault::LastId) && self.bad_runs > 0 {
+            // Pattern 4 has id 2^64 - 1.
+            frame.id = frame.id.wrapping_sub(5);
+        }
         if frame.pattern_index != Some(4) || self.bad_runs == 0 {
             self.camera.put(frame);
             return;
         }
         self.bad_runs -= 1;
         match self.fault {
-            Fault::None => self.camera.put(frame),
+            Fault::None | Fault::LastId => self.camera.put(frame),
             Fault::Dropped => {}
             Fault::Repeated => {
                 self.camera.put(frame.clone());
@@ -141,6 +147,7 @@ fn a_fault_is_named_and_the_run_repeated_once() {
         ),
         (Fault::Stray, "frame 81 with pattern 4 is foreign"),
         (Fault::WrongSize, "frame 4 is foreign: 640 x 240 pixels"),
+        (Fault::LastId, "frame 5 is foreign: ids end before it"),
     ] {
         let (captured, retries) = scan(fault, 1, &options());
         assert_eq!(captured.unwrap().frames.len(), 13, "{fault:?}");
@@ -173,6 +180,46 @@ fn a_missing_last_frame_is_a_timeout_that_says_how_long() {
     let needle = "pattern 13 of 14 is missing: no frame within 0.02 s";
     assert!(message.contains(needle), "{message}");
     assert_eq!(retries.len(), 1);
+}
+
+#[test]
+fn more_frames_than_memory_holds_are_refused_at_once() {
+    let mut profile = Profile::load("webcam-grey").unwrap();
+    (profile.camera.width_px, profile.camera.height_px) = (1280, 960);
+    let mut manifest = profile.manifest(&profile.sequence[0]);
+    manifest.frame = vec![manifest.frame[0].clone(); 4096];
+    let options = ScanOptions {
+        sequence: None,
+        manifest: Some(manifest),
+        frame_timeout: SHORT,
+    };
+    for calibrated in [true, false] {
+        let camera = MemoryCamera::default();
+        let mut bench = Bench::new(
+            Firmware::new(&profile, &[]).unwrap(),
+            Renderer::new(&profile, &Scene::load("plane").unwrap(), 1, false).unwrap(),
+            Way {
+                camera: camera.clone(),
+                fault: Fault::None,
+                bad_runs: 0,
+            },
+        );
+        let port = MemoryPort::new(move |bytes: &[u8]| match bytes {
+            b"CAL:DATA?\n" if !calibrated => bench.control(b"NONE?\n"),
+            _ => bench.control(bytes),
+        });
+        let mut scanner = Scanner::new(port, SHORT, || Ok(camera)).unwrap();
+        let result = scanner.scan(&options, &mut |progress| {
+            assert!(matches!(progress, Progress::Identified(_)), "{progress:?}");
+        });
+        let error = result.unwrap_err();
+        assert_eq!(error.exit_code(), 1);
+        let message = error.to_string();
+        assert!(message.contains("4096 frames of "), "{message}");
+        assert!(message.contains("at most 4096 MiB"), "{message}");
+        let exposed = scanner.instrument().query("DIAG:FRAM?").unwrap() != "0";
+        assert_eq!(exposed, !calibrated, "refused before INIT when it can be");
+    }
 }
 
 #[test]

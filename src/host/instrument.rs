@@ -15,6 +15,8 @@ const LAST_MARK: u8 = 125;
 const ASK_AGAIN: Duration = Duration::from_millis(1500);
 /// Errors that are read from a device before it is told to forget the rest.
 const MAX_ERRORS: usize = 64;
+/// Errors that are shown; the others are counted.
+const SHOWN_ERRORS: usize = 5;
 
 /// A conversation with an instrument.
 pub struct Instrument<P> {
@@ -189,31 +191,42 @@ impl<P: CommandPort> Instrument<P> {
         self.failure(format!("the device refuses {order}: {text}"))
     }
 
-    /// Reads the device's error queue until it is empty.
+    /// Reads the device's error queue until it is empty, or until the timeout: a device that has
+    /// more to say each time does not prolong the wait.
     ///
     /// # Errors
-    /// What the device complains of, in its own words.
+    /// What the device complains of, in its own words: the first complaints and the number of the
+    /// others.
     pub fn check(&mut self, context: &str) -> Result<()> {
+        let end = Instant::now() + self.timeout;
         let mut complaints = Vec::new();
         while complaints.len() < MAX_ERRORS {
             self.tell("SYST:ERR?")?;
-            let Some(reply) = self.reply()? else {
-                return Err(self.silence("SYST:ERR?"));
-            };
-            match self.error(&reply)? {
-                Some((_, text)) => complaints.push(text),
-                None => break,
+            match self.reply_until(end)? {
+                // A complaint that has come says more than the silence after it.
+                None if !complaints.is_empty() => break,
+                None => return Err(self.silence("SYST:ERR?")),
+                Some(reply) => match self.error(&reply)? {
+                    Some((_, text)) => complaints.push(text),
+                    None => break,
+                },
             }
         }
         if complaints.is_empty() {
             return Ok(());
         }
-        Err(self.complaint(context, &complaints.join("; ")))
+        let others = complaints.len().saturating_sub(SHOWN_ERRORS);
+        complaints.truncate(SHOWN_ERRORS);
+        let mut words = complaints.join("; ");
+        if others > 0 {
+            words.push_str(&format!("; and {others} more"));
+        }
+        Err(self.complaint(context, &words))
     }
 
     /// Number and text of a reply to `SYSTem:ERRor?`; `None` for no error.
     fn error(&self, reply: &[u8]) -> Result<Option<(i32, String)>> {
-        let text = String::from_utf8_lossy(reply).into_owned();
+        let text = printable(&String::from_utf8_lossy(reply));
         let number = text
             .split_once(',')
             .and_then(|(number, _)| number.trim().parse().ok());
@@ -226,7 +239,10 @@ impl<P: CommandPort> Instrument<P> {
 
     /// One reply without its newline; `None` when it has not come whole in time.
     fn reply(&mut self) -> Result<Option<Vec<u8>>> {
-        let end = Instant::now() + self.timeout;
+        self.reply_until(Instant::now() + self.timeout)
+    }
+
+    fn reply_until(&mut self, end: Instant) -> Result<Option<Vec<u8>>> {
         let mut buffer = [0; 16 << 10];
         // Newlines before this offset are content, or have been looked for in vain.
         let mut searched = 0;
@@ -268,12 +284,28 @@ impl<P: CommandPort> Instrument<P> {
     }
 }
 
+/// A device's words for a terminal: whatever would steer one is escaped.
+fn printable(text: &str) -> String {
+    let mut shown = String::with_capacity(text.len());
+    for c in text.chars() {
+        let escaped = c.escape_debug();
+        // Quotes and backslashes are as harmless as they are frequent.
+        if c.is_ascii_graphic() || escaped.len() == 1 {
+            shown.push(c);
+        } else {
+            shown.extend(escaped);
+        }
+    }
+    shown
+}
+
 #[cfg(test)]
 mod tests {
     use super::super::MemoryPort;
     use super::*;
 
     const SHORT: Duration = Duration::from_millis(30);
+    const LONG: Duration = Duration::from_secs(60);
 
     /// An instrument that answers each line by a list.
     fn instrument(
@@ -328,6 +360,71 @@ mod tests {
             "{message}"
         );
         assert!(message.contains("CAM:EXP 9"), "{message}");
+    }
+
+    #[test]
+    fn a_device_s_words_cannot_steer_a_terminal() {
+        let mut instrument = instrument(&[(
+            "SYST:ERR?",
+            b"-300,\"\x1b]0;owned\x07\x1b[2J\xc2\x9b1m\xe2\x80\xae\r\xc3\xa9\\\"\n",
+        )]);
+        let message = instrument.check("*RST").unwrap_err().to_string();
+        assert!(!message.contains(char::is_control), "{message:?}");
+        assert!(!message.contains('\u{202e}'), "{message:?}");
+        let needle = "-300,\"\\u{1b}]0;owned\\u{7}\\u{1b}[2J\\u{9b}1m\\u{202e}\\r\u{e9}\\\"";
+        assert!(message.contains(needle), "{message}");
+    }
+
+    /// Answers every question with an error, each after a while.
+    struct Complainer {
+        pause: Duration,
+        asked: u32,
+        answered: u32,
+    }
+
+    impl CommandPort for Complainer {
+        fn info(&self) -> &str {
+            "complainer"
+        }
+
+        fn send(&mut self, bytes: &[u8], _timeout: Duration) -> Result<()> {
+            self.asked += u32::from(bytes == b"SYST:ERR?\n");
+            Ok(())
+        }
+
+        fn receive(&mut self, buffer: &mut [u8], timeout: Duration) -> Result<usize> {
+            std::thread::sleep(self.pause.min(timeout));
+            if self.pause > timeout || self.answered == self.asked {
+                return Ok(0);
+            }
+            self.answered += 1;
+            let reply = format!("-300,\"no. {}\"\n", self.answered);
+            buffer[..reply.len()].copy_from_slice(reply.as_bytes());
+            Ok(reply.len())
+        }
+    }
+
+    #[test]
+    fn a_device_that_goes_on_complaining_is_cut_short() {
+        for (pause, timeout, needle) in [
+            (Duration::ZERO, LONG, "-300,\"no. 5\"; and 59 more"),
+            (SHORT / 4, SHORT, "-300,\"no. 1\""),
+        ] {
+            let mut instrument = Instrument {
+                port: Complainer {
+                    pause,
+                    asked: 0,
+                    answered: 0,
+                },
+                timeout,
+                received: Vec::new(),
+            };
+            let start = Instant::now();
+            let message = instrument.order("*RST").unwrap_err().to_string();
+            assert!(message.contains(needle), "{message}");
+            assert!(message.matches("-300").count() <= 5, "{message}");
+            assert!(start.elapsed() < 20 * SHORT, "{:?}", start.elapsed());
+        }
     }
 
     #[test]

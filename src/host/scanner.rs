@@ -11,6 +11,8 @@ use std::time::{Duration, Instant};
 
 /// How long the camera has to be silent before a run starts.
 const QUIET: Duration = Duration::from_millis(20);
+/// Bytes that a run's frames may take in memory, as many as the decoder takes from files.
+const MAX_BYTES: u64 = 4 << 30;
 
 /// How to scan.
 #[derive(Debug, Clone)]
@@ -210,6 +212,10 @@ impl<C: Camera, P: CommandPort> Scanner<C, P> {
         timeout: Duration,
         progress: &mut dyn FnMut(Progress<'_>),
     ) -> Result<Vec<Frame>, Fault> {
+        if let Some((width, height)) = size {
+            // Refused before anything is exposed; a pixel takes a byte at least.
+            self.check_room(count, u64::from(width) * u64::from(height))?;
+        }
         quiet(&mut self.instrument)?;
         // Answered when the last frame of an earlier run has left the device.
         self.instrument.query("*OPC?")?;
@@ -230,6 +236,10 @@ impl<C: Camera, P: CommandPort> Scanner<C, P> {
                 }
                 Some(frame) => {
                     judge(&frame, &frames, stale, size).map_err(Fault::Frames)?;
+                    // The others have the first one's size and format, or are refused.
+                    if frames.is_empty() {
+                        self.check_room(count, frame.data.len() as u64)?;
+                    }
                     frames.push(frame);
                 }
             }
@@ -240,6 +250,20 @@ impl<C: Camera, P: CommandPort> Scanner<C, P> {
         }
         self.instrument.check("INIT;*TRG")?;
         Ok(frames)
+    }
+
+    /// Whether memory has room for `count` frames of so many bytes.
+    fn check_room(&self, count: usize, bytes: u64) -> Result<()> {
+        let all = bytes.saturating_mul(count as u64);
+        if all <= MAX_BYTES {
+            return Ok(());
+        }
+        Err(Error::device(format!(
+            "{}: {count} frames of {bytes} bytes are {} MiB in all, at most {} MiB are taken",
+            self.camera.info(),
+            all >> 20,
+            MAX_BYTES >> 20
+        )))
     }
 
     /// Takes frames that were under way until none comes; gives the last one's id.
@@ -279,11 +303,14 @@ fn judge(
         ));
     };
     let (first, index) = (before.first(), index as usize);
-    let due_id = first.map(|first| first.id + due as u64);
+    let due_id = match first.map(|first| first.id.checked_add(due as u64)) {
+        Some(None) => return Err(format!("frame {id} is foreign: ids end before it")),
+        due_id => due_id.flatten(),
+    };
     if stale.is_some_and(|last| id < last) || first.is_some_and(|first| id < first.id) {
         return Err(format!("frame {id} is foreign: it is older than this run"));
     }
-    if index > due && due_id.is_none_or(|due_id| id - due_id == (index - due) as u64) {
+    if index > due && due_id.is_none_or(|due_id| id.wrapping_sub(due_id) == (index - due) as u64) {
         return Err(format!(
             "pattern {due} is missing: frame {id} with pattern {index} came in its place"
         ));

@@ -1,40 +1,95 @@
 //! The camera as a socket: every client gets every frame exposed after it connected, in the format
 //! of [`crate::protocol::wire`]. A client that is too slow loses frames and sees it by their ids;
-//! one that breaks is forgotten; none can hold up the device or another client.
+//! one that breaks, or stops reading, is forgotten; none can hold up the device or another client.
 
 use super::readiness::{stirs, watched};
 use crate::emulator::FrameSink;
 use crate::error::{Error, Result};
 use crate::protocol::{Frame, wire};
+use std::collections::VecDeque;
 use std::fs;
 use std::net::{Ipv4Addr, SocketAddr, TcpListener};
 use std::os::fd::{AsFd, OwnedFd};
 use std::os::unix::fs::PermissionsExt;
 use std::os::unix::net::UnixListener;
 use std::path::Path;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
+use std::time::Duration;
 use tokio::io::unix::AsyncFd;
 use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, AsyncWriteExt};
-use tokio::sync::{Notify, mpsc};
+use tokio::sync::Notify;
 
 /// Clients at a time; more are turned away.
 const MAX_CLIENTS: usize = 32;
 /// Frames that wait for one client.
 const MAX_FRAMES: usize = 1024;
-/// Bytes of frames that wait for one client; the frames are shared among clients.
+/// Bytes of frames that wait for all clients together; frames are shared among clients.
 const MAX_BYTES: usize = 256 << 20;
+/// A client that reads nothing for so long while frames wait for it is disconnected.
+const STALL: Duration = Duration::from_secs(30);
 
+/// A frame on its way to clients.
 struct Packet {
     header: [u8; wire::HEADER_LEN],
     frame: Arc<Frame>,
+    /// Bytes of all packets that there are, this one among them.
+    held: Arc<AtomicUsize>,
+}
+
+impl Packet {
+    fn new(frame: Arc<Frame>, held: &Arc<AtomicUsize>) -> Self {
+        held.fetch_add(frame.data.len(), Ordering::Relaxed);
+        Self {
+            header: wire::encode_header(&frame),
+            frame,
+            held: held.clone(),
+        }
+    }
+}
+
+impl Drop for Packet {
+    fn drop(&mut self) {
+        self.held
+            .fetch_sub(self.frame.data.len(), Ordering::Relaxed);
+    }
+}
+
+/// What waits for one client.
+#[derive(Default)]
+struct Queue {
+    packets: Mutex<VecDeque<Arc<Packet>>>,
+    put: Notify,
+}
+
+impl Queue {
+    fn packets(&self) -> MutexGuard<'_, VecDeque<Arc<Packet>>> {
+        self.packets.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn put(&self, packet: Arc<Packet>) {
+        let mut packets = self.packets();
+        if packets.len() < MAX_FRAMES {
+            packets.push_back(packet);
+            self.put.notify_one();
+        }
+    }
+
+    async fn next(&self) -> Arc<Packet> {
+        loop {
+            if let Some(packet) = self.packets().pop_front() {
+                return packet;
+            }
+            self.put.notified().await;
+        }
+    }
 }
 
 struct Client {
     /// Frames exposed before it connected are not its own.
     first_id: u64,
-    queue: mpsc::Sender<Arc<Packet>>,
-    bytes: Arc<AtomicUsize>,
+    /// Goes with the task that serves the client.
+    queue: Weak<Queue>,
 }
 
 /// The listeners and their clients.
@@ -43,6 +98,12 @@ pub(super) struct FrameSocket {
     unix_ready: AsyncFd<OwnedFd>,
     tcp: Option<(TcpListener, AsyncFd<OwnedFd>)>,
     clients: Vec<Client>,
+    /// Bytes of frames that wait or are being sent.
+    held: Arc<AtomicUsize>,
+    /// See [`MAX_BYTES`].
+    max_bytes: usize,
+    /// See [`STALL`].
+    stall: Duration,
     /// Woken when a client leaves.
     left: Arc<Notify>,
 }
@@ -70,6 +131,9 @@ impl FrameSocket {
             unix,
             tcp,
             clients: Vec::new(),
+            held: Arc::new(AtomicUsize::new(0)),
+            max_bytes: MAX_BYTES,
+            stall: STALL,
             left: Arc::new(Notify::new()),
         })
     }
@@ -97,7 +161,8 @@ impl FrameSocket {
     /// Takes in who has connected, and forgets who has left. Called before a command is executed:
     /// whoever connected before it was sent gets its frames, `first_id` being the first of them.
     pub(super) fn accept(&mut self, first_id: u64) {
-        self.clients.retain(|client| !client.queue.is_closed());
+        self.clients
+            .retain(|client| client.queue.strong_count() > 0);
         // An error other than "nobody is there" leaves the caller in the queue until the next time.
         while let Ok((stream, _)) = self.unix.accept() {
             if stream.set_nonblocking(true).is_ok()
@@ -123,41 +188,54 @@ impl FrameSocket {
         if self.clients.len() >= MAX_CLIENTS {
             return;
         }
-        let (queue, packets) = mpsc::channel(MAX_FRAMES);
-        let bytes = Arc::new(AtomicUsize::new(0));
-        let (left, held) = (self.left.clone(), bytes.clone());
-        tokio::spawn(async move {
-            send(stream, packets, &held).await;
-            left.notify_one();
-        });
+        let queue = Arc::new(Queue::default());
         self.clients.push(Client {
             first_id,
-            queue,
-            bytes,
+            queue: Arc::downgrade(&queue),
         });
+        let (left, stall) = (self.left.clone(), self.stall);
+        tokio::spawn(async move {
+            send(stream, queue, stall).await;
+            left.notify_one();
+        });
+    }
+
+    /// Takes the newest frames from whoever is the furthest behind, until `len` bytes more fit. A
+    /// frame that is being sent stays, so one frame always fits, however large.
+    fn make_room(&self, len: usize) {
+        let full = || self.held.load(Ordering::Relaxed) + len > self.max_bytes;
+        if !full() {
+            return;
+        }
+        let clients = self.clients.iter();
+        let queues: Vec<_> = clients.filter_map(|c| c.queue.upgrade()).collect();
+        while full() {
+            let waits_for = |queue: &&Arc<Queue>| queue.packets().front().map(|p| p.frame.id);
+            let behind = queues.iter().filter(|queue| waits_for(queue).is_some());
+            let slowest = behind.min_by_key(waits_for);
+            // The bytes are free when no other client waits for the same frame.
+            if slowest.and_then(|q| q.packets().pop_back()).is_none() {
+                return;
+            }
+        }
     }
 }
 
 impl FrameSink for FrameSocket {
     fn attended(&self) -> bool {
-        self.clients.iter().any(|client| !client.queue.is_closed())
+        self.clients
+            .iter()
+            .any(|client| client.queue.strong_count() > 0)
     }
 
     fn put(&mut self, frame: Arc<Frame>) {
-        let len = frame.data.len();
-        let packet = Arc::new(Packet {
-            header: wire::encode_header(&frame),
-            frame,
-        });
+        self.make_room(frame.data.len());
+        let packet = Arc::new(Packet::new(frame, &self.held));
         for client in &self.clients {
-            let late = packet.frame.id >= client.first_id;
-            // One frame always fits, however large.
-            let held = client.bytes.load(Ordering::Relaxed);
-            if late
-                && (held == 0 || held + len <= MAX_BYTES)
-                && client.queue.try_send(packet.clone()).is_ok()
+            if packet.frame.id >= client.first_id
+                && let Some(queue) = client.queue.upgrade()
             {
-                client.bytes.fetch_add(len, Ordering::Relaxed);
+                queue.put(packet.clone());
             }
         }
     }
@@ -168,12 +246,9 @@ fn duplicate(listener: &impl AsFd) -> std::io::Result<OwnedFd> {
     listener.as_fd().try_clone_to_owned()
 }
 
-/// Sends packets until the client leaves. Clients have nothing to say; what they send is skipped.
-async fn send(
-    stream: impl AsyncRead + AsyncWrite,
-    mut packets: mpsc::Receiver<Arc<Packet>>,
-    held: &AtomicUsize,
-) {
+/// Sends packets until the client leaves, or reads nothing for as long as `stall`. Clients have
+/// nothing to say; what they send is skipped.
+async fn send(stream: impl AsyncRead + AsyncWrite, queue: Arc<Queue>, stall: Duration) {
     let (mut reader, mut writer) = tokio::io::split(stream);
     let mut skipped = [0; 4096];
     loop {
@@ -183,17 +258,113 @@ async fn send(
                     return;
                 }
             }
-            packet = packets.recv() => {
-                let Some(packet) = packet else { return };
-                let write = async {
-                    writer.write_all(&packet.header).await?;
-                    writer.write_all(&packet.frame.data).await
-                };
-                if write.await.is_err() {
-                    return;
+            packet = queue.next() => {
+                for mut part in [&packet.header[..], &packet.frame.data] {
+                    while !part.is_empty() {
+                        match tokio::time::timeout(stall, writer.write(part)).await {
+                            Ok(Ok(len @ 1..)) => part = &part[len..],
+                            _ => return,
+                        }
+                    }
                 }
-                held.fetch_sub(packet.frame.data.len(), Ordering::Relaxed);
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::protocol::PixelFormat;
+    use std::io::Read;
+    use std::os::unix::net::UnixStream;
+
+    /// Far above what the kernel keeps of a stream.
+    const LEN: usize = 4 << 20;
+
+    fn frame(id: u64) -> Arc<Frame> {
+        Arc::new(Frame {
+            id,
+            pattern_index: None,
+            width: 2048,
+            height: 2048,
+            format: PixelFormat::Grey,
+            exposure_start_ns: 0,
+            exposure_end_ns: 1,
+            data: vec![id as u8; LEN],
+        })
+    }
+
+    /// Lets the clients' tasks run.
+    async fn pause() {
+        tokio::time::sleep(Duration::from_millis(30)).await;
+    }
+
+    fn run(test: impl AsyncFnOnce(FrameSocket, &Path)) {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("camera.sock");
+        let runtime = tokio::runtime::Builder::new_current_thread();
+        let runtime = { runtime }.enable_all().build().unwrap();
+        runtime.block_on(async {
+            let socket = FrameSocket::open(&path, None).unwrap();
+            test(socket, &path).await;
+        });
+    }
+
+    #[test]
+    fn clients_that_stall_at_different_times_share_one_budget() {
+        run(async |mut socket, path| {
+            socket.max_bytes = 10 * LEN;
+            let mut stuck = Vec::new();
+            for id in 0..40 {
+                if id % 10 == 0 {
+                    stuck.push(UnixStream::connect(path).unwrap());
+                    socket.accept(id);
+                    pause().await;
+                }
+                socket.put(frame(id));
+                pause().await;
+                assert!(socket.held.load(Ordering::Relaxed) <= 10 * LEN, "{id}");
+            }
+            // Who reads gets all of a burst, at the cost of those who do not.
+            let reader = UnixStream::connect(path).unwrap();
+            socket.accept(40);
+            for id in 40..44 {
+                socket.put(frame(id));
+            }
+            assert!(socket.held.load(Ordering::Relaxed) <= 10 * LEN);
+            let read = tokio::task::spawn_blocking(move || {
+                let mut all = vec![0; 4 * (wire::HEADER_LEN + LEN)];
+                { reader }.read_exact(&mut all).unwrap();
+                all
+            });
+            let all = read.await.unwrap();
+            let last: Vec<u8> = (1..=4)
+                .map(|n| all[n * (wire::HEADER_LEN + LEN) - 1])
+                .collect();
+            assert_eq!(last, [40, 41, 42, 43]);
+            drop(stuck);
+            pause().await;
+            assert_eq!(socket.held.load(Ordering::Relaxed), 0);
+        });
+    }
+
+    #[test]
+    fn a_client_that_reads_nothing_gives_its_place_up() {
+        run(async |mut socket, path| {
+            socket.stall = Duration::from_millis(50);
+            let _stuck: Vec<_> = (0..MAX_CLIENTS)
+                .map(|_| UnixStream::connect(path).unwrap())
+                .collect();
+            socket.accept(0);
+            tokio::time::sleep(4 * socket.stall).await;
+            assert!(socket.attended(), "nothing waits for them yet");
+            socket.put(frame(0));
+            tokio::time::sleep(4 * socket.stall).await;
+            assert!(!socket.attended());
+            socket.accept(1);
+            assert!(socket.clients.is_empty());
+            assert_eq!(socket.held.load(Ordering::Relaxed), 0);
+        });
     }
 }

@@ -117,9 +117,14 @@ impl FrameHeader {
         };
         let want = u64::from(width) * u64::from(height) * format.bytes_per_pixel() as u64;
         let payload = u64_at(48);
-        if payload != want || payload > MAX_PAYLOAD {
+        if payload != want {
             return bad(format!(
-                "{payload} bytes of payload, want {want} and at most {MAX_PAYLOAD}"
+                "{payload} bytes of payload, {width} x {height} pixels of {format:?} have {want}"
+            ));
+        }
+        if payload > MAX_PAYLOAD {
+            return bad(format!(
+                "{payload} bytes of payload, at most {MAX_PAYLOAD} are taken"
             ));
         }
         let exposure_ns = (u64_at(32), u64_at(40));
@@ -311,7 +316,7 @@ mod tests {
             (4, 2, "version 2"),
             (20, 0, "pixels"),
             (28, b'X', "pixel format"),
-            (48, 13, "payload"),
+            (48, 13, "13 bytes of payload, 4 x 3 pixels of Grey have 12"),
             (47, 0xff, ""),
             (60, 1, "flags"),
         ] {
@@ -326,5 +331,14 @@ mod tests {
             let message = FrameHeader::decode(&header).unwrap_err().to_string();
             assert!(message.contains(needle), "{needle} not in: {message}");
         }
+        let mut header = encode_header(&frame);
+        for (at, value) in [(20, 16384_u32), (24, 16384), (48, 16384 * 16384)] {
+            header[at..at + 4].copy_from_slice(&value.to_le_bytes());
+        }
+        let crc = crc32fast::hash(&header[..68]);
+        header[68..].copy_from_slice(&crc.to_le_bytes());
+        let message = FrameHeader::decode(&header).unwrap_err().to_string();
+        let needle = "268435456 bytes of payload, at most 134217728 are taken";
+        assert!(message.contains(needle), "{message}");
     }
 }
