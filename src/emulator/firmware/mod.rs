@@ -2,6 +2,10 @@
 //! whoever drives it says what time it is, and asks when something will happen next.
 //!
 #![doc = include_str!("commands.md")]
+//!
+//! [`protocol::wire`]: crate::protocol::wire
+//! [`pattern::Manifest`]: crate::pattern::Manifest
+//! [`geometry::Rig`]: crate::geometry::Rig
 
 mod execute;
 mod exposing;
