@@ -3,7 +3,7 @@
 
 use phasma::emulator::{Bench, Firmware, FrameSink, Renderer};
 use phasma::error::Error;
-use phasma::host::{Captured, MemoryCamera, MemoryPort, Progress, ScanOptions, Scanner};
+use phasma::host::{Camera, Captured, MemoryCamera, MemoryPort, Progress, ScanOptions, Scanner};
 use phasma::profile::{Profile, Scene};
 use phasma::protocol::Frame;
 use std::sync::Arc;
@@ -22,6 +22,35 @@ enum Fault {
     WrongSize,
     /// The last id there is, in the place of pattern 0 already.
     LastId,
+    Damaged,
+}
+
+/// A camera that finds the frame of pattern 4 damaged in the first runs.
+struct Receiver {
+    camera: MemoryCamera,
+    bad_runs: u32,
+    skipped: bool,
+}
+
+impl Camera for Receiver {
+    fn info(&self) -> &str {
+        self.camera.info()
+    }
+
+    fn next_frame(&mut self, timeout: Duration) -> Result<Option<Frame>, Error> {
+        let frame = self.camera.next_frame(timeout)?;
+        self.skipped =
+            self.bad_runs > 0 && frame.as_ref().is_some_and(|f| f.pattern_index == Some(4));
+        if self.skipped {
+            self.bad_runs -= 1;
+            return Err(Error::device("frame 4: its payload is damaged"));
+        }
+        Ok(frame)
+    }
+
+    fn has_skipped(&self) -> bool {
+        self.skipped
+    }
 }
 
 /// The way from the device to the camera, with a fault in the first runs.
@@ -48,7 +77,7 @@ impl FrameSink for Way {
         }
         self.bad_runs -= 1;
         match self.fault {
-            Fault::None | Fault::LastId => self.camera.put(frame),
+            Fault::None | Fault::LastId | Fault::Damaged => self.camera.put(frame),
             Fault::Dropped => {}
             Fault::Repeated => {
                 self.camera.put(frame.clone());
@@ -100,7 +129,16 @@ fn scan(
         },
     );
     let port = MemoryPort::new(move |bytes: &[u8]| bench.control(bytes));
-    let mut scanner = Scanner::new(port, SHORT, || Ok(camera)).unwrap();
+    let receiver = Receiver {
+        camera,
+        bad_runs: if matches!(fault, Fault::Damaged) {
+            bad_runs
+        } else {
+            0
+        },
+        skipped: false,
+    };
+    let mut scanner = Scanner::new(port, SHORT, || Ok(receiver)).unwrap();
     let mut retries = Vec::new();
     let captured = scanner.scan(options, &mut |progress| {
         if let Progress::Retry(why) = progress {
@@ -146,6 +184,7 @@ fn a_fault_is_named_and_the_run_repeated_once() {
             "frame 1000000 is foreign: it shows no pattern",
         ),
         (Fault::Stray, "frame 81 with pattern 4 is foreign"),
+        (Fault::Damaged, "frame 4: its payload is damaged"),
         (Fault::WrongSize, "frame 4 is foreign: 640 x 240 pixels"),
         (Fault::LastId, "frame 5 is foreign: ids end before it"),
     ] {

@@ -2,7 +2,7 @@
 
 mod bench;
 mod clock;
-mod firmware;
+pub mod firmware;
 mod picture;
 pub mod render;
 mod roi;

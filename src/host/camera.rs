@@ -22,6 +22,12 @@ pub trait Camera {
     /// # Errors
     /// A camera that has gone or sends what is no frame.
     fn next_frame(&mut self, timeout: Duration) -> Result<Option<Frame>>;
+
+    /// Whether the last call of [`Self::next_frame`] failed for a damaged frame only, which has been
+    /// skipped: the camera goes on with the one behind it.
+    fn has_skipped(&self) -> bool {
+        false
+    }
 }
 
 impl Camera for Box<dyn Camera> {
@@ -31,6 +37,10 @@ impl Camera for Box<dyn Camera> {
 
     fn next_frame(&mut self, timeout: Duration) -> Result<Option<Frame>> {
         (**self).next_frame(timeout)
+    }
+
+    fn has_skipped(&self) -> bool {
+        (**self).has_skipped()
     }
 }
 
@@ -111,8 +121,9 @@ pub struct SocketCamera {
     stream: Stream,
     address: String,
     decoder: FrameDecoder,
-    /// Nothing that comes after damage can be trusted.
-    damaged: bool,
+    /// Nothing that comes after a damaged header can be trusted.
+    lost: bool,
+    skipped: bool,
 }
 
 impl SocketCamera {
@@ -121,7 +132,8 @@ impl SocketCamera {
             stream,
             address: address.to_owned(),
             decoder: FrameDecoder::default(),
-            damaged: false,
+            lost: false,
+            skipped: false,
         }
     }
 }
@@ -133,7 +145,8 @@ impl Camera for SocketCamera {
 
     fn next_frame(&mut self, timeout: Duration) -> Result<Option<Frame>> {
         use std::io::ErrorKind;
-        if self.damaged {
+        self.skipped = false;
+        if self.lost {
             return Err(Error::device(format!(
                 "{}: the stream of frames is out of step",
                 self.address
@@ -160,7 +173,8 @@ impl Camera for SocketCamera {
                 Ok(None) => {}
                 Ok(frame) => return Ok(frame),
                 Err(e) => {
-                    self.damaged = true;
+                    self.skipped = self.decoder.in_step();
+                    self.lost = !self.skipped;
                     return Err(Error::device(format!("{}: {e}", self.address)));
                 }
             }
@@ -169,6 +183,10 @@ impl Camera for SocketCamera {
                 return Ok(None);
             }
         }
+    }
+
+    fn has_skipped(&self) -> bool {
+        self.skipped
     }
 }
 
@@ -246,7 +264,7 @@ mod tests {
     }
 
     #[test]
-    fn frames_come_in_pieces_and_damage_is_final() {
+    fn frames_come_in_pieces_and_a_damaged_header_is_final() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("camera.sock");
         let listener = UnixListener::bind(&path).unwrap();
@@ -272,8 +290,18 @@ mod tests {
             message.contains("frame 3") && message.contains(&address),
             "{message}"
         );
+        assert!(camera.has_skipped());
         device.write_all(&bytes(4)).unwrap();
-        assert!(camera.next_frame(short).is_err());
+        assert_eq!(camera.next_frame(short).unwrap(), Some(frame(4)));
+        assert!(!camera.has_skipped());
+        let mut bad = bytes(5);
+        bad[30] ^= 1;
+        device.write_all(&bad).unwrap();
+        device.write_all(&bytes(6)).unwrap();
+        for _ in 0..2 {
+            assert!(camera.next_frame(short).is_err());
+            assert!(!camera.has_skipped());
+        }
     }
 
     #[test]

@@ -51,7 +51,7 @@ pub struct Scanner<C, P> {
 
 /// Why a run gave no capture.
 enum Fault {
-    /// A frame is missing, repeated or foreign: another run may do better.
+    /// A frame is missing, repeated, foreign or damaged: another run may do better.
     Frames(String),
     /// Anything else.
     Fatal(Error),
@@ -112,7 +112,8 @@ impl<C: Camera, P: CommandPort> Scanner<C, P> {
         &mut self.instrument
     }
 
-    /// Captures a sequence. A run with a missing, repeated or foreign frame is repeated once.
+    /// Captures a sequence. A run with a missing, repeated, foreign or damaged frame is
+    /// repeated once.
     ///
     /// # Errors
     /// A device that refuses, is silent, says what cannot be understood, or fails twice; each with
@@ -224,7 +225,7 @@ impl<C: Camera, P: CommandPort> Scanner<C, P> {
         self.instrument.tell("*TRG")?;
         let mut frames: Vec<Frame> = Vec::with_capacity(count);
         while frames.len() < count {
-            match self.camera.next_frame(timeout)? {
+            match self.next_frame(timeout)? {
                 None => {
                     // The device may know why.
                     self.instrument.check("INIT;*TRG")?;
@@ -270,8 +271,14 @@ impl<C: Camera, P: CommandPort> Scanner<C, P> {
     fn drain(&mut self, timeout: Duration) -> Result<Option<u64>, Fault> {
         let end = Instant::now() + timeout;
         let mut last = None;
-        while let Some(frame) = self.camera.next_frame(QUIET)? {
-            last = Some(frame.id);
+        loop {
+            match self.next_frame(QUIET) {
+                Ok(None) => return Ok(last),
+                Ok(Some(frame)) => last = Some(frame.id),
+                // Damaged, but nobody wants it.
+                Err(Fault::Frames(_)) => {}
+                Err(fatal) => return Err(fatal),
+            }
             if Instant::now() > end {
                 return Err(Fault::Frames(format!(
                     "foreign frames: the camera runs free, waited {} s for silence",
@@ -279,7 +286,15 @@ impl<C: Camera, P: CommandPort> Scanner<C, P> {
                 )));
             }
         }
-        Ok(last)
+    }
+
+    /// The camera's next frame; a damaged one is the run's fault, not the end.
+    fn next_frame(&mut self, timeout: Duration) -> Result<Option<Frame>, Fault> {
+        let frame = self.camera.next_frame(timeout);
+        frame.map_err(|error| match self.camera.has_skipped() {
+            true => Fault::Frames(error.to_string()),
+            false => Fault::Fatal(error),
+        })
     }
 }
 

@@ -202,7 +202,8 @@ impl FrameDecoder {
     /// Takes the first `len` bytes of the space as read; gives the frame that they complete.
     ///
     /// # Errors
-    /// What [`FrameHeader`] refuses. The stream cannot be trusted any more after that.
+    /// What [`FrameHeader`] refuses; [`Self::in_step`] says whether the stream can be trusted after
+    /// that.
     pub fn advance(&mut self, len: usize) -> Result<Option<Frame>> {
         self.filled = (self.filled + len).min(self.buffer.len());
         if self.filled < self.buffer.len() {
@@ -223,6 +224,12 @@ impl FrameDecoder {
                 header.with_payload(data).map(Some)
             }
         }
+    }
+
+    /// Whether more can be read after an error: a damaged payload ends where its header says, and
+    /// the next frame begins there, but behind a damaged header nothing is known.
+    pub fn in_step(&self) -> bool {
+        self.filled < self.buffer.len()
     }
 }
 

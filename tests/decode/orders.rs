@@ -258,6 +258,12 @@ fn a_lone_period_is_wrapped_or_unwrapped_along_space() {
     let unwrapped = scene.decode(&manifest, &positions, options);
     let (w, s) = (wrapped.x.as_ref().unwrap(), unwrapped.x.as_ref().unwrap());
     assert_eq!((w.wrapped_px, s.wrapped_px), (Some(16.0), Some(16.0)));
+    let says = |decoded: &phasma::decode::Decoded, what: &str| {
+        decoded.notes.iter().any(|note| note.contains(what))
+    };
+    let known = "axis x is known modulo 16 px only";
+    assert!(says(&wrapped, known), "{:?}", wrapped.notes);
+    assert!(!says(&unwrapped, known) && says(&unwrapped, "along space"));
     let shift = ((f64::from(s.coordinate[0]) - positions[0][0]) / 16.0).round() * 16.0;
     for (i, p) in positions.iter().enumerate() {
         let (a, b) = (f64::from(w.coordinate[i]), f64::from(s.coordinate[i]));

@@ -240,18 +240,26 @@ impl Decoder {
         if !self.options.keep_mixed {
             neighbours::clean(out, light);
         }
-        if self.options.unwrap_spatial {
-            for (axis, map) in [(Axis::X, &mut out.x), (Axis::Y, &mut out.y)] {
-                let Some(map) = map else { continue };
-                let Some(period) = map.wrapped_px else {
-                    continue;
-                };
+        for (axis, map) in [(Axis::X, &mut out.x), (Axis::Y, &mut out.y)] {
+            let Some(map) = map else { continue };
+            let Some(period) = map.wrapped_px else {
+                continue;
+            };
+            // 66.67 rather than 66.66666666667.
+            let shown = (period * 100.0).round() / 100.0;
+            out.notes.push(if self.options.unwrap_spatial {
                 unwrap(self.width, &mut map.coordinate, &map.sigma, period as f32);
-                out.notes.push(format!(
-                    "axis {axis} is unwrapped along space: right up to whole periods of {period} px \
+                format!(
+                    "axis {axis} is unwrapped along space: right up to whole periods of {shown} px \
                      per connected region"
-                ));
-            }
+                )
+            } else {
+                format!(
+                    "axis {axis} is known modulo {shown} px only: nothing tells its periods apart; \
+                     a Gray code or a second period would, and decode's --unwrap spatial joins \
+                     them up to whole periods per connected region"
+                )
+            });
         }
         if let Some(triangulator) = &self.triangulator {
             depth::triangulate(triangulator, out);

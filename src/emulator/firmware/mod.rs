@@ -1,5 +1,11 @@
 //! The firmware: commands in, replies and exposures out, all in device time. Nothing here waits:
 //! whoever drives it says what time it is, and asks when something will happen next.
+//!
+#![doc = include_str!("commands.md")]
+//!
+//! [`protocol::wire`]: crate::protocol::wire
+//! [`pattern::Manifest`]: crate::pattern::Manifest
+//! [`geometry::Rig`]: crate::geometry::Rig
 
 mod execute;
 mod exposing;

@@ -8,7 +8,7 @@ macro_rules! commands {
         #[derive(Debug, Clone, Copy, PartialEq, Eq)]
         pub(super) enum Command { $($name,)* }
 
-        const TABLE: &[(&str, Command)] = &[$(($pattern, Command::$name),)*];
+        pub(super) const TABLE: &[(&str, Command)] = &[$(($pattern, Command::$name),)*];
     };
 }
 

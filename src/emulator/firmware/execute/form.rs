@@ -7,7 +7,11 @@ use crate::protocol::scpi::{DeviceError, ErrorCode, Unit};
 impl Firmware {
     /// Refuses queries of what only acts, and orders to what only answers, as unknown headers; and
     /// parameters where none belong.
-    pub(super) fn check_form(&self, unit: &Unit, command: Command) -> Result<(), DeviceError> {
+    pub(in crate::emulator::firmware) fn check_form(
+        &self,
+        unit: &Unit,
+        command: Command,
+    ) -> Result<(), DeviceError> {
         use Command as C;
         let only_query = matches!(
             command,

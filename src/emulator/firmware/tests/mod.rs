@@ -2,6 +2,7 @@
 
 mod commands;
 mod completion;
+mod documentation;
 mod sequences;
 mod triggers;
 
