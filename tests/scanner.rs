@@ -236,7 +236,7 @@ fn more_frames_than_memory_holds_are_refused_at_once() {
         let camera = MemoryCamera::default();
         let mut bench = Bench::new(
             Firmware::new(&profile, &[]).unwrap(),
-            Renderer::new(&profile, &Scene::load("plane").unwrap(), 1, false).unwrap(),
+            Renderer::new(&profile, &Scene::load("plane").unwrap(), 1).unwrap(),
             Way {
                 camera: camera.clone(),
                 fault: Fault::None,
