@@ -10,6 +10,10 @@ use std::path::{Path, PathBuf};
 
 /// Bytes of samples that a sequence may have in memory.
 const MAX_BYTES: u64 = 4 << 30;
+/// Bytes that pictures may take together while they are decoded, before they are luma.
+const MAX_DECODING: u64 = 1 << 30;
+/// Bytes of a pixel of the widest kind, RGBA of 16 bits.
+const WIDEST_PIXEL: u64 = 8;
 
 /// Frames of one size in memory, in the manifest's order.
 #[derive(Debug)]
@@ -94,14 +98,15 @@ pub fn load_frames(manifest: &Manifest, plan: &Plan, folder: &Path) -> Result<Lo
             format!("up to {} MiB", MAX_BYTES >> 20),
         ));
     }
-    let images: Vec<Option<DynamicImage>> = paths
-        .par_iter()
-        .map(|path| path.as_deref().map(open).transpose())
-        .collect::<Result<_>>()?;
-    let mut loaded = paths
-        .iter()
-        .flatten()
-        .zip(images.iter().flatten().map(is_deep));
+    let mut images: Vec<Option<Luma>> = Vec::with_capacity(paths.len());
+    for some in paths.chunks(at_once(w, h)) {
+        let opened = some
+            .par_iter()
+            .map(|path| path.as_deref().map(open).transpose());
+        images.extend(opened.collect::<Result<Vec<_>>>()?);
+    }
+    let depths = images.iter().flatten().map(Luma::is_deep);
+    let mut loaded = paths.iter().flatten().zip(depths);
     let deep = loaded.next().is_some_and(|(_, deep)| deep);
     if let Some((path, _)) = loaded.find(|(_, other)| *other != deep) {
         let (found, others) = if deep { (8, 16) } else { (16, 8) };
@@ -111,20 +116,19 @@ pub fn load_frames(manifest: &Manifest, plan: &Plan, folder: &Path) -> Result<Lo
             format!("{others} bits as the frames before it have"),
         ));
     }
+    let images = images.into_iter();
     let frames = if deep {
-        Pixels::U16(
-            images
-                .into_par_iter()
-                .map(|i| i.map(|i| i.into_luma16().into_raw()).unwrap_or_default())
-                .collect(),
-        )
+        let wide = images.map(|image| match image {
+            Some(Luma::U16(samples)) => samples,
+            _ => Vec::new(),
+        });
+        Pixels::U16(wide.collect())
     } else {
-        Pixels::U8(
-            images
-                .into_par_iter()
-                .map(|i| i.map(|i| i.into_luma8().into_raw()).unwrap_or_default())
-                .collect(),
-        )
+        let narrow = images.map(|image| match image {
+            Some(Luma::U8(samples)) => samples,
+            _ => Vec::new(),
+        });
+        Pixels::U8(narrow.collect())
     };
     Ok(LoadedFrames {
         width: w as usize,
@@ -133,8 +137,22 @@ pub fn load_frames(manifest: &Manifest, plan: &Plan, folder: &Path) -> Result<Lo
     })
 }
 
-fn is_deep(image: &DynamicImage) -> bool {
-    image.color().bytes_per_pixel() / image.color().channel_count() > 1
+/// How many pictures of a size may be decoded at the same time.
+fn at_once(width: u32, height: u32) -> usize {
+    let picture = u64::from(width) * u64::from(height) * WIDEST_PIXEL;
+    (MAX_DECODING / picture.max(1)).max(1) as usize
+}
+
+/// A picture's brightness, row by row.
+enum Luma {
+    U8(Vec<u8>),
+    U16(Vec<u16>),
+}
+
+impl Luma {
+    fn is_deep(&self) -> bool {
+        matches!(self, Self::U16(_))
+    }
 }
 
 fn reader(path: &Path) -> Result<ImageReader<std::io::BufReader<std::fs::File>>> {
@@ -171,14 +189,45 @@ fn size(path: &Path) -> Result<(u32, u32)> {
     Ok((w, h))
 }
 
-fn open(path: &Path) -> Result<DynamicImage> {
+/// Reads a picture and lets go of its colours: only the brightness stays in memory.
+fn open(path: &Path) -> Result<Luma> {
     let image = reader(path)?.decode().map_err(|e| unreadable(path, &e))?;
+    let color = image.color();
     match image {
         DynamicImage::ImageRgb32F(_) | DynamicImage::ImageRgba32F(_) => Err(Error::input(
             path.display(),
             "floating-point samples",
             "8- or 16-bit samples",
         )),
-        image => Ok(image),
+        image if color.bytes_per_pixel() > color.channel_count() => {
+            Ok(Luma::U16(image.into_luma16().into_raw()))
+        }
+        image => Ok(Luma::U8(image.into_luma8().into_raw())),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use image::{ImageBuffer, Rgba};
+
+    #[test]
+    fn colour_is_let_go_of_picture_by_picture() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("wide.png");
+        let colour = Rgba([30000_u16, 30000, 30000, 65535]);
+        ImageBuffer::from_pixel(5, 3, colour).save(&path).unwrap();
+        // Two bytes a pixel are kept, as the bound on a sequence counts, not the file's eight.
+        match open(&path).unwrap() {
+            Luma::U16(samples) => assert_eq!(samples, [30000; 15]),
+            Luma::U8(_) => panic!("16 bits became 8"),
+        }
+    }
+
+    #[test]
+    fn pictures_that_are_decoded_together_fit_into_memory() {
+        for (side, count) in [(1024, 128), (8192, 2), (MAX_SIDE_PX, 1)] {
+            assert_eq!(at_once(side, side), count, "{side}");
+        }
     }
 }

@@ -43,6 +43,10 @@ pub(super) struct Pty {
     clients: usize,
     /// The last client has left, and nobody has been told yet.
     hung_up: bool,
+    /// The system tells of writes: one has been seen.
+    tells_writes: bool,
+    /// Nothing has been seen written since a client found the port free.
+    unwritten: bool,
     /// Bytes that were read and are to be handed on next.
     unread: Option<Vec<u8>>,
     output: Vec<u8>,
@@ -73,6 +77,8 @@ impl Pty {
             watch,
             clients: 0,
             hung_up: false,
+            tells_writes: false,
+            unwritten: false,
             unread: None,
             output: Vec::new(),
         })
@@ -93,11 +99,10 @@ impl Pty {
                 Ok(bytes) => {
                     self.count_clients();
                     // What came before the last client left belongs to it and is handed on before
-                    // its leaving is. With a new client there already, the two cannot be told
-                    // apart, and the leaving comes first.
+                    // its leaving is. With a new client there already, the leaving comes first.
                     if self.hung_up && self.clients > 0 {
                         self.hung_up = false;
-                        self.unread = Some(bytes);
+                        self.unread = self.skip_old(bytes);
                         return Ok(Event::HungUp);
                     }
                     return Ok(Event::Data(bytes));
@@ -125,7 +130,8 @@ impl Pty {
     /// Sends a reply, or keeps it until the client reads; false when there is no room for it.
     pub(super) fn send(&mut self, reply: &[u8]) -> bool {
         self.count_clients();
-        if self.watch.is_some() && self.clients == 0 {
+        // Until its leaving has been told, a reply is the last client's, whoever is there now.
+        if self.watch.is_some() && (self.clients == 0 || self.hung_up) {
             return true;
         }
         self.write();
@@ -135,6 +141,21 @@ impl Pty {
         self.output.extend_from_slice(reply);
         self.write();
         true
+    }
+
+    /// Throws away what the last client wrote and nobody read, as long as the new one has written
+    /// nothing; from then on the two cannot be told apart. Gives what may be the new one's.
+    fn skip_old(&mut self, mut bytes: Vec<u8>) -> Option<Vec<u8>> {
+        loop {
+            let more = self.read();
+            // A write is told of after its bytes can be read, hence the look after the reading.
+            self.count_clients();
+            if !(self.tells_writes && self.unwritten) {
+                bytes.extend(more.unwrap_or_default());
+                return Some(bytes);
+            }
+            bytes = more.ok()?;
+        }
     }
 
     fn read(&self) -> Result<Vec<u8>, Errno> {
@@ -163,7 +184,11 @@ impl Pty {
         let mut left = false;
         while let Ok(event) = reader.next() {
             if event.events().contains(inotify::ReadFlags::OPEN) {
+                self.unwritten |= self.clients == 0;
                 self.clients += 1;
+            } else if event.events().contains(inotify::ReadFlags::MODIFY) {
+                self.tells_writes = true;
+                self.unwritten = false;
             } else if event
                 .events()
                 .intersects(inotify::ReadFlags::CLOSE_WRITE | inotify::ReadFlags::CLOSE_NOWRITE)
@@ -190,6 +215,7 @@ fn watch(path: &Path) -> Result<AsyncFd<OwnedFd>, std::io::Error> {
     let flags = inotify::CreateFlags::NONBLOCK | inotify::CreateFlags::CLOEXEC;
     let watch = inotify::init(flags)?;
     let events = inotify::WatchFlags::OPEN
+        | inotify::WatchFlags::MODIFY
         | inotify::WatchFlags::CLOSE_WRITE
         | inotify::WatchFlags::CLOSE_NOWRITE;
     inotify::add_watch(&watch, path, events)?;
@@ -200,5 +226,64 @@ async fn watch_stirs(watch: Option<&AsyncFd<OwnedFd>>) -> std::io::Result<()> {
     match watch {
         Some(watch) => stirs(watch).await,
         None => std::future::pending().await,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::fs::File;
+    use std::io::{Read, Write};
+
+    fn client(pty: &Pty) -> File {
+        let mut options = File::options();
+        options.read(true).write(true).open(pty.path()).unwrap()
+    }
+
+    fn run(test: impl AsyncFnOnce(Pty)) {
+        let runtime = tokio::runtime::Builder::new_current_thread();
+        let runtime = { runtime }.enable_all().build().unwrap();
+        runtime.block_on(async { test(Pty::open().unwrap()).await });
+    }
+
+    async fn data(pty: &mut Pty) -> Vec<u8> {
+        match pty.next().await.unwrap() {
+            Event::Data(bytes) => bytes,
+            Event::HungUp => panic!("hung up"),
+        }
+    }
+
+    #[test]
+    fn a_new_client_gets_nothing_of_the_last_one_s() {
+        run(async |mut pty| {
+            let mut old = client(&pty);
+            old.write_all(&b"*IDN?\n".repeat(500)).unwrap();
+            // As many queries as are taken at a time are answered, and the others wait.
+            assert_eq!(data(&mut pty).await.len(), 1024);
+            drop(old);
+            let mut new = client(&pty);
+            assert!(pty.send(b"to the old one\n"));
+            assert_eq!(pty.next().await.unwrap(), Event::HungUp);
+            new.write_all(b"*TST?\n").unwrap();
+            assert_eq!(data(&mut pty).await, b"*TST?\n");
+            assert!(pty.send(b"0\n"));
+            let mut reply = [0; 64];
+            let len = new.read(&mut reply).unwrap();
+            assert_eq!(reply[..len], *b"0\n");
+        });
+    }
+
+    #[test]
+    fn what_a_new_client_has_written_is_kept() {
+        run(async |mut pty| {
+            let mut old = client(&pty);
+            old.write_all(&b"*IDN?\n".repeat(200)).unwrap();
+            assert_eq!(data(&mut pty).await.len(), 1024);
+            drop(old);
+            let mut new = client(&pty);
+            new.write_all(b"*TST?\n").unwrap();
+            assert_eq!(pty.next().await.unwrap(), Event::HungUp);
+            assert!(data(&mut pty).await.ends_with(b"*TST?\n"));
+        });
     }
 }

@@ -3,11 +3,12 @@
 use super::super::{Slide, picture};
 use super::settings::microseconds;
 use crate::error::{Error, Result};
-use crate::pattern::{Manifest, Pattern, ProjectorSize};
+use crate::pattern::{Axis, Manifest, Pattern, ProjectorSize};
 use crate::profile::{Profile, Projector};
 use crate::protocol::scpi::{DeviceError, ErrorCode};
 use image::GrayImage;
-use std::collections::BTreeMap;
+use std::collections::hash_map::Entry;
+use std::collections::{BTreeMap, HashMap, HashSet};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -59,6 +60,8 @@ pub(super) struct Stored {
     pub(super) period_ns: u64,
     pub(super) manifest: Manifest,
     pub(super) slides: Vec<Arc<Slide>>,
+    /// Bytes that the slides take.
+    bytes: usize,
     built_in: bool,
 }
 
@@ -68,15 +71,22 @@ pub(super) struct Memory {
     period_ns: u64,
     sequences: Vec<Arc<Stored>>,
     pictures: BTreeMap<String, GrayImage>,
+    /// See [`MAX_BYTES`].
+    max_bytes: usize,
 }
 
 impl Memory {
     pub(super) fn new(profile: &Profile, user: &[UserSequence]) -> Result<Self> {
+        Self::of_size(MAX_BYTES, profile, user)
+    }
+
+    fn of_size(max_bytes: usize, profile: &Profile, user: &[UserSequence]) -> Result<Self> {
         let mut memory = Self {
             projector: profile.projector.clone(),
             period_ns: microseconds(profile.sequence[0].period_us),
             sequences: Vec::new(),
             pictures: BTreeMap::new(),
+            max_bytes,
         };
         for sequence in &profile.sequence {
             memory.load(
@@ -114,29 +124,27 @@ impl Memory {
         }
         self.check_projector(&manifest)
             .map_err(|found| Error::input(&place, found, "the profile's projector"))?;
-        let projector = &self.projector;
-        let slides = manifest
-            .frame
-            .iter()
-            .map(|frame| {
-                let images = |file: &Path| picture::read(&folder.join(file), projector);
-                Slide::new(&frame.pattern, projector, &images).map(Arc::new)
-            })
-            .collect::<Result<_>>()?;
+        let bytes = self.slide_bytes(&manifest);
+        if self.sequences.len() >= MAX_SEQUENCES || bytes > self.room() {
+            return Err(Error::input(
+                place,
+                "more than the device's memory holds",
+                format!(
+                    "{MAX_SEQUENCES} sequences and {} bytes of pictures",
+                    self.max_bytes
+                ),
+            ));
+        }
+        let images = |file: &Path| picture::read(&folder.join(file), &self.projector);
+        let slides = self.slides(&manifest, &images)?;
         self.sequences.push(Arc::new(Stored {
             name: name.to_owned(),
             period_ns,
             manifest,
             slides,
+            bytes,
             built_in,
         }));
-        if self.bytes() > MAX_BYTES || self.sequences.len() > MAX_SEQUENCES {
-            return Err(Error::input(
-                place,
-                "more than the device's memory holds",
-                format!("{MAX_SEQUENCES} sequences and {MAX_BYTES} bytes of pictures"),
-            ));
-        }
         Ok(())
     }
 
@@ -180,7 +188,7 @@ impl Memory {
         Slide::from_image(&image, projector, file)
             .map_err(|e| ErrorCode::IllegalParameterValue.with(e))?;
         let before = self.pictures.get(file).map_or(0, |old| old.as_raw().len());
-        if self.bytes() - before + image.as_raw().len() > MAX_BYTES {
+        if self.bytes() - before + image.as_raw().len() > self.max_bytes {
             return Err(ErrorCode::OutOfMemory.into());
         }
         self.pictures.insert(file.to_owned(), image);
@@ -210,37 +218,27 @@ impl Memory {
                 return Err(ErrorCode::FileNameNotFound.with(file.display()));
             }
         }
-        // The slides' size is known before they are made: a manifest may name one picture often.
-        let pictures = manifest
-            .frame
-            .iter()
-            .filter(|frame| matches!(frame.pattern, Pattern::Image { .. }))
-            .count();
-        let before = self.get(name).map_or(0, |old| slide_bytes(old));
-        let room = (MAX_BYTES + before).saturating_sub(self.bytes());
-        if pictures.saturating_mul(self.picture_bytes()) > room {
+        let place = self.sequences.iter().position(|old| old.name == name);
+        if place.is_none() && self.sequences.len() >= MAX_SEQUENCES {
+            return Err(ErrorCode::OutOfMemory.into());
+        }
+        let before = place.map_or(0, |index| self.sequences[index].bytes);
+        let bytes = self.slide_bytes(&manifest);
+        if bytes > self.room() + before {
             return Err(ErrorCode::OutOfMemory.into());
         }
         let images = |file: &Path| Ok(self.pictures[&key(file)].clone());
-        let slides = manifest
-            .frame
-            .iter()
-            .map(|frame| Slide::new(&frame.pattern, &self.projector, &images).map(Arc::new))
-            .collect::<Result<_>>()
-            .map_err(failed)?;
+        let slides = self.slides(&manifest, &images).map_err(failed)?;
         let stored = Arc::new(Stored {
             name: name.to_owned(),
             period_ns: self.period_ns,
             manifest,
             slides,
+            bytes,
             built_in: false,
         });
-        let place = self.sequences.iter().position(|old| old.name == name);
         match place {
             Some(index) => self.sequences[index] = stored.clone(),
-            None if self.sequences.len() >= MAX_SEQUENCES => {
-                return Err(ErrorCode::OutOfMemory.into());
-            }
             None => self.sequences.push(stored.clone()),
         }
         Ok(stored)
@@ -266,31 +264,67 @@ impl Memory {
         }
     }
 
-    fn picture_bytes(&self) -> usize {
-        2 * self.projector.width_px as usize * self.projector.height_px as usize
+    /// A slide for each frame; frames of one pattern share theirs.
+    fn slides(
+        &self,
+        manifest: &Manifest,
+        images: &dyn Fn(&Path) -> Result<GrayImage>,
+    ) -> Result<Vec<Arc<Slide>>> {
+        let mut made: HashMap<String, Arc<Slide>> = HashMap::new();
+        let mut slides = Vec::with_capacity(manifest.frame.len());
+        for frame in &manifest.frame {
+            let slide = match made.entry(key_of(&frame.pattern)) {
+                Entry::Occupied(same) => same.get().clone(),
+                Entry::Vacant(new) => {
+                    let slide = Slide::new(&frame.pattern, &self.projector, images)?;
+                    new.insert(Arc::new(slide)).clone()
+                }
+            };
+            slides.push(slide);
+        }
+        Ok(slides)
+    }
+
+    /// Bytes that [`Self::slides`] takes, known before anything is made: a manifest may have many
+    /// frames, and name one picture often.
+    fn slide_bytes(&self, manifest: &Manifest) -> usize {
+        let (width, height) = (self.projector.width_px, self.projector.height_px);
+        let (width, height) = (width as usize, height as usize);
+        let mut counted = HashSet::new();
+        let distinct = manifest
+            .frame
+            .iter()
+            .map(|frame| &frame.pattern)
+            .filter(|pattern| counted.insert(key_of(pattern)));
+        let levels: usize = distinct
+            .map(|pattern| match pattern {
+                Pattern::Image { .. } => width.saturating_mul(height),
+                _ => match pattern.axis() {
+                    Some(Axis::X) => width,
+                    Some(Axis::Y) => height,
+                    None => 0,
+                },
+            })
+            .sum();
+        levels.saturating_mul(size_of::<u16>())
+    }
+
+    /// Bytes that are free.
+    fn room(&self) -> usize {
+        self.max_bytes.saturating_sub(self.bytes())
     }
 
     fn bytes(&self) -> usize {
         let pictures: usize = self.pictures.values().map(|p| p.as_raw().len()).sum();
-        let slides: usize = self
-            .sequences
-            .iter()
-            .map(|stored| slide_bytes(stored))
-            .sum();
+        let slides: usize = self.sequences.iter().map(|stored| stored.bytes).sum();
         pictures + slides
     }
 }
 
-fn slide_bytes(stored: &Stored) -> usize {
-    stored
-        .slides
-        .iter()
-        .map(|slide| match &**slide {
-            Slide::Picture { levels, .. } => 2 * levels.len(),
-            Slide::Row(_, levels) => 2 * levels.len(),
-            Slide::Uniform(_) => 0,
-        })
-        .sum()
+/// What tells a pattern from another; its numbers come whole from the debug format, which writes
+/// the shortest decimal that reads back.
+fn key_of(pattern: &Pattern) -> String {
+    format!("{pattern:?}")
 }
 
 fn is_name(text: &str) -> bool {
@@ -298,4 +332,68 @@ fn is_name(text: &str) -> bool {
         && text
             .chars()
             .all(|c| c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '.'))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const HEAD: &str = "[projector]\nwidth_px = 854\nheight_px = 480\n";
+
+    fn fringes(count: usize, phase: impl Fn(usize) -> usize) -> String {
+        let frame = |i| {
+            format!(
+                "[[frame]]\npattern = {{ kind = \"fringe\", axis = \"x\", period_px = 16, \
+                 phase_rad = {}e-3 }}\n",
+                phase(i)
+            )
+        };
+        HEAD.to_owned() + &(0..count).map(frame).collect::<String>()
+    }
+
+    fn small(room: usize, user: &[UserSequence]) -> Result<Memory> {
+        let profile = Profile::load("webcam-grey").unwrap();
+        let own = Memory::new(&profile, &[]).unwrap().bytes();
+        Memory::of_size(own + room, &profile, user)
+    }
+
+    #[test]
+    fn rows_are_counted_and_equal_ones_shared() {
+        let row = 854 * 2;
+        let mut memory = small(100 * row, &[]).unwrap();
+        let full = memory.define("own", fringes(101, |i| i).as_bytes());
+        assert_eq!(full.unwrap_err().code, ErrorCode::OutOfMemory);
+        memory
+            .define("own", fringes(100, |i| i).as_bytes())
+            .unwrap();
+        assert_eq!(memory.room(), 0);
+        let full = memory.define("other", fringes(1, |i| i).as_bytes());
+        assert_eq!(full.unwrap_err().code, ErrorCode::OutOfMemory);
+        // In its place the same room is free; frames of one pattern take it once.
+        let stored = memory
+            .define("own", fringes(4096, |i| i % 2).as_bytes())
+            .unwrap();
+        assert_eq!(memory.room(), 98 * row);
+        assert!(Arc::ptr_eq(&stored.slides[0], &stored.slides[4094]));
+        assert!(!Arc::ptr_eq(&stored.slides[0], &stored.slides[1]));
+    }
+
+    #[test]
+    fn a_sequence_too_large_is_refused_before_its_pictures_are_read() {
+        let frame =
+            |i| format!("[[frame]]\npattern = {{ kind = \"image\", file = \"{i}.png\" }}\n");
+        let text = HEAD.to_owned() + &(0..5).map(frame).collect::<String>();
+        let user = UserSequence {
+            name: "own".into(),
+            manifest: Manifest::parse(&text, "own").unwrap(),
+            folder: PathBuf::from("/no/such/folder"),
+        };
+        let refusal = |pictures: usize| {
+            let room = pictures * 854 * 480 * 2;
+            let result = small(room, std::slice::from_ref(&user));
+            result.err().unwrap().to_string()
+        };
+        assert!(refusal(4).contains("memory"), "{}", refusal(4));
+        assert!(refusal(5).contains("0.png"), "{}", refusal(5));
+    }
 }
