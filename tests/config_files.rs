@@ -141,7 +141,7 @@ fn impossible_scenes_are_refused_with_line_and_range() {
             vec!["object[1].shape.radius_mm", "0"],
         ),
         (
-            "albedo = 0.8",
+            "albedo = 0.6",
             "albedo = 1.2",
             vec!["object[1].albedo", "0 to 1"],
         ),

@@ -29,6 +29,9 @@ fn write_sequence(folder: &Path, extension: &str, save: Save<'_>) {
         let level = |u, v| 0.5 + 0.4 * (TAU * column(u, v) / 500.0 + phase).cos();
         save(&folder.join(name), &level);
     }
+    // A picture among the patterns: neither it nor its photograph is needed, or there.
+    text += "[[frame]]\nfile = \"gone.png\"\n\
+             pattern = { kind = \"image\", file = \"speckle.png\" }\n";
     std::fs::write(folder.join("sequence.toml"), text).unwrap();
 }
 
@@ -199,7 +202,7 @@ fn with_a_calibration_there_are_points() {
     let args = args(&other);
     refused(
         &args.each_ref().map(String::as_str),
-        &["calibration", "65 x 20", "64 x 20"],
+        &["other.toml: camera.lens", "65 x 20", "64 x 20"],
     );
     assert!(!out.exists());
 }

@@ -222,6 +222,7 @@ fn a_missing_last_frame_is_a_timeout_that_says_how_long() {
 }
 
 #[test]
+<<<<<<< HEAD
 fn more_frames_than_memory_holds_are_refused_at_once() {
     let mut profile = Profile::load("webcam-grey").unwrap();
     (profile.camera.width_px, profile.camera.height_px) = (1280, 960);
@@ -263,15 +264,18 @@ fn more_frames_than_memory_holds_are_refused_at_once() {
 
 #[test]
 fn a_sequence_that_is_not_there_is_refused_in_the_device_s_words() {
+=======
+fn a_sequence_that_is_not_there_is_refused_with_those_that_are() {
+>>>>>>> docs
     let options = ScanOptions {
         sequence: Some("moon".into()),
         ..options()
     };
-    let message = scan(Fault::None, 0, &options).0.unwrap_err().to_string();
-    assert!(
-        message.contains("-256,\"File name not found;moon\""),
-        "{message}"
-    );
+    let error = scan(Fault::None, 0, &options).0.unwrap_err();
+    assert_eq!(error.exit_code(), 2);
+    let message = error.to_string();
+    assert!(message.starts_with("--sequence moon: "), "{message}");
+    assert!(message.ends_with("allowed: quick-4"), "{message}");
 }
 
 #[test]

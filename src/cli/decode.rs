@@ -77,7 +77,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
         rig.as_ref(),
         options,
     )
-    .map_err(|e| name_file(e, &args.manifest))?;
+    .map_err(|e| name_calibration(name_file(e, &args.manifest), args.calibration.as_deref()))?;
     let decoded = decoder.decode(&frames.stack())?;
     std::fs::create_dir_all(&args.out).map_err(|e| Error::io(&args.out, e))?;
     let names = write_outputs(&args.out, &decoder, &decoded)?;
@@ -105,6 +105,27 @@ fn name_file(error: Error, manifest: &Path) -> Error {
             Error::input(format!("{}: {place}", manifest.display()), found, allowed)
         }
         other => other,
+    }
+}
+
+/// Puts the calibration file's name into an error about the calibration.
+pub(super) fn name_calibration(error: Error, calibration: Option<&Path>) -> Error {
+    match (error, calibration) {
+        (
+            Error::Input {
+                place,
+                found,
+                allowed,
+            },
+            Some(path),
+        ) => {
+            let place = match place.strip_prefix("calibration: ") {
+                Some(field) => format!("{}: {field}", path.display()),
+                None => place,
+            };
+            Error::input(place, found, allowed)
+        }
+        (other, _) => other,
     }
 }
 

@@ -6,7 +6,7 @@ use crate::geometry::Rig;
 use crate::host::{Camera, Captured, Progress, ScanOptions, Scanner, SerialPort, open_camera};
 use crate::pattern::Manifest;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 /// Capture a sequence from a scanner and decode it: frames, manifest, calibration, maps and cloud
@@ -70,13 +70,11 @@ pub(super) fn run(args: &Args) -> Result<()> {
         frame_timeout: timeout,
     };
     let start = Instant::now();
-    let mut captured = capture(&args.camera, &args.control, timeout, &options)?;
+    let given = args.calibration.as_deref().zip(calibration);
+    let captured = capture_with(&args.camera, &args.control, timeout, &options, given)?;
     let capture_s = start.elapsed().as_secs_f64();
-    let source = match (calibration, captured.calibration) {
-        (Some(rig), _) => {
-            captured.calibration = Some(rig);
-            "file"
-        }
+    let source = match (given, captured.calibration) {
+        (Some(_), _) => "file",
         (None, Some(_)) => "device",
         (None, None) => "none",
     };
@@ -98,9 +96,23 @@ pub(super) fn capture(
     timeout: Duration,
     options: &ScanOptions,
 ) -> Result<Captured> {
+    capture_with(camera, control, timeout, options, None)
+}
+
+/// [`capture`] with a calibration from a file in place of the device's own.
+fn capture_with(
+    camera: &str,
+    control: &str,
+    timeout: Duration,
+    options: &ScanOptions,
+    calibration: Option<(&Path, Rig)>,
+) -> Result<Captured> {
     let port = SerialPort::open(control)?;
     let mut scanner: Scanner<Box<dyn Camera>, _> =
         Scanner::new(port, timeout, || open_camera(camera, timeout))?;
+    if let Some((path, rig)) = calibration {
+        scanner = scanner.with_calibration(path.display().to_string(), rig);
+    }
     let bar = ProgressBar::with_draw_target(None, ProgressDrawTarget::stderr());
     if let Ok(style) = ProgressStyle::with_template("{msg} [{bar:30}] {pos}/{len}") {
         bar.set_style(style);
@@ -127,7 +139,9 @@ fn decode_captured(captured: &Captured, args: &Args) -> Result<(Summary, f64)> {
         ..Options::default()
     };
     let begin = Instant::now();
-    let (decoder, decoded) = captured.decode(options)?;
+    let (decoder, decoded) = captured
+        .decode(options)
+        .map_err(|e| super::decode::name_calibration(e, args.calibration.as_deref()))?;
     let decode_s = begin.elapsed().as_secs_f64();
     write_outputs(&args.out, &decoder, &decoded)?;
     Ok((Summary::new(&decoder, &decoded), decode_s))

@@ -3,7 +3,7 @@
 
 use crate::error::{Error, Result};
 use crate::geometry::Rig;
-use crate::pattern::Manifest;
+use crate::pattern::{Manifest, Pattern};
 use crate::protocol::{Frame, PixelFormat};
 use image::{ImageBuffer, Luma};
 use rayon::prelude::*;
@@ -14,6 +14,10 @@ use std::path::{Path, PathBuf};
 pub const MANIFEST_FILE: &str = "sequence.toml";
 /// Name of the calibration in a folder of frames.
 pub const CALIBRATION_FILE: &str = "calibration.toml";
+
+/// Heads a manifest whose patterns include pictures, which a device does not give back.
+const PICTURES_REMARK: &str = "# Patterns of kind \"image\" name pictures in the device, which a scan does not fetch. Decoding\n\
+     # needs none of them; to project this sequence again, put them beside this file.\n\n";
 
 /// A sequence's frames with what is known about them.
 #[derive(Debug, Clone, PartialEq)]
@@ -88,7 +92,12 @@ impl Captured {
             let path = folder.join(name);
             fs::write(&path, text).map_err(|e| Error::io(&path, e))
         };
-        write(MANIFEST_FILE, manifest.to_toml())?;
+        let pictures = manifest
+            .frame
+            .iter()
+            .any(|frame| matches!(frame.pattern, Pattern::Image { .. }));
+        let remark = if pictures { PICTURES_REMARK } else { "" };
+        write(MANIFEST_FILE, format!("{remark}{}", manifest.to_toml()))?;
         match &self.calibration {
             Some(rig) => write(CALIBRATION_FILE, rig.to_toml()),
             None => Ok(()),
@@ -131,7 +140,7 @@ mod tests {
         let manifest = Manifest::parse(
             "[projector]\nwidth_px = 8\nheight_px = 4\n\
              [[frame]]\npattern = { kind = \"white\" }\n\
-             [[frame]]\npattern = { kind = \"black\" }\n",
+             [[frame]]\npattern = { kind = \"image\", file = \"dots.png\" }\n",
             "test",
         )
         .unwrap();
@@ -156,6 +165,8 @@ mod tests {
         Captured::check_folder(&out, false).unwrap();
         captured.write(&out).unwrap();
         let back = Manifest::read(&out.join(MANIFEST_FILE)).unwrap();
+        let text = fs::read_to_string(out.join(MANIFEST_FILE)).unwrap();
+        assert!(text.starts_with("# Patterns of kind"), "{text}");
         let file = back.frame[1].file.clone().unwrap();
         assert_eq!(file, Path::new("frame_01.png"));
         let image = image::open(out.join(file)).unwrap().into_luma16();

@@ -6,7 +6,7 @@ use crate::error::{Error, Result};
 use crate::geometry::Rig;
 use crate::pattern::Manifest;
 use crate::protocol::Frame;
-use crate::protocol::scpi::quote;
+use crate::protocol::scpi::{Param, parse, quote};
 use std::time::{Duration, Instant};
 
 /// How long the camera has to be silent before a run starts.
@@ -47,6 +47,8 @@ pub struct Scanner<C, P> {
     instrument: Instrument<P>,
     /// `TRIGger:SOURce` as it was found.
     source: String,
+    /// A calibration in place of the device's own, and where it came from.
+    given: Option<(String, Rig)>,
 }
 
 /// Why a run gave no capture.
@@ -89,7 +91,15 @@ impl<C: Camera, P: CommandPort> Scanner<C, P> {
             camera: open_camera()?,
             instrument,
             source,
+            given: None,
         })
+    }
+
+    /// Uses a calibration in place of the device's own; `place` names it in messages.
+    #[must_use]
+    pub fn with_calibration(mut self, place: impl Into<String>, rig: Rig) -> Self {
+        self.given = Some((place.into(), rig));
+        self
     }
 
     /// Lets go of the camera and leaves the trigger source as it was found: a camera that ran free
@@ -128,10 +138,13 @@ impl<C: Camera, P: CommandPort> Scanner<C, P> {
         quiet(&mut self.instrument)?;
         self.instrument.order("PROJ:POW ON")?;
         if let Some(name) = &options.sequence {
-            self.instrument.order(&format!("SEQ:SEL {}", quote(name)))?;
+            self.select(name)?;
         }
         let manifest = self.manifest(options)?;
         let calibration = self.calibration()?;
+        if let (Some((place, given)), Some(own)) = (&self.given, &calibration) {
+            check_size(place, given, own)?;
+        }
         let size = calibration.map(|rig| (rig.camera.lens.width_px, rig.camera.lens.height_px));
         let run = |scanner: &mut Self, progress: &mut dyn FnMut(Progress<'_>)| {
             scanner.run(manifest.frame.len(), size, options.frame_timeout, progress)
@@ -156,7 +169,7 @@ impl<C: Camera, P: CommandPort> Scanner<C, P> {
         Ok(Captured {
             idn,
             manifest,
-            calibration,
+            calibration: self.given.as_ref().map(|given| given.1).or(calibration),
             frames,
         })
     }
@@ -170,6 +183,35 @@ impl<C: Camera, P: CommandPort> Scanner<C, P> {
             )));
         }
         Ok(idn)
+    }
+
+    fn select(&mut self, name: &str) -> Result<()> {
+        let refused = match self.instrument.order(&format!("SEQ:SEL {}", quote(name))) {
+            Ok(()) => return Ok(()),
+            Err(error) => error,
+        };
+        // A name that the device does not have is the user's mistake; anything else is between
+        // host and device, and so is a device that does not list its sequences.
+        let Ok(list) = self.instrument.query("SEQ:LIST?") else {
+            return Err(refused);
+        };
+        let names: Vec<String> = parse(format!("LIST {list}").as_bytes())
+            .units
+            .into_iter()
+            .flat_map(|unit| unit.params)
+            .filter_map(|param| match param {
+                Param::Text(name) => Some(name),
+                _ => None,
+            })
+            .collect();
+        if names.is_empty() || names.iter().any(|known| known == name) {
+            return Err(refused);
+        }
+        Err(Error::input(
+            format!("--sequence {name}"),
+            "no sequence of the device",
+            names.join(", "),
+        ))
     }
 
     fn text(&mut self, query: &str) -> Result<Option<String>> {
@@ -296,6 +338,22 @@ impl<C: Camera, P: CommandPort> Scanner<C, P> {
             false => Fault::Fatal(error),
         })
     }
+}
+
+/// Refuses a calibration of another image size than the device's own has.
+fn check_size(place: &str, given: &Rig, own: &Rig) -> Result<()> {
+    let size = |rig: &Rig| {
+        let lens = &rig.camera.lens;
+        format!("{} x {}", lens.width_px, lens.height_px)
+    };
+    if size(given) == size(own) {
+        return Ok(());
+    }
+    Err(Error::input(
+        format!("{place}: camera.lens.width_px/height_px"),
+        size(given),
+        format!("the size of the device's frames, {}", size(own)),
+    ))
 }
 
 /// Whether a frame is the one that is due after `before`; if not, what it is.

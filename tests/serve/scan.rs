@@ -37,8 +37,22 @@ fn a_scan_over_pty_and_socket_leaves_what_a_decoder_needs() {
     assert!(text(&again).contains("--force"), "{}", text(&again));
     assert!(served.scan(&out, &["--force"]).status.success());
     let moon = served.scan(&out, &["--force", "--sequence", "moon"]);
-    assert_eq!(moon.status.code(), Some(1), "{}", text(&moon));
-    assert!(text(&moon).contains("-256"), "{}", text(&moon));
+    assert_eq!(moon.status.code(), Some(2), "{}", text(&moon));
+    assert!(text(&moon).contains("quick-4"), "{}", text(&moon));
+    let other = out.with_file_name("other.toml");
+    let calibration = fs::read_to_string(out.join("calibration.toml")).unwrap();
+    fs::write(
+        &other,
+        calibration.replacen("width_px = 640", "width_px = 641", 1),
+    )
+    .unwrap();
+    let none = out.with_file_name("none");
+    let wrong = served.scan(&none, &["--calibration", other.to_str().unwrap()]);
+    assert_eq!(wrong.status.code(), Some(2), "{}", text(&wrong));
+    for needle in ["other.toml: camera.lens", "641 x 480", "640 x 480"] {
+        assert!(text(&wrong).contains(needle), "{}", text(&wrong));
+    }
+    assert!(!none.exists(), "refused before anything is captured");
     served.stop(rustix::process::Signal::TERM);
 }
 
