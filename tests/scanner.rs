@@ -222,7 +222,6 @@ fn a_missing_last_frame_is_a_timeout_that_says_how_long() {
 }
 
 #[test]
-<<<<<<< HEAD
 fn more_frames_than_memory_holds_are_refused_at_once() {
     let mut profile = Profile::load("webcam-grey").unwrap();
     (profile.camera.width_px, profile.camera.height_px) = (1280, 960);
@@ -263,10 +262,7 @@ fn more_frames_than_memory_holds_are_refused_at_once() {
 }
 
 #[test]
-fn a_sequence_that_is_not_there_is_refused_in_the_device_s_words() {
-=======
 fn a_sequence_that_is_not_there_is_refused_with_those_that_are() {
->>>>>>> docs
     let options = ScanOptions {
         sequence: Some("moon".into()),
         ..options()
