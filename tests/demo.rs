@@ -97,3 +97,81 @@ fn mistakes_are_told_and_nothing_of_the_users_is_touched() {
         assert!(!elsewhere.exists());
     }
 }
+
+#[test]
+fn nothing_measured_is_no_perfect_score() {
+    let folder = tempdir().unwrap();
+    let scene = folder.path().join("empty.toml");
+    std::fs::write(&scene, "name = \"empty\"\ndescription = \"\"\n").unwrap();
+    let out = folder.path().join("out");
+    let output = demo(
+        &out,
+        &[
+            "--profile",
+            "webcam-grey",
+            "--scene",
+            scene.to_str().unwrap(),
+        ],
+    );
+    assert_eq!(output.status.code(), Some(1));
+    assert!(String::from_utf8_lossy(&output.stderr).contains("no point was measured"));
+    let s: Value =
+        serde_json::from_str(&std::fs::read_to_string(out.join("summary.json")).unwrap()).unwrap();
+    assert_eq!(s["points"], 0);
+    for key in ["mae_mm", "gross_error_rate", "coverage", "ratio_to_bound"] {
+        assert!(s[key].is_null(), "{key}: {s}");
+    }
+}
+
+#[test]
+fn a_missing_mesh_is_the_users_mistake_in_one_message() {
+    let folder = tempdir().unwrap();
+    let scene = folder.path().join("mesh.toml");
+    let text = "name = \"m\"\ndescription = \"\"\n[[object]]\nalbedo = 0.5\n\
+        shape = { kind = \"mesh\", file = \"nosuch.stl\" }\n";
+    std::fs::write(&scene, text).unwrap();
+    let output = demo(
+        &folder.path().join("out"),
+        &["--scene", scene.to_str().unwrap()],
+    );
+    let words = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(2), "{words}");
+    assert!(
+        words.contains("object[0].shape") && words.contains("nosuch.stl"),
+        "{words}"
+    );
+    assert_eq!(words.trim().lines().count(), 1, "{words}");
+}
+
+#[test]
+fn a_killed_demo_leaves_no_device_behind() {
+    let folder = tempdir().unwrap();
+    let mut child = Command::new(env!("CARGO_BIN_EXE_phasma"))
+        .args(["demo", "--out"])
+        .arg(folder.path().join("out"))
+        .stdout(std::process::Stdio::null())
+        .stderr(std::process::Stdio::null())
+        .env("TMPDIR", folder.path())
+        .spawn()
+        .unwrap();
+    let run_dir = folder.path().join(format!("phasma-demo-{}", child.id()));
+    let wait = |what: &dyn Fn() -> bool| {
+        for _ in 0..1000 {
+            if what() {
+                return true;
+            }
+            std::thread::sleep(std::time::Duration::from_millis(5));
+        }
+        false
+    };
+    assert!(
+        wait(&|| run_dir.join("device.json").exists()),
+        "the device starts"
+    );
+    child.kill().unwrap();
+    child.wait().unwrap();
+    assert!(
+        wait(&|| !run_dir.exists()),
+        "the device goes and takes its folder along"
+    );
+}

@@ -71,7 +71,8 @@ impl fmt::Display for Summary {
         )?;
         let mut mm = |name, a: f64, b: Option<f64>| {
             let b = b.map_or(String::new(), |b| cell(b, 4, "mm"));
-            writeln!(f, "{name:<26}{:>12}{b:>14}", cell(a, 4, "mm"))
+            let line = format!("{name:<26}{:>12}{b:>14}", cell(a, 4, "mm"));
+            writeln!(f, "{}", line.trim_end())
         };
         mm("inlier RMS error", s.inlier_rmse_mm, Some(c.inlier_rmse_mm))?;
         mm("mean absolute error", s.mae_mm, Some(c.mae_mm))?;
