@@ -218,6 +218,18 @@ mod tests {
         }
     }
 
+    /// On a machine with AVX2 this compares it with the code for any x86-64.
+    #[test]
+    fn every_instruction_set_gives_the_same_bits() {
+        let means = |i: usize| (i % 1000) as f32 * 0.7;
+        let mut wide: Vec<f32> = (0..8192).map(means).collect();
+        let mut narrow = wide.clone();
+        expose(&sensor(2.3), [7, 1], 64, &mut wide);
+        expose_body(&sensor(2.3), [7, 1], 64, &mut narrow);
+        let bits = |e: &[f32]| e.iter().map(|e| e.to_bits()).collect::<Vec<_>>();
+        assert_eq!(bits(&wide), bits(&narrow));
+    }
+
     #[test]
     fn no_light_leaves_read_noise_alone() {
         let mut electrons = vec![0.0; 4096];
