@@ -118,6 +118,22 @@ impl Pattern {
     }
 }
 
+/// Axis and period in pixels of the finest fringes among some patterns, x before y where both have
+/// it: the ones whose noise the truth speaks of.
+pub fn finest_fringe<'a>(patterns: impl Iterator<Item = &'a Pattern>) -> Option<(Axis, f64)> {
+    patterns
+        .filter_map(|pattern| match *pattern {
+            Pattern::Fringe {
+                axis, period_px, ..
+            } => Some((axis, period_px)),
+            _ => None,
+        })
+        .min_by(|a, b| {
+            a.1.total_cmp(&b.1)
+                .then((a.0 == Axis::Y).cmp(&(b.0 == Axis::Y)))
+        })
+}
+
 /// Index of the Gray cell that holds pixel index `x`.
 ///
 /// A quotient within rounding of a whole number counts as that number, so that cells given as

@@ -6,7 +6,7 @@ use crate::emulator::Truth;
 use crate::error::{Error, Result};
 use crate::geometry::{Cloud, NoiseModel, Rig, View};
 use crate::measure::{GROSS_MM, Surface, compare};
-use crate::pattern::{Axis, Manifest, Pattern};
+use crate::pattern::{Axis, Manifest, finest_fringe};
 use glam::{DVec2, DVec3};
 use serde::Serialize;
 use std::f64::consts::TAU;
@@ -190,20 +190,11 @@ struct Noise<'a> {
 
 impl<'a> Noise<'a> {
     fn new(manifest: &Manifest, rig: &'a Rig, truth: &'a Truth) -> Self {
-        let fringes = manifest.frame.iter().filter_map(|f| match f.pattern {
-            Pattern::Fringe {
-                axis, period_px, ..
-            } => Some((axis, period_px)),
-            _ => None,
-        });
-        let (axis, period_px) = fringes
-            .clone()
-            .min_by(|a, b| {
-                a.1.total_cmp(&b.1)
-                    .then((a.0 == Axis::Y).cmp(&(b.0 == Axis::Y)))
-            })
-            .unwrap_or((Axis::X, f64::NAN));
-        let steps = fringes.filter(|f| *f == (axis, period_px)).count();
+        let patterns = || manifest.frame.iter().map(|f| &f.pattern);
+        let (axis, period_px) = finest_fringe(patterns()).unwrap_or((Axis::X, f64::NAN));
+        let steps = patterns()
+            .filter(|p| finest_fringe(std::iter::once(*p)) == Some((axis, period_px)))
+            .count();
         Self {
             rig,
             truth,

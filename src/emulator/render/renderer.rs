@@ -9,7 +9,8 @@ use super::world::World;
 use super::{Plan, exposure};
 use crate::emulator::{Shot, Slide, Truth, truth};
 use crate::error::Result;
-use crate::pattern::{Axis, Pattern};
+use crate::pattern::manifest::MAX_FRAMES;
+use crate::pattern::{Pattern, finest_fringe};
 use crate::profile::{Profile, Scene};
 use crate::protocol::Frame;
 use glam::DVec2;
@@ -36,8 +37,8 @@ pub struct Renderer {
     tables: Vec<(Arc<Slide>, Arc<Table>)>,
 }
 
-/// Tables kept at once; a sequence has fewer slides.
-const MOST_TABLES: usize = 64;
+/// Memory for tables of slides: hundreds of fringes, or a dozen pictures. The oldest go first.
+const TABLE_BYTES: usize = 256 << 20;
 
 impl Renderer {
     /// Prepares a scene. `seed` keys the sensor's noise.
@@ -226,10 +227,11 @@ impl Renderer {
             return table.clone();
         }
         let table = Arc::new(Table::new(slide, self.profile.projector.bits));
-        if self.tables.len() == MOST_TABLES {
-            self.tables.remove(0);
-        }
         self.tables.push((slide.clone(), table.clone()));
+        let mut bytes: usize = self.tables.iter().map(|(_, table)| table.bytes()).sum();
+        while bytes > TABLE_BYTES || self.tables.len() > MAX_FRAMES {
+            bytes -= self.tables.remove(0).1.bytes();
+        }
         table
     }
 
@@ -259,25 +261,19 @@ impl Renderer {
     }
 }
 
-/// Phases and shots of the fringes with the shortest period; along x where both axes have it.
+/// Phases and shots of the finest fringes.
 fn finest_fringes(sequence: &[(Pattern, Shot)]) -> Vec<(f64, &Shot)> {
-    let fringe = |pattern: &Pattern| match *pattern {
-        Pattern::Fringe {
-            axis,
-            period_px,
-            phase_rad,
-        } => Some(((period_px, axis == Axis::Y), phase_rad)),
-        _ => None,
-    };
-    let key = |pattern: &Pattern| fringe(pattern).map(|(key, _)| key);
-    let finest = sequence
-        .iter()
-        .filter_map(|(pattern, _)| key(pattern))
-        .min_by(|a, b| a.partial_cmp(b).unwrap_or(std::cmp::Ordering::Equal));
+    let finest = finest_fringe(sequence.iter().map(|(pattern, _)| pattern));
     sequence
         .iter()
-        .filter(|(pattern, _)| key(pattern).is_some() && key(pattern) == finest)
-        .filter_map(|(pattern, shot)| Some((fringe(pattern)?.1, shot)))
+        .filter_map(|(pattern, shot)| match *pattern {
+            Pattern::Fringe {
+                axis,
+                period_px,
+                phase_rad,
+            } if finest == Some((axis, period_px)) => Some((phase_rad, shot)),
+            _ => None,
+        })
         .collect()
 }
 
