@@ -287,3 +287,41 @@ fn ideal_points(optics: &Optics) -> Vec<DVec2> {
         })
         .collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pictures_without_end_do_not_fill_the_memory() {
+        let profile = Profile::load("webcam-grey").unwrap();
+        let scene = Scene::load("plane").unwrap();
+        let mut renderer = Renderer::new(&profile, &scene, 1).unwrap();
+        let (width, height) = (profile.projector.width_px, profile.projector.height_px);
+        let one = (width as usize + 1) * (height as usize + 1) * size_of::<f64>();
+        for level in 0..(TABLE_BYTES / one + 5) as u16 {
+            let slide = Slide::Picture {
+                width,
+                height,
+                levels: vec![level; (width * height) as usize],
+            };
+            let shot = Shot {
+                id: 0,
+                pattern_index: None,
+                slide: Some(Arc::new(slide)),
+                light: 1.0,
+                start_ns: 0,
+                exposure_ns: 1000,
+                gain_db: 0.0,
+            };
+            renderer.table(&shot);
+            let newest = renderer.tables.last().map(|(slide, _)| slide.clone());
+            assert!(shot.slide == newest, "the table in use stays");
+        }
+        let bytes: usize = renderer.tables.iter().map(|(_, t)| t.bytes()).sum();
+        assert!(
+            bytes <= TABLE_BYTES && bytes > TABLE_BYTES - 2 * one,
+            "{bytes}"
+        );
+    }
+}
