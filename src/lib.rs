@@ -63,6 +63,7 @@ pub mod measure;
 pub mod pattern;
 pub mod profile;
 pub mod protocol;
+mod simd;
 pub mod study;
 
 pub use error::{Error, Result};

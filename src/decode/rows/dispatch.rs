@@ -8,69 +8,47 @@ use crate::calibrate::{CoordinateRow, Triangulator};
 use crate::decode::borders::{self, Near};
 use crate::decode::edges::{self, Around};
 use crate::decode::samples::Sample;
+use crate::simd::widest;
 
-/// Defines a function that runs `$body` compiled for AVX2 where the machine has it.
-macro_rules! dispatch {
-    ($(#[$meta:meta])* $name:ident => $body:path
-        [$($generic:ident : $bound:path)?] ($($arg:ident : $type:ty),* $(,)?)) => {
-        $(#[$meta])*
-        pub(in crate::decode) fn $name$(<$generic: $bound>)?($($arg: $type),*) {
-            #[cfg(target_arch = "x86_64")]
-            {
-                #[target_feature(enable = "avx2")]
-                fn fast$(<$generic: $bound>)?($($arg: $type),*) {
-                    $body($($arg),*);
-                }
-                if std::arch::is_x86_feature_detected!("avx2") {
-                    #[allow(unsafe_code)]
-                    // SAFETY: the machine has just said that it has AVX2, which is all that
-                    // `fast` asks for beyond the target's baseline.
-                    unsafe {
-                        fast($($arg),*);
-                    }
-                    return;
-                }
-            }
-            $body($($arg),*);
-        }
-    };
-}
-
-dispatch! {
+widest! {
     /// Pass 1 of row `v`.
-    decode_row => decode_body [T: Sample] (
+    pub(in crate::decode) fn decode_row<T: Sample>(
         job: &Job<'_, T>,
         v: usize,
         scratch: &mut Scratch,
         outs: [Option<AxisOut<'_>>; 2],
         modulation: &mut [f32],
         intensity: &mut [f32],
-    )
+    ) => decode_body
 }
 
-dispatch! {
+widest! {
     /// Pass 2 of a row: see [`edges::judge_row`].
-    judge_row => edges::judge_row [] (around: &Around<'_>, period: f32, flags: &mut [u8])
+    pub(in crate::decode) fn judge_row(
+        around: &Around<'_>, period: f32, flags: &mut [u8],
+    ) => edges::judge_row
 }
 
-dispatch! {
+widest! {
     /// Pass 2 of a row, once the first flags are applied: see [`borders::judge_row`].
-    judge_borders => borders::judge_row [] (near: &Near<'_>, period: f32, flags: &mut [u8])
+    pub(in crate::decode) fn judge_borders(
+        near: &Near<'_>, period: f32, flags: &mut [u8],
+    ) => borders::judge_row
 }
 
-dispatch! {
+widest! {
     /// The second half of pass 2: takes a row's flagged pixels out of a map.
-    apply_flags => apply_body [] (out: AxisOut<'_>, flags: &[u8])
+    pub(in crate::decode) fn apply_flags(out: AxisOut<'_>, flags: &[u8]) => apply_body
 }
 
-dispatch! {
+widest! {
     /// Pass 3 of row `v`: see [`Triangulator::row`].
-    triangulate_row => Triangulator::row [] (
+    pub(in crate::decode) fn triangulate_row(
         triangulator: &Triangulator,
         v: usize,
         x: Option<CoordinateRow<'_>>,
         y: Option<CoordinateRow<'_>>,
         depth: &mut [f32],
         sigma: &mut [f32],
-    )
+    ) => Triangulator::row
 }

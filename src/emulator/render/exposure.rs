@@ -7,8 +7,8 @@ use super::buffer::{GeometryBuffer, Mixed};
 use super::picture_table::PictureTable;
 use super::row_table::{LANES, RowTable};
 use crate::emulator::Slide;
-use crate::geometry::raycast::widest;
 use crate::pattern::Axis;
+use crate::simd::widest;
 
 /// A slide prepared for averaging.
 pub(super) enum Table {

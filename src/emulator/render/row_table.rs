@@ -15,7 +15,7 @@
 //! small against a held pixel, so only the levels' departure from the one at the middle is summed:
 //! nothing where the footprint lies on one held pixel.
 
-use crate::geometry::raycast::widest;
+use crate::simd::widest;
 
 /// Widest footprint along one axis, in slide pixels; wider ones (surfaces seen edge-on) count as
 /// this wide. Doubled sums of 255 over 2000 pixels to either side stay below 2^31.

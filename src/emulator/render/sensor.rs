@@ -2,9 +2,9 @@
 //! 4.0 (section 2): shot noise, read noise, full well, system gain, black level, converter.
 
 use super::{normal, philox};
-use crate::geometry::raycast::widest;
 use crate::profile::Sensor as Parameters;
 use crate::protocol::PixelFormat;
+use crate::simd::widest;
 
 /// Below this mean, a pixel's electrons are drawn from the Poisson distribution itself; above, a
 /// normal number with its variance and skewness is indistinguishable.

@@ -2,9 +2,10 @@
 //! of it arrives. Structure of arrays in f64, so that the loops fill SIMD registers.
 
 use super::world::{Hits, World};
-use crate::geometry::raycast::{LANES, widest};
+use crate::geometry::raycast::LANES;
 use crate::geometry::{Lens, View};
 use crate::profile::{Profile, Scene};
+use crate::simd::widest;
 use glam::{DMat2, DVec2, DVec3};
 
 /// Planck's constant times the speed of light, in J m (CODATA 2018, exact).

@@ -8,7 +8,6 @@
 
 mod bvh;
 mod packet;
-mod simd;
 #[cfg(test)]
 mod tests;
 mod traverse;
@@ -16,4 +15,3 @@ mod triangle;
 
 pub use bvh::{Bvh, NO_TRIANGLE};
 pub use packet::{LANES, Packet};
-pub(crate) use simd::widest;

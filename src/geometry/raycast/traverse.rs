@@ -2,8 +2,8 @@
 
 use super::bvh::{Bvh, Node};
 use super::packet::{LANES, Packet, max, min, reduce};
-use super::simd::widest;
 use super::triangle::intersect;
+use crate::simd::widest;
 
 /// Widens the far plane by two units in the last place, so that rounding never culls a box that
 /// the ray meets (Ize: "Robust BVH Ray Traversal", JCGT 2(2), 2013).
