@@ -162,7 +162,7 @@ mod tests {
             .collect();
         Frame {
             id: noise,
-            pattern_index: (noise % 3 != 0).then_some(noise as u32),
+            pattern_index: (!noise.is_multiple_of(3)).then_some(noise as u32),
             width,
             height,
             format,
