@@ -2,8 +2,8 @@
 
 use super::local::UnixStream;
 use crate::error::{Error, Result};
-use crate::protocol::{Frame, data_line};
 use crate::protocol::wire::FrameDecoder;
+use crate::protocol::{Frame, data_line};
 use std::collections::VecDeque;
 use std::io::Read;
 use std::net::{TcpStream, ToSocketAddrs};

@@ -3,11 +3,11 @@
 
 mod frame_socket;
 mod optics;
+mod pace;
 mod pty;
 mod readiness;
 mod run_dir;
 mod server;
-mod pace;
 mod service;
 mod video;
 

@@ -2,8 +2,8 @@
 
 use super::memory::Stored;
 use super::settings::{Settings, Shown};
-use super::trigger::Exposed;
 use super::table::{self, Command};
+use super::trigger::Exposed;
 use super::{Firmware, State};
 use crate::emulator::{Exposure, Readout, Shot, Stream};
 use crate::pattern::Pattern;

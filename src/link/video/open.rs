@@ -170,10 +170,7 @@ fn fraction(interval_ns: u64) -> (u32, u32) {
     let (mut a, mut b) = (interval_ns.max(1), 1_000_000_000);
     while b > 0 {
         let whole = a / b;
-        (before, last) = (
-            last,
-            (whole * last.0 + before.0, whole * last.1 + before.1),
-        );
+        (before, last) = (last, (whole * last.0 + before.0, whole * last.1 + before.1));
         (a, b) = (b, a % b);
         let close = last.0 as f64 / last.1 as f64;
         if last.0 > 0 && (close / exact - 1.0).abs() <= 1e-4 {
