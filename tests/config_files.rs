@@ -63,6 +63,21 @@ fn impossible_profiles_are_refused_with_line_and_range() {
             vec!["RGB3", "GREY"],
         ),
         (
+            "data_line = true",
+            "data_line = 1",
+            vec!["data_line", "invalid type"],
+        ),
+        (
+            "width_px = 1138",
+            "width_px = 255",
+            vec!["camera.data_line", "255 columns", "256 or more"],
+        ),
+        (
+            "exposure_range_us = [20.0, 1000000.0]",
+            "exposure_range_us = [20.0, 4294968.0]",
+            vec!["camera.data_line", "4294968", "4294967.295"],
+        ),
+        (
             "bits = 8\n\n[projector]",
             "bits = 12\n\n[projector]",
             vec!["camera.sensor.bits", "allowed: 8"],

@@ -166,7 +166,7 @@ fn open_video(
              the device up, so frames would be lost"
             .to_owned()),
         Choice::Auto => VideoOutput::open_any(&stream, bits, power_on)
-            .map_err(|why| format!("{why}: run phasma doctor")),
+            .map_err(|why| format!("{why}; run phasma doctor")),
     };
     Ok(match opened {
         Ok(video) => {

@@ -4,6 +4,7 @@
 #![doc = include_str!("commands.md")]
 //!
 //! [`protocol::wire`]: crate::protocol::wire
+//! [`protocol::data_line`]: crate::protocol::data_line
 //! [`pattern::Manifest`]: crate::pattern::Manifest
 //! [`geometry::Rig`]: crate::geometry::Rig
 

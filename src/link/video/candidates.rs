@@ -66,9 +66,10 @@ pub(super) fn unfit(node: &Node) -> Option<Unfit> {
         )));
     }
     if !node.outputs {
-        return Some(Unfit::State(
-            "another program streams into it (`fuser -v` names it)".to_owned(),
-        ));
+        return Some(Unfit::State(format!(
+            "another program streams into it (`fuser -v {}` names it)",
+            node.path.display()
+        )));
     }
     if !node.streams {
         return Some(Unfit::State("it has no queues of buffers".to_owned()));
