@@ -27,7 +27,7 @@
 //! | host   | [`decode`] | frames to projector coordinates to points |
 //! | host   | [`calibrate`] | triangulation with a calibrated rig |
 //! | host   | [`measure`] | distances to the truth, registration, pictures |
-//! | top    | [`study`], [`cli`] | what needs both halves; the commands |
+//! | top    | [`study`], `doctor`, [`cli`] | what needs both halves; what a machine lacks (Linux only); the commands |
 //!
 //! The wall: host-side modules never import device-side ones, nor the reverse; `tests/wall.rs`
 //! fails when one does. A decoder that could look behind it would prove nothing.
@@ -55,6 +55,8 @@
 pub mod calibrate;
 pub mod cli;
 pub mod decode;
+#[cfg(target_os = "linux")]
+pub mod doctor;
 pub mod emulator;
 pub mod error;
 pub mod geometry;

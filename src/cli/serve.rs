@@ -205,13 +205,23 @@ async fn gone(parent: Option<oneshot::Receiver<()>>) {
 
 /// One directory a profile: `$XDG_RUNTIME_DIR/phasma-NAME`, or `/tmp/phasma-UID-NAME`.
 fn default_run_dir(profile: &str) -> PathBuf {
-    match std::env::var_os("XDG_RUNTIME_DIR").map(PathBuf::from) {
-        Some(dir) if dir.is_absolute() && dir.is_dir() => dir.join(format!("phasma-{profile}")),
-        _ => {
+    match runtime_dir() {
+        Some(dir) => dir.join(format!("phasma-{profile}")),
+        None => {
             let user = rustix::process::geteuid().as_raw();
             std::env::temp_dir().join(format!("phasma-{user}-{profile}"))
         }
     }
+}
+
+/// Where run directories are made.
+pub(super) fn run_parent() -> PathBuf {
+    runtime_dir().unwrap_or_else(std::env::temp_dir)
+}
+
+fn runtime_dir() -> Option<PathBuf> {
+    let dir = std::env::var_os("XDG_RUNTIME_DIR").map(PathBuf::from);
+    dir.filter(|dir| dir.is_absolute() && dir.is_dir())
 }
 
 /// `about` says what the camera is, or why it is no other.
