@@ -23,8 +23,9 @@ pub fn examine(machine: &Machine) -> Report {
     let mut checks = basics::checks(machine);
     checks.push(module::check(machine));
     checks.extend(nodes::checks(machine));
-    // A container's /etc is not the one that the kernel's programs read.
-    if !machine.container() {
+    // A container's /etc is not the one that the kernel's programs read, unless it was let to load
+    // the module.
+    if !machine.container() || machine.has(module::LOADED) {
         checks.extend(installed::checks(machine));
     }
     checks.extend(vulkan::checks(machine));

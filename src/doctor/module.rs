@@ -68,9 +68,7 @@ fn install(machine: &Machine) -> String {
 }
 
 fn loaded(machine: &Machine) -> Check {
-    let version = machine
-        .line(format!("{LOADED}/version"))
-        .unwrap_or_else(|| "of unknown version".into());
+    let version = version(machine).unwrap_or_else(|| "of unknown version".into());
     let mut found = format!("{version} is loaded");
     // From 0.14 on a format and a stream belong to one opener.
     let mut parts = version.split('.').map(|part| part.parse::<u32>().ok());
@@ -92,6 +90,20 @@ fn loaded(machine: &Machine) -> Check {
         ),
         None => Check::ok("v4l2loopback", Feature::V4l2, found),
     }
+}
+
+/// The version of the loaded module; 0.12 as released does not tell, but DKMS knows what it built.
+fn version(machine: &Machine) -> Option<String> {
+    machine.line(format!("{LOADED}/version")).or_else(|| {
+        let built = machine.list("var/lib/dkms/v4l2loopback");
+        // Beside versions stand links called after kernels.
+        let mut versions = built
+            .iter()
+            .filter_map(|path| Some(path.file_name()?.to_str()?.to_owned()))
+            .filter(|name| name.starts_with(|c: char| c.is_ascii_digit()));
+        // Of several nobody knows which one is loaded.
+        versions.next().filter(|_| versions.next().is_none())
+    })
 }
 
 /// The module's `max_buffers`.
