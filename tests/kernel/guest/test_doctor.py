@@ -1,9 +1,11 @@
 """`phasma doctor` on a machine with a kernel of its own."""
 
+import fcntl
 import json
 import os
+import struct
 
-from lab import loopback, udev
+from lab import loopback, udev, v4l2
 from lab.failure import expect, expect_in
 from lab.guest import wait_until
 
@@ -48,11 +50,15 @@ def test_bad_options(scratch):
 
 
 def test_a_ring_that_a_reader_has_shrunk(scratch):
-    loopback.load(NODES, exclusive_caps=0)
-    scratch.run("v4l2-ctl", "-d", loopback.PHASMA, "--stream-mmap=3", "--stream-count=1",
-                "--stream-out-mmap=3", seconds=5)
+    loopback.load(NODES)
+    producer = v4l2.produce(loopback.PHASMA, 64, 48, b"GREY")
+    reader = os.open(loopback.PHASMA, os.O_RDWR)
+    # VIDIOC_REQBUFS: 3 mapped buffers for capture.
+    fcntl.ioctl(reader, 0xC0145608, struct.pack("<5I", 3, 1, 1, 0, 0))
+    os.close(reader)
+    os.close(producer)
     topics, _ = report(scratch)
-    expect_in("camera", "of 32 buffers", topics["camera"][0]["found"])
+    expect_in("camera", "3 of 32 buffers", topics["camera"][0]["found"])
     expect_in("camera", "modprobe -r v4l2loopback", topics["camera"][0]["fix"])
 
 
