@@ -20,6 +20,7 @@
 //! | ground | [`pattern`] | what a projector shows; the sequence manifest |
 //! | ground | [`profile`] | devices and scenes as typed, checked structs; the built-in ones |
 //! | ground | [`protocol`] | SCPI, the frame socket's header, the service channel, `device.json` |
+//! | ground | `v4l2` | nodes and queues of buffers of the kernel's camera interface (Linux only) |
 //! | device | [`emulator`] | clock, firmware, slides, [rendering](emulator::render), ground truth |
 //! | device | [`link`] | how a device reaches the world: pty, frame socket, service socket |
 //! | host   | [`host`] | how an application reaches a device: camera, port, scanner |
@@ -65,5 +66,7 @@ pub mod profile;
 pub mod protocol;
 mod simd;
 pub mod study;
+#[cfg(target_os = "linux")]
+pub mod v4l2;
 
 pub use error::{Error, Result};

@@ -28,7 +28,7 @@ pub struct Captured {
     pub manifest: Manifest,
     /// The calibration that the device gave.
     pub calibration: Option<Rig>,
-    /// The frames in the manifest's order, all of one size and format.
+    /// The frames in the manifest's order, all of one size and format, GREY or Y16.
     pub frames: Vec<Frame>,
 }
 
@@ -108,22 +108,19 @@ impl Captured {
 fn write_png(frame: &Frame, path: &Path) -> Result<()> {
     let (width, height) = (frame.width, frame.height);
     let wrong = || Error::device(format!("frame {}: its bytes do not fit its size", frame.id));
-    let saved = match frame.format {
-        PixelFormat::Grey => {
-            ImageBuffer::<Luma<u8>, _>::from_raw(width, height, frame.data.as_slice())
-                .ok_or_else(wrong)?
-                .save(path)
-        }
-        PixelFormat::Y16 => {
-            let pixels: Vec<u16> = frame
-                .data
-                .chunks_exact(2)
-                .map(|b| u16::from_le_bytes([b[0], b[1]]))
-                .collect();
-            ImageBuffer::<Luma<u16>, _>::from_raw(width, height, pixels)
-                .ok_or_else(wrong)?
-                .save(path)
-        }
+    let saved = if frame.format == PixelFormat::Y16 {
+        let pixels: Vec<u16> = frame
+            .data
+            .chunks_exact(2)
+            .map(|b| u16::from_le_bytes([b[0], b[1]]))
+            .collect();
+        ImageBuffer::<Luma<u16>, _>::from_raw(width, height, pixels)
+            .ok_or_else(wrong)?
+            .save(path)
+    } else {
+        ImageBuffer::<Luma<u8>, _>::from_raw(width, height, frame.data.as_slice())
+            .ok_or_else(wrong)?
+            .save(path)
     };
     saved.map_err(|e| match e {
         image::ImageError::IoError(e) => Error::io(path, e),

@@ -20,12 +20,12 @@ impl Captured {
             .frames
             .iter()
             .map(|frame| match frame.format {
-                PixelFormat::Grey => Vec::new(),
                 PixelFormat::Y16 => frame
                     .data
                     .chunks_exact(2)
                     .map(|b| u16::from_le_bytes([b[0], b[1]]))
                     .collect(),
+                _ => Vec::new(),
             })
             .collect();
         let samples = self
@@ -33,8 +33,8 @@ impl Captured {
             .iter()
             .zip(&wide)
             .map(|(frame, wide)| match frame.format {
-                PixelFormat::Grey => Samples::U8(&frame.data),
                 PixelFormat::Y16 => Samples::U16(wide),
+                _ => Samples::U8(&frame.data),
             })
             .collect();
         let rig = self.calibration.as_ref();

@@ -163,7 +163,7 @@ fn sensor(s: &Sensor, format: PixelFormat, check: &Check<'_>) -> Result<()> {
     check.within("camera.sensor.read_noise_e", s.read_noise_e, 0.0..=1e4)?;
     check.within("camera.sensor.gain_dn_per_e", s.gain_dn_per_e, 1e-6..=1e4)?;
     let bits = match format {
-        PixelFormat::Grey => 8..=8,
+        PixelFormat::Grey | PixelFormat::Yuyv => 8..=8,
         PixelFormat::Y16 => 9..=16,
     };
     check.within("camera.sensor.bits", s.bits, bits)?;

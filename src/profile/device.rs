@@ -217,6 +217,15 @@ impl Camera {
 }
 
 impl Sensor {
+    /// What the converter's words are: GREY up to 8 bits, Y16 beyond.
+    pub fn native_format(&self) -> PixelFormat {
+        if self.bits <= 8 {
+            PixelFormat::Grey
+        } else {
+            PixelFormat::Y16
+        }
+    }
+
     /// Largest digital number.
     pub fn full_scale_dn(&self) -> f64 {
         f64::from((1u32 << self.bits) - 1)

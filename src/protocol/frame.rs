@@ -11,6 +11,10 @@ pub enum PixelFormat {
     /// Two bytes a pixel, little-endian, the sensor's bits in the low bits.
     #[serde(rename = "Y16")]
     Y16,
+    /// Four bytes a pair of pixels, Y U Y V: what webcams send. The colour is neutral (128), the
+    /// width even.
+    #[serde(rename = "YUYV")]
+    Yuyv,
 }
 
 impl PixelFormat {
@@ -18,7 +22,7 @@ impl PixelFormat {
     pub fn bytes_per_pixel(self) -> usize {
         match self {
             Self::Grey => 1,
-            Self::Y16 => 2,
+            Self::Y16 | Self::Yuyv => 2,
         }
     }
 
@@ -27,14 +31,46 @@ impl PixelFormat {
         match self {
             Self::Grey => *b"GREY",
             Self::Y16 => *b"Y16 ",
+            Self::Yuyv => *b"YUYV",
         }
     }
 
     /// The format of a four-character code.
     pub fn from_fourcc(code: [u8; 4]) -> Option<Self> {
-        [Self::Grey, Self::Y16]
+        [Self::Grey, Self::Y16, Self::Yuyv]
             .into_iter()
             .find(|format| format.fourcc() == code)
+    }
+}
+
+impl Frame {
+    /// The frame as pairs of pixels with neutral colour; frames of other formats than GREY, and of
+    /// odd width, stay as they are.
+    #[must_use]
+    pub fn into_yuyv(self) -> Self {
+        if self.format != PixelFormat::Grey || self.width % 2 == 1 {
+            return self;
+        }
+        let data = self.data.iter().flat_map(|luma| [*luma, 128]).collect();
+        Self {
+            format: PixelFormat::Yuyv,
+            data,
+            ..self
+        }
+    }
+
+    /// The frame without its colour: YUYV becomes GREY, other formats stay as they are.
+    #[must_use]
+    pub fn into_luma(self) -> Self {
+        if self.format != PixelFormat::Yuyv {
+            return self;
+        }
+        let data = self.data.iter().step_by(2).copied().collect();
+        Self {
+            format: PixelFormat::Grey,
+            data,
+            ..self
+        }
     }
 }
 

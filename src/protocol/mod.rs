@@ -1,5 +1,6 @@
 //! What both halves speak: commands, replies, device errors, and every wire format.
 
+pub mod data_line;
 pub mod endpoints;
 mod frame;
 pub mod scpi;

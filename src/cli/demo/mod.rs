@@ -135,14 +135,15 @@ fn seen(captured: &Captured) -> Result<GrayImage> {
         .calibration
         .and_then(|rig| rig.noise)
         .map_or(f64::from(u16::MAX), |noise| noise.saturation_dn);
-    let levels = match frame.format {
-        PixelFormat::Grey => frame.data.clone(),
-        PixelFormat::Y16 => frame
-            .data
-            .chunks_exact(2)
+    let frame = frame.clone().into_luma();
+    let levels = if frame.format == PixelFormat::Y16 {
+        let words = frame.data.chunks_exact(2);
+        words
             .map(|b| f64::from(u16::from_le_bytes([b[0], b[1]])) / full * 255.0)
             .map(|level| level as u8)
-            .collect(),
+            .collect()
+    } else {
+        frame.data
     };
     GrayImage::from_raw(frame.width, frame.height, levels)
         .ok_or_else(|| Error::device("a frame has not the bytes of its size"))

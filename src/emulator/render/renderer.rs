@@ -131,8 +131,8 @@ impl Renderer {
         let table = self.table(shot);
         let noise = self.plan.noise.then_some((self.seed, shot.id));
         let camera = &self.profile.camera;
-        let sensor = Sensor::new(&camera.sensor, camera.format, shot.gain_db, noise);
-        let bytes = camera.format.bytes_per_pixel();
+        let sensor = Sensor::new(&camera.sensor, shot.gain_db, noise);
+        let bytes = camera.sensor.native_format().bytes_per_pixel();
         let mut data = vec![0; self.buffer.x.len() * bytes];
         self.electrons(
             shot,
@@ -148,7 +148,7 @@ impl Renderer {
             pattern_index: shot.pattern_index,
             width: camera.width_px,
             height: camera.height_px,
-            format: camera.format,
+            format: camera.sensor.native_format(),
             exposure_start_ns: shot.start_ns,
             exposure_end_ns: shot.start_ns + shot.exposure_ns,
             data,
@@ -163,7 +163,7 @@ impl Renderer {
         self.prepare();
         let table = self.table(shot);
         let camera = &self.profile.camera;
-        let sensor = Sensor::new(&camera.sensor, camera.format, shot.gain_db, None);
+        let sensor = Sensor::new(&camera.sensor, shot.gain_db, None);
         let mut out = vec![0.0f32; self.buffer.x.len()];
         self.electrons(
             shot,

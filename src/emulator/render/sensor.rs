@@ -21,25 +21,21 @@ pub(super) struct Sensor {
     gain_dn_per_e: f32,
     black_dn: f32,
     full_scale_dn: f32,
-    format: PixelFormat,
+    /// Words of two bytes.
+    wide: bool,
     /// Seed and frame id, or no noise at all.
     noise: Option<(u64, u64)>,
 }
 
 impl Sensor {
-    pub(super) fn new(
-        sensor: &Parameters,
-        format: PixelFormat,
-        gain_db: f64,
-        noise: Option<(u64, u64)>,
-    ) -> Self {
+    pub(super) fn new(sensor: &Parameters, gain_db: f64, noise: Option<(u64, u64)>) -> Self {
         Self {
             full_well_e: sensor.full_well_e as f32,
             read_variance_e2: sensor.read_noise_e.powi(2) as f32,
             gain_dn_per_e: sensor.gain_at(gain_db) as f32,
             black_dn: sensor.black_level_dn as f32,
             full_scale_dn: sensor.full_scale_dn() as f32,
-            format,
+            wide: sensor.native_format() == PixelFormat::Y16,
             noise,
         }
     }
@@ -50,13 +46,12 @@ impl Sensor {
         if let Some((seed, frame)) = self.noise {
             expose(self, [seed, frame], first, electrons);
         }
-        match self.format {
-            PixelFormat::Grey => quantise_grey(self, electrons, out),
-            PixelFormat::Y16 => {
-                for (e, pair) in electrons.iter().zip(out.chunks_exact_mut(2)) {
-                    pair.copy_from_slice(&(self.convert(*e) as i32 as u16).to_le_bytes());
-                }
+        if self.wide {
+            for (e, pair) in electrons.iter().zip(out.chunks_exact_mut(2)) {
+                pair.copy_from_slice(&(self.convert(*e) as i32 as u16).to_le_bytes());
             }
+        } else {
+            quantise_grey(self, electrons, out);
         }
     }
 
@@ -180,7 +175,7 @@ mod tests {
             gain_dn_per_e: 1.0,
             black_dn: 0.0,
             full_scale_dn: 65535.0,
-            format: PixelFormat::Y16,
+            wide: true,
             noise: Some((7, 1)),
         }
     }
@@ -242,7 +237,7 @@ mod tests {
         let sensor = Sensor {
             black_dn: 4.0,
             full_scale_dn: 255.0,
-            format: PixelFormat::Grey,
+            wide: false,
             noise: None,
             ..sensor(0.0)
         };

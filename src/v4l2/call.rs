@@ -1,0 +1,32 @@
+//! One ioctl with a typed argument.
+
+use std::io;
+use std::os::raw::c_void;
+use v4l::device::Handle;
+use v4l::v4l2::{self, vidioc};
+
+/// Calls the driver, again when a signal interrupts.
+///
+/// # Safety
+/// `request` must be one whose argument is a `T`, and what pointers `T` carries must be valid for it.
+#[allow(unsafe_code)]
+pub(super) unsafe fn ioctl<T>(
+    handle: &Handle,
+    request: vidioc::_IOC_TYPE,
+    argument: &mut T,
+) -> io::Result<()> {
+    loop {
+        // SAFETY: the handle's descriptor is open, and the caller vouches for the argument.
+        let done = unsafe {
+            v4l2::ioctl(
+                handle.fd(),
+                request,
+                std::ptr::from_mut(argument).cast::<c_void>(),
+            )
+        };
+        match done {
+            Err(e) if e.kind() == io::ErrorKind::Interrupted => {}
+            done => return done,
+        }
+    }
+}

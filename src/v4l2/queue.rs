@@ -1,0 +1,337 @@
+//! Queues of buffers that driver and program share (V4L2's memory-mapped streaming I/O).
+//!
+//! Other processes write to and read from the same memory at any time, so no reference to it is ever
+//! made: bytes are copied out of it and into it.
+
+use super::call::ioctl;
+use std::io;
+use std::ptr::NonNull;
+use std::sync::Arc;
+use std::time::Duration;
+use v4l::Device;
+use v4l::device::Handle;
+use v4l::v4l_sys::{
+    V4L2_BUF_FLAG_ERROR, v4l2_buf_type, v4l2_buf_type_V4L2_BUF_TYPE_VIDEO_CAPTURE as CAPTURE,
+    v4l2_buf_type_V4L2_BUF_TYPE_VIDEO_OUTPUT as OUTPUT, v4l2_buffer,
+    v4l2_field_V4L2_FIELD_NONE as PROGRESSIVE, v4l2_memory_V4L2_MEMORY_MMAP as MMAP,
+    v4l2_requestbuffers,
+};
+use v4l::v4l2::{self, vidioc};
+
+/// Most buffers that are asked for; v4l2loopback's own limit.
+const MAX_BUFFERS: u32 = 32;
+/// Largest buffer that is mapped, in bytes.
+const MAX_BUFFER_BYTES: usize = 1 << 30;
+const PROT_READ_WRITE: i32 = 3;
+const MAP_SHARED: i32 = 1;
+const POLLIN: i16 = 1;
+const POLLOUT: i16 = 4;
+
+/// One buffer's memory.
+struct Mapping {
+    start: NonNull<u8>,
+    len: usize,
+    /// Where in the device's memory it lies: v4l2loopback's name of a buffer.
+    offset: u32,
+}
+
+// SAFETY: the memory belongs to the process, not to a thread, and is touched through `&mut` only.
+#[allow(unsafe_code)]
+unsafe impl Send for Mapping {}
+
+impl Drop for Mapping {
+    fn drop(&mut self) {
+        // SAFETY: the mapping was made with this address and length and is unmapped once. What the
+        // system answers changes nothing any more.
+        #[allow(unsafe_code)]
+        let _ = unsafe { v4l2::munmap(self.start.as_ptr().cast(), self.len) };
+    }
+}
+
+/// Buffers of one opened device, in one direction.
+struct Queue {
+    handle: Arc<Handle>,
+    kind: v4l2_buf_type,
+    mappings: Vec<Mapping>,
+}
+
+impl Queue {
+    fn new(device: &Device, kind: v4l2_buf_type, count: u32) -> io::Result<Self> {
+        let mut queue = Self {
+            handle: device.handle(),
+            kind,
+            mappings: Vec::new(),
+        };
+        let mut request = v4l2_requestbuffers {
+            count: count.min(MAX_BUFFERS),
+            type_: kind,
+            memory: MMAP,
+            capabilities: 0,
+            flags: 0,
+            reserved: [0; 3],
+        };
+        // SAFETY: VIDIOC_REQBUFS takes a `v4l2_requestbuffers`.
+        #[allow(unsafe_code)]
+        unsafe {
+            ioctl(&queue.handle, vidioc::VIDIOC_REQBUFS, &mut request)?;
+        }
+        for index in 0..request.count.min(MAX_BUFFERS) {
+            let buffer = queue.query(index)?;
+            let mapping = queue.map(&buffer)?;
+            queue.mappings.push(mapping);
+        }
+        if queue.mappings.is_empty() {
+            return Err(io::Error::other("the driver has no buffers"));
+        }
+        Ok(queue)
+    }
+
+    fn empty_buffer(&self) -> v4l2_buffer {
+        // SAFETY: a `v4l2_buffer` is plain numbers, and zero is a value of each; a union member's
+        // zero pointer is never followed for mapped buffers.
+        #[allow(unsafe_code)]
+        let zero: v4l2_buffer = unsafe { std::mem::zeroed() };
+        v4l2_buffer {
+            type_: self.kind,
+            memory: MMAP,
+            ..zero
+        }
+    }
+
+    /// Passes a buffer to one of the requests that take one.
+    fn call(&self, request: vidioc::_IOC_TYPE, mut buffer: v4l2_buffer) -> io::Result<v4l2_buffer> {
+        // SAFETY: this module passes QUERYBUF, QBUF and DQBUF only, which take a `v4l2_buffer`; of
+        // mapped single-plane buffers, which carry no pointers.
+        #[allow(unsafe_code)]
+        unsafe {
+            ioctl(&self.handle, request, &mut buffer)?;
+        }
+        Ok(buffer)
+    }
+
+    fn query(&self, index: u32) -> io::Result<v4l2_buffer> {
+        let buffer = v4l2_buffer {
+            index,
+            ..self.empty_buffer()
+        };
+        self.call(vidioc::VIDIOC_QUERYBUF, buffer)
+    }
+
+    fn map(&self, buffer: &v4l2_buffer) -> io::Result<Mapping> {
+        let len = buffer.length as usize;
+        if len == 0 || len > MAX_BUFFER_BYTES {
+            return Err(io::Error::other(format!(
+                "buffers of {len} bytes, at most {MAX_BUFFER_BYTES} are mapped"
+            )));
+        }
+        let offset = offset(buffer);
+        // SAFETY: a new mapping of the driver's own length at the driver's own offset, at an
+        // address of the system's choice.
+        #[allow(unsafe_code)]
+        let start = unsafe {
+            v4l2::mmap(
+                std::ptr::null_mut(),
+                len,
+                PROT_READ_WRITE,
+                MAP_SHARED,
+                self.handle.fd(),
+                offset.into(),
+            )?
+        };
+        let start = NonNull::new(start.cast::<u8>())
+            .ok_or_else(|| io::Error::other("the system mapped a buffer to address 0"))?;
+        Ok(Mapping { start, len, offset })
+    }
+
+    fn stream(&self, on: bool) -> io::Result<()> {
+        let request = if on {
+            vidioc::VIDIOC_STREAMON
+        } else {
+            vidioc::VIDIOC_STREAMOFF
+        };
+        let mut kind = self.kind;
+        // SAFETY: both requests take the buffer type as an integer.
+        #[allow(unsafe_code)]
+        unsafe {
+            ioctl(&self.handle, request, &mut kind)
+        }
+    }
+
+    /// Waits for readiness; `false` when it has not come in time.
+    fn ready(&self, events: i16, timeout: Duration) -> io::Result<bool> {
+        // Rounded up, so that a short wait is no busy loop.
+        let ms = timeout.as_nanos().div_ceil(1_000_000).min(i32::MAX as u128);
+        match self.handle.poll(events, ms as i32) {
+            Ok(count) => Ok(count > 0),
+            Err(e) if e.kind() == io::ErrorKind::Interrupted => Ok(false),
+            Err(e) => Err(e),
+        }
+    }
+}
+
+impl Drop for Queue {
+    fn drop(&mut self) {
+        // A device that has gone is stopped already.
+        let _ = self.stream(false);
+    }
+}
+
+fn offset(buffer: &v4l2_buffer) -> u32 {
+    // SAFETY: all members of the union are plain numbers of at least this size, and this is the
+    // member that mapped buffers use.
+    #[allow(unsafe_code)]
+    unsafe {
+        buffer.m.offset
+    }
+}
+
+/// What the driver says of a frame.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Taken {
+    /// The driver's time of the frame, on the system's monotonic clock for most.
+    pub timestamp: Duration,
+    /// The driver's own count.
+    pub sequence: u32,
+    /// The driver says that the frame is damaged.
+    pub damaged: bool,
+}
+
+/// Frames from a device.
+pub struct CaptureQueue(Queue);
+
+impl CaptureQueue {
+    /// Asks for buffers (`count`, at most 32; the driver may give fewer or more) and starts.
+    ///
+    /// # Errors
+    /// What the driver refuses: no format yet (EINVAL, EIO), somebody else streams (EBUSY).
+    pub fn start(device: &Device, count: u32) -> io::Result<Self> {
+        let queue = Queue::new(device, CAPTURE, count)?;
+        for index in 0..queue.mappings.len() as u32 {
+            let buffer = v4l2_buffer {
+                index,
+                ..queue.empty_buffer()
+            };
+            queue.call(vidioc::VIDIOC_QBUF, buffer)?;
+        }
+        queue.stream(true)?;
+        Ok(Self(queue))
+    }
+
+    /// Copies the next frame's used bytes, no more than `limit` of them, to `bytes` and gives the
+    /// buffer back; `None` when no frame has come in time.
+    ///
+    /// # Errors
+    /// What the driver says: ENODEV when the device has gone.
+    pub fn take(
+        &mut self,
+        bytes: &mut Vec<u8>,
+        limit: usize,
+        timeout: Duration,
+    ) -> io::Result<Option<Taken>> {
+        let queue = &self.0;
+        if !queue.ready(POLLIN, timeout)? {
+            return Ok(None);
+        }
+        let buffer = match queue.call(vidioc::VIDIOC_DQBUF, queue.empty_buffer()) {
+            // Another reader of the queue, or a spurious wake.
+            Err(e) if e.kind() == io::ErrorKind::WouldBlock => return Ok(None),
+            buffer => buffer?,
+        };
+        let mapping = queue
+            .mappings
+            .get(buffer.index as usize)
+            .ok_or_else(|| io::Error::other(format!("the driver gave buffer {}", buffer.index)))?;
+        let used = (buffer.bytesused as usize).min(mapping.len).min(limit);
+        bytes.clear();
+        bytes.reserve(used);
+        // SAFETY: the mapping holds `used` bytes, the vector has room for them, and they do not
+        // overlap. Others may write meanwhile: bytes have no invalid values.
+        #[allow(unsafe_code)]
+        unsafe {
+            std::ptr::copy_nonoverlapping(mapping.start.as_ptr(), bytes.as_mut_ptr(), used);
+            bytes.set_len(used);
+        }
+        let again = v4l2_buffer {
+            index: buffer.index,
+            ..queue.empty_buffer()
+        };
+        queue.call(vidioc::VIDIOC_QBUF, again)?;
+        let seconds = u64::try_from(buffer.timestamp.tv_sec).unwrap_or(0);
+        let micros = u64::try_from(buffer.timestamp.tv_usec).unwrap_or(0);
+        Ok(Some(Taken {
+            timestamp: Duration::from_secs(seconds) + Duration::from_micros(micros),
+            sequence: buffer.sequence,
+            damaged: buffer.flags & V4L2_BUF_FLAG_ERROR != 0,
+        }))
+    }
+}
+
+/// Frames to a v4l2loopback node.
+///
+/// v4l2loopback 0.12 gives back the buffer that was queued last, which readers may be reading, when
+/// one is dequeued; and a reader that asks for few buffers shrinks the ring for everybody. So
+/// buffers are filled in turn and never dequeued, and each time the driver is asked where the
+/// buffer lies now.
+pub struct OutputQueue {
+    queue: Queue,
+    next: u32,
+}
+
+impl OutputQueue {
+    /// Asks for buffers (`count`, at most 32; the driver may give fewer or more) and starts.
+    ///
+    /// # Errors
+    /// What the driver refuses.
+    pub fn start(device: &Device, count: u32) -> io::Result<Self> {
+        let queue = Queue::new(device, OUTPUT, count)?;
+        queue.stream(true)?;
+        Ok(Self { queue, next: 0 })
+    }
+
+    /// Bytes that the smallest buffer holds.
+    pub fn capacity(&self) -> usize {
+        let lens = self.queue.mappings.iter().map(|mapping| mapping.len);
+        lens.min().unwrap_or(0)
+    }
+
+    /// Hands a frame on with its time on the system's monotonic clock.
+    ///
+    /// # Errors
+    /// More bytes than a buffer holds; what the driver says: ENODEV when the device has gone.
+    pub fn put(&mut self, bytes: &[u8], timestamp: Duration) -> io::Result<()> {
+        let queue = &self.queue;
+        if !queue.ready(POLLOUT, Duration::ZERO)? {
+            return Err(io::ErrorKind::WouldBlock.into());
+        }
+        let index = self.next % queue.mappings.len() as u32;
+        self.next = index + 1;
+        // A reader that shrinks the ring meanwhile moves the buffer: then once more.
+        for _ in 0..2 {
+            let at = offset(&queue.query(index)?);
+            let mapping = queue.mappings.iter().find(|mapping| mapping.offset == at);
+            let mapping = mapping
+                .filter(|mapping| bytes.len() <= mapping.len)
+                .ok_or_else(|| {
+                    io::Error::other(format!("no buffer of {} bytes at {at}", bytes.len()))
+                })?;
+            // SAFETY: the mapping holds as many bytes and nothing of ours points into it.
+            #[allow(unsafe_code)]
+            unsafe {
+                std::ptr::copy_nonoverlapping(bytes.as_ptr(), mapping.start.as_ptr(), bytes.len());
+            }
+            let mut buffer = v4l2_buffer {
+                index,
+                bytesused: bytes.len() as u32,
+                field: PROGRESSIVE,
+                ..queue.empty_buffer()
+            };
+            buffer.timestamp.tv_sec = timestamp.as_secs().try_into().unwrap_or(0);
+            buffer.timestamp.tv_usec = timestamp.subsec_micros().into();
+            if offset(&queue.query(index)?) == at {
+                queue.call(vidioc::VIDIOC_QBUF, buffer)?;
+                return Ok(());
+            }
+        }
+        Err(io::ErrorKind::WouldBlock.into())
+    }
+}
