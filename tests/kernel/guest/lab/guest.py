@@ -6,6 +6,7 @@ import pathlib
 import shutil
 import signal
 import subprocess
+import tempfile
 import time
 
 from .failure import Failure
@@ -74,7 +75,8 @@ class Job:
             self.process = subprocess.Popen(
                 list(map(str, command)),
                 stdin=subprocess.DEVNULL, stdout=out, stderr=err,
-                cwd=scratch.dir, start_new_session=True, user=user, group=user, extra_groups=[] if user else None,
+                cwd=scratch.dir, start_new_session=True,
+                user=user, group=user, extra_groups=[] if user else None,
             )
 
     def said(self):
@@ -108,13 +110,13 @@ class Scratch:
     the programs that it starts."""
 
     def __init__(self, name):
-        self.dir = pathlib.Path("/tmp") / name
+        # Short, because paths of sockets are.
+        self.dir = pathlib.Path(tempfile.mkdtemp(dir="/tmp"))
         self.out = OUT / name
         self.jobs = []
         self.count = 0
 
     def __enter__(self):
-        self.dir.mkdir(mode=0o777)
         self.dir.chmod(0o777)
         self.out.mkdir()
         return self
