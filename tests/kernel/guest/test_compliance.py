@@ -20,6 +20,8 @@ def test_the_module_fails_what_is_listed(scratch):
     """Under a producer of ten lines: what fails here is nothing that `phasma serve` could mend."""
     loopback.load()
     node = produce(loopback.PHASMA, 320, 241, b"GREY")
+    # The first frame makes it a capture node.
+    os.write(node, bytes(320 * 241))
     over = threading.Event()
 
     def stream():

@@ -15,6 +15,10 @@ MODULES_OWN = {
 }
 # And these where it streams.
 MODULES_OWN_STREAMING = MODULES_OWN | {
+    "blocking wait": "the module's DQBUF gives a frame although no buffer is queued",
+    "MMAP (no poll)": "the module takes STREAMON without any buffers",
+    "MMAP (select)": "as MMAP (no poll)",
+    "MMAP (epoll)": "as MMAP (no poll)",
 }
 
 
