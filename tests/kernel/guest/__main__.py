@@ -14,6 +14,8 @@ from lab import guest
 from lab.failure import Failure
 
 FILTERS = pathlib.Path("/mnt/out/filters")
+# Names the test at work, for a guest that does not come back.
+RUNNING = pathlib.Path("/mnt/out/running")
 # What unregisters nodes goes last: the module cannot be loaded anew after it.
 LAST = ["test_unplug"]
 
@@ -58,6 +60,7 @@ def main():
     for name, function in tests():
         if wanted and not any(part in name for part in wanted):
             continue
+        RUNNING.write_text(name)
         start = time.monotonic()
         reason = run(name, function)
         seconds = time.monotonic() - start

@@ -1,20 +1,26 @@
 """The node goes away under its users, as when a camera is pulled out. Each test uses up a node, and
 the module cannot be loaded anew after that: these tests come last, in this order."""
 
+import errno
+import os
+
 from lab import loopback
 from lab.device import Device
 from lab.failure import expect, expect_in, expect_true
 from lab.guest import wait_until
 from lab.profiles import GREY
-from lab.v4l2 import names
+from lab.v4l2 import names, produce
 
-NODES = [(20, "Phasma one"), (21, "Phasma two"), (22, "Phasma three")]
+NODES = [(20, "Phasma one"), (21, "Phasma two"), (22, "Phasma three"), (23, "Other")]
+
+LOADED = []
 
 
 def nodes():
     """Loads the module where no test of these has yet."""
-    if "/dev/video22" not in names():
+    if not LOADED:
         loopback.load(NODES)
+        LOADED.append(True)
 
 
 def unplug(path):
@@ -29,6 +35,22 @@ def expect_gone(what, done, path):
     expect_in(what, path, done.err)
     expect_in(what, "gone", done.err)
     expect_true(f"{what}: no panic", "panicked" not in done.err)
+
+
+def test_the_plug_is_pulled_out(scratch):
+    """What the other tests stand on: a producer at work is told ENODEV."""
+    nodes()
+    node = produce("/dev/video23", 320, 240, b"GREY")
+    frame = bytes(320 * 240)
+    expect("bytes written", os.write(node, frame), len(frame))
+    unplug("/dev/video23")
+    try:
+        os.write(node, frame)
+        found = None
+    except OSError as error:
+        found = error.errno
+    expect("errno of a write", found, errno.ENODEV)
+    os.close(node)
 
 
 def test_the_device_says_so_and_ends(scratch):
