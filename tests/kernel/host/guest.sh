@@ -3,7 +3,7 @@
 # boot FILTER...: one guest; its tests' lines go to standard output and $out/report. Status: the
 # guest's own, 125 when it did not report one.
 boot() {
-  local filter status
+  local status
   : > "$out/console.log"
   printf '%s\n' "$@" > "$out/filters"
   # The first serial port is the kernel's console, the second is the report. Root is this machine's,

@@ -96,7 +96,8 @@ class Job:
             status = self.process.wait(seconds)
         except subprocess.TimeoutExpired:
             out, err = self.said()
-            raise Failure(f"{self.command}: still running after {seconds} s; it says: {(err or out).strip()[-600:]}")
+            said = (err or out).strip()[-600:]
+            raise Failure(f"{self.command}: still running after {seconds} s; it says: {said}")
         return Done(self.command, status, *self.said())
 
     def end(self):
