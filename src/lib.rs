@@ -22,7 +22,7 @@
 //! | ground | [`protocol`] | SCPI, the frame socket's header, the service channel, `device.json` |
 //! | ground | `v4l2` | nodes and queues of buffers of the kernel's camera interface (Linux only) |
 //! | device | [`emulator`] | clock, firmware, slides, [rendering](emulator::render), ground truth |
-//! | device | [`link`] | how a device reaches the world: pty, frame socket, service socket |
+//! | device | `link` | how a device reaches the world: pty, frame socket, service socket (Linux only) |
 //! | host   | [`host`] | how an application reaches a device: camera, port, scanner |
 //! | host   | [`decode`] | frames to projector coordinates to points |
 //! | host   | [`calibrate`] | triangulation with a calibrated rig |
@@ -59,6 +59,7 @@ pub mod emulator;
 pub mod error;
 pub mod geometry;
 pub mod host;
+#[cfg(target_os = "linux")]
 pub mod link;
 pub mod measure;
 pub mod pattern;

@@ -2,11 +2,17 @@
 
 mod compare;
 mod decode;
+#[cfg(target_os = "linux")]
 mod demo;
 mod profile;
 mod scan;
 mod scene;
+#[cfg(target_os = "linux")]
 mod serve;
+#[cfg(not(target_os = "linux"))]
+mod without_link;
+#[cfg(not(target_os = "linux"))]
+use {without_link as demo, without_link as serve};
 
 use crate::error::Result;
 use clap::{Parser, Subcommand};

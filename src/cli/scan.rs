@@ -71,7 +71,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     };
     let start = Instant::now();
     let given = args.calibration.as_deref().zip(calibration);
-    let captured = capture_with(&args.camera, &args.control, timeout, &options, given)?;
+    let captured = capture(&args.camera, &args.control, timeout, &options, given)?;
     let capture_s = start.elapsed().as_secs_f64();
     let source = match (given, captured.calibration) {
         (Some(_), _) => "file",
@@ -86,21 +86,12 @@ pub(super) fn run(args: &Args) -> Result<()> {
     Ok(())
 }
 
-/// Captures a sequence, with progress on a terminal.
+/// Captures a sequence, with progress on a terminal; a calibration from a file takes the place of
+/// the device's own.
 ///
 /// # Errors
 /// See [`Scanner::scan`].
 pub(super) fn capture(
-    camera: &str,
-    control: &str,
-    timeout: Duration,
-    options: &ScanOptions,
-) -> Result<Captured> {
-    capture_with(camera, control, timeout, options, None)
-}
-
-/// [`capture`] with a calibration from a file in place of the device's own.
-fn capture_with(
     camera: &str,
     control: &str,
     timeout: Duration,

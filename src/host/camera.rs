@@ -1,12 +1,12 @@
 //! Cameras by address: `socket:PATH`, `tcp:HOST:PORT`, `/dev/videoN`.
 
+use super::local::UnixStream;
 use crate::error::{Error, Result};
 use crate::protocol::Frame;
 use crate::protocol::wire::FrameDecoder;
 use std::collections::VecDeque;
 use std::io::Read;
 use std::net::{TcpStream, ToSocketAddrs};
-use std::os::unix::net::UnixStream;
 use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};

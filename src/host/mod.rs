@@ -7,6 +7,7 @@ mod camera;
 mod captured;
 mod decoding;
 mod instrument;
+mod local;
 mod port;
 mod scanner;
 

@@ -62,7 +62,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
         frame_timeout: TIMEOUT,
     };
     let control = endpoints.control.display().to_string();
-    let captured = capture(&endpoints.camera, &control, TIMEOUT, &options)?;
+    let captured = capture(&endpoints.camera, &control, TIMEOUT, &options, None)?;
     let capture_s = begin.elapsed().as_secs_f64();
     step("decoding");
     let rig = captured
