@@ -75,7 +75,7 @@ def with_pyserial(device):
     tell("TRIG:SOUR BUS;MODE SEQ;:PROJ:POW ON;CURR 0.5")
     camera = socket.socket(socket.AF_UNIX)
     camera.settimeout(10)
-    camera.connect(device["camera"].removeprefix("socket:"))
+    camera.connect(device["camera_socket"].removeprefix("socket:"))
     count = int(ask("SEQ:COUN?"))
     expect("pyserial: armed", ask("INIT;STAT:OPER:COND?"), "32")
     tell("*TRG")

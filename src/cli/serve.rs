@@ -2,12 +2,13 @@
 
 use crate::emulator::{Clock, Firmware, PacedClock, Renderer, UserSequence, VirtualClock};
 use crate::error::{Error, Result};
-use crate::link::{Device, RunDir, serve};
+use crate::link::{Device, RunDir, VideoOutput, serve};
 use crate::profile::{Profile, Scene};
 use crate::protocol::Endpoints;
 use std::io::Write;
 use std::path::PathBuf;
-use std::time::Instant;
+use std::str::FromStr;
+use std::time::{Duration, Instant};
 use tokio::signal::unix::{SignalKind, signal};
 use tokio::sync::oneshot;
 
@@ -24,6 +25,10 @@ pub(super) struct Args {
     /// directory when absent.
     #[arg(long, value_name = "DIR")]
     run_dir: Option<PathBuf>,
+    /// Where frames go besides the frame socket: a node of v4l2loopback by its path (/dev/video10);
+    /// auto, the first free one whose label starts with Phasma; or socket, nowhere else.
+    #[arg(long, value_name = "ADDR", default_value = "auto")]
+    camera: Choice,
     /// Seed of the noise.
     #[arg(long, default_value_t = 0)]
     seed: u64,
@@ -44,7 +49,28 @@ pub(super) struct Args {
     clock: Pace,
 }
 
-#[derive(Debug, Clone, Copy, clap::ValueEnum)]
+/// `--camera`.
+#[derive(Debug, Clone)]
+enum Choice {
+    Auto,
+    Socket,
+    Node(PathBuf),
+}
+
+impl FromStr for Choice {
+    type Err = &'static str;
+
+    fn from_str(text: &str) -> std::result::Result<Self, Self::Err> {
+        match text {
+            "auto" => Ok(Self::Auto),
+            "socket" => Ok(Self::Socket),
+            path if path.starts_with("/dev/") => Ok(Self::Node(path.into())),
+            _ => Err("allowed: auto, socket or a path such as /dev/video10"),
+        }
+    }
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 enum Pace {
     /// As on the wall.
     Real,
@@ -53,6 +79,14 @@ enum Pace {
 }
 
 pub(super) fn run(args: &Args) -> Result<()> {
+    if let (Choice::Node(path), Pace::Fast) = (&args.camera, args.clock) {
+        return Err(Error::input(
+            "--clock fast",
+            format!("with --camera {}", path.display()),
+            "--clock real: a V4L2 reader cannot hold the device up, so frames would be lost; or \
+             --camera socket",
+        ));
+    }
     let mut profile = Profile::load(&args.profile)?;
     profile.camera.sensor.noiseless = args.no_noise;
     let scene = Scene::load(&args.scene)?;
@@ -66,7 +100,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
         Pace::Fast => Box::new(VirtualClock::default()),
     };
     let id = &profile.identity;
-    let device = Device {
+    let mut device = Device {
         firmware: Firmware::new(&profile, &user)?,
         renderer: Renderer::new(&profile, &scene, args.seed)?,
         clock,
@@ -78,6 +112,8 @@ pub(super) fn run(args: &Args) -> Result<()> {
         scene: args.scene.clone(),
         seed: args.seed,
         tcp: args.tcp,
+        video: None,
+        notice: |text| eprintln!("phasma: {text}"),
     };
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
@@ -106,8 +142,46 @@ pub(super) fn run(args: &Args) -> Result<()> {
             }
         };
         let start = Instant::now();
+        let power_on = monotonic();
+        let bits = profile.camera.sensor.bits;
+        let (video, why) = open_video(args, &device.firmware, bits, power_on)?;
+        device.video = video;
+        let announce = |endpoints: &Endpoints| announce(endpoints, &why);
         serve(device, run_dir, move || start.elapsed(), announce, shutdown).await
     })
+}
+
+/// The V4L2 node that was asked for or found, and what to say of the camera.
+fn open_video(
+    args: &Args,
+    firmware: &Firmware,
+    bits: u32,
+    power_on: Duration,
+) -> Result<(Option<VideoOutput>, String)> {
+    let stream = firmware.stream();
+    let opened = match &args.camera {
+        Choice::Socket => return Ok((None, String::new())),
+        Choice::Node(path) => Ok(VideoOutput::open(path, &stream, bits, power_on)?),
+        Choice::Auto if args.clock == Pace::Fast => Err("--clock fast: a V4L2 reader cannot hold \
+             the device up, so frames would be lost"
+            .to_owned()),
+        Choice::Auto => VideoOutput::open_any(&stream, bits, power_on)
+            .map_err(|why| format!("{why}: run phasma doctor")),
+    };
+    Ok(match opened {
+        Ok(video) => {
+            let about = video.about();
+            (Some(video), about)
+        }
+        Err(why) => (None, why),
+    })
+}
+
+/// The time that V4L2 stamps frames with.
+fn monotonic() -> Duration {
+    let now = rustix::time::clock_gettime(rustix::time::ClockId::Monotonic);
+    let seconds = u64::try_from(now.tv_sec).unwrap_or(0);
+    Duration::from_secs(seconds) + Duration::from_nanos(now.tv_nsec.unsigned_abs())
 }
 
 /// Tells when standard input has ended: whoever held its other end is gone, even by KILL.
@@ -140,14 +214,22 @@ fn default_run_dir(profile: &str) -> PathBuf {
     }
 }
 
-fn announce(endpoints: &Endpoints) {
+/// `about` says what the camera is, or why it is no other.
+fn announce(endpoints: &Endpoints, about: &str) {
     let mut text = format!(
-        "{} looking at {}\n  control  {}\n  camera   {}\n",
+        "{} looking at {}\n  control  {}\n  camera   {}",
         endpoints.profile,
         endpoints.scene,
         endpoints.control.display(),
         endpoints.camera
     );
+    if !about.is_empty() {
+        text += &format!(" ({about})");
+    }
+    text.push('\n');
+    if endpoints.camera_socket != endpoints.camera {
+        text += &format!("           {}\n", endpoints.camera_socket);
+    }
     if let Some(tcp) = &endpoints.camera_tcp {
         text += &format!("           {tcp}\n");
     }

@@ -56,7 +56,7 @@ impl<S: FrameSink> Bench<S> {
         for exposure in self.firmware.take_exposures() {
             if self.sink.attended() {
                 let frame = self.renderer.expose(&exposure.shot);
-                self.sink.put(Arc::new(exposure.roi.crop(frame)));
+                self.sink.put(Arc::new(exposure.readout.read(frame)));
             }
             self.firmware.delivered(1);
         }

@@ -1,6 +1,5 @@
 //! Region of interest: the part of the sensor that is read out.
 
-use super::Shot;
 use crate::geometry::Rig;
 use crate::protocol::Frame;
 use glam::DVec2;
@@ -16,15 +15,6 @@ pub struct Roi {
     pub width: u32,
     /// Rows, at least 1.
     pub height: u32,
-}
-
-/// A shot and what of it is read out.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Exposure {
-    /// What the optics do.
-    pub shot: Shot,
-    /// What leaves the camera.
-    pub roi: Roi,
 }
 
 impl Roi {

@@ -2,8 +2,8 @@
 
 use super::local::UnixStream;
 use crate::error::{Error, Result};
-use crate::protocol::Frame;
 use crate::protocol::wire::FrameDecoder;
+use crate::protocol::{Frame, data_line};
 use std::collections::VecDeque;
 use std::io::Read;
 use std::net::{TcpStream, ToSocketAddrs};
@@ -171,7 +171,7 @@ impl Camera for SocketCamera {
             };
             match self.decoder.advance(len) {
                 Ok(None) => {}
-                Ok(frame) => return Ok(frame),
+                Ok(frame) => return Ok(frame.map(|f| data_line::strip(f).0.into_luma())),
                 Err(e) => {
                     self.skipped = self.decoder.in_step();
                     self.lost = !self.skipped;

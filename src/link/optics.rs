@@ -17,10 +17,13 @@ enum Job {
     Truth(Vec<(Pattern, Shot)>, oneshot::Sender<Truth>),
 }
 
+/// Frames that wait to be handed on; the optics stand still beyond that.
+const MAX_FRAMES: usize = 64;
+
 /// The thread's handle; dropping it stops the thread after the job in hand.
 pub(super) struct Optics {
     jobs: Option<mpsc::Sender<Job>>,
-    frames: results::UnboundedReceiver<Arc<Frame>>,
+    frames: results::Receiver<Arc<Frame>>,
     /// Exposures handed over whose frames have not come back.
     backlog: usize,
     stop: Arc<AtomicBool>,
@@ -36,7 +39,7 @@ impl Optics {
         wall: impl Fn() -> Duration + Send + 'static,
     ) -> std::io::Result<Self> {
         let (jobs, queue) = mpsc::channel();
-        let (done, frames) = results::unbounded_channel();
+        let (done, frames) = results::channel(MAX_FRAMES);
         let stop = Arc::new(AtomicBool::new(false));
         let stopped = stop.clone();
         let render_us = Arc::new(AtomicU64::new(0));
@@ -53,7 +56,7 @@ impl Optics {
                         let took = wall().saturating_sub(start).as_micros() as u64;
                         spent.fetch_add(took, Ordering::Relaxed);
                         // The other end is gone when the device is switched off.
-                        let _ = done.send(Arc::new(exposure.roi.crop(frame)));
+                        let _ = done.blocking_send(Arc::new(exposure.readout.read(frame)));
                     }
                     Job::Truth(sequence, reply) => {
                         let _ = reply.send(renderer.truth(&sequence));
@@ -112,6 +115,8 @@ impl Drop for Optics {
     fn drop(&mut self) {
         self.stop.store(true, Ordering::Relaxed);
         self.jobs = None;
+        // The thread may stand still for want of room.
+        self.frames.close();
         if let Some(thread) = self.thread.take() {
             let _ = thread.join();
         }

@@ -180,6 +180,7 @@ mod tests {
             seed: 1,
             control: "control".into(),
             camera: "socket:camera.sock".into(),
+            camera_socket: "socket:camera.sock".into(),
             camera_tcp: None,
             service: "service.sock".into(),
         }

@@ -3,15 +3,18 @@
 
 use super::frame_socket::FrameSocket;
 use super::optics::Optics;
+use super::pace::Pace;
 use super::pty::{Event, Pty};
 use super::run_dir::{CAMERA, CONTROL, RunDir, SERVICE};
 use super::service::{Call, ServiceSocket};
+use super::video::{Put, VideoOutput};
 use crate::emulator::{Clock, Firmware, FrameSink, Renderer, State};
 use crate::error::{Error, Result};
-use crate::protocol::Endpoints;
 use crate::protocol::service::{Action, Item, Reply, Request};
+use crate::protocol::{Endpoints, Frame};
 use std::future::Future;
 use std::pin::pin;
+use std::sync::Arc;
 use std::time::Duration;
 use tokio::sync::oneshot;
 use tokio::time::Instant;
@@ -41,6 +44,10 @@ pub struct Device {
     pub seed: u64,
     /// Port on the loopback interface for frames; 0 picks a free one.
     pub tcp: Option<u16>,
+    /// The camera as a V4L2 node, ready for the firmware's stream; the frame socket is there too.
+    pub video: Option<VideoOutput>,
+    /// Takes what whoever looks after the device should know.
+    pub notice: fn(&str),
 }
 
 /// Serves a device from a run directory until `shutdown` is done, in a tokio runtime. `wall` tells
@@ -49,7 +56,7 @@ pub struct Device {
 /// # Errors
 /// Ports and sockets that the system refuses, or optics that have died.
 pub async fn serve(
-    device: Device,
+    mut device: Device,
     mut run_dir: RunDir,
     wall: impl Fn() -> Duration + Clone + Send + 'static,
     ready: impl FnOnce(&Endpoints),
@@ -62,6 +69,7 @@ pub async fn serve(
     let camera = FrameSocket::open(&camera_path, device.tcp)?;
     let service_path = run_dir.file(SERVICE);
     let service = ServiceSocket::open(&service_path)?;
+    let camera_socket = format!("socket:{}", camera_path.display());
     let endpoints = Endpoints {
         name: device.name,
         pid: std::process::id(),
@@ -69,12 +77,19 @@ pub async fn serve(
         scene: device.scene,
         seed: device.seed,
         control,
-        camera: format!("socket:{}", camera_path.display()),
+        camera: match &device.video {
+            Some(video) => video.address(),
+            None => camera_socket.clone(),
+        },
+        camera_socket,
         camera_tcp: camera.tcp_address().map(|address| format!("tcp:{address}")),
         service: service_path,
     };
     let optics =
         Optics::start(device.renderer, wall.clone()).map_err(|e| Error::io("optics", e))?;
+    if let Some(video) = &device.video {
+        device.firmware.attach(Box::new(video.clone()));
+    }
     run_dir.publish(&endpoints)?;
     ready(&endpoints);
     let server = Server {
@@ -83,6 +98,10 @@ pub async fn serve(
         optics,
         pty,
         camera,
+        video: device.video,
+        pace: Pace::default(),
+        notice: device.notice,
+        lost: 0,
         service,
         stall: None,
     };
@@ -95,6 +114,11 @@ struct Server {
     optics: Optics,
     pty: Pty,
     camera: FrameSocket,
+    video: Option<VideoOutput>,
+    pace: Pace,
+    notice: fn(&str),
+    /// Frames that the V4L2 node did not take.
+    lost: u64,
     service: ServiceSocket,
     /// When to give up on a block.
     stall: Option<Instant>,
@@ -109,7 +133,7 @@ impl Server {
         let mut shutdown = pin!(shutdown);
         loop {
             let now = self.clock.now_ns(wall());
-            self.firmware.set_streaming(self.camera.attended(), now);
+            self.firmware.set_streaming(self.attended(), now);
             self.dispatch();
             let crowded = self.optics.backlog() >= MAX_BACKLOG;
             let free = matches!(self.firmware.state(), State::Free { .. });
@@ -120,11 +144,14 @@ impl Server {
             tokio::select! {
                 biased;
                 () = &mut shutdown => return Ok(()),
-                frame = self.optics.next() => {
+                frame = self.optics.next(), if !self.pace.holds() => {
                     let frame = frame.ok_or_else(|| Error::device("the optics have died"))?;
-                    self.camera.put(frame);
-                    self.firmware.delivered(1);
+                    match &self.video {
+                        Some(_) => self.pace.take(frame, Instant::now()),
+                        None => self.deliver(&frame)?,
+                    }
                 }
+                frame = self.pace.due() => self.deliver(&frame)?,
                 changed = self.camera.changed() => {
                     changed.map_err(|e| Error::io(CAMERA, e))?;
                     self.camera.accept(self.firmware.next_id());
@@ -138,7 +165,7 @@ impl Server {
                     // whichever of the two this loop noticed first.
                     self.camera.accept(self.firmware.next_id());
                     let now = self.clock.now_ns(wall());
-                    self.firmware.set_streaming(self.camera.attended(), now);
+                    self.firmware.set_streaming(self.attended(), now);
                     match event? {
                         Event::Data(bytes) => self.firmware.receive(&bytes, now),
                         Event::HungUp => self.firmware.hang_up(),
@@ -154,11 +181,35 @@ impl Server {
         }
     }
 
+    /// A V4L2 node does not tell whether somebody reads: somebody may.
+    fn attended(&self) -> bool {
+        self.video.is_some() || self.camera.attended()
+    }
+
+    /// Hands a frame to all who read.
+    fn deliver(&mut self, frame: &Arc<Frame>) -> Result<()> {
+        if let Some(video) = &self.video
+            && video.put(frame)? == Put::Lost
+        {
+            self.lost += 1;
+            if self.lost == 1 {
+                (self.notice)(&format!(
+                    "{} did not take frame {}; this is said once",
+                    video.address(),
+                    frame.id
+                ));
+            }
+        }
+        self.camera.put(frame.clone());
+        self.firmware.delivered(1);
+        Ok(())
+    }
+
     /// Hands exposures to the optics and replies to the port.
     fn dispatch(&mut self) {
         for exposure in self.firmware.take_exposures() {
             let free = exposure.shot.pattern_index.is_none();
-            if !self.camera.attended() || free && self.optics.backlog() >= MAX_FREE_BACKLOG {
+            if !self.attended() || free && self.optics.backlog() >= MAX_FREE_BACKLOG {
                 self.firmware.delivered(1);
             } else {
                 self.optics.expose(exposure);

@@ -7,7 +7,7 @@ use crate::error::Result;
 use crate::geometry::{Lens, shapes};
 use crate::pattern::manifest::{MAX_SIDE_PX, check_frames};
 use crate::pattern::{Axis, Pattern};
-use crate::protocol::PixelFormat;
+use crate::protocol::{PixelFormat, data_line};
 use glam::DVec2;
 use std::fmt::{Display, LowerExp};
 use std::ops::RangeInclusive;
@@ -150,6 +150,27 @@ fn camera(c: &Camera, check: &Check<'_>) -> Result<()> {
         c.frame_interval_us,
         c.exposure_us.max(100.0)..=60e6,
     )?;
+    check.that(
+        c.format != PixelFormat::Yuyv || c.width_px % 2 == 0,
+        "camera.format",
+        format!("YUYV of {} columns", c.width_px),
+        "GREY, or an even width_px: YUYV holds pairs of pixels",
+    )?;
+    if c.data_line {
+        check.that(
+            c.width_px >= data_line::WIDTH_PX,
+            "camera.data_line",
+            format!("a line above {} columns", c.width_px),
+            format!("false, or a width_px of {} or more", data_line::WIDTH_PX),
+        )?;
+        let longest_told_us = data_line::MAX_EXPOSURE_NS as f64 / 1e3;
+        check.that(
+            longest <= longest_told_us,
+            "camera.data_line",
+            format!("a line, and exposures of up to {longest} us"),
+            format!("false, or exposures of up to {longest_told_us} us: the line tells no longer"),
+        )?;
+    }
     sensor(&c.sensor, c.format, check)
 }
 

@@ -65,8 +65,12 @@ pub struct Camera {
     pub distortion: [f64; 5],
     /// Working f-number, for the light that reaches the sensor.
     pub f_number: f64,
-    /// Pixel format on the link.
+    /// Pixel format on the link at power-on.
     pub format: PixelFormat,
+    /// Puts the embedded data line above each image, one row more on every link: see
+    /// [`data_line`](crate::protocol::data_line).
+    #[serde(default)]
+    pub data_line: bool,
     /// Exposure at power-on in microseconds.
     pub exposure_us: f64,
     /// Shortest and longest exposure in microseconds.
@@ -223,6 +227,15 @@ impl Sensor {
             PixelFormat::Grey
         } else {
             PixelFormat::Y16
+        }
+    }
+
+    /// Formats that a link can carry the converter's words in.
+    pub fn formats(&self) -> &'static [PixelFormat] {
+        if self.bits <= 8 {
+            &[PixelFormat::Grey, PixelFormat::Yuyv]
+        } else {
+            &[PixelFormat::Y16]
         }
     }
 

@@ -22,8 +22,10 @@ pub struct Endpoints {
     pub seed: u64,
     /// Path of the control port.
     pub control: PathBuf,
-    /// Address of the camera: `socket:PATH`.
+    /// Address of the camera: `/dev/videoN` or `socket:PATH`.
     pub camera: String,
+    /// The frame socket, which is there besides any other camera: `socket:PATH`.
+    pub camera_socket: String,
     /// The camera over TCP, where that was asked for: `tcp:127.0.0.1:PORT`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub camera_tcp: Option<String>,

@@ -1,7 +1,9 @@
 //! A node under `/dev`: what it is and what it can do now.
 
 use super::call::ioctl;
+use rustix::fs::{FlockOperation, flock};
 use std::io;
+use std::os::fd::BorrowedFd;
 use std::path::{Path, PathBuf};
 use v4l::Device;
 use v4l::v4l_sys::{
@@ -78,6 +80,23 @@ impl Node {
     /// Whether it is v4l2loopback's.
     pub fn is_loopback(&self) -> bool {
         self.driver == LOOPBACK_DRIVER
+    }
+}
+
+/// Locks a node for its writer: `false` when another program of ours has done so. The lock ends
+/// when the device is closed. Programs that do not ask for it are not kept out.
+///
+/// # Errors
+/// What the system refuses.
+pub fn lock(device: &Device) -> io::Result<bool> {
+    let handle = device.handle();
+    // SAFETY: the handle keeps its descriptor open for as long as this function borrows it.
+    #[allow(unsafe_code)]
+    let node = unsafe { BorrowedFd::borrow_raw(handle.fd()) };
+    match flock(node, FlockOperation::NonBlockingLockExclusive) {
+        Ok(()) => Ok(true),
+        Err(e) if e.kind() == io::ErrorKind::WouldBlock => Ok(false),
+        Err(e) => Err(e.into()),
     }
 }
 

@@ -33,6 +33,8 @@ impl Served {
         let child = Command::new(&program)
             .arg("serve")
             .args(arguments)
+            // A node for other programs is not for a demo to take.
+            .args(["--camera", "socket"])
             .arg("--run-dir")
             .arg(&run_dir)
             // It ends when this process does, however that happens.

@@ -2,11 +2,12 @@
 
 use super::memory::Stored;
 use super::settings::{Settings, Shown};
+use super::table::{self, Command};
 use super::trigger::Exposed;
 use super::{Firmware, State};
-use crate::emulator::{Exposure, Shot};
+use crate::emulator::{Exposure, Readout, Shot, Stream};
 use crate::pattern::Pattern;
-use crate::protocol::scpi::DeviceError;
+use crate::protocol::scpi::{DeviceError, ErrorCode, Unit};
 use std::sync::Arc;
 
 impl Firmware {
@@ -31,6 +32,52 @@ impl Firmware {
         frames.map(|f| f.pattern.clone()).zip(shots).collect()
     }
 
+    /// What the camera's frames look like with the present settings.
+    pub fn stream(&self) -> Stream {
+        self.stream_with(&self.settings)
+    }
+
+    fn stream_with(&self, settings: &Settings) -> Stream {
+        let interval_ns = settings.interval_ns.max(settings.exposure_ns);
+        self.readout(settings).stream(interval_ns)
+    }
+
+    fn readout(&self, settings: &Settings) -> Readout {
+        let camera = &self.profile.camera;
+        let full_scale_dn = camera.sensor.full_scale_dn() as u16;
+        Readout {
+            roi: settings.roi,
+            format: settings.format,
+            data_line: camera.data_line.then_some(full_scale_dn),
+        }
+    }
+
+    /// Takes settings over, once the link that has to know is ready for their frames.
+    pub(super) fn apply(&mut self, settings: Settings) -> Result<(), DeviceError> {
+        let stream = self.stream_with(&settings);
+        if stream != self.stream()
+            && let Some(link) = &mut self.link
+        {
+            link.announce(&stream)
+                .map_err(|why| ErrorCode::SettingsConflict.with(why))?;
+        }
+        self.settings = settings;
+        Ok(())
+    }
+
+    /// Whether an order has to wait until all frames have left, because a link that has to know
+    /// what comes cannot carry frames of before and after it at the same time.
+    pub(super) fn held_by_frames(&self, unit: &Unit) -> bool {
+        self.link.is_some()
+            && self.in_flight > 0
+            && matches!(self.state, State::Idle | State::Armed { .. })
+            && !unit.query
+            && matches!(
+                table::find(unit),
+                Ok(Command::Format | Command::Roi | Command::Reset)
+            )
+    }
+
     pub(super) fn rest(&mut self) {
         self.state = State::rest(&self.settings, self.streaming, self.now_ns);
     }
@@ -52,7 +99,6 @@ impl Firmware {
         let Settings {
             exposure_ns,
             gain_db,
-            roi,
             lamp,
             current,
             shown,
@@ -73,7 +119,7 @@ impl Firmware {
                 exposure_ns,
                 gain_db,
             },
-            roi,
+            readout: self.readout(&self.settings),
         });
         self.next_id += 1;
         self.in_flight += 1;

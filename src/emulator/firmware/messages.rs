@@ -45,6 +45,9 @@ impl Firmware {
                     self.answers.push(b"1".to_vec());
                 }
             }
+            if self.current.front().is_some_and(|u| self.held_by_frames(u)) {
+                return;
+            }
             if let Some(unit) = self.current.pop_front() {
                 match self.execute(&unit) {
                     Ok(answer) => self.answers.extend(answer),

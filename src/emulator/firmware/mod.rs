@@ -21,7 +21,7 @@ mod trigger;
 pub use memory::UserSequence;
 pub use trigger::State;
 
-use super::{Exposure, Slide};
+use super::{Exposure, Slide, StreamSink};
 use crate::error::Result;
 use crate::profile::Profile;
 use crate::protocol::scpi::{DeviceError, ErrorCode, Framer, Framing, Program, Unit};
@@ -73,6 +73,8 @@ pub struct Firmware {
     /// Exposures whose frames have not left the device.
     in_flight: u64,
     streaming: bool,
+    /// The link that has to know what frames come.
+    link: Option<Box<dyn StreamSink + Send>>,
     now_ns: u64,
 }
 
@@ -106,9 +108,16 @@ impl Firmware {
             next_id: 0,
             in_flight: 0,
             streaming: false,
+            link: None,
             now_ns: 0,
             profile: profile.clone(),
         })
+    }
+
+    /// Puts a link behind the camera that is asked before the frames change. It is ready for those
+    /// of [`Self::stream`].
+    pub fn attach(&mut self, link: Box<dyn StreamSink + Send>) {
+        self.link = Some(link);
     }
 
     /// Takes bytes from the control port at a time.

@@ -2,6 +2,7 @@
 
 use super::super::Roi;
 use crate::profile::Profile;
+use crate::protocol::PixelFormat;
 
 /// Where a trigger may come from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -36,6 +37,7 @@ pub(super) struct Settings {
     pub(super) exposure_ns: u64,
     pub(super) gain_db: f64,
     pub(super) roi: Roi,
+    pub(super) format: PixelFormat,
     pub(super) interval_ns: u64,
     pub(super) lamp: bool,
     /// Projector light relative to full, 0 to 1.
@@ -62,6 +64,7 @@ impl Settings {
                 width: camera.width_px,
                 height: camera.height_px,
             },
+            format: camera.format,
             interval_ns: microseconds(camera.frame_interval_us),
             lamp: true,
             current: 1.0,

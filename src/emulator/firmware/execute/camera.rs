@@ -4,9 +4,10 @@ use super::setting::{Setting, numeric};
 use super::{Answer, MAX_TIME_S, check_period, say};
 use crate::emulator::Roi;
 use crate::emulator::firmware::Firmware;
-use crate::emulator::firmware::settings::{from_seconds, seconds};
+use crate::emulator::firmware::settings::{Settings, from_seconds, seconds};
 use crate::emulator::firmware::table::Command;
-use crate::protocol::scpi::{Args, DeviceError, Quantity, Unit};
+use crate::protocol::scpi::{Args, DeviceError, ErrorCode, Quantity, Unit};
+use crate::protocol::{PixelFormat, data_line};
 
 /// Shortest interval of free-running frames in seconds.
 const MIN_INTERVAL_S: f64 = 1e-4;
@@ -27,7 +28,10 @@ impl Firmware {
                     Setting::Set(value) => {
                         let exposure_ns = from_seconds(value);
                         check_period(exposure_ns, settings.period_ns)?;
-                        self.settings.exposure_ns = exposure_ns;
+                        self.apply(Settings {
+                            exposure_ns,
+                            ..settings.clone()
+                        })?;
                     }
                 }
             }
@@ -43,50 +47,96 @@ impl Firmware {
                 let bounds = (MIN_INTERVAL_S, MAX_TIME_S, default);
                 match numeric(unit, Quantity::Time, seconds(settings.interval_ns), bounds)? {
                     Setting::Say(value) => return say(value),
-                    Setting::Set(value) => self.settings.interval_ns = from_seconds(value),
+                    Setting::Set(value) => self.apply(Settings {
+                        interval_ns: from_seconds(value),
+                        ..settings.clone()
+                    })?,
                 }
             }
             Command::Format => {
-                let code = String::from_utf8_lossy(&camera.format.fourcc())
-                    .trim_end()
-                    .to_owned();
                 if unit.query {
-                    return say(code);
+                    return say(word(settings.format));
                 }
+                let formats = camera.sensor.formats().iter();
+                let words: Vec<_> = formats.map(|format| (word(*format), *format)).collect();
+                let choices: Vec<_> = words.iter().map(|(w, f)| (w.as_str(), *f)).collect();
                 let mut args = Args::new(&unit.params);
-                args.choice(&[(code.as_str(), ())])?;
+                let format = args.choice(&choices)?;
                 args.finish()?;
+                if !settings.roi.width.is_multiple_of(columns(format)) {
+                    return Err(ErrorCode::SettingsConflict.with(format!(
+                        "CAMera:ROI is {} columns wide, {} holds pairs of them",
+                        settings.roi.width,
+                        word(format)
+                    )));
+                }
+                self.apply(Settings {
+                    format,
+                    ..settings.clone()
+                })?;
             }
             _ if unit.query => {
                 let roi = settings.roi;
                 return say(format!("{},{},{},{}", roi.x, roi.y, roi.width, roi.height));
             }
             _ => {
-                let (width, height) = (camera.width_px, camera.height_px);
-                self.settings.roi = roi(unit, width, height)?;
+                let roi = self.region(unit)?;
+                self.apply(Settings {
+                    roi,
+                    ..self.settings.clone()
+                })?;
             }
         }
         Ok(None)
     }
+
+    /// x, y, width, height inside of the sensor, with room for the data line and whole pairs.
+    fn region(&self, unit: &Unit) -> Result<Roi, DeviceError> {
+        let camera = &self.profile.camera;
+        let group = columns(self.settings.format);
+        let narrowest = if camera.data_line {
+            data_line::WIDTH_PX
+        } else {
+            group
+        };
+        let mut args = Args::new(&unit.params);
+        let mut next = |min: u32, max: u32, default: u32| {
+            args.number(Quantity::Plain)?
+                .within(f64::from(min), f64::from(max), f64::from(default))
+                .map(|value| value.round() as u32)
+        };
+        let x = next(0, camera.width_px - narrowest, 0)?;
+        let y = next(0, camera.height_px - 1, 0)?;
+        let widest = (camera.width_px - x) / group * group;
+        let width = next(narrowest, widest, widest)?;
+        let highest = camera.height_px - y;
+        let height = next(1, highest, highest)?;
+        args.finish()?;
+        if !width.is_multiple_of(group) {
+            return Err(ErrorCode::DataOutOfRange.with(format!(
+                "{width} columns, allowed even numbers: YUYV holds pairs of them"
+            )));
+        }
+        Ok(Roi {
+            x,
+            y,
+            width,
+            height,
+        })
+    }
 }
 
-/// x, y, width, height inside of the sensor.
-fn roi(unit: &Unit, width: u32, height: u32) -> Result<Roi, DeviceError> {
-    let mut args = Args::new(&unit.params);
-    let mut next = |min: f64, max: u32, default: u32| {
-        args.number(Quantity::Plain)?
-            .within(min, f64::from(max), f64::from(default))
-            .map(|value| value.round() as u32)
-    };
-    let x = next(0.0, width - 1, 0)?;
-    let y = next(0.0, height - 1, 0)?;
-    let w = next(1.0, width - x, width - x)?;
-    let h = next(1.0, height - y, height - y)?;
-    args.finish()?;
-    Ok(Roi {
-        x,
-        y,
-        width: w,
-        height: h,
-    })
+/// A format's name without the code's trailing space.
+fn word(format: PixelFormat) -> String {
+    String::from_utf8_lossy(&format.fourcc())
+        .trim_end()
+        .to_owned()
+}
+
+/// Columns that a format holds together.
+fn columns(format: PixelFormat) -> u32 {
+    match format {
+        PixelFormat::Yuyv => 2,
+        PixelFormat::Grey | PixelFormat::Y16 => 1,
+    }
 }

@@ -16,7 +16,7 @@ impl Firmware {
                     id.manufacturer, id.model, id.serial, id.firmware
                 ));
             }
-            Command::Reset => self.reset(),
+            Command::Reset => self.reset()?,
             Command::ClearStatus => {
                 self.status.clear();
                 self.completion_asked = false;

@@ -73,12 +73,25 @@ impl Firmware {
         Ok(())
     }
 
-    fn reset(&mut self) {
-        self.settings = Settings::reset(&self.profile);
+    /// `*RST`. Where the link cannot carry the frames of power-on, theirs alone of the settings stay.
+    fn reset(&mut self) -> Result<(), DeviceError> {
+        let settings = Settings::reset(&self.profile);
+        let (roi, format) = (self.settings.roi, self.settings.format);
+        let mut done = self.apply(settings.clone());
+        if done.is_err() {
+            let kept = Settings {
+                roi,
+                format,
+                ..settings
+            };
+            done = done.and(self.apply(kept.clone()));
+            self.settings = kept;
+        }
         let first = self.memory.first().clone();
         self.select(first);
         self.completion_asked = false;
         self.rest();
+        done
     }
 
     pub(super) fn sequence_len(&self) -> u32 {

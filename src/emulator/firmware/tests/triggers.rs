@@ -156,12 +156,12 @@ fn shots_carry_what_was_set() {
     let mut port = Port::new();
     port.tell("CAM:EXP 4ms;GAIN 3;ROI 8,8,16,16;:PROJ:CURR 0.25;:TRIG:SOUR BUS;:INIT;*TRG");
     port.at(1000 * MS);
-    let Exposure { shot, roi } = &port.shots[11];
+    let Exposure { shot, readout } = &port.shots[11];
     assert_eq!(
         (shot.exposure_ns, shot.gain_db, shot.light),
         (4 * MS, 3.0, 0.25)
     );
-    assert_eq!((roi.x, roi.width), (8, 16));
+    assert_eq!((readout.roi.x, readout.roi.width), (8, 16));
     assert_eq!(shot.slide.as_deref(), Some(&Slide::Uniform(255)));
     port.shots.clear();
     port.tell("PROJ:POW OFF;:INIT;*TRG");
