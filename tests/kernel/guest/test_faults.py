@@ -133,17 +133,17 @@ def test_serve_killed_and_started_again(scratch):
 
 def test_a_foreign_producer_holds_the_node(scratch):
     loopback.load()
-    foreign = produce(loopback.PHASMA, 640, 480, b"GREY")
+    foreign = scratch.hold(produce(loopback.PHASMA, 640, 480, b"GREY"))
     os.write(foreign, bytes(640 * 480))
     said = refused(scratch)
     expect_in("serve", "/dev/video10", said)
-    expect_in("serve", "producer", said)
+    expect_in("serve", "another program streams into it", said)
     # Left to itself it takes the next node.
     device = served(scratch, camera="auto", name="auto")
     expect("camera", device.camera, loopback.SECOND)
     expect_next_scan_right(device)
     device.stop()
-    os.close(foreign)
+    scratch.let_go(foreign)
     after = served(scratch, name="after")
     expect_next_scan_right(after, "after")
     after.stop()
@@ -176,7 +176,7 @@ def test_no_permission(scratch):
 
 
 def test_a_node_that_is_no_loopback(scratch):
-    said = refused(scratch, camera=vivid.load())
+    said = refused(scratch, camera=vivid.load(), status=2)
     expect_in("serve", "vivid", said)
     expect_in("serve", "loopback", said)
 

@@ -34,8 +34,7 @@ def test_frames_of_ffmpeg_reach_v4l2_ctl(scratch):
 
 def test_a_module_in_use_stays(scratch):
     loopback.load()
-    held = os.open(loopback.PHASMA, os.O_RDWR)
+    scratch.hold(os.open(loopback.PHASMA, os.O_RDWR))
     done = loopback.rmmod()
-    os.close(held)
     expect("status of rmmod", done.returncode, 1)
     expect_in("rmmod", "in use", done.stderr)

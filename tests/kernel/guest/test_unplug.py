@@ -40,7 +40,7 @@ def expect_gone(what, done, path):
 def test_the_plug_is_pulled_out(scratch):
     """What the other tests stand on: a producer at work is told ENODEV."""
     nodes()
-    node = produce("/dev/video23", 320, 240, b"GREY")
+    node = scratch.hold(produce("/dev/video23", 320, 240, b"GREY"))
     frame = bytes(320 * 240)
     expect("bytes written", os.write(node, frame), len(frame))
     unplug("/dev/video23")
@@ -50,7 +50,6 @@ def test_the_plug_is_pulled_out(scratch):
     except OSError as error:
         found = error.errno
     expect("errno of a write", found, errno.ENODEV)
-    os.close(node)
 
 
 def test_the_device_says_so_and_ends(scratch):

@@ -16,7 +16,8 @@ def test_it_is_listed_with_its_format_and_interval(scratch):
     device = Device(scratch, GREY, loopback.PHASMA).ready()
     expect("camera in device.json", device.camera, loopback.PHASMA)
     expect("its name", names()[loopback.PHASMA], "Phasma one")
-    listed = scratch.run("v4l2-ctl", "--list-devices").ok().out
+    # Its status tells about /dev/video0, which is not there.
+    listed = scratch.run("v4l2-ctl", "--list-devices").out
     expect_in("list of devices", "Phasma one (platform:v4l2loopback-000):\n\t/dev/video10", listed)
     formats = scratch.run(*CTL, "--list-formats-ext").ok().out
     for part in ("'GREY'", "320x241", "(5.000 fps)"):

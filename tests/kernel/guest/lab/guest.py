@@ -115,6 +115,7 @@ class Scratch:
         self.dir = pathlib.Path(tempfile.mkdtemp(dir="/tmp"))
         self.out = OUT / name
         self.jobs = []
+        self.held = []
         self.count = 0
 
     def __enter__(self):
@@ -142,8 +143,19 @@ class Scratch:
     def phasma(self, *arguments, **options):
         return self.run(PHASMA, *arguments, **options)
 
+    def hold(self, descriptor):
+        """Has a descriptor closed when the test is over; returns it."""
+        self.held.append(descriptor)
+        return descriptor
+
+    def let_go(self, descriptor):
+        self.held.remove(descriptor)
+        os.close(descriptor)
+
     def end(self):
         """Ends what still runs; what went wrong unseen, or None."""
+        for descriptor in self.held:
+            os.close(descriptor)
         for job in reversed(self.jobs):
             job.end()
         for job in self.jobs:

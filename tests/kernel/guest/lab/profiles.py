@@ -45,6 +45,7 @@ def replace(text, old, new):
 GREY = Variation("GREY")
 PLAIN = Variation("GREY", data_line=False)
 YUYV = Variation("YUYV")
-Y10 = Variation("Y10 ", bits=10)
-Y12 = Variation("Y12 ", bits=12)
+# v4l2loopback 0.12 packs Y10 and Y12, which V4L2 does not: the device falls back to words of Y16.
+Y10 = Variation("Y16 ", bits=10)
+Y12 = Variation("Y16 ", bits=12)
 Y16 = Variation("Y16 ", bits=16)
