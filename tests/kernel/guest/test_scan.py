@@ -63,6 +63,6 @@ def test_auto_takes_the_free_labelled_node(scratch):
     expect_in("second", "/dev/video11", second.camera)
     # The third node bears another label.
     expect_in("third", "socket:", third.camera)
-    expect_in("third says why", "v4l2loopback", third.job.said()[0])
+    expect_in("third says why", "/dev/video11: another program streams into it", third.job.said()[0])
     for device in (third, second, first):
         device.stop()
