@@ -69,7 +69,7 @@ def test_a_scan_in_progress_says_so_and_ends(scratch):
     nodes()
     device = Device(scratch, GREY, "/dev/video21").ready()
     scan = device.scan("scan", wait=False)
-    wait_until("exposing", lambda: int(device.control.ask("STAT:OPER:COND?")) & 16)
+    wait_until("the scan opens the camera", lambda: scan.has_open("/dev/video21"))
     unplug("/dev/video21")
     done = scan.wait(60).with_status(1)
     expect_true(f"it says why: {done.err}", len(done.err.strip()) > 20)

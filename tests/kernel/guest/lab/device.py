@@ -94,12 +94,12 @@ class Device:
             self.control_port.close()
             self.control_port = None
 
-    def scan(self, out, *options, camera=None, seconds=90, wait=True):
+    def scan(self, out, *options, camera=None, timeout=20, seconds=90, wait=True):
         """`phasma scan` into a folder of the scratch folder; the program, ended unless not waited for."""
         self.release_control()
         job = self.scratch.start(
             PHASMA, "scan", "--camera", camera or self.camera, "--control", self.endpoints["control"],
-            "--timeout", "20", "--json", "--out", self.scratch.dir / out, *options,
+            "--timeout", timeout, "--json", "--out", self.scratch.dir / out, *options,
         )
         return job.wait(seconds) if wait else job
 

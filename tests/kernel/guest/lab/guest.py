@@ -86,6 +86,14 @@ class Job:
     def running(self):
         return self.process.poll() is None
 
+    def has_open(self, path):
+        """Whether the program has this file open."""
+        for entry in pathlib.Path(f"/proc/{self.process.pid}/fd").iterdir():
+            with contextlib.suppress(OSError):
+                if os.readlink(entry) == path:
+                    return True
+        return False
+
     def send(self, number):
         """Signals the program and what it has started."""
         with contextlib.suppress(ProcessLookupError):
