@@ -156,7 +156,9 @@ fn a_sequence_has_the_same_noise_however_long_the_camera_ran_free() {
     let noise_ids = |free_ms: u64| {
         let mut port = Port::new();
         port.firmware.set_streaming(true, 0);
-        port.at(free_ms * MS);
+        for ms in (0..=free_ms).step_by(100) {
+            port.at(ms * MS);
+        }
         port.tell("TRIG:SOUR BUS;:INIT;*TRG");
         port.at((free_ms + 1000) * MS);
         port.shots
