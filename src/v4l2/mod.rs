@@ -9,9 +9,11 @@
 
 mod call;
 mod format;
+mod layout;
 mod node;
 mod queue;
 
 pub use format::{PixFormat, announce_interval, announced_interval};
+pub use layout::{FourCc, PixelLayout, current_format, offered_formats, set_format};
 pub use node::{LOOPBACK_DRIVER, Node, lock, node_paths};
 pub use queue::{CaptureQueue, OutputQueue, Taken};
