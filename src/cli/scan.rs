@@ -114,6 +114,16 @@ pub(super) fn run(args: &Args) -> Result<()> {
         (None, None) => "none",
     };
     captured.write(&args.out)?;
+    if !args.no_decode {
+        let shown = captured.check_modulation();
+        shown.map_err(|e| {
+            e.at(format!(
+                "{} (frames kept in {})",
+                args.camera,
+                args.out.display()
+            ))
+        })?;
+    }
     let decoding = (!args.no_decode)
         .then(|| decode_captured(&captured, args))
         .transpose()?;

@@ -19,6 +19,9 @@ pub const CALIBRATION_FILE: &str = "calibration.toml";
 const PICTURES_REMARK: &str = "# Patterns of kind \"image\" name pictures in the device, which a scan does not fetch. Decoding\n\
      # needs none of them; to project this sequence again, put them beside this file.\n\n";
 
+/// Least share of the pixels that follow the sequence, for frames to show one.
+const LEAST_FOLLOWING: f64 = 1e-3;
+
 /// A sequence's frames with what is known about them.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Captured {
@@ -37,6 +40,22 @@ impl Captured {
     fn file_name(&self, index: usize) -> PathBuf {
         let digits = self.frames.len().saturating_sub(1).to_string().len().max(2);
         format!("frame_{index:0digits$}.png").into()
+    }
+
+    /// Refuses frames that hold no surface: hardly a pixel follows the sequence.
+    ///
+    /// # Errors
+    /// A camera that does not see what is projected.
+    pub fn check_modulation(&self) -> Result<()> {
+        match super::consistency::following(&self.manifest, &self.frames) {
+            Some(share) if share < LEAST_FOLLOWING => Err(Error::device(format!(
+                "the frames show no modulation: {:.2} % of the pixels follow the sequence, {} % are \
+                 the least; the camera does not see the projector, or shows something else",
+                100.0 * share,
+                100.0 * LEAST_FOLLOWING
+            ))),
+            _ => Ok(()),
+        }
     }
 
     /// Refuses a folder that holds a capture already, before one is made.

@@ -14,8 +14,11 @@ mod local;
 mod port;
 mod scanner;
 
+#[cfg(target_os = "linux")]
+pub use camera::explain_device;
 pub use camera::{Camera, Capture, Intake, MemoryCamera, SocketCamera, open_camera};
 pub use captured::{CALIBRATION_FILE, Captured, MANIFEST_FILE};
+pub use consistency::check as check_sequence;
 pub use instrument::Instrument;
 pub use port::{CommandPort, MemoryPort, SerialPort};
 pub use scanner::{Progress, ScanOptions, Scanner, scan_free_running};

@@ -19,6 +19,8 @@ pub use intake::Intake;
 pub use memory::MemoryCamera;
 pub use open::{Capture, open_camera};
 pub use socket::SocketCamera;
+#[cfg(target_os = "linux")]
+pub use v4l2_error::explain as explain_device;
 
 use crate::error::Result;
 use crate::protocol::Frame;

@@ -12,7 +12,7 @@ pub(super) const EINVAL: i32 = 22;
 pub(super) const ENOTTY: i32 = 25;
 
 /// An error of a device at an address, met while `doing`.
-pub(super) fn explain(address: &str, doing: &str, error: io::Error) -> Error {
+pub fn explain(address: &str, doing: &str, error: io::Error) -> Error {
     let place = format!("--camera {address}");
     let remedy = match error.raw_os_error() {
         _ if error.kind() == io::ErrorKind::NotFound => {
