@@ -103,6 +103,8 @@ fn scan(
 fn profile(name: &str, dimmed: f64) -> Profile {
     let mut profile = Profile::load(name).unwrap();
     profile.projector.radiant_intensity_w_sr *= dimmed;
+    // A line would name the frames.
+    profile.camera.data_line = false;
     profile
 }
 

@@ -1,6 +1,7 @@
 //! What a scan has captured, and how it is kept: pictures, the manifest that says what they show,
 //! and the calibration.
 
+use super::consistency::{LEAST_FOLLOWING, following};
 use crate::error::{Error, Result};
 use crate::geometry::Rig;
 use crate::pattern::{Manifest, Pattern};
@@ -18,9 +19,6 @@ pub const CALIBRATION_FILE: &str = "calibration.toml";
 /// Heads a manifest whose patterns include pictures, which a device does not give back.
 const PICTURES_REMARK: &str = "# Patterns of kind \"image\" name pictures in the device, which a scan does not fetch. Decoding\n\
      # needs none of them; to project this sequence again, put them beside this file.\n\n";
-
-/// Least share of the pixels that follow the sequence, for frames to show one.
-const LEAST_FOLLOWING: f64 = 1e-3;
 
 /// A sequence's frames with what is known about them.
 #[derive(Debug, Clone, PartialEq)]
@@ -47,10 +45,11 @@ impl Captured {
     /// # Errors
     /// A camera that does not see what is projected.
     pub fn check_modulation(&self) -> Result<()> {
-        match super::consistency::following(&self.manifest, &self.frames) {
+        match following(&self.manifest, &self.frames) {
             Some(share) if share < LEAST_FOLLOWING => Err(Error::device(format!(
                 "the frames show no modulation: {:.2} % of the pixels follow the sequence, {} % are \
-                 the least; the camera does not see the projector, or shows something else",
+                 the least; the camera does not see the projector, or its \
+                 frames are not those of the sequence",
                 100.0 * share,
                 100.0 * LEAST_FOLLOWING
             ))),

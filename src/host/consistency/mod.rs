@@ -33,9 +33,13 @@ use grid::Grid;
 
 /// Share of pixels that has to vary in runs for the frames to tell anything.
 const LEAST_VARYING: f64 = 1e-3;
+/// Share below which what varies may be something else in front of the camera.
+const FEW_VARYING: f64 = 2e-2;
+/// Least share of the pixels that follow the sequence, for frames to show one.
+pub(super) const LEAST_FOLLOWING: f64 = 1e-3;
 
 /// Checks frames, as many as the sequence has and all of one size and format, GREY or Y16. Frames
-/// that vary nowhere pass: that they show no modulation is another matter ([`following`]).
+/// that hardly vary pass: that they show no modulation is another matter ([`following`]).
 ///
 /// # Errors
 /// How the frames depart from the sequence, with the position where they tell it.
@@ -49,7 +53,9 @@ pub fn check(manifest: &Manifest, frames: &[Frame]) -> Result<(), String> {
     }
     for axis in &plan.axes {
         let grid = Grid::new(frames, axis.axis);
-        if grid.varying() < LEAST_VARYING {
+        let varying = grid.varying();
+        let shown = || following(manifest, frames).is_none_or(|share| share >= LEAST_FOLLOWING);
+        if varying < LEAST_VARYING || (varying < FEW_VARYING && !shown()) {
             return Ok(());
         }
         let found = levels::check(&plan, axis, &grid)
