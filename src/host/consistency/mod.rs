@@ -39,7 +39,7 @@ const FEW_VARYING: f64 = 2e-2;
 pub(super) const LEAST_FOLLOWING: f64 = 1e-3;
 
 /// Checks frames, as many as the sequence has and all of one size and format, GREY or Y16. Frames
-/// that hardly vary pass: that they show no modulation is another matter ([`following`]).
+/// that hardly vary pass: that they show no modulation is another matter ([`Captured::check_modulation`](crate::host::Captured::check_modulation)).
 ///
 /// # Errors
 /// How the frames depart from the sequence, with the position where they tell it.
