@@ -7,8 +7,8 @@ from lab.profiles import GREY, YUYV
 from lab.streams import expect_free_run, split
 
 COUNT = 8
-# With mapped buffers the module may hand GStreamer one that it has not given back, and it gives up.
-READ = "io-mode=rw"
+# The module may hand out a buffer that has not been given back; GStreamer gives up on it.
+MODULES_OWN = "Failed to allocate a buffer"
 
 
 def viewed(scratch, variation, *command):
@@ -22,7 +22,11 @@ def viewed(scratch, variation, *command):
     loopback.load()
     device = Device(scratch, variation, loopback.PHASMA, "--no-noise").ready()
     saved = scratch.dir / "saved"
-    scratch.run(*[str(part).replace("SAVED", str(saved)) for part in command]).ok()
+    for _ in range(4):
+        done = scratch.run(*[str(part).replace("SAVED", str(saved)) for part in command])
+        if MODULES_OWN not in done.err:
+            break
+    done.ok()
     frames = split(saved.read_bytes(), variation)
     expect_free_run(frames, variation, COUNT)
     expect("images that are not as rendered",
@@ -44,11 +48,11 @@ def test_ffmpeg_reads_yuyv(scratch):
 
 def test_gstreamer_reads_grey(scratch):
     viewed(
-        scratch, GREY, "gst-launch-1.0", "-q", "v4l2src", f"device={loopback.PHASMA}", READ,
+        scratch, GREY, "gst-launch-1.0", "-q", "v4l2src", f"device={loopback.PHASMA}",
         f"num-buffers={COUNT}", "!", "video/x-raw,format=GRAY8", "!", "filesink", "location=SAVED")
 
 
 def test_gstreamer_reads_yuyv(scratch):
     viewed(
-        scratch, YUYV, "gst-launch-1.0", "-q", "v4l2src", f"device={loopback.PHASMA}", READ,
+        scratch, YUYV, "gst-launch-1.0", "-q", "v4l2src", f"device={loopback.PHASMA}",
         f"num-buffers={COUNT}", "!", "video/x-raw,format=YUY2", "!", "filesink", "location=SAVED")
