@@ -1,5 +1,21 @@
 //! The command line: one file a command, each a `clap` struct and a `run`.
 
+/// Prints, or ends the program quietly when whoever read has had enough, as in `phasma doctor | head`.
+macro_rules! print {
+    ($($arg:tt)*) => {{
+        use std::io::Write;
+        if let Err(e) = write!(std::io::stdout(), $($arg)*) {
+            $crate::cli::unheard(&e);
+        }
+    }};
+}
+
+/// [`print!`] with the line's end.
+macro_rules! println {
+    () => { print!("\n") };
+    ($($arg:tt)*) => { print!("{}\n", format_args!($($arg)*)) };
+}
+
 mod camera;
 mod compare;
 mod decode;
@@ -7,6 +23,7 @@ mod decode;
 mod demo;
 #[cfg(target_os = "linux")]
 mod doctor;
+mod interrupt;
 mod profile;
 mod scan;
 mod scene;
@@ -40,6 +57,14 @@ enum Command {
     Profile(profile::Args),
     Scene(scene::Args),
     Doctor(doctor::Args),
+}
+
+/// Standard output cannot be written to.
+fn unheard(e: &std::io::Error) {
+    if e.kind() != std::io::ErrorKind::BrokenPipe {
+        eprintln!("phasma: standard output: {e}");
+    }
+    std::process::exit(1);
 }
 
 /// Parses the arguments, runs the command, and says what went wrong on standard error.

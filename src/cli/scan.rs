@@ -1,5 +1,6 @@
 //! `phasma scan`: captures a sequence from any device that can be reached, and decodes it.
 
+use super::interrupt::Interruptible;
 use crate::decode::{Options, Summary, write_outputs};
 use crate::error::{Error, Result};
 use crate::geometry::Rig;
@@ -144,8 +145,10 @@ pub(super) fn capture(
     calibration: Option<(&Path, Rig)>,
 ) -> Result<Captured> {
     let port = SerialPort::open(control)?;
-    let mut scanner: Scanner<Box<dyn Camera>, _> =
-        Scanner::new(port, timeout, || open_camera(camera, how, timeout))?;
+    let mut scanner: Scanner<Interruptible<Box<dyn Camera>>, _> =
+        Scanner::new(port, timeout, || {
+            open_camera(camera, how, timeout).map(Interruptible::new)
+        })?;
     if let Some((path, rig)) = calibration {
         scanner = scanner.with_calibration(path.display().to_string(), rig);
     }
@@ -177,7 +180,7 @@ fn capture_free(
         "phasma: no control port: nothing is triggered, the next {} frames are taken as they come",
         manifest.frame.len()
     );
-    let mut camera = open_camera(camera, how, timeout)?;
+    let mut camera = Interruptible::new(open_camera(camera, how, timeout)?);
     let bar = progress_bar();
     let captured = scan_free_running(&mut camera, manifest, timeout, &mut |progress| {
         show(&bar, progress);

@@ -42,6 +42,12 @@ impl Node {
     /// # Errors
     /// A path that cannot be opened for reading and writing, or that is no V4L2 device (ENOTTY).
     pub fn open(path: &Path) -> io::Result<(Device, Self)> {
+        if path.as_os_str().as_encoded_bytes().contains(&0) {
+            return Err(io::Error::new(
+                io::ErrorKind::InvalidInput,
+                "a path with a zero byte",
+            ));
+        }
         let device = Device::with_path(path)?;
         let mut caps = v4l2_capability {
             driver: [0; 16],

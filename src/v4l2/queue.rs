@@ -11,7 +11,8 @@ use std::time::Duration;
 use v4l::Device;
 use v4l::device::Handle;
 use v4l::v4l_sys::{
-    V4L2_BUF_FLAG_ERROR, v4l2_buf_type, v4l2_buf_type_V4L2_BUF_TYPE_VIDEO_CAPTURE as CAPTURE,
+    V4L2_BUF_FLAG_ERROR, V4L2_BUF_FLAG_MAPPED, v4l2_buf_type,
+    v4l2_buf_type_V4L2_BUF_TYPE_VIDEO_CAPTURE as CAPTURE,
     v4l2_buf_type_V4L2_BUF_TYPE_VIDEO_OUTPUT as OUTPUT, v4l2_buffer,
     v4l2_field_V4L2_FIELD_NONE as PROGRESSIVE, v4l2_memory_V4L2_MEMORY_MMAP as MMAP,
     v4l2_requestbuffers,
@@ -135,12 +136,27 @@ impl Queue {
                 PROT_READ_WRITE,
                 MAP_SHARED,
                 self.handle.fd(),
-                offset.into(),
+                offset as _,
             )?
         };
         let start = NonNull::new(start.cast::<u8>())
             .ok_or_else(|| io::Error::other("the system mapped a buffer to address 0"))?;
         Ok(Mapping { start, len, offset })
+    }
+
+    /// Maps the buffers again where the driver has forgotten that they are: v4l2loopback 0.12 does
+    /// so whenever any program asks for buffers or gives its own back, and then gives no frames.
+    fn keep_mapped(&mut self) -> io::Result<()> {
+        let first = self.query(0)?;
+        if first.flags & V4L2_BUF_FLAG_MAPPED != 0 {
+            return Ok(());
+        }
+        for index in 0..self.mappings.len() {
+            let buffer = self.query(index as u32)?;
+            let mapping = self.map(&buffer)?;
+            self.mappings[index] = mapping;
+        }
+        Ok(())
     }
 
     fn stream(&self, on: bool) -> io::Result<()> {
@@ -228,10 +244,11 @@ impl CaptureQueue {
         limit: usize,
         timeout: Duration,
     ) -> io::Result<Option<Taken>> {
-        let queue = &self.0;
+        let queue = &mut self.0;
         if !queue.ready(POLLIN, timeout)? {
             return Ok(None);
         }
+        queue.keep_mapped()?;
         let buffer = match queue.call(vidioc::VIDIOC_DQBUF, queue.empty_buffer()) {
             // Another reader of the queue, or a spurious wake.
             Err(e) if e.kind() == io::ErrorKind::WouldBlock => return Ok(None),
@@ -326,7 +343,7 @@ impl OutputQueue {
                 ..queue.empty_buffer()
             };
             buffer.timestamp.tv_sec = timestamp.as_secs().try_into().unwrap_or(0);
-            buffer.timestamp.tv_usec = timestamp.subsec_micros().into();
+            buffer.timestamp.tv_usec = timestamp.subsec_micros() as _;
             if offset(&queue.query(index)?) == at {
                 queue.call(vidioc::VIDIOC_QBUF, buffer)?;
                 return Ok(());

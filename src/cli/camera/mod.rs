@@ -36,8 +36,8 @@ struct InfoArgs {
 
 pub(super) fn run(args: &Args) -> Result<()> {
     let Command::Info(args) = &args.command;
-    if !(0.0..=3600.0).contains(&args.timeout) {
-        return Err(Error::input("--timeout", args.timeout, "0 to 3600 s"));
+    if !(0.001..=3600.0).contains(&args.timeout) {
+        return Err(Error::input("--timeout", args.timeout, "0.001 to 3600 s"));
     }
     #[cfg(target_os = "linux")]
     if args.address.starts_with("/dev/") {

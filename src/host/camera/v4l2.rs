@@ -295,6 +295,15 @@ impl Camera for V4l2Camera {
         loop {
             let left = end.saturating_duration_since(Instant::now());
             let taken = self.queue.take(&mut self.bytes, limit, left);
+            // A buffer that v4l2loopback 0.12 forgot between two calls.
+            let forgotten = |e: &io::Error| e.raw_os_error() == Some(EINVAL);
+            if taken.as_ref().is_err_and(forgotten) {
+                self.skipped = true;
+                return Err(Error::device(format!(
+                    "{}: a frame is lost: another program began or ended to read",
+                    self.address
+                )));
+            }
             match taken.map_err(|e: io::Error| explain(&self.address, "take a frame", e))? {
                 Some(taken) => {
                     let frame = self.frame(taken).map(Some);

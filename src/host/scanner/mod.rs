@@ -95,6 +95,15 @@ fn quiet<P: CommandPort>(instrument: &mut Instrument<P>) -> Result<()> {
     instrument.order("INIT:CONT OFF;:ABOR;:TRIG:SOUR BUS;MODE SEQ")
 }
 
+/// Leaves the trigger source as it was found.
+fn restore<P: CommandPort>(instrument: &mut Instrument<P>, source: &str) -> Result<()> {
+    // It came from the device, but it is not sent back unread.
+    if !source.is_empty() && source.chars().all(|c| c.is_ascii_alphanumeric()) {
+        instrument.order(&format!("ABOR;:TRIG:SOUR {source}"))?;
+    }
+    Ok(())
+}
+
 impl<C: Camera, P: CommandPort> Scanner<C, P> {
     /// Puts a scanner together. The device is told to stop running free before `open_camera` is
     /// called, so that the camera has nothing to say yet when it is opened.
@@ -109,8 +118,16 @@ impl<C: Camera, P: CommandPort> Scanner<C, P> {
         let mut instrument = Instrument::open(port, timeout)?;
         let source = instrument.query("TRIG:SOUR?")?;
         quiet(&mut instrument)?;
+        let camera = match open_camera() {
+            Ok(camera) => camera,
+            Err(error) => {
+                // The camera's error is the one to tell.
+                let _ = restore(&mut instrument, &source);
+                return Err(error);
+            }
+        };
         Ok(Self {
-            camera: open_camera()?,
+            camera,
             instrument,
             source,
             given: None,
@@ -131,12 +148,7 @@ impl<C: Camera, P: CommandPort> Scanner<C, P> {
     /// What the port or the device refuses.
     pub fn finish(mut self) -> Result<()> {
         drop(self.camera);
-        // It came from the device, but it is not sent back unread.
-        if !self.source.is_empty() && self.source.chars().all(|c| c.is_ascii_alphanumeric()) {
-            let restore = format!("ABOR;:TRIG:SOUR {}", self.source);
-            self.instrument.order(&restore)?;
-        }
-        Ok(())
+        restore(&mut self.instrument, &self.source)
     }
 
     /// The device's control port, to set what a scan leaves alone: exposure, gain, light.

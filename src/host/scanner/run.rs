@@ -111,7 +111,16 @@ pub(super) fn collect<C: Camera>(
                  {count} frames"
             )));
         };
-        let verdict = if camera.identifies() && !wanted.free {
+        let named = camera.identifies();
+        let verdict = if named && wanted.free && frames.is_empty() && frame.pattern_index != Some(0)
+        {
+            // The sequence has not begun.
+            if begin.elapsed() > timeout {
+                let what = "frames without the first of a sequence among them";
+                return Err(Fault::Frames(what.to_owned()));
+            }
+            continue;
+        } else if named {
             judge(&frame, &frames, wanted.stale, size)
         } else if is_early(&frame, wanted.since_ns) {
             if begin.elapsed() > timeout {

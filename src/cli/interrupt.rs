@@ -1,0 +1,89 @@
+//! Ctrl-C and TERM during a capture: the camera stops giving frames, so that the scan ends as after
+//! any other failure and leaves the device as it found it.
+
+use crate::error::{Error, Result};
+use crate::host::Camera;
+use crate::protocol::Frame;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+/// How long a capture may go on after the signal.
+const SLICE: Duration = Duration::from_millis(100);
+
+/// A camera that ends with the program.
+pub(super) struct Interruptible<C> {
+    camera: C,
+    asked: Arc<AtomicBool>,
+    ended: bool,
+}
+
+impl<C> Interruptible<C> {
+    /// Wraps a camera; from now on the signals end captures and not the program.
+    pub(super) fn new(camera: C) -> Self {
+        let asked = Arc::new(AtomicBool::new(false));
+        let flag = asked.clone();
+        // Without the thread the signals do what they always do.
+        let _ = std::thread::Builder::new()
+            .name("signals".into())
+            .spawn(move || {
+                if wait().is_ok() {
+                    flag.store(true, Ordering::Relaxed);
+                }
+            });
+        Self {
+            camera,
+            asked,
+            ended: false,
+        }
+    }
+}
+
+/// Waits for one of the signals.
+fn wait() -> std::io::Result<()> {
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .build()?;
+    runtime.block_on(async {
+        #[cfg(unix)]
+        {
+            use tokio::signal::unix::{SignalKind, signal};
+            let mut terminate = signal(SignalKind::terminate())?;
+            tokio::select! {
+                interrupted = tokio::signal::ctrl_c() => interrupted,
+                _ = terminate.recv() => Ok(()),
+            }
+        }
+        #[cfg(not(unix))]
+        tokio::signal::ctrl_c().await
+    })
+}
+
+impl<C: Camera> Camera for Interruptible<C> {
+    fn info(&self) -> &str {
+        self.camera.info()
+    }
+
+    fn next_frame(&mut self, timeout: Duration) -> Result<Option<Frame>> {
+        let end = Instant::now() + timeout;
+        loop {
+            self.ended = self.asked.load(Ordering::Relaxed);
+            if self.ended {
+                return Err(Error::device("interrupted"));
+            }
+            let left = end.saturating_duration_since(Instant::now());
+            let frame = self.camera.next_frame(left.min(SLICE))?;
+            if frame.is_some() || left <= SLICE {
+                return Ok(frame);
+            }
+        }
+    }
+
+    fn has_skipped(&self) -> bool {
+        !self.ended && self.camera.has_skipped()
+    }
+
+    fn identifies(&self) -> bool {
+        self.camera.identifies()
+    }
+}
