@@ -4,8 +4,6 @@ use super::{Check, Feature, Machine, Status};
 
 /// Where a loaded module shows itself.
 pub(super) const LOADED: &str = "sys/module/v4l2loopback";
-/// Loads it anew, with the options that are installed.
-pub(super) const RELOAD: &str = "sudo modprobe -r v4l2loopback; sudo modprobe v4l2loopback";
 /// Readers that fall this many frames behind lose some; the module's most.
 const BUFFERS: u32 = 32;
 

@@ -46,6 +46,7 @@ impl Fake {
             container_env: false,
             run_parent: tree.path().join("tmp"),
             access: by_mode,
+            forgotten: |_| false,
         };
         let fake = Self { tree, machine };
         fake.file("dev/ptmx", "");
@@ -263,8 +264,38 @@ fn a_shrunk_ring_is_mended_by_loading_the_module_anew() {
     assert!(camera.found.contains("4 of 32 buffers"), "{camera:?}");
     assert_eq!(
         fix(&camera),
-        "sudo modprobe -r v4l2loopback; sudo modprobe v4l2loopback"
+        "sudo modprobe -r v4l2loopback && sudo modprobe v4l2loopback"
     );
+}
+
+#[test]
+fn a_node_without_sides_is_not_free() {
+    let mut fake = Fake::good();
+    fake.machine.forgotten = |path| path.ends_with("video10");
+    let camera = fake.check("camera");
+    assert_eq!(camera.status, Status::Missing);
+    assert!(
+        camera
+            .found
+            .contains("neither a capture nor an output side"),
+        "{camera:?}"
+    );
+    assert!(!camera.found.contains("free"), "{camera:?}");
+    assert!(fix(&camera).starts_with("sudo modprobe -r"), "{camera:?}");
+    assert!(!fake.report().suffices(&[Feature::V4l2]));
+    // Another one will do.
+    fake.node(11, "Phasma 2", "32");
+    let report = fake.report();
+    assert!(report.suffices(&[Feature::V4l2]));
+    let first = report.checks.iter().find(|check| check.topic == "camera");
+    assert_eq!(first.map(|check| check.status), Some(Status::Note));
+    // Nodes of others are not opened.
+    fake.node(10, "Other", "32");
+    fake.machine.forgotten = |path| {
+        assert!(!path.ends_with("video10"));
+        false
+    };
+    assert!(fake.check("camera").found.contains("free"));
 }
 
 #[test]

@@ -2,7 +2,7 @@
 
 use crate::error::Result;
 use crate::host::explain_device;
-use crate::v4l2::{Control, Node, controls, current_format, offered_formats};
+use crate::v4l2::{Control, FORGOTTEN, Node, RELOAD, controls, current_format, offered_formats};
 use serde_json::{Value, json};
 use std::path::Path;
 use v4l::frameinterval::FrameIntervalEnum;
@@ -51,7 +51,8 @@ pub(super) fn report(address: &str, as_json: bool) -> Result<()> {
             .collect();
         let report = json!({
             "address": address, "driver": node.driver, "card": node.card, "bus": node.bus,
-            "version": version, "capabilities": can, "loopback": node.is_loopback(),
+            "kernel": version, "capabilities": can, "loopback": node.is_loopback(),
+            "forgotten": node.is_forgotten(),
             "current": current, "formats": formats,
             "controls": controls.iter().map(control_json).collect::<Vec<_>>(),
         });
@@ -60,7 +61,10 @@ pub(super) fn report(address: &str, as_json: bool) -> Result<()> {
     }
     println!("camera       {address}");
     println!("card         {}", node.card);
-    println!("driver       {} {version}, at {}", node.driver, node.bus);
+    println!(
+        "driver       {}, kernel {version}, at {}",
+        node.driver, node.bus
+    );
     println!(
         "loopback     {}",
         if node.is_loopback() { "yes" } else { "no" }
@@ -78,7 +82,13 @@ pub(super) fn report(address: &str, as_json: bool) -> Result<()> {
                 seconds(&each)
             ))
         ),
-        None => println!("format       none yet: no producer streams into it"),
+        None if node.is_forgotten() => {
+            println!("format       none: {FORGOTTEN}; load the module anew: `{RELOAD}`");
+        }
+        None if node.is_loopback() => {
+            println!("format       none yet: no producer streams into it");
+        }
+        None => println!("format       none"),
     }
     for (code, words, sizes) in &formats {
         println!("offers       {code} ({words})");

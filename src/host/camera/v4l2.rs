@@ -9,7 +9,8 @@ use crate::error::{Error, Result};
 use crate::pattern::MAX_SIDE_PX;
 use crate::protocol::{Frame, PixelFormat};
 use crate::v4l2::{
-    CaptureQueue, FourCc, Node, PixelLayout, Taken, current_format, offered_formats, set_format,
+    CaptureQueue, FORGOTTEN, FourCc, Node, PixelLayout, RELOAD, Taken, current_format,
+    offered_formats, set_format,
 };
 use std::io;
 use std::path::{Path, PathBuf};
@@ -78,6 +79,12 @@ fn settle(address: &str, capture: Capture) -> Result<Found, Refusal> {
     let place = format!("--camera {address}");
     let (device, node) =
         Node::open(Path::new(address)).map_err(|e| Refusal::Final(explain(address, "open", e)))?;
+    if node.is_forgotten() {
+        // Waited for nevertheless: a producer that starts changes sides in two steps.
+        return Err(Refusal::NotYet(Error::device(format!(
+            "{place}: {FORGOTTEN}; load the module anew: `{RELOAD}`"
+        ))));
+    }
     if !node.captures && node.is_loopback() {
         return Err(Refusal::NotYet(no_producer(address)));
     }
