@@ -25,7 +25,7 @@ pub struct Args {
 enum Need {
     /// The device as a camera of the kernel.
     V4l2,
-    /// Rendering on a graphics adapter.
+    /// Rendering on a graphics adapter; judged by the files of loader and drivers, none is loaded.
     Vulkan,
 }
 

@@ -161,10 +161,11 @@ fn access(machine: &Machine, node: &Node) -> Option<Check> {
     let Ok(file) = std::fs::metadata(&node.path) else {
         let found = format!("{place} is not in /dev, though the kernel has it");
         return Some(if machine.container() {
-            check(found).but(
-                Status::Missing,
-                format!("docker run --device {place} (on the host)"),
-            )
+            // No command: only its user knows how the container was started.
+            check(format!(
+                "{found}: start the container with `--device {place}`, as docker and podman word it"
+            ))
+            .but(Status::Missing, None)
         } else {
             check(found).but(
                 Status::Missing,
@@ -191,15 +192,21 @@ fn access(machine: &Machine, node: &Node) -> Option<Check> {
         machine.name("passwd", file.uid()),
         groups.join(", ")
     );
-    let fix = if group == "root" || mode & 0o060 != 0o060 {
-        install_rules()
+    let (then, fix) = if group == "root" || mode & 0o060 != 0o060 {
+        ("", install_rules())
     } else if member(machine, &group, &user) && !machine.user.groups.contains(&file.gid()) {
         // In the list, and logged in before that.
-        format!("newgrp {group}, or log in anew")
+        (
+            "; the group counts from the next login on, or at once in a shell of its own",
+            format!("newgrp {group}"),
+        )
     } else {
-        format!("sudo usermod -aG {group} {user}, then log in anew")
+        (
+            "; join the group and log in anew",
+            format!("sudo usermod -aG {group} {user}"),
+        )
     };
-    Some(check(found).but(Status::Missing, fix))
+    Some(check(format!("{found}{then}")).but(Status::Missing, fix))
 }
 
 /// Whether `/etc/group` lists a user in a group.
@@ -231,6 +238,13 @@ fn names(machine: &Machine, ours: &[&Node]) -> Check {
     if without.is_empty() {
         return Check::ok("stable names", Feature::V4l2, found.join(", "));
     }
-    found.push(format!("{} has none under /dev/phasma", without.join(", ")));
+    let verb = match without.len() {
+        1 => "has",
+        _ => "have",
+    };
+    found.push(format!(
+        "{} {verb} none under /dev/phasma",
+        without.join(", ")
+    ));
     Check::ok("stable names", Feature::V4l2, found.join("; ")).but(Status::Note, install_rules())
 }

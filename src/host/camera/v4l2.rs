@@ -158,7 +158,10 @@ fn nothing_readable(place: &str, capture: Capture, offered: &[FourCc]) -> Error 
     let (flag, allowed) = match capture {
         Capture::Auto => ("", "GREY, Y10, Y12, Y16, YUYV or MJPG"),
         Capture::V4l => (" with --capture v4l", "GREY, Y10, Y12, Y16 or YUYV"),
-        Capture::Nokhwa => (" with --capture nokhwa", "YUYV or MJPG"),
+        Capture::Nokhwa => (
+            " with --capture nokhwa",
+            "YUYV or MJPG; or --capture v4l for GREY, Y10, Y12, Y16 and YUYV",
+        ),
     };
     let found = if names.is_empty() {
         "no format".to_owned()
