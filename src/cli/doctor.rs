@@ -2,6 +2,7 @@
 
 use crate::doctor::{Feature, MODPROBE, MODULES_LOAD, Machine, Shipped, UDEV, User, examine};
 use crate::error::{Error, Result};
+use crate::v4l2::Node;
 use rustix::fs::{Access, AtFlags, CWD};
 use std::io;
 use std::path::Path;
@@ -24,7 +25,7 @@ pub struct Args {
 enum Need {
     /// The device as a camera of the kernel.
     V4l2,
-    /// Rendering on a graphics adapter.
+    /// Rendering on a graphics adapter; judged by the files of loader and drivers, none is loaded.
     Vulkan,
 }
 
@@ -88,6 +89,7 @@ fn this_machine() -> Machine {
         container_env: std::env::var_os("container").is_some_and(|name| !name.is_empty()),
         run_parent: super::serve::run_parent(),
         access,
+        forgotten: |path| Node::open(path).is_ok_and(|(_, node)| node.is_forgotten()),
     }
 }
 

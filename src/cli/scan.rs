@@ -24,7 +24,7 @@ pub(super) struct Args {
     capture: How,
     /// The control port: the path of a serial port. Without one, --manifest says what is projected,
     /// and the frames of the free-running camera are taken as they come.
-    #[arg(long, value_name = "PATH", required_unless_present = "manifest")]
+    #[arg(long, value_name = "PATH")]
     control: Option<String>,
     /// Folder for what is captured.
     #[arg(long, value_name = "DIR")]
@@ -88,11 +88,21 @@ pub(super) fn run(args: &Args) -> Result<()> {
             format!("{} to {} s", range.start(), range.end()),
         ));
     }
+    if args.control.is_none() && args.manifest.is_none() {
+        return Err(Error::input(
+            "--control",
+            "neither it nor --manifest is given",
+            "--control PATH of a device that is triggered, or --manifest FILE of what a camera that \
+             runs free is shown",
+        ));
+    }
     let timeout = Duration::from_secs_f64(args.timeout);
     Captured::check_folder(&args.out, args.force)?;
     super::decode::prepare(&args.out, args.force)?;
-    let manifest = args.manifest.as_deref().map(Manifest::read).transpose()?;
-    let calibration = args.calibration.as_deref().map(Rig::read).transpose()?;
+    let manifest = args.manifest.as_deref().map(Manifest::read).transpose();
+    let manifest = manifest.map_err(|e| e.at("--manifest"))?;
+    let calibration = args.calibration.as_deref().map(Rig::read).transpose();
+    let calibration = calibration.map_err(|e| e.at("--calibration"))?;
     let options = ScanOptions {
         sequence: args.sequence.clone(),
         manifest,

@@ -11,7 +11,6 @@ pub(super) struct Args {
 
 pub(super) fn run(_: &Args) -> Result<()> {
     Err(Error::device(
-        "this build has no link, through which a device reaches the world: serving one, and to ask whether one can be served, needs Linux; \
-         scan, decode and compare work here",
+        "serve, demo and doctor need Linux; scan, decode and compare work here",
     ))
 }

@@ -42,9 +42,14 @@ fn run_directory(machine: &Machine) -> Check {
             Feature::Embedded,
             format!("can be made in {place}"),
         ),
-        Err(e) => Check::ok("run directory", Feature::Embedded, format!("{place}: {e}")).but(
+        Err(e) => Check::ok(
+            "run directory",
+            Feature::Embedded,
+            format!("{place}: {e}; serve in a folder of your own"),
+        )
+        .but(
             Status::Missing,
-            "phasma serve --run-dir DIR, a folder of your own".to_owned(),
+            "phasma serve --run-dir ~/phasma-run".to_owned(),
         ),
     }
 }

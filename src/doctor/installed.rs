@@ -1,7 +1,7 @@
 //! The files that Phasma ships for the system, and whether they are installed.
 
-use super::module::RELOAD;
 use super::{Check, Feature, Machine, Status};
+use crate::v4l2::RELOAD;
 use std::path::{Path, PathBuf};
 
 /// A file for the system.
@@ -58,7 +58,7 @@ pub(super) fn install_rules() -> String {
 
 /// Installs the module's options and applies them.
 pub(super) fn install_options() -> String {
-    format!("{}; {RELOAD}", MODPROBE.put())
+    format!("{} && {RELOAD}", MODPROBE.put())
 }
 
 pub(super) fn checks(machine: &Machine) -> Vec<Check> {

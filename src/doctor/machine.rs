@@ -32,6 +32,9 @@ pub struct Machine {
     /// Whether this user may read and write a path, as the system sees it (lists of access
     /// included), without opening it.
     pub access: fn(&Path, &User) -> io::Result<()>,
+    /// Whether a v4l2loopback node has lost both its sides. It opens the node, which disturbs
+    /// nobody; `false` for what is no V4L2 device or cannot be opened.
+    pub forgotten: fn(&Path) -> bool,
 }
 
 impl Machine {

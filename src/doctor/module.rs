@@ -4,8 +4,6 @@ use super::{Check, Feature, Machine, Status};
 
 /// Where a loaded module shows itself.
 pub(super) const LOADED: &str = "sys/module/v4l2loopback";
-/// Loads it anew, with the options that are installed.
-pub(super) const RELOAD: &str = "sudo modprobe -r v4l2loopback; sudo modprobe v4l2loopback";
 /// Readers that fall this many frames behind lose some; the module's most.
 const BUFFERS: u32 = 32;
 
@@ -15,17 +13,18 @@ pub(super) fn check(machine: &Machine) -> Check {
         return loaded(machine);
     }
     if machine.container() {
-        return check("not loaded, and a container loads no modules".into()).but(
-            Status::Missing,
-            "on the host: sudo modprobe v4l2loopback; then give the container /dev/video10 (docker run --device)"
-                .to_owned(),
-        );
+        return check(
+            "not loaded, and a container loads no modules: load it on the host, then start the container with `--device /dev/video10`"
+                .into(),
+        )
+        .but(Status::Missing, "sudo modprobe v4l2loopback".to_owned());
     }
     let modules = format!("lib/modules/{}/modules.dep", machine.release);
     let Some(modules) = machine.text(modules) else {
         return check(format!(
-            "not loaded, and kernel {} has no list of modules here",
-            machine.release
+            "not loaded, and kernel {} has no list of modules here{}",
+            machine.release,
+            source(machine)
         ))
         .but(Status::Missing, install(machine));
     };
@@ -37,34 +36,41 @@ pub(super) fn check(machine: &Machine) -> Check {
         check("installed, not loaded".into())
             .but(Status::Missing, "sudo modprobe v4l2loopback".to_owned())
     } else {
-        check(format!("not installed for kernel {}", machine.release))
-            .but(Status::Missing, install(machine))
+        check(format!(
+            "not installed for kernel {}{}",
+            machine.release,
+            source(machine)
+        ))
+        .but(Status::Missing, install(machine))
     }
+}
+
+/// Where the package is, if not among the system's own.
+fn source(machine: &Machine) -> &'static str {
+    if package_tool(machine) == Some("usr/bin/dnf") {
+        "; RPM Fusion has it"
+    } else {
+        ""
+    }
+}
+
+/// The tool that installs packages here.
+fn package_tool(machine: &Machine) -> Option<&'static str> {
+    let tools = ["usr/bin/apt-get", "usr/bin/pacman", "usr/bin/dnf"];
+    tools.into_iter().find(|tool| machine.has(tool))
 }
 
 /// How to get the module, by what the system installs packages with.
 fn install(machine: &Machine) -> String {
-    let commands = [
-        (
-            "usr/bin/apt-get",
-            format!(
-                "sudo apt-get install v4l2loopback-dkms linux-headers-{}",
-                machine.release
-            ),
+    match package_tool(machine) {
+        Some("usr/bin/apt-get") => format!(
+            "sudo apt-get install v4l2loopback-dkms linux-headers-{}",
+            machine.release
         ),
-        ("usr/bin/pacman", "sudo pacman -S v4l2loopback-dkms".into()),
-        (
-            "usr/bin/dnf",
-            "sudo dnf install v4l2loopback (from RPM Fusion)".into(),
-        ),
-    ];
-    commands
-        .into_iter()
-        .find(|(tool, _)| machine.has(tool))
-        .map_or_else(
-            || "git clone https://github.com/v4l2loopback/v4l2loopback && cd v4l2loopback && make && sudo make install && sudo depmod".into(),
-            |(_, command)| command,
-        )
+        Some("usr/bin/pacman") => "sudo pacman -S v4l2loopback-dkms".into(),
+        Some(_) => "sudo dnf install v4l2loopback".into(),
+        None => "git clone https://github.com/v4l2loopback/v4l2loopback && cd v4l2loopback && make && sudo make install && sudo depmod".into(),
+    }
 }
 
 fn loaded(machine: &Machine) -> Check {

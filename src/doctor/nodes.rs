@@ -2,8 +2,9 @@
 //! stable names.
 
 use super::installed::{install_options, install_rules};
-use super::module::{self, RELOAD};
+use super::module;
 use super::{Check, Feature, Machine, Status};
+use crate::v4l2::{FORGOTTEN, RELOAD};
 use std::os::unix::fs::MetadataExt;
 use std::path::PathBuf;
 
@@ -22,6 +23,8 @@ struct Node {
     stream: Option<String>,
     buffers: Option<u32>,
     path: PathBuf,
+    /// It has lost both its sides: nobody can use it. Asked of ours only.
+    forgotten: bool,
 }
 
 impl Node {
@@ -32,12 +35,26 @@ impl Node {
 }
 
 pub(super) fn checks(machine: &Machine) -> Vec<Check> {
-    let nodes = nodes(machine);
+    let mut nodes = nodes(machine);
+    for node in nodes.iter_mut().filter(|node| node.ours()) {
+        node.forgotten = (machine.forgotten)(&node.path);
+    }
+    // One that can be used is enough.
+    let usable = nodes.iter().any(|node| node.ours() && !node.forgotten);
     let (loopbacks, others): (Vec<_>, Vec<_>) = nodes.into_iter().partition(|node| node.loopback);
     let mut checks = Vec::new();
     for (index, node) in loopbacks.iter().enumerate() {
         if node.ours() {
-            checks.push(camera(machine, node, index));
+            checks.push(if node.forgotten {
+                let status = if usable {
+                    Status::Note
+                } else {
+                    Status::Missing
+                };
+                forgotten(node).but(status, RELOAD.to_owned())
+            } else {
+                camera(machine, node, index)
+            });
             checks.extend(access(machine, node));
         } else {
             checks.push(Check::ok(
@@ -98,11 +115,17 @@ fn nodes(machine: &Machine) -> Vec<Node> {
                     .line(path.join("buffers"))
                     .and_then(|line| line.parse().ok()),
                 path: machine.path(format!("dev/{name}")),
+                forgotten: false,
             })
         })
         .collect();
     nodes.sort_by_key(|node| node.number);
     nodes
+}
+
+fn forgotten(node: &Node) -> Check {
+    let found = format!("/dev/video{} {:?}: {FORGOTTEN}", node.number, node.label);
+    Check::ok("camera", Feature::V4l2, found)
 }
 
 fn camera(machine: &Machine, node: &Node, index: usize) -> Check {
@@ -138,10 +161,11 @@ fn access(machine: &Machine, node: &Node) -> Option<Check> {
     let Ok(file) = std::fs::metadata(&node.path) else {
         let found = format!("{place} is not in /dev, though the kernel has it");
         return Some(if machine.container() {
-            check(found).but(
-                Status::Missing,
-                format!("docker run --device {place} (on the host)"),
-            )
+            // No command: only its user knows how the container was started.
+            check(format!(
+                "{found}: start the container with `--device {place}`, as docker and podman word it"
+            ))
+            .but(Status::Missing, None)
         } else {
             check(found).but(
                 Status::Missing,
@@ -168,15 +192,21 @@ fn access(machine: &Machine, node: &Node) -> Option<Check> {
         machine.name("passwd", file.uid()),
         groups.join(", ")
     );
-    let fix = if group == "root" || mode & 0o060 != 0o060 {
-        install_rules()
+    let (then, fix) = if group == "root" || mode & 0o060 != 0o060 {
+        ("", install_rules())
     } else if member(machine, &group, &user) && !machine.user.groups.contains(&file.gid()) {
         // In the list, and logged in before that.
-        format!("newgrp {group}, or log in anew")
+        (
+            "; the group counts from the next login on, or at once in a shell of its own",
+            format!("newgrp {group}"),
+        )
     } else {
-        format!("sudo usermod -aG {group} {user}, then log in anew")
+        (
+            "; join the group and log in anew",
+            format!("sudo usermod -aG {group} {user}"),
+        )
     };
-    Some(check(found).but(Status::Missing, fix))
+    Some(check(format!("{found}{then}")).but(Status::Missing, fix))
 }
 
 /// Whether `/etc/group` lists a user in a group.
@@ -208,6 +238,13 @@ fn names(machine: &Machine, ours: &[&Node]) -> Check {
     if without.is_empty() {
         return Check::ok("stable names", Feature::V4l2, found.join(", "));
     }
-    found.push(format!("{} has none under /dev/phasma", without.join(", ")));
+    let verb = match without.len() {
+        1 => "has",
+        _ => "have",
+    };
+    found.push(format!(
+        "{} {verb} none under /dev/phasma",
+        without.join(", ")
+    ));
     Check::ok("stable names", Feature::V4l2, found.join("; ")).but(Status::Note, install_rules())
 }

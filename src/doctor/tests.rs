@@ -46,6 +46,7 @@ impl Fake {
             container_env: false,
             run_parent: tree.path().join("tmp"),
             access: by_mode,
+            forgotten: |_| false,
         };
         let fake = Self { tree, machine };
         fake.file("dev/ptmx", "");
@@ -263,8 +264,38 @@ fn a_shrunk_ring_is_mended_by_loading_the_module_anew() {
     assert!(camera.found.contains("4 of 32 buffers"), "{camera:?}");
     assert_eq!(
         fix(&camera),
-        "sudo modprobe -r v4l2loopback; sudo modprobe v4l2loopback"
+        "sudo modprobe -r v4l2loopback && sudo modprobe v4l2loopback"
     );
+}
+
+#[test]
+fn a_node_without_sides_is_not_free() {
+    let mut fake = Fake::good();
+    fake.machine.forgotten = |path| path.ends_with("video10");
+    let camera = fake.check("camera");
+    assert_eq!(camera.status, Status::Missing);
+    assert!(
+        camera
+            .found
+            .contains("neither a capture nor an output side"),
+        "{camera:?}"
+    );
+    assert!(!camera.found.contains("free"), "{camera:?}");
+    assert!(fix(&camera).starts_with("sudo modprobe -r"), "{camera:?}");
+    assert!(!fake.report().suffices(&[Feature::V4l2]));
+    // Another one will do.
+    fake.node(11, "Phasma 2", "32");
+    let report = fake.report();
+    assert!(report.suffices(&[Feature::V4l2]));
+    let first = report.checks.iter().find(|check| check.topic == "camera");
+    assert_eq!(first.map(|check| check.status), Some(Status::Note));
+    // Nodes of others are not opened.
+    fake.node(10, "Other", "32");
+    fake.machine.forgotten = |path| {
+        assert!(!path.ends_with("video10"));
+        false
+    };
+    assert!(fake.check("camera").found.contains("free"));
 }
 
 #[test]
@@ -287,14 +318,12 @@ fn a_user_outside_the_group_is_told_to_join_it() {
         check.found.contains(":video, mode 0660; bob is in users"),
         "{check:?}"
     );
-    assert_eq!(fix(&check), "sudo usermod -aG video bob, then log in anew");
+    assert!(check.found.ends_with("join the group and log in anew"));
+    assert_eq!(fix(&check), "sudo usermod -aG video bob");
     assert!(!fake.report().suffices(&[Feature::V4l2]));
     // Ann is in the group since after she logged in.
     fake.machine.user.uid = 70002;
-    assert_eq!(
-        fix(&fake.check("permission")),
-        "newgrp video, or log in anew"
-    );
+    assert_eq!(fix(&fake.check("permission")), "newgrp video");
     // Nobody but the owner may: joining the group would not help.
     fake.mode("dev/video10", 0o600);
     assert!(fix(&fake.check("permission")).contains("60-phasma.rules"));
@@ -305,10 +334,8 @@ fn in_a_container_the_host_is_to_load_the_module() {
     let mut fake = Fake::bare();
     fake.file(".dockerenv", "");
     let check = fake.check("v4l2loopback");
-    assert!(
-        fix(&check).starts_with("on the host: sudo modprobe"),
-        "{check:?}"
-    );
+    assert!(check.found.contains("on the host"), "{check:?}");
+    assert_eq!(fix(&check), "sudo modprobe v4l2loopback");
     let report = fake.report();
     assert!(report.to_string().contains("looks like a container"));
     assert!(
@@ -325,7 +352,9 @@ fn in_a_container_the_host_is_to_load_the_module() {
     fake.loaded("Y", 32);
     fake.node(10, "Phasma", "32");
     fs::remove_file(fake.path("dev/video10")).unwrap();
-    assert!(fix(&fake.check("permission")).contains("--device /dev/video10"));
+    let check = fake.check("permission");
+    assert!(check.found.contains("--device /dev/video10"), "{check:?}");
+    assert_eq!(check.fix, None);
 }
 
 #[test]
@@ -350,7 +379,13 @@ fn installed_files_are_compared() {
         "{check:?}"
     );
     fs::remove_dir_all(fake.path("dev/phasma")).unwrap();
-    assert!(fix(&fake.check("stable names")).contains("udevadm trigger"));
+    fake.node(11, "Phasma 2", "32");
+    let names = fake.check("stable names");
+    assert!(fix(&names).contains("udevadm trigger"));
+    assert_eq!(
+        names.found,
+        "/dev/video10, /dev/video11 have none under /dev/phasma"
+    );
 }
 
 #[test]

@@ -75,7 +75,12 @@ fn render_nodes(machine: &Machine) -> Vec<Check> {
             let shown = machine.shown(&path);
             match (machine.access)(&path, &machine.user) {
                 Ok(()) => Check::ok("adapter", Feature::Vulkan, shown),
-                Err(e) => Check::ok("adapter", Feature::Vulkan, format!("{shown}: {e}")).but(
+                Err(e) => Check::ok(
+                    "adapter",
+                    Feature::Vulkan,
+                    format!("{shown}: {e}; join the group and log in anew"),
+                )
+                .but(
                     Status::Note,
                     format!(
                         "sudo usermod -aG render {}",

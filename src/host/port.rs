@@ -58,16 +58,25 @@ impl SerialPort {
             serialport::ErrorKind::Io(ErrorKind::NotFound) => {
                 Error::input(&place, "no such file", "the path of a serial port")
             }
+            // Their words for ENOTTY and EISDIR, for which the library has no kind.
+            serialport::ErrorKind::Unknown
+                if ["Not a typewriter", "Is a directory"].contains(&e.description.as_str()) =>
+            {
+                Error::input(&place, "no serial port", "the path of a serial port")
+            }
             serialport::ErrorKind::Io(kind) => Error::io(&place, kind.into()),
             _ => Error::device(format!("{place}: {e}")),
         };
         // Elsewhere a port is a name and no file.
-        if cfg!(unix) && std::fs::symlink_metadata(path).is_err() {
-            return Err(Error::input(
-                place,
-                "no such file",
-                "the path of a serial port",
-            ));
+        if cfg!(unix)
+            && let Err(e) = std::fs::symlink_metadata(path)
+        {
+            return Err(match e.kind() {
+                ErrorKind::NotFound | ErrorKind::NotADirectory => {
+                    Error::input(place, "no such file", "the path of a serial port")
+                }
+                _ => Error::io(place, e),
+            });
         }
         let port = serialport::new(path, BAUD_RATE).open().map_err(failed)?;
         port.clear(ClearBuffer::Input).map_err(failed)?;
@@ -147,5 +156,32 @@ impl<F: FnMut(&[u8]) -> Vec<u8>> CommandPort for MemoryPort<F> {
         self.replies
             .read(buffer)
             .map_err(|e| Error::io("memory port", e))
+    }
+}
+
+#[cfg(all(test, unix))]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_no_serial_port_is_the_user_s_mistake() {
+        for (path, found) in [
+            ("/dev/null", "no serial port"),
+            ("/dev", "no serial port"),
+            ("/dev/no-such-port", "no such file"),
+            ("/dev/null/port", "no such file"),
+        ] {
+            let error = SerialPort::open(path).err().unwrap();
+            assert_eq!(error.exit_code(), 2, "{error}");
+            assert!(error.to_string().contains(found), "{error}");
+        }
+    }
+
+    #[test]
+    fn another_refusal_keeps_the_system_s_words() {
+        // A name that is too long, for want of a folder that root may not enter.
+        let error = SerialPort::open(&"x".repeat(5000)).err().unwrap();
+        assert_eq!(error.exit_code(), 1, "{error}");
+        assert!(error.to_string().contains("too long"), "{error}");
     }
 }

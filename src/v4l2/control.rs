@@ -9,13 +9,15 @@ use v4l::Device;
 use v4l::v4l_sys::{
     V4L2_CTRL_FLAG_DISABLED, V4L2_CTRL_FLAG_INACTIVE, V4L2_CTRL_FLAG_NEXT_COMPOUND,
     V4L2_CTRL_FLAG_NEXT_CTRL, V4L2_CTRL_FLAG_READ_ONLY, V4L2_CTRL_FLAG_WRITE_ONLY, v4l2_control,
-    v4l2_query_ext_ctrl, v4l2_querymenu,
+    v4l2_ext_control, v4l2_ext_controls, v4l2_query_ext_ctrl, v4l2_querymenu,
 };
 use v4l::v4l2::vidioc;
 
 /// Most controls that are listed, and most entries of a menu.
 const MAX_CONTROLS: usize = 512;
 const MAX_ENTRIES: i64 = 64;
+/// Most bytes of a text.
+const MAX_TEXT: u32 = 64 << 10;
 
 /// One control.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -28,12 +30,23 @@ pub struct Control {
     pub kind: &'static str,
     /// Least value, greatest value, step and default; `None` where there is no range.
     pub range: Option<(i64, i64, u64, i64)>,
-    /// The value, where it is one number of 32 bits that can be read.
-    pub value: Option<i32>,
+    /// The value, where it is one number or text, and could be read.
+    pub value: Option<Value>,
     /// Entries of a menu by their value.
     pub menu: Vec<(i64, String)>,
     /// It cannot be set, or not now.
     pub read_only: bool,
+}
+
+/// A control's value.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Value {
+    /// A number, the index of a menu's entry among them.
+    Number(i64),
+    /// Bits, without a sign.
+    Mask(u32),
+    /// Text.
+    Text(String),
 }
 
 /// The controls of a device, without headings and disabled ones; empty where there are none.
@@ -63,33 +76,39 @@ pub fn controls(device: &Device) -> Vec<Control> {
 
 fn describe(device: &Device, query: &v4l2_query_ext_ctrl) -> Option<Control> {
     const HEADING: u32 = 6;
+    const MASK: u32 = 8;
     if query.type_ == HEADING || query.flags & V4L2_CTRL_FLAG_DISABLED != 0 {
         return None;
     }
-    let (kind, ranged, valued) = match query.type_ {
-        1 => ("integer", true, true),
-        2 => ("boolean", true, true),
-        3 => ("menu", true, true),
-        4 => ("button", false, false),
-        5 => ("64-bit integer", true, false),
-        7 => ("string", false, false),
-        8 => ("bit mask", true, true),
-        9 => ("menu of integers", true, true),
-        _ => ("compound", false, false),
+    let (kind, ranged) = match query.type_ {
+        1 => ("integer", true),
+        2 => ("boolean", true),
+        3 => ("menu", true),
+        4 => ("button", false),
+        5 => ("64-bit integer", true),
+        7 => ("string", false),
+        MASK => ("bit mask", true),
+        9 => ("menu of integers", true),
+        _ => ("compound", false),
     };
     let array = query.nr_of_dims > 0;
-    let readable = valued && !array && query.flags & V4L2_CTRL_FLAG_WRITE_ONLY == 0;
+    let readable = !array && query.flags & V4L2_CTRL_FLAG_WRITE_ONLY == 0;
+    // Masks are of 32 bits without a sign, which drivers may have carried on into the 64.
+    let limit = |value: i64| match query.type_ {
+        MASK => i64::from(value as u32),
+        _ => value,
+    };
     Some(Control {
         id: query.id,
         name: text(&query.name.map(|c| c as u8)),
         kind,
         range: ranged.then_some((
-            query.minimum,
-            query.maximum,
+            limit(query.minimum),
+            limit(query.maximum),
             query.step,
-            query.default_value,
+            limit(query.default_value),
         )),
-        value: readable.then(|| value(device, query.id)).flatten(),
+        value: readable.then(|| value(device, query)).flatten(),
         menu: match query.type_ {
             3 | 9 => menu(device, query),
             _ => Vec::new(),
@@ -98,7 +117,47 @@ fn describe(device: &Device, query: &v4l2_query_ext_ctrl) -> Option<Control> {
     })
 }
 
-fn value(device: &Device, id: u32) -> Option<i32> {
+fn value(device: &Device, query: &v4l2_query_ext_ctrl) -> Option<Value> {
+    match query.type_ {
+        1..=3 | 9 => plain(device, query.id).map(|value| Value::Number(value.into())),
+        5 => {
+            let (control, _) = extended(device, query.id, 0)?;
+            // SAFETY: every member is plain bits, and all of them were set before.
+            #[allow(unsafe_code)]
+            let value = unsafe { control.__bindgen_anon_1.value64 };
+            Some(Value::Number(value))
+        }
+        7 => {
+            let size = query.elem_size.min(MAX_TEXT);
+            extended(device, query.id, size).map(|(_, bytes)| Value::Text(text(&bytes)))
+        }
+        8 => plain(device, query.id).map(|value| Value::Mask(value.cast_unsigned())),
+        _ => None,
+    }
+}
+
+/// A value that does not fit 32 bits; `size` is its text's in bytes, 0 where it is none.
+fn extended(device: &Device, id: u32, size: u32) -> Option<(v4l2_ext_control, Vec<u8>)> {
+    let mut bytes = vec![0; size as usize];
+    // SAFETY: both structs are plain numbers and pointers, and zero is a value of each.
+    #[allow(unsafe_code)]
+    let (mut control, mut request): (v4l2_ext_control, v4l2_ext_controls) =
+        unsafe { (std::mem::zeroed(), std::mem::zeroed()) };
+    control.id = id;
+    control.size = size;
+    if size > 0 {
+        control.__bindgen_anon_1.ptr = bytes.as_mut_ptr().cast();
+    }
+    request.count = 1;
+    request.controls = &raw mut control;
+    // SAFETY: VIDIOC_G_EXT_CTRLS takes a `v4l2_ext_controls`; its one control is there, and so are
+    // as many bytes as that one says.
+    #[allow(unsafe_code)]
+    unsafe { ioctl(&device.handle(), vidioc::VIDIOC_G_EXT_CTRLS, &mut request) }.ok()?;
+    Some((control, bytes))
+}
+
+fn plain(device: &Device, id: u32) -> Option<i32> {
     let mut control = v4l2_control { id, value: 0 };
     // SAFETY: VIDIOC_G_CTRL takes a `v4l2_control`.
     #[allow(unsafe_code)]

@@ -14,8 +14,8 @@ mod layout;
 mod node;
 mod queue;
 
-pub use control::{Control, controls};
+pub use control::{Control, Value as ControlValue, controls};
 pub use format::{PixFormat, announce_interval, announced_interval};
 pub use layout::{FourCc, PixelLayout, current_format, offered_formats, set_format};
-pub use node::{LOOPBACK_DRIVER, Node, lock, node_paths};
+pub use node::{FORGOTTEN, LOOPBACK_DRIVER, Node, RELOAD, lock, node_paths};
 pub use queue::{CaptureQueue, OutputQueue, Taken};

@@ -14,6 +14,10 @@ use v4l::v4l2::vidioc;
 
 /// The driver's name that v4l2loopback gives.
 pub const LOOPBACK_DRIVER: &str = "v4l2 loopback";
+/// What is wrong with a node that [`Node::is_forgotten`].
+pub const FORGOTTEN: &str = "it has neither a capture nor an output side since a program that used write(), as ffmpeg does, has left it";
+/// Loads v4l2loopback anew, which brings lost sides back.
+pub const RELOAD: &str = "sudo modprobe -r v4l2loopback && sudo modprobe v4l2loopback";
 
 /// What a node says of itself.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -86,6 +90,13 @@ impl Node {
     /// Whether it is v4l2loopback's.
     pub fn is_loopback(&self) -> bool {
         self.driver == LOOPBACK_DRIVER
+    }
+
+    /// Whether it is a loopback node that has lost both its sides. v4l2loopback 0.12 forgets the
+    /// output side of a node whose producer used write(), and the kernel then refuses formats in
+    /// either direction.
+    pub fn is_forgotten(&self) -> bool {
+        self.is_loopback() && !self.captures && !self.outputs
     }
 }
 

@@ -2,7 +2,9 @@
 
 use crate::error::Result;
 use crate::host::explain_device;
-use crate::v4l2::{Control, Node, controls, current_format, offered_formats};
+use crate::v4l2::{
+    Control, ControlValue, FORGOTTEN, Node, RELOAD, controls, current_format, offered_formats,
+};
 use serde_json::{Value, json};
 use std::path::Path;
 use v4l::frameinterval::FrameIntervalEnum;
@@ -51,7 +53,8 @@ pub(super) fn report(address: &str, as_json: bool) -> Result<()> {
             .collect();
         let report = json!({
             "address": address, "driver": node.driver, "card": node.card, "bus": node.bus,
-            "version": version, "capabilities": can, "loopback": node.is_loopback(),
+            "kernel": version, "capabilities": can, "loopback": node.is_loopback(),
+            "forgotten": node.is_forgotten(),
             "current": current, "formats": formats,
             "controls": controls.iter().map(control_json).collect::<Vec<_>>(),
         });
@@ -60,7 +63,10 @@ pub(super) fn report(address: &str, as_json: bool) -> Result<()> {
     }
     println!("camera       {address}");
     println!("card         {}", node.card);
-    println!("driver       {} {version}, at {}", node.driver, node.bus);
+    println!(
+        "driver       {}, kernel {version}, at {}",
+        node.driver, node.bus
+    );
     println!(
         "loopback     {}",
         if node.is_loopback() { "yes" } else { "no" }
@@ -78,7 +84,13 @@ pub(super) fn report(address: &str, as_json: bool) -> Result<()> {
                 seconds(&each)
             ))
         ),
-        None => println!("format       none yet: no producer streams into it"),
+        None if node.is_forgotten() => {
+            println!("format       none: {FORGOTTEN}; load the module anew: `{RELOAD}`");
+        }
+        None if node.is_loopback() => {
+            println!("format       none yet: no producer streams into it");
+        }
+        None => println!("format       none"),
     }
     for (code, words, sizes) in &formats {
         println!("offers       {code} ({words})");
@@ -157,15 +169,26 @@ fn intervals(device: &Device, fourcc: FourCC, width: u32, height: u32) -> String
 
 fn control_line(control: &Control) -> String {
     let mut line = format!("{} ({})", control.name, control.kind);
-    if let Some(value) = control.value {
-        let entry = control.menu.iter().find(|(at, _)| *at == i64::from(value));
-        line += &match entry {
-            Some((_, words)) => format!(" = {value} ({words})"),
-            None => format!(" = {value}"),
-        };
-    }
-    if let Some((low, high, step, default)) = control.range {
-        line += &format!(", {low} to {high} in steps of {step}, default {default}");
+    line += &match &control.value {
+        Some(ControlValue::Number(value)) => {
+            match control.menu.iter().find(|(at, _)| at == value) {
+                Some((_, words)) => format!(" = {value} ({words})"),
+                None => format!(" = {value}"),
+            }
+        }
+        Some(ControlValue::Mask(bits)) => format!(" = {bits:#x}"),
+        Some(ControlValue::Text(text)) => format!(" = {text:?}"),
+        None if control.kind == "button" => String::new(),
+        None => " (not read)".to_owned(),
+    };
+    match control.range {
+        Some((_, mask, _, default)) if control.kind == "bit mask" => {
+            line += &format!(", of {mask:#x}, default {default:#x}");
+        }
+        Some((low, high, step, default)) => {
+            line += &format!(", {low} to {high} in steps of {step}, default {default}");
+        }
+        None => {}
     }
     if control.read_only {
         line += ", read only";
@@ -174,10 +197,52 @@ fn control_line(control: &Control) -> String {
 }
 
 fn control_json(control: &Control) -> Value {
+    let value = match &control.value {
+        Some(ControlValue::Number(value)) => json!(value),
+        Some(ControlValue::Mask(bits)) => json!(bits),
+        Some(ControlValue::Text(text)) => json!(text),
+        None => Value::Null,
+    };
     json!({
-        "id": control.id, "name": control.name, "kind": control.kind, "value": control.value,
+        "id": control.id, "name": control.name, "kind": control.kind, "value": value,
         "minimum": control.range.map(|r| r.0), "maximum": control.range.map(|r| r.1),
         "step": control.range.map(|r| r.2), "default": control.range.map(|r| r.3),
         "menu": control.menu, "read_only": control.read_only,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn line(kind: &'static str, value: Option<ControlValue>) -> String {
+        let range = (kind != "string").then_some((0, 0xffff_ffff, 1, 0x10));
+        control_line(&Control {
+            id: 1,
+            name: "It".into(),
+            kind,
+            range,
+            value,
+            menu: Vec::new(),
+            read_only: false,
+        })
+    }
+
+    #[test]
+    fn masks_have_no_sign_and_what_was_not_read_says_so() {
+        assert_eq!(
+            line("bit mask", Some(ControlValue::Mask(0x8000_2000))),
+            "It (bit mask) = 0x80002000, of 0xffffffff, default 0x10"
+        );
+        assert_eq!(
+            line("64-bit integer", Some(ControlValue::Number(-1))),
+            "It (64-bit integer) = -1, 0 to 4294967295 in steps of 1, default 16"
+        );
+        // Drivers' text does not steer a terminal.
+        assert_eq!(
+            line("string", Some(ControlValue::Text("a\u{1b}".into()))),
+            "It (string) = \"a\\u{1b}\""
+        );
+        assert_eq!(line("string", None), "It (string) (not read)");
+    }
 }

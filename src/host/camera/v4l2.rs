@@ -9,7 +9,8 @@ use crate::error::{Error, Result};
 use crate::pattern::MAX_SIDE_PX;
 use crate::protocol::{Frame, PixelFormat};
 use crate::v4l2::{
-    CaptureQueue, FourCc, Node, PixelLayout, Taken, current_format, offered_formats, set_format,
+    CaptureQueue, FORGOTTEN, FourCc, Node, PixelLayout, RELOAD, Taken, current_format,
+    offered_formats, set_format,
 };
 use std::io;
 use std::path::{Path, PathBuf};
@@ -78,6 +79,12 @@ fn settle(address: &str, capture: Capture) -> Result<Found, Refusal> {
     let place = format!("--camera {address}");
     let (device, node) =
         Node::open(Path::new(address)).map_err(|e| Refusal::Final(explain(address, "open", e)))?;
+    if node.is_forgotten() {
+        // Waited for nevertheless: a producer that starts changes sides in two steps.
+        return Err(Refusal::NotYet(Error::device(format!(
+            "{place}: {FORGOTTEN}; load the module anew: `{RELOAD}`"
+        ))));
+    }
     if !node.captures && node.is_loopback() {
         return Err(Refusal::NotYet(no_producer(address)));
     }
@@ -151,7 +158,10 @@ fn nothing_readable(place: &str, capture: Capture, offered: &[FourCc]) -> Error 
     let (flag, allowed) = match capture {
         Capture::Auto => ("", "GREY, Y10, Y12, Y16, YUYV or MJPG"),
         Capture::V4l => (" with --capture v4l", "GREY, Y10, Y12, Y16 or YUYV"),
-        Capture::Nokhwa => (" with --capture nokhwa", "YUYV or MJPG"),
+        Capture::Nokhwa => (
+            " with --capture nokhwa",
+            "YUYV or MJPG; or --capture v4l for GREY, Y10, Y12, Y16 and YUYV",
+        ),
     };
     let found = if names.is_empty() {
         "no format".to_owned()

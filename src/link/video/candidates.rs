@@ -1,7 +1,7 @@
 //! Which nodes may become the camera.
 
 use crate::error::Result;
-use crate::v4l2::{Node, node_paths};
+use crate::v4l2::{FORGOTTEN, Node, RELOAD, node_paths};
 use std::path::{Path, PathBuf};
 
 /// How the labels of nodes for this program begin, in any case.
@@ -65,14 +65,10 @@ pub(super) fn unfit(node: &Node) -> Option<Unfit> {
             node.card, node.driver
         )));
     }
-    if !node.outputs && !node.captures {
-        // v4l2loopback 0.12 forgets the output side of a node whose producer used write(), as
-        // ffmpeg does, and the kernel then refuses formats in either direction.
-        return Some(Unfit::State(
-            "it has neither side since a program wrote to it and left; load the module anew: \
-             `sudo modprobe -r v4l2loopback && sudo modprobe v4l2loopback`"
-                .to_owned(),
-        ));
+    if node.is_forgotten() {
+        return Some(Unfit::State(format!(
+            "{FORGOTTEN}; load the module anew: `{RELOAD}`"
+        )));
     }
     if !node.outputs {
         return Some(Unfit::State(format!(

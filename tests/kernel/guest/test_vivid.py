@@ -8,7 +8,10 @@ from lab.profiles import GREY
 
 def test_camera_info_describes_it(scratch):
     said = scratch.phasma("camera", "info", vivid.load()).ok().out
-    for part in ("vivid", "YUYV", "Brightness"):
+    for part in (
+            "vivid", "YUYV", "Brightness",
+            "Bitmask (bit mask) = 0x80002000, of 0x80402010", "Integer 64 Bits (64-bit integer) = 0",
+            "String (string) = \""):
         expect_in("camera info", part, said)
 
 
