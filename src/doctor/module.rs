@@ -4,7 +4,7 @@ use super::{Check, Feature, Machine, Status};
 
 /// Where a loaded module shows itself.
 pub(super) const LOADED: &str = "sys/module/v4l2loopback";
-/// Readers that fall this many frames behind lose some; the module's most.
+/// Frames after which a buffer is written again, as we recommend; the module's most.
 const BUFFERS: u32 = 32;
 
 pub(super) fn check(machine: &Machine) -> Check {
@@ -84,7 +84,7 @@ fn loaded(machine: &Machine) -> Check {
     match buffers(machine) {
         Some(buffers) if buffers < BUFFERS => {
             found += &format!(
-                "; max_buffers={buffers}: a reader that is {buffers} frames late loses some, {BUFFERS} is the most"
+                "; max_buffers={buffers}: a frame that is being read is overwritten {buffers} frames later, {BUFFERS} is the most"
             );
             Check::ok("v4l2loopback", Feature::V4l2, found)
                 .but(Status::Note, super::installed::install_options())

@@ -143,7 +143,7 @@ fn camera(machine: &Machine, node: &Node, index: usize) -> Check {
         && left < most
     {
         found += &format!(
-            "; {left} of {most} buffers: a reader has asked for fewer, and 0.12 keeps it so; late readers lose frames"
+            "; {left} of {most} buffers: a reader has asked for fewer, and 0.12 keeps it so; a frame that is being read is overwritten {left} frames later"
         );
         fix.get_or_insert_with(|| RELOAD.to_owned());
     }

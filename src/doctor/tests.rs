@@ -232,7 +232,7 @@ fn bad_options_are_named_with_their_consequence() {
     assert!(
         module
             .found
-            .contains("max_buffers=2: a reader that is 2 frames late")
+            .contains("max_buffers=2: a frame that is being read is overwritten 2 frames later")
     );
     assert!(fix(&module).contains("--print modprobe"));
     let camera = fake.check("camera");

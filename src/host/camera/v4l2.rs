@@ -18,7 +18,9 @@ use std::time::{Duration, Instant};
 use v4l::Device;
 
 /// Buffers asked for. Never fewer: in v4l2loopback 0.12 the smallest request shrinks the ring for
-/// everybody, and frames that wait there are what a burst outlives a slow reader by.
+/// everybody, and the sooner a buffer's turn comes again, the sooner a frame that is being read from
+/// is overwritten. A reader more than two frames behind skips to the newest there, whatever the
+/// ring's length; from 0.15 on that length is the limit.
 const BUFFERS: u32 = 32;
 /// How often a device without a format is asked again. v4l2loopback has no event for a producer that
 /// arrives (0.12), and before it the node may not even say that it captures.

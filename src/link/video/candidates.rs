@@ -23,21 +23,22 @@ pub(super) fn nodes(dev: &Path, class: &Path) -> Vec<(PathBuf, String)> {
         .collect()
 }
 
-/// Opens the first node that is labelled for this program and can be opened.
+/// Opens the first node that is labelled for this program and can be opened; with it comes why each
+/// of those before it was passed over, as "; "-joined text that is empty where there is none.
 ///
 /// # Errors
 /// Why there is none, in words that fit behind "the frame socket, because".
 pub(super) fn first_free<T>(
     nodes: Vec<(PathBuf, String)>,
     mut open: impl FnMut(&Path) -> Result<T>,
-) -> Result<T, String> {
+) -> Result<(T, String), String> {
     let mut reasons = Vec::new();
     for (path, label) in nodes {
         if !label.to_lowercase().starts_with(LABEL) {
             continue;
         }
         match open(&path) {
-            Ok(opened) => return Ok(opened),
+            Ok(opened) => return Ok((opened, reasons.join("; "))),
             Err(reason) => reasons.push(reason.to_string()),
         }
     }
@@ -138,7 +139,10 @@ mod tests {
                 false => Ok(path.to_owned()),
             }
         });
-        assert_eq!(taken, Ok("/dev/video2".into()));
+        let passed_over = "/dev/video1: taken".to_owned();
+        assert_eq!(taken, Ok(("/dev/video2".into(), passed_over)));
+        let at_once = first_free(machine(), |path| Ok(path.to_owned()));
+        assert_eq!(at_once, Ok(("/dev/video1".into(), String::new())));
         assert_eq!(tried, [Path::new("/dev/video1"), Path::new("/dev/video2")]);
         let refuse = |path: &Path| Err::<(), _>(Error::device(format!("{}: no", path.display())));
         assert_eq!(

@@ -13,7 +13,9 @@ use std::path::Path;
 use std::time::Duration;
 use v4l::Device;
 
-/// Buffers that are asked for: all that there are, so that readers may fall behind.
+/// Buffers that are asked for: all that there are, so that a frame that is being read from is
+/// overwritten as late as possible. How far readers may fall behind is the module's: two frames in
+/// 0.12, the ring's length from 0.15 on.
 const BUFFERS: u32 = 32;
 
 /// A node that is ready for frames.
@@ -33,8 +35,8 @@ impl Open {
         let place = path.display();
         let failed = |e| Error::io(path, e);
         let (device, node) = Node::open(path).map_err(|e| cannot_open(path, e))?;
-        match unfit(&node) {
-            None => {}
+        let state = match unfit(&node) {
+            None => None,
             Some(Unfit::Kind(found)) => {
                 return Err(Error::input(
                     format!("--camera {place}"),
@@ -42,10 +44,14 @@ impl Open {
                     "a node of v4l2loopback (`phasma doctor` lists them), auto or socket",
                 ));
             }
-            Some(Unfit::State(why)) => return Err(Error::device(format!("{place}: {why}"))),
-        }
+            Some(Unfit::State(why)) => Some(why),
+        };
+        // Before the state, of which a producer of our own is a better explanation.
         if !lock(&device).map_err(failed)? {
             let why = "another phasma serves its camera there";
+            return Err(Error::device(format!("{place}: {why}")));
+        }
+        if let Some(why) = state {
             return Err(Error::device(format!("{place}: {why}")));
         }
         // With exclusive_caps=0 a node does not say that it has a producer.

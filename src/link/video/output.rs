@@ -20,6 +20,8 @@ pub struct VideoOutput(Arc<Mutex<Output>>);
 struct Output {
     path: PathBuf,
     label: String,
+    /// Why this node and no other, where nobody named it.
+    choice: Option<String>,
     bits: u32,
     /// The system's monotonic time at the device's time 0.
     power_on: Duration,
@@ -40,6 +42,7 @@ impl VideoOutput {
         Ok(Self(Arc::new(Mutex::new(Output {
             path: path.to_owned(),
             label: node.label.clone(),
+            choice: None,
             bits,
             power_on,
             stream: *stream,
@@ -53,7 +56,14 @@ impl VideoOutput {
     /// Why there is none.
     pub fn open_any(stream: &Stream, bits: u32, power_on: Duration) -> Result<Self, String> {
         let nodes = nodes(Path::new("/dev"), Path::new("/sys/class/video4linux"));
-        first_free(nodes, |path| Self::open(path, stream, bits, power_on))
+        let open = |path: &Path| Self::open(path, stream, bits, power_on);
+        let (video, passed_over) = first_free(nodes, open)?;
+        let mut choice = "the first free node labelled Phasma".to_owned();
+        if !passed_over.is_empty() {
+            choice += &format!("; {passed_over}");
+        }
+        video.output().choice = Some(choice);
+        Ok(video)
     }
 
     /// Its address.
@@ -61,9 +71,14 @@ impl VideoOutput {
         self.output().path.display().to_string()
     }
 
-    /// What it is.
+    /// What it is, and where nobody named it, why it was chosen.
     pub fn about(&self) -> String {
-        format!("v4l2loopback {:?}", self.output().label)
+        let output = self.output();
+        let what = format!("v4l2loopback {:?}", output.label);
+        match &output.choice {
+            Some(why) => format!("{what}, {why}"),
+            None => what,
+        }
     }
 
     /// Hands a frame over with its exposure's start as its time, on the system's monotonic clock.

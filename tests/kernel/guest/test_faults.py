@@ -147,6 +147,7 @@ def test_a_foreign_producer_holds_the_node(scratch):
     # Left to itself it takes the next node.
     device = served(scratch, camera="auto", name="auto")
     expect("camera", device.camera, loopback.SECOND)
+    expect_in("serve", "labelled Phasma; /dev/video10: another program streams into it", device.job.said()[0])
     expect_next_scan_right(device)
     device.stop()
     # The module forgets the output side of a node that was written to, until it is loaded anew.
@@ -159,7 +160,7 @@ def test_a_foreign_producer_holds_the_node(scratch):
 
 def test_two_devices_share_no_node(scratch):
     device = loaded_and_served(scratch)
-    expect_in("serve", "/dev/video10", refused(scratch))
+    expect_in("serve", "/dev/video10: another phasma serves its camera there", refused(scratch))
     expect_next_scan_right(device)
     device.stop()
 

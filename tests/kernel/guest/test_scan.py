@@ -63,6 +63,12 @@ def test_auto_takes_the_free_labelled_node(scratch):
     expect_in("second", "/dev/video11", second.camera)
     # The third node bears another label.
     expect_in("third", "socket:", third.camera)
-    expect_in("third says why", "/dev/video11: another program streams into it", third.job.said()[0])
+    another = "another phasma serves its camera there"
+    for device, reason in (
+        (first, '"Phasma one", the first free node labelled Phasma)'),
+        (second, f'"Phasma two", the first free node labelled Phasma; /dev/video10: {another})'),
+        (third, f"/dev/video11: {another}"),
+    ):
+        expect_in("why this camera", reason, device.job.said()[0])
     for device in (third, second, first):
         device.stop()

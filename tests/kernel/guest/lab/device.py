@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import select
 import signal
 import socket
@@ -9,9 +10,9 @@ import struct
 import termios
 import tty
 
-from .failure import Failure, expect
+from .failure import Failure, expect, expect_true
 from .guest import PHASMA, wait_until
-from .profiles import FRAMES, SCENE
+from .profiles import FRAMES, GREY, SCENE
 
 HEADER_LEN = 72
 
@@ -163,6 +164,8 @@ def reference(scratch, variation, *options):
 
 
 SCANS = {}
+# Points that a scan of the scene has at least: less is no scan that others may be held against.
+LEAST_POINTS = 30_000
 
 
 def reference_scan(scratch, variation, *options):
@@ -174,7 +177,15 @@ def reference_scan(scratch, variation, *options):
         device.scan(folder).ok()
         device.stop()
         SCANS[key] = files(scratch.dir / folder)
+        if variation == GREY:
+            found = points(SCANS[key]["cloud.ply"])
+            expect_true(f"the reference has {found} points, wanted {LEAST_POINTS}", found >= LEAST_POINTS)
     return SCANS[key]
+
+
+def points(cloud):
+    """How many points a PLY file says that it has."""
+    return int(re.search(rb"^element vertex (\d+)$", cloud, re.MULTILINE)[1])
 
 
 def files(folder):

@@ -24,7 +24,7 @@ def expect_sequence(frames, rendered, variation):
         lines = [Line(frame, variation) for frame in frames[begins[0]:begins[0] + FRAMES]]
         expect("positions in the data lines", [line.index for line in lines], list(range(FRAMES)))
         expect("ids follow each other", [line.id - lines[0].id for line in lines], list(range(FRAMES)))
-        expect("exposures", {line.exposure_ns for line in lines}, {12_000_000})
+        expect("exposures", {line.exposure_ns for line in lines}, {4_000_000})
 
 
 def expect_free_run(frames, variation, count):
