@@ -63,8 +63,10 @@ fn transfers_taken_back_at_random_end_once_each() {
                 _ => {}
             }
         }
-        assert!(ends[0] > 20, "{ends:?} with seed {seed}");
+        assert!(ends[0] > 0 && ends[1] > 0, "{ends:?} with seed {seed}");
         drop(transfers);
+        // What is left of a frame is not the next stream's.
+        device.clear_halt(0x81).unwrap();
         // The device is as it was.
         let mut camera = UsbCamera::open(&device, None).unwrap();
         for _ in 0..3 {

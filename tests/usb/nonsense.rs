@@ -8,6 +8,7 @@ use phasma::protocol::PixelFormat;
 use phasma::protocol::usb::usbip::{Operation, bus_id_bytes};
 use proptest::prelude::*;
 use proptest::test_runner::{Config, TestRunner};
+use std::cell::RefCell;
 use std::io::{Read, Write};
 use std::net::TcpStream;
 use std::time::Duration;
@@ -27,8 +28,7 @@ fn talk(host: &str, bytes: &[u8]) {
 fn a_stream_goes_on_beside_nonsense() {
     let served = Served::several(2, Speed::High, Transfer::Bulk);
     let device = served.open();
-    let mut camera = UsbCamera::open(&device, None).unwrap();
-    let mut id = 0;
+    let camera = RefCell::new((UsbCamera::open(&device, None).unwrap(), 0));
     let import = [&Operation::Import.encode()[..], &bus_id_bytes("1-2")].concat();
     let word = prop_oneof![
         Just(0u32),
@@ -58,9 +58,10 @@ fn a_stream_goes_on_beside_nonsense() {
                 _ => import.iter().copied().chain(commands).collect(),
             };
             talk(&served.host, &bytes);
+            let (camera, id) = &mut *camera.borrow_mut();
             let got = camera.next_frame(TIMEOUT).unwrap().expect("a frame");
-            prop_assert!(got.data == frame(id, PixelFormat::Grey).data);
-            id += 1;
+            prop_assert!(got.data == frame(*id, PixelFormat::Grey).data);
+            *id += 1;
             Ok(())
         })
         .unwrap();

@@ -180,7 +180,7 @@ impl Connection {
         };
         drop(writer);
         // Part of a command may be on its way: nothing can follow it.
-        self.close(format!("cannot be written to: {error}"));
+        self.close(reason(&error));
         Err(self.error())
     }
 
@@ -227,12 +227,11 @@ impl Connection {
     /// Reads replies until the connection is over.
     pub(super) fn read(&self, stream: TcpStream) {
         let mut inlet = Inlet::new(stream);
+        // Held until the reason is known: who waits for it would find none.
+        let mut answered = None;
         let why = loop {
-            if let Err(error) = self.read_reply(&mut inlet) {
-                break match error.kind() {
-                    io::ErrorKind::UnexpectedEof => "the device has gone".to_owned(),
-                    _ => error.to_string(),
-                };
+            if let Err(error) = self.read_reply(&mut inlet, &mut answered) {
+                break reason(&error);
             }
         };
         self.close(why);
@@ -243,12 +242,17 @@ impl Connection {
             std::mem::take(&mut table.pending)
         };
         self.settled.notify_all();
-        for pending in pending.into_values() {
+        for pending in pending.into_values().chain(answered) {
             lock(&pending.receiver).gone();
         }
     }
 
-    fn read_reply(&self, inlet: &mut Inlet<TcpStream>) -> io::Result<()> {
+    /// Reads a reply; `answered` keeps the transfer that it has ended.
+    fn read_reply(
+        &self,
+        inlet: &mut Inlet<TcpStream>,
+        answered: &mut Option<Pending>,
+    ) -> io::Result<()> {
         let mut header = [0; HEADER_LEN];
         inlet.read_exact(&mut header)?;
         match Reply::decode(&header).map_err(io::Error::other)? {
@@ -259,8 +263,8 @@ impl Connection {
                 packets,
                 ..
             } => {
-                let pending = lock(&self.table).pending.remove(&seqnum);
-                let Some(Pending { submit, receiver }) = pending else {
+                *answered = lock(&self.table).pending.remove(&seqnum);
+                let Some(Pending { submit, receiver }) = answered else {
                     return Err(io::Error::other(format!(
                         "the server answers transfer {seqnum}, which nobody has asked for"
                     )));
@@ -283,7 +287,7 @@ impl Connection {
                 let again = match packets {
                     None => {
                         let mut data = inlet.take(room.into());
-                        let again = lock(&receiver).reply(&done, &mut data)?;
+                        let again = lock(receiver).reply(&done, &mut data)?;
                         // What the receiver did not want.
                         io::copy(&mut data, &mut io::sink())?;
                         again
@@ -292,25 +296,26 @@ impl Connection {
                         let mut data = vec![0; room as usize];
                         inlet.read_exact(&mut data)?;
                         done.packets = read_packets(inlet, packets, data.len())?;
-                        lock(&receiver).reply(&done, &mut &data[..])?
+                        lock(receiver).reply(&done, &mut &data[..])?
                     }
                 };
                 if again > 0 {
-                    self.submit(&submit, &[], again, &receiver)
+                    self.submit(submit, &[], again, receiver)
                         .map_err(io::Error::other)?;
                 }
             }
             Reply::Unlink { seqnum, .. } => {
-                let (target, pending) = {
+                let target = {
                     let mut table = lock(&self.table);
                     let target = table.unlinks.remove(&seqnum).ok_or_else(|| {
                         io::Error::other(format!(
                             "the server answers unlink {seqnum}, which nobody has asked for"
                         ))
                     })?;
-                    (target, table.pending.remove(&target))
+                    *answered = table.pending.remove(&target);
+                    target
                 };
-                if let Some(Pending { submit, receiver }) = pending {
+                if let Some(Pending { submit, receiver }) = answered {
                     // A kernel that exports a device tells here how the transfer ended in the
                     // meantime; its bytes are lost, so to us it was taken back either way.
                     let done = Done {
@@ -320,11 +325,12 @@ impl Connection {
                         length: submit.length as usize,
                         packets: Vec::new(),
                     };
-                    lock(&receiver).reply(&done, &mut io::empty())?;
+                    lock(receiver).reply(&done, &mut io::empty())?;
                 }
                 self.settled.notify_all();
             }
         }
+        *answered = None;
         Ok(())
     }
 }
@@ -358,6 +364,18 @@ fn read_packets(inlet: &mut impl Read, count: u32, len: usize) -> io::Result<Vec
         )));
     }
     Ok(packets)
+}
+
+/// What an error of the socket says of the device.
+fn reason(error: &io::Error) -> String {
+    use io::ErrorKind as Kind;
+    match error.kind() {
+        Kind::UnexpectedEof | Kind::ConnectionReset | Kind::BrokenPipe => {
+            "the device has gone".to_owned()
+        }
+        Kind::WouldBlock | Kind::TimedOut => "the server takes no more commands".to_owned(),
+        _ => error.to_string(),
+    }
 }
 
 /// Time left until a deadline.
