@@ -98,11 +98,38 @@ impl Descriptors {
         let (version, packet0) = if super_speed { (3, 9) } else { (2, 64) };
         let [class, subclass, protocol] = class::COMPOSITE;
         let device = vec![
-            18, kind::DEVICE, 0, version, class, subclass, protocol, packet0, vendor[0], vendor[1],
-            product[0], product[1], release[0], release[1], 1, 2, 3, 1,
+            18,
+            kind::DEVICE,
+            0,
+            version,
+            class,
+            subclass,
+            protocol,
+            packet0,
+            vendor[0],
+            vendor[1],
+            product[0],
+            product[1],
+            release[0],
+            release[1],
+            1,
+            2,
+            3,
+            1,
         ];
         let qualifier = (!super_speed).then(|| {
-            vec![10, kind::DEVICE_QUALIFIER, 0, 2, class, subclass, protocol, 64, 1, 0]
+            vec![
+                10,
+                kind::DEVICE_QUALIFIER,
+                0,
+                2,
+                class,
+                subclass,
+                protocol,
+                64,
+                1,
+                0,
+            ]
         });
         let id = &profile.identity;
         let draft = Draft {
@@ -133,7 +160,10 @@ impl Descriptors {
     pub(super) fn string(&self, number: u8) -> Option<Vec<u8>> {
         match number {
             0 => Some(vec![4, kind::STRING, 0x09, 0x04]),
-            n => self.strings.get(usize::from(n) - 1).map(|text| string(text)),
+            n => self
+                .strings
+                .get(usize::from(n) - 1)
+                .map(|text| string(text)),
         }
     }
 
@@ -192,33 +222,93 @@ impl Draft {
         let power = self.usb.max_power_ma.div_ceil(step).min(255) as u8;
         let [low, high] = (9 + body.len() as u16).to_le_bytes();
         // Attributes: bus powered; bit 7 is always set.
-        let head = [9, kind::CONFIGURATION, low, high, INTERFACES, 1, 0, 0x80, power];
+        let head = [
+            9,
+            kind::CONFIGURATION,
+            low,
+            high,
+            INTERFACES,
+            1,
+            0,
+            0x80,
+            power,
+        ];
         [&head[..], &body].concat()
     }
 
     fn video_control(&self) -> Vec<u8> {
         // Exposure time, absolute: bit 3.
         let camera = [
-            18, kind::CS_INTERFACE, video::INPUT_TERMINAL, CAMERA_TERMINAL, 1, 2, 0, 0, 0, 0, 0, 0,
-            0, 0, 3, 0x08, 0, 0,
+            18,
+            kind::CS_INTERFACE,
+            video::INPUT_TERMINAL,
+            CAMERA_TERMINAL,
+            1,
+            2,
+            0,
+            0,
+            0,
+            0,
+            0,
+            0,
+            0,
+            0,
+            3,
+            0x08,
+            0,
+            0,
         ];
         // Gain: bit 9.
         let processing = [
-            12, kind::CS_INTERFACE, video::PROCESSING_UNIT, PROCESSING_UNIT, CAMERA_TERMINAL, 0, 0,
-            3, 0, 0x02, 0, 0,
+            12,
+            kind::CS_INTERFACE,
+            video::PROCESSING_UNIT,
+            PROCESSING_UNIT,
+            CAMERA_TERMINAL,
+            0,
+            0,
+            3,
+            0,
+            0x02,
+            0,
+            0,
         ];
         let output = [
-            9, kind::CS_INTERFACE, video::OUTPUT_TERMINAL, OUTPUT_TERMINAL, 1, 1, 0,
-            PROCESSING_UNIT, 0,
+            9,
+            kind::CS_INTERFACE,
+            video::OUTPUT_TERMINAL,
+            OUTPUT_TERMINAL,
+            1,
+            1,
+            0,
+            PROCESSING_UNIT,
+            0,
         ];
         let total = (13 + camera.len() + processing.len() + output.len()) as u16;
         let [low, high] = total.to_le_bytes();
         let clock = CLOCK_HZ.to_le_bytes();
         let head = [
-            13, kind::CS_INTERFACE, video::CONTROL_HEADER, 0x10, 0x01, low, high, clock[0],
-            clock[1], clock[2], clock[3], 1, VIDEO_STREAMING,
+            13,
+            kind::CS_INTERFACE,
+            video::CONTROL_HEADER,
+            0x10,
+            0x01,
+            low,
+            high,
+            clock[0],
+            clock[1],
+            clock[2],
+            clock[3],
+            1,
+            VIDEO_STREAMING,
         ];
-        let interface = interface(VIDEO_CONTROL, 0, 0, [class::VIDEO, class::VIDEO_CONTROL, 0], 4);
+        let interface = interface(
+            VIDEO_CONTROL,
+            0,
+            0,
+            [class::VIDEO, class::VIDEO_CONTROL, 0],
+            4,
+        );
         [&interface[..], &head, &camera, &processing, &output].concat()
     }
 
@@ -232,8 +322,19 @@ impl Draft {
         let head_len = 13 + count;
         let [low, high] = (u16::from(head_len) + formats.len() as u16).to_le_bytes();
         let mut head = vec![
-            head_len, kind::CS_INTERFACE, video::INPUT_HEADER, count, low, high,
-            TO_HOST | VIDEO_IN, 0, OUTPUT_TERMINAL, 0, 0, 0, 1,
+            head_len,
+            kind::CS_INTERFACE,
+            video::INPUT_HEADER,
+            count,
+            low,
+            high,
+            TO_HOST | VIDEO_IN,
+            0,
+            OUTPUT_TERMINAL,
+            0,
+            0,
+            0,
+            1,
         ];
         head.extend(std::iter::repeat_n(0, modes.len()));
         let class = [class::VIDEO, class::VIDEO_STREAMING, 0];
@@ -292,7 +393,11 @@ impl Draft {
         let mut bytes = vec![7, kind::ENDPOINT, address, kind_of, low, high, interval];
         if self.super_speed {
             let periodic = kind_of != BULK;
-            let each = if periodic { packet * (u16::from(burst) + 1) } else { 0 };
+            let each = if periodic {
+                packet * (u16::from(burst) + 1)
+            } else {
+                0
+            };
             let [low, high] = each.to_le_bytes();
             bytes.extend([6, kind::ENDPOINT_COMPANION, burst, 0, low, high]);
         }
@@ -301,18 +406,43 @@ impl Draft {
 }
 
 fn association(first: u8, [class, subclass, protocol]: [u8; 3], name: u8) -> Vec<u8> {
-    vec![8, kind::INTERFACE_ASSOCIATION, first, 2, class, subclass, protocol, name]
+    vec![
+        8,
+        kind::INTERFACE_ASSOCIATION,
+        first,
+        2,
+        class,
+        subclass,
+        protocol,
+        name,
+    ]
 }
 
 fn interface(number: u8, setting: u8, endpoints: u8, class: [u8; 3], name: u8) -> Vec<u8> {
     let [class, subclass, protocol] = class;
-    vec![9, kind::INTERFACE, number, setting, endpoints, class, subclass, protocol, name]
+    vec![
+        9,
+        kind::INTERFACE,
+        number,
+        setting,
+        endpoints,
+        class,
+        subclass,
+        protocol,
+        name,
+    ]
 }
 
 /// VS_FORMAT_UNCOMPRESSED, VS_FRAME_UNCOMPRESSED and VS_COLORFORMAT of one mode.
 fn format_and_frame(mode: &Mode, number: u8, intervals: &[u32]) -> Vec<u8> {
     let bits = 8 * mode.format.bytes_per_pixel() as u8;
-    let mut bytes = vec![27, kind::CS_INTERFACE, video::FORMAT_UNCOMPRESSED, number, 1];
+    let mut bytes = vec![
+        27,
+        kind::CS_INTERFACE,
+        video::FORMAT_UNCOMPRESSED,
+        number,
+        1,
+    ];
     bytes.extend(uvc::guid(mode.format));
     bytes.extend([bits, 1, 0, 0, 0, 0]);
     let len = mode.frame_len();
