@@ -73,6 +73,8 @@ pub struct Firmware {
     output: Vec<u8>,
     exposures: Vec<Exposure>,
     next_id: u64,
+    /// Exposures since power-on that were triggered.
+    triggered: u64,
     /// Exposures whose frames have not left the device.
     in_flight: u64,
     streaming: bool,
@@ -109,6 +111,7 @@ impl Firmware {
             output: Vec::new(),
             exposures: Vec::new(),
             next_id: 0,
+            triggered: 0,
             in_flight: 0,
             streaming: false,
             link: None,
