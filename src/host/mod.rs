@@ -10,6 +10,7 @@ mod instrument;
 mod local;
 mod port;
 mod scanner;
+pub mod usb;
 
 pub use camera::{Camera, MemoryCamera, SocketCamera, open_camera};
 pub use captured::{CALIBRATION_FILE, Captured, MANIFEST_FILE};

@@ -267,7 +267,7 @@ impl Draft {
             CAMERA_TERMINAL,
             0,
             0,
-            3,
+            2,
             0,
             0x02,
             0,
