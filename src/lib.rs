@@ -9,7 +9,7 @@
 //! ```text
 //!  profile + scene                                                 sequence manifest
 //!        |                                                                 |
-//!   [ emulator ] --frames--> [ link: frame socket ] --> [ host: camera ] --> [ decode ] --> cloud
+//!   [ emulator ] --frames--> [ link: socket, V4L2 ] --> [ host: camera ] --> [ decode ] --> cloud
 //!        ^                                                       |               ^
 //!        +--commands-- [ link: pty ] <------- [ host: port ] <---+          calibration
 //! ```
@@ -19,15 +19,15 @@
 //! | ground | [`geometry`] | poses, the lens model, rigs, solids, meshes and their files, ray casting |
 //! | ground | [`pattern`] | what a projector shows; the sequence manifest |
 //! | ground | [`profile`] | devices and scenes as typed, checked structs; the built-in ones |
-//! | ground | [`protocol`] | SCPI, the frame socket's header, the service channel, `device.json` |
+//! | ground | [`protocol`] | SCPI, the frame socket's header, the data line, the service channel, `device.json` |
 //! | ground | `v4l2` | nodes and queues of buffers of the kernel's camera interface (Linux only) |
 //! | device | [`emulator`] | clock, firmware, slides, [rendering](emulator::render), ground truth |
-//! | device | `link` | how a device reaches the world: pty, frame socket, service socket (Linux only) |
+//! | device | `link` | how a device reaches the world: pty, frame socket, V4L2 node, service socket (Linux only) |
 //! | host   | [`host`] | how an application reaches a device: camera, port, scanner |
 //! | host   | [`decode`] | frames to projector coordinates to points |
 //! | host   | [`calibrate`] | triangulation with a calibrated rig |
 //! | host   | [`measure`] | distances to the truth, registration, pictures |
-//! | top    | [`study`], [`cli`] | what needs both halves; the commands |
+//! | top    | [`study`], `doctor`, [`cli`] | what needs both halves; what a machine lacks (Linux only); the commands |
 //!
 //! The wall: host-side modules never import device-side ones, nor the reverse; `tests/wall.rs`
 //! fails when one does. A decoder that could look behind it would prove nothing.
@@ -55,6 +55,8 @@
 pub mod calibrate;
 pub mod cli;
 pub mod decode;
+#[cfg(target_os = "linux")]
+pub mod doctor;
 pub mod emulator;
 pub mod error;
 pub mod geometry;

@@ -36,6 +36,7 @@ fn full_scan(profile: &str, scene: &str, seed: u64, noise: bool) -> Scan {
             let slide = Slide::new(&f.pattern, &profile.projector, &|_| unreachable!()).unwrap();
             let shot = Shot {
                 id: i as u64,
+                noise_id: i as u64,
                 pattern_index: Some(i as u32),
                 slide: Some(Arc::new(slide)),
                 light: 1.0,

@@ -28,6 +28,29 @@ fn broken<T>(
     }
 }
 
+/// The message stands at the line that switches it on, whatever it does not go with.
+#[test]
+fn a_data_line_needs_its_columns_and_exposures_that_it_can_tell() {
+    for (from, to, needles) in [
+        (
+            "width_px = 1138",
+            "width_px = 255",
+            ["255 columns", "256 or more"],
+        ),
+        (
+            "exposure_range_us = [20.0, 1000000.0]",
+            "exposure_range_us = [20.0, 4294968.0]",
+            ["4294968", "4294967.295"],
+        ),
+    ] {
+        let (message, _) = broken(BENCH, from, to, Profile::parse);
+        assert!(message.contains("camera.data_line"), "{message}");
+        for needle in needles {
+            assert!(message.contains(needle), "{needle:?} is not in: {message}");
+        }
+    }
+}
+
 #[test]
 fn impossible_profiles_are_refused_with_line_and_range() {
     for (from, to, needles) in [
@@ -61,6 +84,11 @@ fn impossible_profiles_are_refused_with_line_and_range() {
             "format = \"GREY\"",
             "format = \"RGB3\"",
             vec!["RGB3", "GREY"],
+        ),
+        (
+            "data_line = true",
+            "data_line = 1",
+            vec!["invalid type", "boolean"],
         ),
         (
             "bits = 8\n\n[projector]",

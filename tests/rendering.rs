@@ -66,6 +66,7 @@ fn slide(pattern: &Pattern, profile: &Profile) -> Arc<Slide> {
 fn shot(slide: &Arc<Slide>) -> Shot {
     Shot {
         id: 1,
+        noise_id: 1,
         pattern_index: None,
         slide: Some(slide.clone()),
         light: 1.0,
@@ -303,7 +304,7 @@ fn noise_is_that_of_the_sensor() {
     let mut sums = vec![(0.0f64, 0.0f64); expected.len()];
     for id in 0..frames {
         let frame = renderer.expose(&Shot {
-            id,
+            noise_id: id,
             ..shot(&fringe)
         });
         for (s, &v) in sums.iter_mut().zip(&frame.data) {

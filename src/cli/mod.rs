@@ -4,6 +4,8 @@ mod compare;
 mod decode;
 #[cfg(target_os = "linux")]
 mod demo;
+#[cfg(target_os = "linux")]
+mod doctor;
 mod profile;
 mod scan;
 mod scene;
@@ -12,7 +14,7 @@ mod serve;
 #[cfg(not(target_os = "linux"))]
 mod without_link;
 #[cfg(not(target_os = "linux"))]
-use {without_link as demo, without_link as serve};
+use {without_link as demo, without_link as doctor, without_link as serve};
 
 use crate::error::Result;
 use clap::{Parser, Subcommand};
@@ -35,6 +37,7 @@ enum Command {
     Compare(compare::Args),
     Profile(profile::Args),
     Scene(scene::Args),
+    Doctor(doctor::Args),
 }
 
 /// Parses the arguments, runs the command, and says what went wrong on standard error.
@@ -59,5 +62,6 @@ fn dispatch(command: Command) -> Result<()> {
         Command::Compare(args) => compare::run(&args),
         Command::Profile(args) => profile::run(&args),
         Command::Scene(args) => scene::run(&args),
+        Command::Doctor(args) => doctor::run(&args),
     }
 }

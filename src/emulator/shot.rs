@@ -6,8 +6,11 @@ use std::sync::Arc;
 /// What the camera exposes to, and when, in device time.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Shot {
-    /// The frame's identity, never repeated in a device's life; it keys the noise.
+    /// The frame's identity, never repeated in a device's life.
     pub id: u64,
+    /// Keys the noise. Triggered and free-running exposures are counted apart, so that a sequence
+    /// looks the same however long the camera ran free before it.
+    pub noise_id: u64,
     /// Position of the slide in the selected sequence; `None` when running free.
     pub pattern_index: Option<u32>,
     /// What the projector shows; `None` with its light off.

@@ -152,7 +152,7 @@ fn camera(c: &Camera, check: &Check<'_>) -> Result<()> {
         c.exposure_us.max(100.0)..=60e6,
     )?;
     check.that(
-        c.format != PixelFormat::Yuyv || c.width_px % 2 == 0,
+        c.format != PixelFormat::Yuyv || c.width_px.is_multiple_of(2),
         "camera.format",
         format!("YUYV of {} columns", c.width_px),
         "GREY, or an even width_px: YUYV holds pairs of pixels",

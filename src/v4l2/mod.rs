@@ -4,7 +4,7 @@
 //! [`format`] panics on what it does not know. Its output stream passes no timestamp and asks for
 //! buffers back in an order that v4l2loopback does not keep; its capture stream returns the whole
 //! mapping instead of the bytes used, and a timeout leaves it out of step; both panic when they are
-//! dropped on a device in trouble: the [`queue`] of buffers is our own. All `unsafe` code of V4L2 is
+//! dropped on a device in trouble: the `queue` of buffers is our own. All `unsafe` code of V4L2 is
 //! in this module.
 
 mod call;

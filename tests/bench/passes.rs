@@ -124,6 +124,7 @@ impl Setup {
     fn shot(&self, id: u64, index: usize) -> Shot {
         Shot {
             id,
+            noise_id: id,
             pattern_index: Some(index as u32),
             slide: Some(self.slides[index].clone()),
             light: 1.0,

@@ -10,6 +10,9 @@ use crate::pattern::Pattern;
 use crate::protocol::scpi::{DeviceError, ErrorCode, Unit};
 use std::sync::Arc;
 
+/// Sets the noise of free-running exposures apart from that of triggered ones.
+const FREE_RUNNING: u64 = 1 << 63;
+
 impl Firmware {
     /// The selected sequence as it would be exposed with the present settings: what
     /// ground truth is asked about. It exposes nothing.
@@ -21,6 +24,7 @@ impl Firmware {
             .enumerate()
             .map(|(i, slide)| Shot {
                 id: 0,
+                noise_id: 0,
                 pattern_index: Some(i as u32),
                 slide: Some(slide.clone()),
                 light: self.settings.current,
@@ -109,9 +113,16 @@ impl Firmware {
             Shown::Black => &self.black,
             Shown::Pattern(index) => &self.selected.slides[index as usize],
         };
+        let triggered = exposed.index.is_some();
+        let noise_id = if triggered {
+            self.triggered
+        } else {
+            FREE_RUNNING | (self.next_id - self.triggered)
+        };
         self.exposures.push(Exposure {
             shot: Shot {
                 id: self.next_id,
+                noise_id,
                 pattern_index: exposed.index,
                 slide: lamp.then(|| slide.clone()),
                 light: current,
@@ -122,6 +133,7 @@ impl Firmware {
             readout: self.readout(&self.settings),
         });
         self.next_id += 1;
+        self.triggered += u64::from(triggered);
         self.in_flight += 1;
     }
 }

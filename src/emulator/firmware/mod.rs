@@ -4,9 +4,11 @@
 #![doc = include_str!("commands.md")]
 //!
 //! [`protocol::wire`]: crate::protocol::wire
+//! [`protocol::data_line`]: crate::protocol::data_line
 //! [`pattern::Manifest`]: crate::pattern::Manifest
 //! [`geometry::Rig`]: crate::geometry::Rig
 
+mod controls;
 mod execute;
 mod exposing;
 mod memory;
@@ -18,6 +20,7 @@ mod table;
 mod tests;
 mod trigger;
 
+pub use controls::CameraControls;
 pub use memory::UserSequence;
 pub use trigger::State;
 
@@ -70,6 +73,8 @@ pub struct Firmware {
     output: Vec<u8>,
     exposures: Vec<Exposure>,
     next_id: u64,
+    /// Exposures since power-on that were triggered.
+    triggered: u64,
     /// Exposures whose frames have not left the device.
     in_flight: u64,
     streaming: bool,
@@ -106,6 +111,7 @@ impl Firmware {
             output: Vec::new(),
             exposures: Vec::new(),
             next_id: 0,
+            triggered: 0,
             in_flight: 0,
             streaming: false,
             link: None,

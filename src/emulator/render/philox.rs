@@ -17,7 +17,7 @@ pub(super) const BLOCK: usize = 4 * WIDTH;
 /// The random words of `BLOCK` pixels, one each: word w of counter c belongs to pixel
 /// `block_index * BLOCK + w * WIDTH + c` of the frame.
 ///
-/// `key` is the seed; the counter is (pixel counter, draw, low and high half of the frame id).
+/// `key` is the seed; the counter is (pixel counter, draw, low and high half of the shot's noise id).
 #[inline(always)]
 pub(super) fn block(key: u64, block_index: u32, draw: u32, frame: u64) -> [u32; BLOCK] {
     let mut c0: [u32; WIDTH] = std::array::from_fn(|i| block_index * WIDTH as u32 + i as u32);

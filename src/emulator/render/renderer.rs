@@ -121,7 +121,7 @@ impl Renderer {
         self.geometry_done = false;
     }
 
-    /// The frame of one exposure. The same seed, frame id and settings give the same bytes on any
+    /// The frame of one exposure. The same seed, noise id and settings give the same bytes on any
     /// number of threads.
     pub fn expose(&mut self, shot: &Shot) -> Frame {
         if let Some(slide) = &shot.slide {
@@ -129,7 +129,7 @@ impl Renderer {
         }
         self.prepare();
         let table = self.table(shot);
-        let noise = self.plan.noise.then_some((self.seed, shot.id));
+        let noise = self.plan.noise.then_some((self.seed, shot.noise_id));
         let camera = &self.profile.camera;
         let sensor = Sensor::new(&camera.sensor, shot.gain_db, noise);
         let bytes = camera.sensor.native_format().bytes_per_pixel();
@@ -307,6 +307,7 @@ mod tests {
             };
             let shot = Shot {
                 id: 0,
+                noise_id: 0,
                 pattern_index: None,
                 slide: Some(Arc::new(slide)),
                 light: 1.0,

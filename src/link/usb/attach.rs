@@ -2,7 +2,6 @@
 //! through its sysfs files, so that no tools of USB/IP are needed.
 
 use super::connection;
-use super::server::Attached;
 use super::session::{Session, UsbDevice};
 use crate::error::{Error, Result};
 use std::fs;
@@ -16,29 +15,57 @@ const VHCI: &str = "/sys/devices/platform/vhci_hcd.0";
 /// State of a port that nothing is attached to.
 const FREE: &str = "004";
 
-/// Attaches a device, and serves it while the future is polled; it ends when the kernel lets go.
+/// A device that this machine's kernel has.
+pub struct Attachment {
+    device: UsbDevice,
+    stream: UnixStream,
+}
+
+/// Attaches a device; it answers while [`Attachment::run`] is polled.
 ///
 /// # Errors
 /// No `vhci_hcd`, no permission, no free port of the device's speed, or a host that has it already;
 /// each with what mends it.
-pub async fn attach(device: UsbDevice, clock: impl Fn() -> Duration) -> Result<()> {
+pub fn attach(device: UsbDevice) -> Result<Attachment> {
     let (ours, theirs) = UnixStream::pair().map_err(|e| Error::io("--usb attach", e))?;
     ours.set_nonblocking(true)
         .map_err(|e| Error::io("--usb attach", e))?;
+    let info = device.info().clone();
+    let port = free_port(Path::new(VHCI), info.speed)?;
     if !device.with(Session::attach) {
         return Err(Error::device("--usb attach: another host has the device"));
     }
-    let attached = Attached(&device);
-    let info = device.info();
-    let port = free_port(Path::new(VHCI), info.speed)?;
+    let attachment = Attachment {
+        device,
+        stream: ours,
+    };
     let line = format!("{port} {} {} {}", theirs.as_raw_fd(), info.id(), info.speed);
     let file = format!("{VHCI}/attach");
+    // The kernel takes a reference of its own to the other end.
     fs::write(&file, line).map_err(|e| Error::io(&file, e))?;
-    // The kernel has its own reference.
-    drop(theirs);
-    let stream = tokio::net::UnixStream::from_std(ours).map_err(|e| Error::io("USB", e))?;
-    let (reader, writer) = stream.into_split();
-    connection::run(reader, writer, attached.0, clock).await
+    Ok(attachment)
+}
+
+impl Attachment {
+    /// Serves the kernel until it lets go. `clock` tells the time since any moment.
+    ///
+    /// # Errors
+    /// What the system says of the socket.
+    pub async fn run(self, clock: impl Fn() -> Duration) -> Result<()> {
+        let stream = self
+            .stream
+            .try_clone()
+            .and_then(tokio::net::UnixStream::from_std);
+        let stream = stream.map_err(|e| Error::io("--usb attach", e))?;
+        let (reader, writer) = stream.into_split();
+        connection::run(reader, writer, &self.device, clock).await
+    }
+}
+
+impl Drop for Attachment {
+    fn drop(&mut self) {
+        self.device.with(Session::detach);
+    }
 }
 
 /// A port of the controller that is free and has the speed.

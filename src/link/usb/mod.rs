@@ -6,6 +6,7 @@
 //! socket to this machine's own kernel.
 
 mod attach;
+mod binding;
 mod connection;
 mod descriptors;
 mod fault;
@@ -18,7 +19,9 @@ mod session;
 mod tests;
 mod video;
 
-pub use attach::attach;
+pub use attach::{Attachment, attach};
+pub use binding::Binding;
+pub(super) use binding::PortEvent;
 pub use fault::Fault;
 pub use server::UsbServer;
 pub use session::UsbDevice;

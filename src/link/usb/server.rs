@@ -99,7 +99,7 @@ async fn serve(
 }
 
 /// Lets go of a device when its connection ends, however it ends.
-pub(super) struct Attached<'a>(pub(super) &'a UsbDevice);
+struct Attached<'a>(&'a UsbDevice);
 
 impl Drop for Attached<'_> {
     fn drop(&mut self) {

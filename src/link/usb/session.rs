@@ -235,7 +235,15 @@ impl UsbDevice {
         (width, height): (u32, u32),
         formats: &[PixelFormat],
         camera: CameraState,
-    ) -> Self {
+    ) -> Result<Self> {
+        let largest = 2 * u64::from(width) * u64::from(height);
+        if width > u32::from(u16::MAX) || height > u32::from(u16::MAX) || largest > 1 << 30 {
+            return Err(Error::input(
+                format!("profile {}", profile.name),
+                format!("frames of {width} x {height} pixels"),
+                "up to 65535 x 65535 pixels and 1 GiB over USB",
+            ));
+        }
         let modes: Vec<Mode> = formats
             .iter()
             .map(|&format| Mode {
@@ -267,14 +275,21 @@ impl UsbDevice {
             class: class::COMPOSITE,
             interfaces: INTERFACES,
         };
-        Self {
+        Ok(Self {
             shared: Arc::new(Shared {
                 session: Mutex::new(Session::new(Function::new(descriptors, limits, camera))),
                 outward: Notify::new(),
                 inward: Notify::new(),
             }),
             info: Arc::new(info),
-        }
+        })
+    }
+
+    /// The format of a number that a host has agreed on.
+    pub(super) fn format(&self, number: u8) -> PixelFormat {
+        let session = self.session();
+        let modes = &session.function.descriptors.modes;
+        modes[usize::from(number).clamp(1, modes.len()) - 1].format
     }
 
     /// The device as USB/IP shows it.

@@ -24,7 +24,7 @@ fn device(speed: Speed, transfer: Transfer) -> UsbDevice {
         gain_db: 0.0,
     };
     let formats = [PixelFormat::Grey, PixelFormat::Yuyv];
-    let device = UsbDevice::new(&profile, 1, (WIDTH, HEIGHT), &formats, camera);
+    let device = UsbDevice::new(&profile, 1, (WIDTH, HEIGHT), &formats, camera).unwrap();
     assert!(device.with(Session::attach));
     device
 }

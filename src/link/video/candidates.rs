@@ -65,10 +65,13 @@ pub(super) fn unfit(node: &Node) -> Option<Unfit> {
             node.card, node.driver
         )));
     }
-    if !node.outputs {
-        return Some(Unfit::State(
-            "another program streams into it (`fuser -v` names it)".to_owned(),
-        ));
+    // After a producer that used write(), v4l2loopback 0.12 announces neither side until somebody
+    // streams again: such a node is free.
+    if !node.outputs && node.captures {
+        return Some(Unfit::State(format!(
+            "another program streams into it (`fuser -v {}` names it)",
+            node.path.display()
+        )));
     }
     if !node.streams {
         return Some(Unfit::State("it has no queues of buffers".to_owned()));
@@ -82,14 +85,14 @@ mod tests {
     use crate::error::Error;
     use crate::v4l2::LOOPBACK_DRIVER;
 
-    fn node(driver: &str, outputs: bool) -> Node {
+    fn node(driver: &str, outputs: bool, captures: bool) -> Node {
         Node {
             path: "/dev/video10".into(),
             driver: driver.into(),
             card: "Phasma 1".into(),
             bus: "platform:v4l2loopback-000".into(),
             version: (6, 1, 0),
-            captures: true,
+            captures,
             outputs,
             streams: true,
         }
@@ -97,14 +100,20 @@ mod tests {
 
     #[test]
     fn only_a_loopback_without_a_producer_will_do() {
-        assert_eq!(unfit(&node(LOOPBACK_DRIVER, true)), None);
+        assert_eq!(unfit(&node(LOOPBACK_DRIVER, true, true)), None);
+        assert_eq!(unfit(&node(LOOPBACK_DRIVER, true, false)), None);
+        assert_eq!(
+            unfit(&node(LOOPBACK_DRIVER, false, false)),
+            None,
+            "left by write()"
+        );
         assert!(matches!(
-            unfit(&node(LOOPBACK_DRIVER, false)),
+            unfit(&node(LOOPBACK_DRIVER, false, true)),
             Some(Unfit::State(why)) if why.contains("another program")
         ));
         for outputs in [true, false] {
             assert!(matches!(
-                unfit(&node("uvcvideo", outputs)),
+                unfit(&node("uvcvideo", outputs, true)),
                 Some(Unfit::Kind(what)) if what.contains("uvcvideo")
             ));
         }

@@ -5,18 +5,10 @@
 //! overwritten. So the camera always runs, and frames are handed over no faster than they were
 //! exposed.
 
-#[cfg(not(target_os = "linux"))]
-mod absent;
-#[cfg(target_os = "linux")]
 mod candidates;
-#[cfg(target_os = "linux")]
 mod open;
-#[cfg(target_os = "linux")]
 mod output;
 
-#[cfg(not(target_os = "linux"))]
-pub use absent::VideoOutput;
-#[cfg(target_os = "linux")]
 pub use output::VideoOutput;
 
 /// What became of a frame.

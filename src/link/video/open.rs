@@ -50,8 +50,9 @@ impl Open {
         }
         // With exclusive_caps=0 a node does not say that it has a producer.
         if contested && PixFormat::of_capture(&device).is_ok() && is_fed(path, &device) {
-            let why = "frames of another program come from it (`fuser -v` names it)";
-            return Err(Error::device(format!("{place}: {why}")));
+            return Err(Error::device(format!(
+                "{place}: another program streams into it (`fuser -v {place}` names it)"
+            )));
         }
         settle(path, &device, stream, bits)?;
         announce_interval(&device, fraction(stream.interval_ns)).map_err(failed)?;

@@ -4,6 +4,7 @@ mod commands;
 mod completion;
 mod documentation;
 mod sequences;
+mod streams;
 mod triggers;
 
 use super::Firmware;
@@ -21,9 +22,12 @@ struct Port {
 
 impl Port {
     fn new() -> Self {
-        let profile = Profile::load("webcam-grey").unwrap();
+        Self::of(&Profile::load("webcam-grey").unwrap())
+    }
+
+    fn of(profile: &Profile) -> Self {
         Self {
-            firmware: Firmware::new(&profile, &[]).unwrap(),
+            firmware: Firmware::new(profile, &[]).unwrap(),
             now_ns: 0,
             shots: Vec::new(),
         }

@@ -152,6 +152,31 @@ fn runs_free_for_those_who_read() {
 }
 
 #[test]
+fn a_sequence_has_the_same_noise_however_long_the_camera_ran_free() {
+    let noise_ids = |free_ms: u64| {
+        let mut port = Port::new();
+        port.firmware.set_streaming(true, 0);
+        for ms in (0..=free_ms).step_by(100) {
+            port.at(ms * MS);
+        }
+        port.tell("TRIG:SOUR BUS;:INIT;*TRG");
+        port.at((free_ms + 1000) * MS);
+        port.shots
+            .iter()
+            .map(|e| (e.shot.pattern_index, e.shot.noise_id))
+            .partition::<Vec<_>, _>(|shot| shot.0.is_some())
+    };
+    let (sequence, free) = noise_ids(2000);
+    assert_eq!(sequence, noise_ids(500).0);
+    assert_eq!(sequence.len(), 13);
+    assert!(free.len() > 50, "it ran free");
+    let mut all: Vec<_> = sequence.iter().chain(&free).map(|shot| shot.1).collect();
+    all.sort_unstable();
+    all.dedup();
+    assert_eq!(all.len(), sequence.len() + free.len(), "no noise twice");
+}
+
+#[test]
 fn shots_carry_what_was_set() {
     let mut port = Port::new();
     port.tell("CAM:EXP 4ms;GAIN 3;ROI 8,8,16,16;:PROJ:CURR 0.25;:TRIG:SOUR BUS;:INIT;*TRG");

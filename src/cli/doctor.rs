@@ -1,0 +1,97 @@
+//! `phasma doctor`: what this machine has and lacks.
+
+use crate::doctor::{Feature, MODPROBE, MODULES_LOAD, Machine, Shipped, UDEV, User, examine};
+use crate::error::{Error, Result};
+use rustix::fs::{Access, AtFlags, CWD};
+use std::io;
+use std::path::Path;
+
+/// Say what this machine has and lacks, and the command that mends each lack
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// Fail when this does not work; may be repeated. The pty and the frame socket are always needed
+    #[arg(long, value_enum, value_name = "FEATURE")]
+    need: Vec<Need>,
+    /// Print the report as JSON
+    #[arg(long)]
+    json: bool,
+    /// Print one of the files that Phasma ships for the system, and nothing else
+    #[arg(long, value_enum, value_name = "FILE", conflicts_with_all = ["need", "json"])]
+    print: Option<Print>,
+}
+
+#[derive(Debug, Clone, Copy, clap::ValueEnum)]
+enum Need {
+    /// The device as a camera of the kernel.
+    V4l2,
+    /// Rendering on a graphics adapter.
+    Vulkan,
+}
+
+#[derive(Debug, Clone, Copy, clap::ValueEnum)]
+enum Print {
+    /// Rules for stable names and permissions.
+    Udev,
+    /// Options of v4l2loopback.
+    Modprobe,
+    /// Loads v4l2loopback at the start.
+    ModulesLoad,
+}
+
+pub(super) fn run(args: &Args) -> Result<()> {
+    if let Some(print) = args.print {
+        let Shipped { text, .. } = match print {
+            Print::Udev => UDEV,
+            Print::Modprobe => MODPROBE,
+            Print::ModulesLoad => MODULES_LOAD,
+        };
+        print!("{text}");
+        return Ok(());
+    }
+    let report = examine(&this_machine());
+    if args.json {
+        println!("{:#}", report.to_json());
+    } else {
+        print!("{report}");
+    }
+    let needed: Vec<_> = args
+        .need
+        .iter()
+        .map(|need| match need {
+            Need::V4l2 => Feature::V4l2,
+            Need::Vulkan => Feature::Vulkan,
+        })
+        .collect();
+    if report.suffices(&needed) {
+        Ok(())
+    } else {
+        Err(Error::device(
+            "something that is needed is missing, see above",
+        ))
+    }
+}
+
+fn this_machine() -> Machine {
+    let mut groups: Vec<_> = rustix::process::getgroups()
+        .unwrap_or_default()
+        .into_iter()
+        .map(rustix::process::Gid::as_raw)
+        .collect();
+    groups.push(rustix::process::getegid().as_raw());
+    Machine {
+        root: "/".into(),
+        release: rustix::system::uname().release().to_string_lossy().into(),
+        user: User {
+            uid: rustix::process::geteuid().as_raw(),
+            groups,
+        },
+        container_env: std::env::var_os("container").is_some_and(|name| !name.is_empty()),
+        run_parent: super::serve::run_parent(),
+        access,
+    }
+}
+
+fn access(path: &Path, _: &User) -> io::Result<()> {
+    let wanted = Access::READ_OK | Access::WRITE_OK;
+    rustix::fs::accessat(CWD, path, wanted, AtFlags::EACCESS).map_err(io::Error::from)
+}

@@ -1,0 +1,50 @@
+//! What the embedded device needs: a pty and a place for its sockets.
+
+use super::{Check, Feature, Machine, Status};
+use std::fs::File;
+
+pub(super) fn checks(machine: &Machine) -> Vec<Check> {
+    vec![pty(machine), run_directory(machine)]
+}
+
+fn pty(machine: &Machine) -> Check {
+    let topic = "pty";
+    let check = |found: String| Check::ok(topic, Feature::Embedded, found);
+    let opened = File::options()
+        .read(true)
+        .write(true)
+        .open(machine.path("dev/ptmx"));
+    let mounts = machine.text("proc/mounts");
+    let mounted = match &mounts {
+        Some(mounts) => mounts
+            .lines()
+            .any(|line| line.split(' ').nth(2) == Some("devpts")),
+        None => machine.has("dev/pts"),
+    };
+    match opened {
+        _ if !mounted => check("no file system of ptys: the control port cannot be made".into())
+            .but(
+                Status::Missing,
+                "sudo mkdir -p /dev/pts && sudo mount -t devpts devpts /dev/pts".to_owned(),
+            ),
+        Ok(_) => check("/dev/ptmx opens: the control port can be made".into()),
+        Err(e) => check(format!("/dev/ptmx: {e}: the control port cannot be made"))
+            .but(Status::Missing, "sudo chmod 666 /dev/ptmx".to_owned()),
+    }
+}
+
+fn run_directory(machine: &Machine) -> Check {
+    let place = machine.run_parent.display();
+    let access = (machine.access)(&machine.run_parent, &machine.user);
+    match access {
+        Ok(()) => Check::ok(
+            "run directory",
+            Feature::Embedded,
+            format!("can be made in {place}"),
+        ),
+        Err(e) => Check::ok("run directory", Feature::Embedded, format!("{place}: {e}")).but(
+            Status::Missing,
+            "phasma serve --run-dir DIR, a folder of your own".to_owned(),
+        ),
+    }
+}

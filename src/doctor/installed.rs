@@ -1,0 +1,141 @@
+//! The files that Phasma ships for the system, and whether they are installed.
+
+use super::module::RELOAD;
+use super::{Check, Feature, Machine, Status};
+use std::path::{Path, PathBuf};
+
+/// A file for the system.
+#[derive(Debug, PartialEq, Eq)]
+pub struct Shipped {
+    /// What `phasma doctor --print` calls it.
+    pub name: &'static str,
+    /// Where it is installed.
+    pub path: &'static str,
+    /// What is in it.
+    pub text: &'static str,
+}
+
+/// Stable names and permissions.
+pub const UDEV: Shipped = Shipped {
+    name: "udev",
+    path: "/etc/udev/rules.d/60-phasma.rules",
+    text: include_str!("../../udev/60-phasma.rules"),
+};
+
+/// Options of v4l2loopback.
+pub const MODPROBE: Shipped = Shipped {
+    name: "modprobe",
+    path: "/etc/modprobe.d/v4l2loopback-phasma.conf",
+    text: include_str!("../../udev/v4l2loopback-phasma.conf"),
+};
+
+/// The module is loaded at the start.
+pub const MODULES_LOAD: Shipped = Shipped {
+    name: "modules-load",
+    path: "/etc/modules-load.d/phasma.conf",
+    text: include_str!("../../udev/phasma-modules.conf"),
+};
+
+/// Roots of folders that the system's programs read beside `/etc`, the first one found counts.
+const ROOTS: [&str; 4] = ["etc", "run", "usr/lib", "lib"];
+
+impl Shipped {
+    fn put(&self) -> String {
+        format!(
+            "phasma doctor --print {} | sudo tee {} > /dev/null",
+            self.name, self.path
+        )
+    }
+}
+
+/// Installs the rules and applies them.
+pub(super) fn install_rules() -> String {
+    format!(
+        "{} && sudo udevadm control --reload && sudo udevadm trigger --subsystem-match=video4linux --action=change",
+        UDEV.put()
+    )
+}
+
+/// Installs the module's options and applies them.
+pub(super) fn install_options() -> String {
+    format!("{}; {RELOAD}", MODPROBE.put())
+}
+
+pub(super) fn checks(machine: &Machine) -> Vec<Check> {
+    vec![rules(machine), options(machine), loading(machine)]
+}
+
+/// Files of a kind of configuration, those that count before those that they hide.
+fn files(machine: &Machine, folder: &str) -> Vec<PathBuf> {
+    let folders = ROOTS.iter().map(|root| Path::new(root).join(folder));
+    folders.flat_map(|folder| machine.list(folder)).collect()
+}
+
+fn rules(machine: &Machine) -> Check {
+    let check = |found: String| Check::ok("udev rules", Feature::V4l2, found);
+    let name = Path::new(UDEV.path).file_name();
+    let ours = files(machine, "udev/rules.d")
+        .into_iter()
+        .find(|path| path.file_name() == name);
+    let without_udev = if machine.has("run/udev") {
+        ""
+    } else {
+        "; no udev runs here to apply them"
+    };
+    let Some(path) = ours else {
+        let found = format!("not installed: no stable names{without_udev}");
+        return check(found).but(Status::Note, install_rules());
+    };
+    let shown = machine.shown(&path);
+    if machine.text(&path).as_deref() == Some(UDEV.text) {
+        check(format!("{shown}{without_udev}"))
+    } else {
+        let found = format!("{shown} is not this version's{without_udev}");
+        check(found).but(Status::Note, install_rules())
+    }
+}
+
+fn options(machine: &Machine) -> Check {
+    let check = |found: String| Check::ok("module options", Feature::V4l2, found);
+    let name = Path::new(MODPROBE.path).file_name();
+    let mut foreign = None;
+    for path in files(machine, "modprobe.d") {
+        let text = machine.text(&path).unwrap_or_default();
+        let shown = machine.shown(&path);
+        if path.file_name() == name {
+            return if text == MODPROBE.text {
+                check(shown)
+            } else {
+                let found = format!("{shown} is not this version's");
+                check(found).but(Status::Note, install_options())
+            };
+        }
+        let words = |line: &str| {
+            let mut words = line.split_whitespace();
+            words.next() == Some("options") && words.next() == Some("v4l2loopback")
+        };
+        if text.lines().any(words) {
+            foreign.get_or_insert(shown);
+        }
+    }
+    match foreign {
+        Some(shown) => check(format!("{shown}, which is not Phasma's")),
+        None => check("not installed: modprobe makes one node, without a label for Phasma".into())
+            .but(Status::Note, install_options()),
+    }
+}
+
+fn loading(machine: &Machine) -> Check {
+    let check = |found: String| Check::ok("at start", Feature::V4l2, found);
+    let mut paths = files(machine, "modules-load.d");
+    paths.push(machine.path("etc/modules"));
+    let loads = paths.into_iter().find(|path| {
+        let text = machine.text(path).unwrap_or_default();
+        text.lines().any(|line| line.trim() == "v4l2loopback")
+    });
+    match loads {
+        Some(path) => check(format!("{} loads the module", machine.shown(&path))),
+        None => check("the module is not loaded when the machine starts".into())
+            .but(Status::Note, MODULES_LOAD.put()),
+    }
+}

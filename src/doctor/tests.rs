@@ -1,0 +1,380 @@
+//! Machines made of files.
+
+use super::*;
+use std::fs;
+use std::io;
+use std::os::unix::fs::{MetadataExt, PermissionsExt, symlink};
+use std::path::Path;
+use tempfile::TempDir;
+
+const RELEASE: &str = "6.1.0-test";
+
+/// By the mode's bits, as for a user who is not root.
+fn by_mode(path: &Path, user: &User) -> io::Result<()> {
+    let file = fs::metadata(path)?;
+    let shift = if file.uid() == user.uid {
+        6
+    } else if user.groups.contains(&file.gid()) {
+        3
+    } else {
+        0
+    };
+    if file.mode() >> shift & 0o6 == 0o6 {
+        Ok(())
+    } else {
+        Err(io::ErrorKind::PermissionDenied.into())
+    }
+}
+
+struct Fake {
+    tree: TempDir,
+    machine: Machine,
+}
+
+impl Fake {
+    /// A Debian machine with a pty and nothing else.
+    fn bare() -> Self {
+        let tree = tempfile::tempdir().unwrap();
+        let file = fs::metadata(tree.path()).unwrap();
+        let machine = Machine {
+            root: tree.path().to_owned(),
+            release: RELEASE.into(),
+            user: User {
+                uid: file.uid(),
+                groups: vec![file.gid()],
+            },
+            container_env: false,
+            run_parent: tree.path().join("tmp"),
+            access: by_mode,
+        };
+        let fake = Self { tree, machine };
+        fake.file("dev/ptmx", "");
+        fake.file("proc/mounts", "devpts /dev/pts devpts rw 0 0\n");
+        fake.file("usr/bin/apt-get", "");
+        fake.file("run/udev/control", "");
+        fake.file(
+            &format!("lib/modules/{RELEASE}/modules.dep"),
+            "kernel/video.ko:\n",
+        );
+        fs::create_dir(fake.path("tmp")).unwrap();
+        fake
+    }
+
+    /// A machine that lacks nothing.
+    fn good() -> Self {
+        let fake = Self::bare();
+        fake.loaded("Y,N", 32);
+        fake.node(10, "Phasma 1", "32");
+        for shipped in [UDEV, MODPROBE, MODULES_LOAD] {
+            fake.file(&shipped.path[1..], shipped.text);
+        }
+        fs::create_dir(fake.path("dev/phasma")).unwrap();
+        symlink("../video10", fake.path("dev/phasma/1")).unwrap();
+        fake
+    }
+
+    fn path(&self, path: &str) -> std::path::PathBuf {
+        self.tree.path().join(path)
+    }
+
+    fn file(&self, path: &str, text: &str) {
+        let path = self.path(path);
+        fs::create_dir_all(path.parent().unwrap()).unwrap();
+        fs::write(path, text).unwrap();
+    }
+
+    fn loaded(&self, exclusive_caps: &str, max_buffers: u32) {
+        let module = "sys/module/v4l2loopback";
+        self.file(&format!("{module}/version"), "0.12.7\n");
+        let parameters = format!("{module}/parameters");
+        self.file(
+            &format!("{parameters}/exclusive_caps"),
+            &format!("{exclusive_caps}\n"),
+        );
+        self.file(&format!("{parameters}/video_nr"), "10,-1\n");
+        self.file(
+            &format!("{parameters}/max_buffers"),
+            &format!("{max_buffers}\n"),
+        );
+    }
+
+    fn node(&self, number: u32, label: &str, buffers: &str) {
+        let node = format!("sys/class/video4linux/video{number}");
+        self.file(&format!("{node}/name"), &format!("{label}\n"));
+        self.file(&format!("{node}/format"), "");
+        self.file(&format!("{node}/buffers"), &format!("{buffers}\n"));
+        self.file(&format!("{node}/max_openers"), "10\n");
+        let device = format!("dev/video{number}");
+        self.file(&device, "");
+        self.mode(&device, 0o660);
+    }
+
+    fn mode(&self, path: &str, mode: u32) {
+        fs::set_permissions(self.path(path), fs::Permissions::from_mode(mode)).unwrap();
+    }
+
+    fn report(&self) -> Report {
+        examine(&self.machine)
+    }
+
+    /// The one check of a topic.
+    fn check(&self, topic: &str) -> Check {
+        let checks = self.report().checks;
+        let mut its = checks.into_iter().filter(|check| check.topic == topic);
+        let check = its.next().unwrap_or_else(|| panic!("no {topic}"));
+        assert_eq!(its.next(), None);
+        check
+    }
+}
+
+fn fix(check: &Check) -> &str {
+    check.fix.as_deref().unwrap_or_default()
+}
+
+#[test]
+fn a_machine_with_nothing_serves_the_embedded_device() {
+    let fake = Fake::bare();
+    let report = fake.report();
+    assert!(report.suffices(&[]));
+    assert!(!report.suffices(&[Feature::V4l2]));
+    assert!(!report.suffices(&[Feature::Vulkan]));
+    let check = fake.check("v4l2loopback");
+    assert_eq!(check.status, Status::Missing);
+    assert_eq!(
+        fix(&check),
+        "sudo apt-get install v4l2loopback-dkms linux-headers-6.1.0-test"
+    );
+    let text = report.to_string();
+    assert!(text.contains("pty and frame socket: works"), "{text}");
+    assert!(text.contains("V4L2 camera: off"), "{text}");
+    // Every lack has its command.
+    for check in &report.checks {
+        assert_eq!(check.fix.is_some(), check.status != Status::Ok, "{check:?}");
+    }
+}
+
+#[test]
+fn what_is_installed_is_loaded() {
+    let fake = Fake::bare();
+    fake.file(
+        &format!("lib/modules/{RELEASE}/modules.dep"),
+        "kernel/a.ko:\nupdates/dkms/v4l2loopback.ko.xz: kernel/a.ko\n",
+    );
+    assert_eq!(
+        fix(&fake.check("v4l2loopback")),
+        "sudo modprobe v4l2loopback"
+    );
+}
+
+#[test]
+fn without_ptys_nothing_works() {
+    let fake = Fake::bare();
+    fs::remove_file(fake.path("dev/ptmx")).unwrap();
+    assert_eq!(fake.check("pty").status, Status::Missing);
+    assert!(!fake.report().suffices(&[]));
+    let fake = Fake::bare();
+    fake.file("proc/mounts", "proc /proc proc rw 0 0\n");
+    assert!(fix(&fake.check("pty")).contains("mount -t devpts"));
+    let fake = Fake::bare();
+    fake.mode("tmp", 0o500);
+    assert_eq!(fake.check("run directory").status, Status::Missing);
+}
+
+#[test]
+fn a_good_machine_lacks_nothing() {
+    let fake = Fake::good();
+    fake.node(2, "Other", "2");
+    let report = fake.report();
+    assert!(report.suffices(&[Feature::V4l2]));
+    for check in &report.checks {
+        let expected = match check.feature {
+            Feature::Vulkan => Status::Missing,
+            _ => Status::Ok,
+        };
+        assert_eq!(check.status, expected, "{check:?}");
+    }
+    assert!(fake.check("camera").found.contains("free"));
+    assert!(fake.check("v4l2loopback").found.contains("0.12.7"));
+    assert_eq!(
+        fake.check("stable names").found,
+        "/dev/phasma/1 is /dev/video10"
+    );
+    assert!(fake.check("other node").found.contains("\"Other\""));
+    // 0.12 has no file that tells its version.
+    fs::remove_file(fake.path("sys/module/v4l2loopback/version")).unwrap();
+    assert!(fake.check("v4l2loopback").found.contains("unknown"));
+    fake.file("var/lib/dkms/v4l2loopback/0.12.8/source", "");
+    fake.file("var/lib/dkms/v4l2loopback/kernel-6.1.0", "");
+    assert!(
+        fake.check("v4l2loopback")
+            .found
+            .starts_with("0.12.8 is loaded")
+    );
+    fake.file("sys/class/video4linux/video10/format", "GREY:640x480@30\n");
+    assert!(
+        fake.check("camera")
+            .found
+            .contains("streams GREY:640x480@30")
+    );
+    let json = report.to_json();
+    assert_eq!(json["features"]["v4l2"], true);
+    assert_eq!(json["checks"][0]["status"], "ok");
+}
+
+#[test]
+fn bad_options_are_named_with_their_consequence() {
+    let fake = Fake::good();
+    fake.loaded("N,Y", 2);
+    fake.node(10, "Phasma 1", "2");
+    let module = fake.check("v4l2loopback");
+    assert_eq!(module.status, Status::Note);
+    assert!(
+        module
+            .found
+            .contains("max_buffers=2: a reader that is 2 frames late")
+    );
+    assert!(fix(&module).contains("--print modprobe"));
+    let camera = fake.check("camera");
+    assert_eq!(camera.status, Status::Note);
+    assert!(camera.found.contains("exclusive_caps=0"), "{camera:?}");
+    // It works nevertheless.
+    assert!(fake.report().suffices(&[Feature::V4l2]));
+}
+
+#[test]
+fn nodes_of_others_are_no_camera() {
+    let fake = Fake::bare();
+    fake.loaded("Y,Y", 32);
+    fake.node(10, "OBS Virtual Camera", "32");
+    let camera = fake.check("camera");
+    assert_eq!(camera.status, Status::Missing);
+    assert!(fix(&camera).contains("modprobe.d"));
+    // A webcam of the name is no loopback.
+    fake.file("sys/class/video4linux/video3/name", "Phasma\n");
+    assert_eq!(fake.check("camera").status, Status::Missing);
+}
+
+#[test]
+fn a_shrunk_ring_is_mended_by_loading_the_module_anew() {
+    let fake = Fake::good();
+    fake.node(10, "Phasma 1", "4");
+    let camera = fake.check("camera");
+    assert_eq!(camera.status, Status::Note);
+    assert!(camera.found.contains("4 of 32 buffers"), "{camera:?}");
+    assert_eq!(
+        fix(&camera),
+        "sudo modprobe -r v4l2loopback; sudo modprobe v4l2loopback"
+    );
+}
+
+#[test]
+fn a_user_outside_the_group_is_told_to_join_it() {
+    let mut fake = Fake::good();
+    let gid = fs::metadata(fake.path("dev/video10")).unwrap().gid();
+    fake.file("etc/group", &format!("video:x:{gid}:ann\nusers:x:77:\n"));
+    fake.file(
+        "etc/passwd",
+        "bob:x:70001:77::/home/bob:/bin/sh\nann:x:70002:77::/:/bin/sh\n",
+    );
+    fake.mode("tmp", 0o777);
+    fake.machine.user = User {
+        uid: 70001,
+        groups: vec![77],
+    };
+    let check = fake.check("permission");
+    assert_eq!(check.status, Status::Missing);
+    assert!(
+        check.found.contains(":video, mode 0660; bob is in users"),
+        "{check:?}"
+    );
+    assert_eq!(fix(&check), "sudo usermod -aG video bob, then log in anew");
+    assert!(!fake.report().suffices(&[Feature::V4l2]));
+    // Ann is in the group since after she logged in.
+    fake.machine.user.uid = 70002;
+    assert_eq!(
+        fix(&fake.check("permission")),
+        "newgrp video, or log in anew"
+    );
+    // Nobody but the owner may: joining the group would not help.
+    fake.mode("dev/video10", 0o600);
+    assert!(fix(&fake.check("permission")).contains("60-phasma.rules"));
+}
+
+#[test]
+fn in_a_container_the_host_is_to_load_the_module() {
+    let mut fake = Fake::bare();
+    fake.file(".dockerenv", "");
+    let check = fake.check("v4l2loopback");
+    assert!(
+        fix(&check).starts_with("on the host: sudo modprobe"),
+        "{check:?}"
+    );
+    let report = fake.report();
+    assert!(report.to_string().contains("looks like a container"));
+    assert!(
+        report
+            .checks
+            .iter()
+            .all(|check| check.topic != "udev rules")
+    );
+    fs::remove_file(fake.path(".dockerenv")).unwrap();
+    assert!(!fake.report().container);
+    fake.machine.container_env = true;
+    assert!(fake.report().container);
+    // The host's nodes show in /sys, but not in /dev.
+    fake.loaded("Y", 32);
+    fake.node(10, "Phasma", "32");
+    fs::remove_file(fake.path("dev/video10")).unwrap();
+    assert!(fix(&fake.check("permission")).contains("--device /dev/video10"));
+}
+
+#[test]
+fn installed_files_are_compared() {
+    let fake = Fake::good();
+    fake.file(&UDEV.path[1..], "# older\n");
+    fake.file(&MODPROBE.path[1..], "options v4l2loopback devices=1\n");
+    for topic in ["udev rules", "module options"] {
+        let check = fake.check(topic);
+        assert_eq!(check.status, Status::Note);
+        assert!(check.found.contains("not this version's"), "{check:?}");
+    }
+    fs::remove_file(fake.path(&MODPROBE.path[1..])).unwrap();
+    fake.file(
+        "etc/modprobe.d/mine.conf",
+        "options  v4l2loopback devices=1\n",
+    );
+    let check = fake.check("module options");
+    assert_eq!(check.status, Status::Ok);
+    assert!(
+        check.found.contains("/etc/modprobe.d/mine.conf"),
+        "{check:?}"
+    );
+    fs::remove_dir_all(fake.path("dev/phasma")).unwrap();
+    assert!(fix(&fake.check("stable names")).contains("udevadm trigger"));
+}
+
+#[test]
+fn vulkan_is_loader_and_driver() {
+    let fake = Fake::bare();
+    let lib = "usr/lib/x86_64-linux-gnu";
+    fake.file(&format!("{lib}/libvulkan.so.1"), "");
+    assert!(!fake.report().works(Feature::Vulkan));
+    let icd = r#"{"ICD": {"library_path": "libvulkan_test.so"}}"#;
+    fake.file("usr/share/vulkan/icd.d/test.json", icd);
+    fake.file("usr/share/vulkan/icd.d/broken.json", "{");
+    assert!(!fake.report().works(Feature::Vulkan));
+    fake.file(&format!("{lib}/libvulkan_test.so"), "");
+    assert!(fake.report().works(Feature::Vulkan));
+}
+
+#[test]
+fn a_label_cannot_steer_a_terminal() {
+    let fake = Fake::good();
+    fake.node(10, "Phasma \u{1b}[2J", "32");
+    fake.node(11, "\u{e9}\u{9b}", "x");
+    let text = fake.report().to_string();
+    assert!(
+        !text.chars().any(|c| c.is_control() && c != '\n'),
+        "{text:?}"
+    );
+}

@@ -1,0 +1,88 @@
+//! Vulkan: loader, drivers and render nodes, by their files. No build and no run needs it.
+
+use super::{Check, Feature, Machine, Status};
+use std::path::PathBuf;
+
+const LOADER: &str = "libvulkan.so.1";
+const DRIVERS: [&str; 3] = [
+    "usr/share/vulkan/icd.d",
+    "usr/local/share/vulkan/icd.d",
+    "etc/vulkan/icd.d",
+];
+
+pub(super) fn checks(machine: &Machine) -> Vec<Check> {
+    let fix = || {
+        let apt = machine.has("usr/bin/apt-get");
+        apt.then(|| "sudo apt-get install mesa-vulkan-drivers libvulkan1".to_owned())
+    };
+    let check = |found: String| Check::ok("Vulkan", Feature::Vulkan, found);
+    if library(machine, LOADER).is_none() {
+        return vec![check(format!("no loader ({LOADER})")).but(Status::Missing, fix())];
+    }
+    let mut checks = Vec::new();
+    let mut found = false;
+    for file in DRIVERS.iter().flat_map(|folder| machine.list(folder)) {
+        if file.extension().is_none_or(|e| e != "json") {
+            continue;
+        }
+        let shown = machine.shown(&file);
+        let text = machine.text(&file).unwrap_or_default();
+        let json: serde_json::Value = serde_json::from_str(&text).unwrap_or_default();
+        let Some(path) = json["ICD"]["library_path"].as_str() else {
+            checks.push(check(format!("{shown} names no library")).but(Status::Note, None));
+            continue;
+        };
+        if library(machine, path).is_some() {
+            found = true;
+            checks.push(check(format!("driver {path} ({shown})")));
+        } else {
+            checks.push(check(format!("{shown}: {path} is not there")).but(Status::Note, None));
+        }
+    }
+    if !found {
+        checks.push(check("no driver".into()).but(Status::Missing, fix()));
+    }
+    checks.extend(render_nodes(machine));
+    checks
+}
+
+/// A library by its path, or by its name where the system's linker looks.
+fn library(machine: &Machine, name: &str) -> Option<PathBuf> {
+    if let Some(path) = name.strip_prefix('/') {
+        return Some(machine.path(path)).filter(|path| path.exists());
+    }
+    let mut folders: Vec<_> = ["usr/lib", "usr/lib64", "usr/local/lib", "lib"]
+        .map(|folder| machine.path(folder))
+        .into();
+    // Debian has one folder an architecture.
+    let triples = machine.list("usr/lib").into_iter().filter(|path| {
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        name.contains("-linux-gnu")
+    });
+    folders.extend(triples);
+    let mut paths = folders.into_iter().map(|folder| folder.join(name));
+    paths.find(|path| path.exists())
+}
+
+/// Adapters; a driver in software needs none.
+fn render_nodes(machine: &Machine) -> Vec<Check> {
+    let nodes = machine.list("dev/dri").into_iter().filter(|path| {
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        name.starts_with("renderD")
+    });
+    nodes
+        .map(|path| {
+            let shown = machine.shown(&path);
+            match (machine.access)(&path, &machine.user) {
+                Ok(()) => Check::ok("adapter", Feature::Vulkan, shown),
+                Err(e) => Check::ok("adapter", Feature::Vulkan, format!("{shown}: {e}")).but(
+                    Status::Note,
+                    format!(
+                        "sudo usermod -aG render {}",
+                        machine.name("passwd", machine.user.uid)
+                    ),
+                ),
+            }
+        })
+        .collect()
+}

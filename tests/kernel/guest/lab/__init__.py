@@ -1,0 +1,1 @@
+"""What the tests of the kernel lane are made of."""

@@ -1,0 +1,36 @@
+"""v4l2-compliance, and the failures that are v4l2loopback's own."""
+
+import re
+
+from .failure import expect
+
+# Tests that v4l2loopback 0.12.7 fails whoever produces, with the reason. Everything else has to pass.
+MODULES_OWN = {
+    "unlimited opens": "the module takes 10 openers of a node (max_openers)",
+    "VIDIOC_ENUM_FMT/FRAMESIZES/FRAMEINTERVALS":
+        "the module answers for its output side on a node that announces capture only",
+    "VIDIOC_G/S_PARM": "the module lists intervals, but does not set V4L2_CAP_TIMEPERFRAME",
+    "VIDIOC_G_FMT": "as VIDIOC_ENUM_FMT: the output side answers",
+    "VIDIOC_REQBUFS/CREATE_BUFS/QUERYBUF": "the module's buffers bear no flag of a clock",
+}
+# And these where it streams.
+MODULES_OWN_STREAMING = MODULES_OWN | {
+    "blocking wait": "the module's DQBUF gives a frame although no buffer is queued",
+    "MMAP (no poll)": "the module takes STREAMON without any buffers",
+    "MMAP (select)": "as MMAP (no poll)",
+    "MMAP (epoll)": "as MMAP (no poll)",
+}
+
+
+def failures(text):
+    """Names of the tests that v4l2-compliance says have failed."""
+    failed = re.findall(r"^\s*test (?:for )?(.*): FAIL$", text, re.MULTILINE)
+    tests = re.findall(r"^\s*test (?:for )?(.*): (?:OK|FAIL)", text, re.MULTILINE)
+    expect("tests in the report, at least 40", len(tests) >= 40, True)
+    return set(failed)
+
+
+def expect_no_other_failure(what, text, known):
+    found = failures(text)
+    expect(f"{what}: failures that are new", sorted(found - set(known)), [])
+    expect(f"{what}: failures that are listed and are none", sorted(set(known) - found), [])

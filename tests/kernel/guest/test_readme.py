@@ -1,0 +1,20 @@
+"""The commands of the README that need a kernel: its blocks marked `sh kernel`."""
+
+from lab import loopback, udev
+from lab.failure import expect_true, limit
+from lab.guest import PHASMA, REPO, wait_until
+
+PRELUDE = f"set -eu\nPATH={PHASMA.parent}:$PATH\ntrap 'kill $(jobs -p) 2> /dev/null; wait' EXIT\n"
+
+
+@limit(400)
+def test_every_command_runs(scratch):
+    text = (REPO / "README.md").read_text()
+    blocks = [rest.split("```")[0] for rest in text.split("```sh kernel\n")[1:]]
+    expect_true("the README has no block for a kernel", blocks)
+    with udev.running(scratch):
+        loopback.load([(10, "Phasma 1"), (11, "Phasma 2")])
+        wait_until("a name", lambda: "1" in udev.links())
+        scratch.run("bash", "-c", PRELUDE + "\n".join(blocks), seconds=380).ok()
+    for file in ("viewed.png", "shot.png", "kernel-scan/cloud.ply"):
+        expect_true(f"no {file}", (scratch.dir / file).is_file())

@@ -1,0 +1,71 @@
+"""v4l2-ctl: lists the served camera, streams from it, and saves what was rendered."""
+
+from lab import loopback
+from lab.device import Device, reference
+from lab.failure import expect, expect_in
+from lab.guest import wait_until
+from lab.profiles import FRAMES, GREY, PLAIN, Y10, Y12, Y16, YUYV
+from lab.streams import expect_sequence, split
+from lab.v4l2 import names
+
+CTL = ("v4l2-ctl", "-d", loopback.PHASMA)
+
+
+def test_it_is_listed_with_its_format_and_interval(scratch):
+    loopback.load()
+    device = Device(scratch, GREY, loopback.PHASMA).ready()
+    expect("camera in device.json", device.camera, loopback.PHASMA)
+    expect("its name", names()[loopback.PHASMA], "Phasma one")
+    # Its status tells about /dev/video0, which is not there.
+    listed = scratch.run("v4l2-ctl", "--list-devices").out
+    expect_in("list of devices", "Phasma one (platform:v4l2loopback-000):\n\t/dev/video10", listed)
+    formats = scratch.run(*CTL, "--list-formats-ext").ok().out
+    for part in ("'GREY'", "320x241", "(5.000 fps)"):
+        expect_in("formats", part, formats)
+    everything = scratch.run(*CTL, "--all").ok().out
+    for part in ("Video Capture", "Pixel Format      : 'GREY'", f"Size Image        : {GREY.size}"):
+        expect_in("--all", part, everything)
+    device.stop()
+
+
+def saved_sequence(scratch, variation):
+    """A sequence, triggered over the control port, as v4l2-ctl saves it."""
+    rendered = reference(scratch, variation)
+    loopback.load()
+    device = Device(scratch, variation, loopback.PHASMA).ready()
+    expect_in("formats", f"'{variation.fourcc}'", scratch.run(*CTL, "--list-formats").ok().out)
+    device.control.arm()
+    saved = scratch.dir / "saved"
+    reader = scratch.start(
+        *CTL, "--stream-mmap=32", f"--stream-count={FRAMES + 4}", f"--stream-to={saved}", "--verbose")
+    wait_until("STREAMON", lambda: "VIDIOC_STREAMON" in "".join(reader.said()))
+    device.control.run_sequence()
+    # Frames of the free-running camera fill up the count.
+    device.control.run_free()
+    reader.wait().ok()
+    expect_sequence(split(saved.read_bytes(), variation), rendered, variation)
+    device.stop()
+
+
+def test_it_saves_grey_as_rendered(scratch):
+    saved_sequence(scratch, GREY)
+
+
+def test_it_saves_frames_without_a_data_line_as_rendered(scratch):
+    saved_sequence(scratch, PLAIN)
+
+
+def test_it_saves_yuyv_as_rendered(scratch):
+    saved_sequence(scratch, YUYV)
+
+
+def test_it_saves_10_bits_as_rendered(scratch):
+    saved_sequence(scratch, Y10)
+
+
+def test_it_saves_12_bits_as_rendered(scratch):
+    saved_sequence(scratch, Y12)
+
+
+def test_it_saves_16_bits_as_rendered(scratch):
+    saved_sequence(scratch, Y16)

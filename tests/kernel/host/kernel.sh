@@ -1,0 +1,90 @@
+# A stock Debian kernel, v4l2loopback for it, our own module, and an initramfs with them: made once
+# and kept in $cache/KERNEL-VERSION. Sourced by ../run.
+
+# Modules of the kernel that the guest loads, in this order, with what they depend on. vivid is
+# loaded by the test that wants it.
+boot_modules=(virtio_pci 9p 9pnet_virtio videodev)
+later_modules=(vivid)
+
+# Sets $kernel and $stock. A kernel that is in the cache is used; otherwise what apt offers now.
+choose_kernel() {
+  local ready
+  ready=$(find "$cache" -mindepth 2 -maxdepth 2 -name ready 2> /dev/null | sort -V | tail -n 1)
+  if [ -n "$ready" ]; then
+    kernel=$(basename "$(dirname "$ready")")
+  else
+    kernel=$(apt-cache depends linux-image-amd64 2> /dev/null | sed -n 's/.*Depends: linux-image-//p' | head -n 1)
+    [ -n "$kernel" ] || fail 'apt knows no linux-image-amd64: not a Debian for amd64, or apt-get update was never run'
+  fi
+  stock=$cache/$kernel
+}
+
+# Fetches the packages of the kernel without installing them.
+download_kernel() {
+  local kbuild options=(-qq)
+  # As root apt would hand the download to a user who may not be able to write here.
+  [ "$(id -u)" -ne 0 ] || options+=(-o APT::Sandbox::User=root)
+  kbuild=$(apt-cache depends "linux-headers-$kernel" | sed -n 's/.*Depends: \(linux-kbuild-.*\)/\1/p')
+  mkdir -p "$stock/debs"
+  (cd "$stock/debs" && apt-get download "${options[@]}" "linux-image-$kernel" "linux-headers-$kernel" \
+    "linux-headers-${kernel%-amd64}-common" "$kbuild" v4l2loopback-dkms) ||
+    fail "the packages of kernel $kernel cannot be downloaded: see above; on a machine that is offline $cache has to be full"
+  local deb
+  for deb in "$stock"/debs/*.deb; do dpkg -x "$deb" "$stock/root"; done
+  rm -rf "$stock/debs"
+  depmod -b "$stock/root" "$kernel"
+}
+
+# build_module FOLDER NAME
+build_module() {
+  local headers=$stock/root/usr/src/linux-headers-$kernel
+  # The package's makefile includes another by the path that it has when installed.
+  echo "include $stock/root/usr/src/linux-headers-${kernel%-amd64}-common/Makefile" > "$headers/Makefile"
+  make -s -C "$headers" M="$1" CC=gcc modules > "$stock/build.log" 2>&1 ||
+    { cat "$stock/build.log" >&2; fail "module $2 does not build against kernel $kernel"; }
+  cp "$1/$2.ko" "$stock/"
+}
+
+# Everything that does not depend on this checkout.
+make_stock() {
+  [ ! -e "$stock/ready" ] || return 0
+  say "making kernel $kernel ready in $stock"
+  rm -rf "$stock"
+  download_kernel
+  mkdir -p "$stock/build"
+  cp -r "$stock"/root/usr/src/v4l2loopback-*/. "$stock/build/"
+  echo 'obj-m := v4l2loopback.o' > "$stock/build/Kbuild"
+  build_module "$stock/build" v4l2loopback
+  rm -rf "$stock/build"
+  touch "$stock/ready"
+}
+
+# Our module, whenever its source is newer.
+make_unplug() {
+  [ "$stock/unplug.ko" -nt "$lane/unplug/unplug.c" ] && return 0
+  rm -rf "$stock/unplug" && cp -r "$lane/unplug" "$stock/unplug"
+  build_module "$stock/unplug" unplug
+}
+
+# The initramfs: busybox, modules in load order, and init. Quick, so made anew each time.
+make_initramfs() {
+  local tree=$stock/initramfs module
+  rm -rf "$tree" && mkdir -p "$tree"/{bin,modules,proc,sys,dev,host}
+  cp "$(command -v busybox)" "$tree/bin/busybox"
+  cp "$lane/guest/init" "$tree/init"
+  cp "$stock/v4l2loopback.ko" "$stock/unplug.ko" "$tree/modules/"
+  module_files "${boot_modules[@]}" > "$tree/boot-order"
+  module_files "${later_modules[@]}" | grep -vxFf "$tree/boot-order" > "$tree/modules/vivid-order"
+  for module in $(cat "$tree/boot-order" "$tree/modules/vivid-order"); do
+    cp "$(find "$stock/root/lib/modules/$kernel" -name "$module")" "$tree/modules/"
+  done
+  (cd "$tree" && find . | cpio --quiet -o -H newc) > "$stock/initramfs.cpio"
+}
+
+# Names of the files of modules and of what they need, in load order.
+module_files() {
+  local module
+  for module in "$@"; do
+    modprobe -d "$stock/root" -S "$kernel" --show-depends "$module" | awk '/^insmod/ {print $2}' | xargs -n 1 basename
+  done | awk '!seen[$0]++'
+}
