@@ -84,7 +84,8 @@ fn usb(bytes: &[u8], speed: Speed) -> Duration {
         exposure_ns: 1_000_000,
         gain_db: 0.0,
     };
-    let device = Emulated::new(&profile, 1, (WIDTH, HEIGHT), &[PixelFormat::Grey], camera);
+    let device = Emulated::new(&profile, 1, (WIDTH, HEIGHT), &[PixelFormat::Grey], camera)
+        .expect("descriptors");
     let frame = Arc::new(Frame {
         id: 0,
         pattern_index: None,

@@ -42,7 +42,7 @@ impl Served {
         };
         let formats = [PixelFormat::Grey, PixelFormat::Yuyv];
         let devices: Vec<Emulated> = (1..=count)
-            .map(|i| Emulated::new(&profile, i, (WIDTH, HEIGHT), &formats, camera))
+            .map(|i| Emulated::new(&profile, i, (WIDTH, HEIGHT), &formats, camera).unwrap())
             .collect();
         let start = Instant::now();
         let (events, seen) = channel();

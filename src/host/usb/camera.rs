@@ -3,13 +3,13 @@
 //! Pixels go from the socket straight into the frame that is handed out; when the frames that wait
 //! have no reader, no transfers are submitted, and the device has to wait.
 
-use super::client::transfer_like;
 use super::connection::{Done, Receiver, Shared, lock};
 use super::controls::{ControlState, VideoControl};
 use super::device::UsbDevice;
 use super::feed::{Feed, Flow};
 use super::frames::{Assembler, Event};
 use super::negotiation::{Carrier, agree};
+use super::transfer::transfer_like;
 use super::video::{VideoFunction, VideoMode};
 use crate::error::{Error, Result};
 use crate::host::Camera;

@@ -1,14 +1,16 @@
 //! A USB/IP client: what a server exports, and transfers with one device that is imported.
 
-use super::connection::{Connection, Done, Receiver, Shared, left};
+use super::connection::{Connection, Shared};
+use super::opening::{Talk, connect, only};
+use super::transfer::{Once, Transfer, transfer_like};
 use crate::error::{Error, Result};
 use crate::protocol::usb::Setup;
 use crate::protocol::usb::usbip::{
-    DEVICE_LEN, DeviceInfo, OPERATION_LEN, Operation, Submit, bus_id_bytes, status,
+    DEVICE_LEN, DeviceInfo, Operation, Submit, bus_id_bytes, status,
 };
-use std::io::{self, ErrorKind, Read, Write};
-use std::net::{TcpStream, ToSocketAddrs};
-use std::sync::mpsc::{Receiver as Inbox, RecvTimeoutError, SyncSender, sync_channel};
+use std::io;
+use std::net::TcpStream;
+use std::sync::mpsc::sync_channel;
 use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
@@ -198,181 +200,4 @@ impl Drop for Client {
             let _ = reader.join();
         }
     }
-}
-
-/// A transfer of an endpoint whose address has bit 7 set for to the host.
-pub(super) fn transfer_like(address: u8, length: u32) -> Submit {
-    Submit {
-        seqnum: 0,
-        device: 0,
-        input: address & 0x80 != 0,
-        endpoint: address & 0x0F,
-        flags: 0,
-        length,
-        packets: None,
-        interval: 0,
-        setup: Setup::default(),
-    }
-}
-
-/// The end of a transfer.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Completed {
-    /// See [`status`].
-    pub status: i32,
-    /// Bytes transferred.
-    pub actual: usize,
-    /// What came from the device.
-    pub data: Vec<u8>,
-}
-
-/// A transfer under way; dropped before its end, it is taken back.
-pub struct Transfer {
-    connection: Arc<Connection>,
-    seqnum: u32,
-    inbox: Inbox<Completed>,
-}
-
-impl Transfer {
-    /// Waits for the end; without one in time the transfer is taken back.
-    ///
-    /// # Errors
-    /// A connection that is over.
-    pub fn wait(self, timeout: Duration) -> Result<Option<Completed>> {
-        match self.inbox.recv_timeout(timeout) {
-            Ok(completed) => Ok(Some(completed)),
-            Err(RecvTimeoutError::Timeout) => Ok(None),
-            Err(RecvTimeoutError::Disconnected) => Err(self.connection.error()),
-        }
-    }
-
-    /// Takes the transfer back; [`Self::wait`] tells whether it was done before.
-    ///
-    /// # Errors
-    /// A connection that is over.
-    pub fn unlink(&self) -> Result<()> {
-        self.connection.unlink(|seqnum, _| seqnum == self.seqnum)
-    }
-}
-
-impl Drop for Transfer {
-    fn drop(&mut self) {
-        // Nothing is sent for a transfer that is over; a connection that is over needs nothing.
-        let _ = self.unlink();
-    }
-}
-
-/// Waits for the end of one transfer.
-struct Once(SyncSender<Completed>);
-
-impl Receiver for Once {
-    fn reply(&mut self, done: &Done, data: &mut dyn Read) -> io::Result<usize> {
-        let mut bytes = Vec::new();
-        data.read_to_end(&mut bytes)?;
-        // Nobody may be waiting any more.
-        let _ = self.0.try_send(Completed {
-            status: done.status,
-            actual: done.actual,
-            data: bytes,
-        });
-        Ok(0)
-    }
-}
-
-/// A conversation before an import is granted.
-struct Talk<'a> {
-    stream: &'a mut TcpStream,
-    deadline: Instant,
-    place: &'a str,
-}
-
-impl Talk<'_> {
-    fn ask(&mut self, operation: Operation, rest: &[u8]) -> Result<()> {
-        let bytes = [&operation.encode()[..], rest].concat();
-        self.stream
-            .write_all(&bytes)
-            .map_err(|e| Error::io(self.place, e))?;
-        let header = self.read::<OPERATION_LEN>()?;
-        let granted = operation
-            .decode_reply(header)
-            .map_err(|e| e.at(self.place))?;
-        if granted {
-            return Ok(());
-        }
-        Err(Error::device(format!(
-            "{}: the server refuses: it has no such device, or somebody else has imported it",
-            self.place
-        )))
-    }
-
-    /// Reads so many bytes before the deadline, however they drip in.
-    fn read<const N: usize>(&mut self) -> Result<[u8; N]> {
-        let mut bytes = [0; N];
-        let mut have = 0;
-        while have < N {
-            let left = left(self.deadline);
-            let silent = || Error::device(format!("{}: the server is silent", self.place));
-            if left.is_zero() {
-                return Err(silent());
-            }
-            let got = self
-                .stream
-                .set_read_timeout(Some(left.max(Duration::from_micros(1))))
-                .and_then(|()| self.stream.read(&mut bytes[have..]));
-            match got {
-                Ok(0) => {
-                    return Err(Error::device(format!(
-                        "{}: the server has closed the connection",
-                        self.place
-                    )));
-                }
-                Ok(len) => have += len,
-                Err(e) if matches!(e.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => {
-                    return Err(silent());
-                }
-                Err(e) if e.kind() == ErrorKind::Interrupted => {}
-                Err(e) => return Err(Error::io(self.place, e)),
-            }
-        }
-        Ok(bytes)
-    }
-}
-
-/// The only device of a server.
-fn only(host: &str, devices: Vec<DeviceInfo>) -> Result<String> {
-    match &devices[..] {
-        [] => Err(Error::device(format!(
-            "usb:{host}: the server exports no device"
-        ))),
-        [device] => Ok(device.bus_id.clone()),
-        _ => {
-            let names: Vec<String> = devices
-                .iter()
-                .map(|d| format!("usb:{host}/{}", d.bus_id))
-                .collect();
-            Err(Error::input(
-                format!("usb:{host}"),
-                format!("{} devices", devices.len()),
-                names.join(", "),
-            ))
-        }
-    }
-}
-
-/// Connects to `HOST:PORT`.
-fn connect(host: &str, timeout: Duration, place: &str) -> Result<TcpStream> {
-    let addresses = host
-        .to_socket_addrs()
-        .map_err(|e| Error::input(place, e, "a host that can be found"))?;
-    let mut last = Error::device(format!("{place}: the host has no address"));
-    for address in addresses {
-        match TcpStream::connect_timeout(&address, timeout) {
-            Ok(stream) => {
-                let bounded = stream.set_write_timeout(Some(timeout));
-                return bounded.map(|()| stream).map_err(|e| Error::io(place, e));
-            }
-            Err(e) => last = Error::io(place, e),
-        }
-    }
-    Err(last)
 }

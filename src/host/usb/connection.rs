@@ -1,13 +1,10 @@
 //! Transfers over a connection to an imported device: who waits for which reply.
 //!
-//! A thread reads the replies and hands each to the [`Receiver`] that its transfer was submitted
+//! A thread reads the replies (`replies`) and hands each to the [`Receiver`] that its transfer was submitted
 //! with. Commands are written by whoever has one, many of them at once where there are many.
 
-use super::inlet::Inlet;
 use crate::error::{Error, Result};
-use crate::protocol::usb::usbip::{
-    Command, HEADER_LEN, MAX_TRANSFER, PACKET_LEN, Packet, Reply, Submit, status,
-};
+use crate::protocol::usb::usbip::{Command, HEADER_LEN, MAX_TRANSFER, Packet, Submit};
 use std::collections::HashMap;
 use std::io::{self, Read, Write};
 use std::net::{Shutdown, TcpStream};
@@ -57,9 +54,9 @@ pub(super) struct Connection {
     place: String,
     device: u32,
     writer: Mutex<Writer>,
-    table: Mutex<Table>,
+    pub(super) table: Mutex<Table>,
     /// An unlink was answered, or the connection is over.
-    settled: Condvar,
+    pub(super) settled: Condvar,
     /// Why the connection is over.
     failure: OnceLock<String>,
 }
@@ -77,17 +74,19 @@ impl Writer {
     }
 }
 
+/// Who waits for what.
 #[derive(Default)]
-struct Table {
-    pending: HashMap<u32, Pending>,
+pub(super) struct Table {
+    pub(super) pending: HashMap<u32, Pending>,
     /// Unlinks under way and their targets.
-    unlinks: HashMap<u32, u32>,
-    closed: bool,
+    pub(super) unlinks: HashMap<u32, u32>,
+    pub(super) closed: bool,
 }
 
-struct Pending {
-    submit: Submit,
-    receiver: Shared,
+/// A transfer under way.
+pub(super) struct Pending {
+    pub(super) submit: Submit,
+    pub(super) receiver: Shared,
 }
 
 impl Connection {
@@ -180,7 +179,7 @@ impl Connection {
         };
         drop(writer);
         // Part of a command may be on its way: nothing can follow it.
-        self.close(reason(&error));
+        self.close(super::replies::reason(&error));
         Err(self.error())
     }
 
@@ -223,116 +222,6 @@ impl Connection {
             .unwrap_or_else(PoisonError::into_inner);
         table.unlinks.is_empty()
     }
-
-    /// Reads replies until the connection is over.
-    pub(super) fn read(&self, stream: TcpStream) {
-        let mut inlet = Inlet::new(stream);
-        // Held until the reason is known: who waits for it would find none.
-        let mut answered = None;
-        let why = loop {
-            if let Err(error) = self.read_reply(&mut inlet, &mut answered) {
-                break reason(&error);
-            }
-        };
-        self.close(why);
-        let pending = {
-            let mut table = lock(&self.table);
-            table.closed = true;
-            table.unlinks.clear();
-            std::mem::take(&mut table.pending)
-        };
-        self.settled.notify_all();
-        for pending in pending.into_values().chain(answered) {
-            lock(&pending.receiver).gone();
-        }
-    }
-
-    /// Reads a reply; `answered` keeps the transfer that it has ended.
-    fn read_reply(
-        &self,
-        inlet: &mut Inlet<TcpStream>,
-        answered: &mut Option<Pending>,
-    ) -> io::Result<()> {
-        let mut header = [0; HEADER_LEN];
-        inlet.read_exact(&mut header)?;
-        match Reply::decode(&header).map_err(io::Error::other)? {
-            Reply::Submit {
-                seqnum,
-                status,
-                actual,
-                packets,
-                ..
-            } => {
-                *answered = lock(&self.table).pending.remove(&seqnum);
-                let Some(Pending { submit, receiver }) = answered else {
-                    return Err(io::Error::other(format!(
-                        "the server answers transfer {seqnum}, which nobody has asked for"
-                    )));
-                };
-                if packets != submit.packets || actual > submit.length {
-                    return Err(io::Error::other(format!(
-                        "the server answers transfer {seqnum} with {actual} bytes in {packets:?} \
-                         packets, at most {} in {:?} were asked for",
-                        submit.length, submit.packets
-                    )));
-                }
-                let mut done = Done {
-                    seqnum,
-                    status,
-                    actual: actual as usize,
-                    length: submit.length as usize,
-                    packets: Vec::new(),
-                };
-                let room = if submit.input { actual } else { 0 };
-                let again = match packets {
-                    None => {
-                        let mut data = inlet.take(room.into());
-                        let again = lock(receiver).reply(&done, &mut data)?;
-                        // What the receiver did not want.
-                        io::copy(&mut data, &mut io::sink())?;
-                        again
-                    }
-                    Some(packets) => {
-                        let mut data = vec![0; room as usize];
-                        inlet.read_exact(&mut data)?;
-                        done.packets = read_packets(inlet, packets, data.len())?;
-                        lock(receiver).reply(&done, &mut &data[..])?
-                    }
-                };
-                if again > 0 {
-                    self.submit(submit, &[], again, receiver)
-                        .map_err(io::Error::other)?;
-                }
-            }
-            Reply::Unlink { seqnum, .. } => {
-                let target = {
-                    let mut table = lock(&self.table);
-                    let target = table.unlinks.remove(&seqnum).ok_or_else(|| {
-                        io::Error::other(format!(
-                            "the server answers unlink {seqnum}, which nobody has asked for"
-                        ))
-                    })?;
-                    *answered = table.pending.remove(&target);
-                    target
-                };
-                if let Some(Pending { submit, receiver }) = answered {
-                    // A kernel that exports a device tells here how the transfer ended in the
-                    // meantime; its bytes are lost, so to us it was taken back either way.
-                    let done = Done {
-                        seqnum: target,
-                        status: status::UNLINKED,
-                        actual: 0,
-                        length: submit.length as usize,
-                        packets: Vec::new(),
-                    };
-                    lock(receiver).reply(&done, &mut io::empty())?;
-                }
-                self.settled.notify_all();
-            }
-        }
-        *answered = None;
-        Ok(())
-    }
 }
 
 /// Descriptors of the packets of an isochronous transfer to the host, of one length each.
@@ -346,36 +235,6 @@ fn empty_packets(submit: &Submit) -> Vec<u8> {
         status: 0,
     };
     (0..count).flat_map(|i| packet(i).encode()).collect()
-}
-
-fn read_packets(inlet: &mut impl Read, count: u32, len: usize) -> io::Result<Vec<Packet>> {
-    let mut packets = Vec::with_capacity(count as usize);
-    let mut sum = 0u64;
-    for _ in 0..count {
-        let mut bytes = [0; PACKET_LEN];
-        inlet.read_exact(&mut bytes)?;
-        let packet = Packet::decode(&bytes);
-        sum += u64::from(packet.actual);
-        packets.push(packet);
-    }
-    if sum != len as u64 {
-        return Err(io::Error::other(format!(
-            "the server sends {len} bytes in packets of {sum} bytes in all"
-        )));
-    }
-    Ok(packets)
-}
-
-/// What an error of the socket says of the device.
-fn reason(error: &io::Error) -> String {
-    use io::ErrorKind as Kind;
-    match error.kind() {
-        Kind::UnexpectedEof | Kind::ConnectionReset | Kind::BrokenPipe => {
-            "the device has gone".to_owned()
-        }
-        Kind::WouldBlock | Kind::TimedOut => "the server takes no more commands".to_owned(),
-        _ => error.to_string(),
-    }
 }
 
 /// Time left until a deadline.

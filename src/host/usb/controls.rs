@@ -31,6 +31,13 @@ pub struct ControlState {
 }
 
 impl VideoControl {
+    fn name(self) -> &'static str {
+        match self {
+            Self::Exposure => "exposure",
+            Self::Gain => "gain",
+        }
+    }
+
     /// Value, index and length of the requests to it; `None` where the camera has no such control.
     fn address(self, function: &VideoFunction) -> Option<(u16, u16, u16)> {
         let (entity, selector, len) = match self {
@@ -61,8 +68,9 @@ impl VideoControl {
             let bytes = device.get(Setup::CLASS_IN, request, value, index, len)?;
             if bytes.len() != usize::from(len) {
                 return Err(Error::device(format!(
-                    "{}: {self:?} is told in {} bytes, want {len}",
+                    "{}: {} is told in {} bytes, want {len}",
                     device.place(),
+                    self.name(),
                     bytes.len()
                 )));
             }
@@ -88,21 +96,15 @@ impl VideoControl {
         let Some((value, index, len)) = self.address(function) else {
             let place = device.place();
             return Err(Error::device(format!(
-                "{place}: the camera has no {self:?} control"
+                "{place}: the camera has no {} control",
+                self.name()
             )));
         };
         let bytes = to.to_le_bytes();
         if len == 2 && to > u16::MAX.into() {
-            return Err(Error::input(self_name(self), to, "0 to 65535"));
+            return Err(Error::input(self.name(), to, "0 to 65535"));
         }
         let data = &bytes[..len.into()];
         device.set(Setup::CLASS_OUT, request::SET_CUR, value, index, data)
-    }
-}
-
-fn self_name(control: VideoControl) -> &'static str {
-    match control {
-        VideoControl::Exposure => "exposure",
-        VideoControl::Gain => "gain",
     }
 }

@@ -182,7 +182,7 @@ mod tests {
     fn events(max_payload: usize, transfers: &[&[u8]]) -> Vec<Event> {
         let mut assembler = Assembler::new(10, max_payload);
         let mut events = Vec::new();
-        for mut transfer in transfers {
+        for &(mut transfer) in transfers {
             let len = transfer.len();
             let mut out = |event| events.push(event);
             assembler.take(len, ROOM, &mut transfer, &mut out).unwrap();

@@ -1,10 +1,10 @@
 //! The serial port of a USB device: a command port with the lines that a pty has not.
 
-use super::client::transfer_like;
 use super::connection::{Done, Receiver, Shared, lock};
 use super::device::UsbDevice;
 use super::feed::{Feed, Flow};
 use super::serial::SerialFunction;
+use super::transfer::transfer_like;
 use crate::error::{Error, Result};
 use crate::host::CommandPort;
 use crate::protocol::usb::Setup;
