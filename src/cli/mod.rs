@@ -1,5 +1,6 @@
 //! The command line: one file a command, each a `clap` struct and a `run`.
 
+mod camera;
 mod compare;
 mod decode;
 #[cfg(target_os = "linux")]
@@ -33,6 +34,7 @@ enum Command {
     Demo(demo::Args),
     Serve(serve::Args),
     Scan(scan::Args),
+    Camera(camera::Args),
     Decode(decode::Args),
     Compare(compare::Args),
     Profile(profile::Args),
@@ -58,6 +60,7 @@ fn dispatch(command: Command) -> Result<()> {
         Command::Demo(args) => demo::run(&args),
         Command::Serve(args) => serve::run(&args),
         Command::Scan(args) => scan::run(&args),
+        Command::Camera(args) => camera::run(&args),
         Command::Decode(args) => decode::run(&args),
         Command::Compare(args) => compare::run(&args),
         Command::Profile(args) => profile::run(&args),

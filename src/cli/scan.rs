@@ -3,7 +3,10 @@
 use crate::decode::{Options, Summary, write_outputs};
 use crate::error::{Error, Result};
 use crate::geometry::Rig;
-use crate::host::{Camera, Captured, Progress, ScanOptions, Scanner, SerialPort, open_camera};
+use crate::host::{
+    Camera, Capture, Captured, Progress, ScanOptions, Scanner, SerialPort, open_camera,
+    scan_free_running,
+};
 use crate::pattern::Manifest;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::path::{Path, PathBuf};
@@ -12,12 +15,16 @@ use std::time::{Duration, Instant};
 /// Capture a sequence from a scanner and decode it: frames, manifest, calibration, maps and cloud
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
-    /// The camera: socket:PATH or tcp:HOST:PORT.
+    /// The camera: /dev/videoN, socket:PATH or tcp:HOST:PORT.
     #[arg(long, value_name = "ADDR")]
     camera: String,
-    /// The control port: the path of a serial port.
-    #[arg(long, value_name = "PATH")]
-    control: String,
+    /// How a V4L2 camera is read
+    #[arg(long, value_name = "HOW", default_value = "auto")]
+    capture: How,
+    /// The control port: the path of a serial port. Without one, --manifest says what is projected,
+    /// and the frames of the free-running camera are taken as they come.
+    #[arg(long, value_name = "PATH", required_unless_present = "manifest")]
+    control: Option<String>,
     /// Folder for what is captured.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
@@ -47,6 +54,27 @@ pub(super) struct Args {
     json: bool,
 }
 
+/// How a V4L2 camera is read.
+#[derive(Debug, Clone, Copy, clap::ValueEnum)]
+enum How {
+    /// v4l for GREY, Y10, Y12 and Y16, else nokhwa
+    Auto,
+    /// The driver's own queue of buffers
+    V4l,
+    /// The nokhwa library: YUYV and MJPG
+    Nokhwa,
+}
+
+impl From<How> for Capture {
+    fn from(how: How) -> Self {
+        match how {
+            How::Auto => Self::Auto,
+            How::V4l => Self::V4l,
+            How::Nokhwa => Self::Nokhwa,
+        }
+    }
+}
+
 /// Longest timeout in seconds.
 const MAX_TIMEOUT_S: f64 = 3600.0;
 
@@ -71,7 +99,14 @@ pub(super) fn run(args: &Args) -> Result<()> {
     };
     let start = Instant::now();
     let given = args.calibration.as_deref().zip(calibration);
-    let captured = capture(&args.camera, &args.control, timeout, &options, given)?;
+    let camera = (args.camera.as_str(), args.capture.into());
+    let captured = match (&args.control, &options.manifest) {
+        (None, Some(manifest)) => capture_free(args, camera, manifest, timeout, given)?,
+        (control, _) => {
+            let control = control.as_deref().unwrap_or_default();
+            capture(camera, control, timeout, &options, given)?
+        }
+    };
     let capture_s = start.elapsed().as_secs_f64();
     let source = match (given, captured.calibration) {
         (Some(_), _) => "file",
@@ -79,6 +114,16 @@ pub(super) fn run(args: &Args) -> Result<()> {
         (None, None) => "none",
     };
     captured.write(&args.out)?;
+    if !args.no_decode {
+        let shown = captured.check_modulation();
+        shown.map_err(|e| {
+            e.at(format!(
+                "{} (frames kept in {})",
+                args.camera,
+                args.out.display()
+            ))
+        })?;
+    }
     let decoding = (!args.no_decode)
         .then(|| decode_captured(&captured, args))
         .transpose()?;
@@ -92,7 +137,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
 /// # Errors
 /// See [`Scanner::scan`].
 pub(super) fn capture(
-    camera: &str,
+    (camera, how): (&str, Capture),
     control: &str,
     timeout: Duration,
     options: &ScanOptions,
@@ -100,27 +145,67 @@ pub(super) fn capture(
 ) -> Result<Captured> {
     let port = SerialPort::open(control)?;
     let mut scanner: Scanner<Box<dyn Camera>, _> =
-        Scanner::new(port, timeout, || open_camera(camera, timeout))?;
+        Scanner::new(port, timeout, || open_camera(camera, how, timeout))?;
     if let Some((path, rig)) = calibration {
         scanner = scanner.with_calibration(path.display().to_string(), rig);
     }
+    let bar = progress_bar();
+    let captured = scanner.scan(options, &mut |progress| show(&bar, progress));
+    bar.finish_and_clear();
+    let finished = scanner.finish();
+    let captured = captured?;
+    finished?;
+    Ok(captured)
+}
+
+/// Captures from a camera that runs free, without a control port.
+fn capture_free(
+    args: &Args,
+    (camera, how): (&str, Capture),
+    manifest: &Manifest,
+    timeout: Duration,
+    calibration: Option<(&Path, Rig)>,
+) -> Result<Captured> {
+    if let Some(name) = &args.sequence {
+        return Err(Error::input(
+            format!("--sequence {name}"),
+            "nobody to tell it to, without --control",
+            "--control PATH, or --manifest alone",
+        ));
+    }
+    eprintln!(
+        "phasma: no control port: nothing is triggered, the next {} frames are taken as they come",
+        manifest.frame.len()
+    );
+    let mut camera = open_camera(camera, how, timeout)?;
+    let bar = progress_bar();
+    let captured = scan_free_running(&mut camera, manifest, timeout, &mut |progress| {
+        show(&bar, progress);
+    });
+    bar.finish_and_clear();
+    Ok(Captured {
+        calibration: calibration.map(|given| given.1),
+        ..captured?
+    })
+}
+
+fn progress_bar() -> ProgressBar {
     let bar = ProgressBar::with_draw_target(None, ProgressDrawTarget::stderr());
     if let Ok(style) = ProgressStyle::with_template("{msg} [{bar:30}] {pos}/{len}") {
         bar.set_style(style);
     }
-    let captured = scanner.scan(options, &mut |progress| match progress {
+    bar
+}
+
+fn show(bar: &ProgressBar, progress: Progress<'_>) {
+    match progress {
         Progress::Identified(idn) => bar.set_message(idn.to_owned()),
         Progress::Frame { done, of } => {
             bar.set_length(of as u64);
             bar.set_position(done as u64);
         }
         Progress::Retry(why) => bar.suspend(|| eprintln!("phasma: {why}; once more")),
-    });
-    bar.finish_and_clear();
-    let finished = scanner.finish();
-    let captured = captured?;
-    finished?;
-    Ok(captured)
+    }
 }
 
 /// Decodes the capture into its folder.

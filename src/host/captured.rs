@@ -1,6 +1,7 @@
 //! What a scan has captured, and how it is kept: pictures, the manifest that says what they show,
 //! and the calibration.
 
+use super::consistency::{LEAST_FOLLOWING, following};
 use crate::error::{Error, Result};
 use crate::geometry::Rig;
 use crate::pattern::{Manifest, Pattern};
@@ -37,6 +38,23 @@ impl Captured {
     fn file_name(&self, index: usize) -> PathBuf {
         let digits = self.frames.len().saturating_sub(1).to_string().len().max(2);
         format!("frame_{index:0digits$}.png").into()
+    }
+
+    /// Refuses frames that hold no surface: hardly a pixel follows the sequence.
+    ///
+    /// # Errors
+    /// A camera that does not see what is projected.
+    pub fn check_modulation(&self) -> Result<()> {
+        match following(&self.manifest, &self.frames) {
+            Some(share) if share < LEAST_FOLLOWING => Err(Error::device(format!(
+                "the frames show no modulation: {:.2} % of the pixels follow the sequence, {} % are \
+                 the least; the camera does not see the projector, or its \
+                 frames are not those of the sequence",
+                100.0 * share,
+                100.0 * LEAST_FOLLOWING
+            ))),
+            _ => Ok(()),
+        }
     }
 
     /// Refuses a folder that holds a capture already, before one is made.

@@ -1,10 +1,13 @@
 //! How an application reaches a device, any device: camera, port, scanner.
 //!
 //! Addresses say where, never who: the host opens one and takes what is behind it as a device.
-//! The system's monotonic clock is read here for one purpose only, to end waits in time.
+//! The system's monotonic clock is read here for two purposes only: to end waits in time, and to
+//! tell frames that a camera took before it was triggered from those it took after.
 
 mod camera;
 mod captured;
+mod clock;
+mod consistency;
 mod decoding;
 mod instrument;
 mod local;
@@ -12,8 +15,11 @@ mod port;
 mod scanner;
 pub mod usb;
 
-pub use camera::{Camera, MemoryCamera, SocketCamera, open_camera};
+#[cfg(target_os = "linux")]
+pub use camera::explain_device;
+pub use camera::{Camera, Capture, Intake, MemoryCamera, SocketCamera, open_camera};
 pub use captured::{CALIBRATION_FILE, Captured, MANIFEST_FILE};
+pub use consistency::check as check_sequence;
 pub use instrument::Instrument;
 pub use port::{CommandPort, MemoryPort, SerialPort};
-pub use scanner::{Progress, ScanOptions, Scanner};
+pub use scanner::{Progress, ScanOptions, Scanner, scan_free_running};

@@ -101,7 +101,7 @@ pub fn lock(device: &Device) -> io::Result<bool> {
 }
 
 /// A string of C that ends at its zero or its end.
-fn text(bytes: &[u8]) -> String {
+pub(super) fn text(bytes: &[u8]) -> String {
     let used = bytes.split(|byte| *byte == 0).next().unwrap_or_default();
     String::from_utf8_lossy(used).into_owned()
 }

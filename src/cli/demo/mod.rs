@@ -7,7 +7,7 @@ use crate::decode::{Options, Summary as Decoding};
 use crate::emulator::Truth;
 use crate::error::{Error, Result};
 use crate::geometry::ply;
-use crate::host::{Captured, ScanOptions};
+use crate::host::{Capture, Captured, ScanOptions};
 use crate::protocol::PixelFormat;
 use crate::protocol::service::{Item, Maps, Request, ask};
 use crate::study::report::{PICTURES, Summary, write_pictures};
@@ -62,7 +62,13 @@ pub(super) fn run(args: &Args) -> Result<()> {
         frame_timeout: TIMEOUT,
     };
     let control = endpoints.control.display().to_string();
-    let captured = capture(&endpoints.camera, &control, TIMEOUT, &options, None)?;
+    let captured = capture(
+        (&endpoints.camera, Capture::Auto),
+        &control,
+        TIMEOUT,
+        &options,
+        None,
+    )?;
     let capture_s = begin.elapsed().as_secs_f64();
     step("decoding");
     let rig = captured

@@ -1,76 +1,14 @@
-//! Cameras by address: `socket:PATH`, `tcp:HOST:PORT`, `/dev/videoN`.
+//! A camera behind a frame socket.
 
-use super::local::UnixStream;
+use super::Camera;
 use crate::error::{Error, Result};
+use crate::host::local::UnixStream;
+use crate::protocol::Frame;
 use crate::protocol::wire::FrameDecoder;
-use crate::protocol::{Frame, data_line};
-use std::collections::VecDeque;
 use std::io::Read;
 use std::net::{TcpStream, ToSocketAddrs};
 use std::path::Path;
-use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
-
-/// Where frames come from.
-pub trait Camera {
-    /// The address, for messages.
-    fn info(&self) -> &str;
-
-    /// The next frame, or `None` when none has come whole within the timeout; what has come of one
-    /// is kept for the next call.
-    ///
-    /// # Errors
-    /// A camera that has gone or sends what is no frame.
-    fn next_frame(&mut self, timeout: Duration) -> Result<Option<Frame>>;
-
-    /// Whether the last call of [`Self::next_frame`] failed for a damaged frame only, which has been
-    /// skipped: the camera goes on with the one behind it.
-    fn has_skipped(&self) -> bool {
-        false
-    }
-}
-
-impl Camera for Box<dyn Camera> {
-    fn info(&self) -> &str {
-        (**self).info()
-    }
-
-    fn next_frame(&mut self, timeout: Duration) -> Result<Option<Frame>> {
-        (**self).next_frame(timeout)
-    }
-
-    fn has_skipped(&self) -> bool {
-        (**self).has_skipped()
-    }
-}
-
-/// Opens a camera by its address.
-///
-/// # Errors
-/// An address of no known kind, and a camera that cannot be reached within the timeout.
-pub fn open_camera(address: &str, timeout: Duration) -> Result<Box<dyn Camera>> {
-    let place = format!("--camera {address}");
-    let allowed = "socket:PATH or tcp:HOST:PORT";
-    if let Some(path) = address.strip_prefix("socket:") {
-        if path.is_empty() {
-            return Err(Error::input(place, "no path", allowed));
-        }
-        let stream = UnixStream::connect(Path::new(path)).map_err(|e| Error::io(&place, e))?;
-        return Ok(Box::new(SocketCamera::new(Stream::Unix(stream), address)));
-    }
-    if let Some(host) = address.strip_prefix("tcp:") {
-        let stream = connect(host, timeout, &place)?;
-        return Ok(Box::new(SocketCamera::new(Stream::Tcp(stream), address)));
-    }
-    if address.starts_with("/dev/video") {
-        return Err(Error::input(
-            place,
-            "a V4L2 device, which this build cannot read yet",
-            allowed,
-        ));
-    }
-    Err(Error::input(place, "an address of no known kind", allowed))
-}
 
 fn connect(host: &str, timeout: Duration, place: &str) -> Result<TcpStream> {
     let colon = host.rsplit_once(':').filter(|(name, _)| !name.is_empty());
@@ -127,6 +65,28 @@ pub struct SocketCamera {
 }
 
 impl SocketCamera {
+    /// Connects to a path; `place` names it in messages.
+    pub(super) fn connect_unix(path: &str, address: &str, place: &str) -> Result<Self> {
+        if path.is_empty() {
+            return Err(Error::input(place, "no path", "socket:PATH"));
+        }
+        let stream = UnixStream::connect(Path::new(path)).map_err(|e| Error::io(place, e))?;
+        Ok(Self::new(Stream::Unix(stream), address))
+    }
+
+    /// Connects to `HOST:PORT`; `place` names it in messages.
+    pub(super) fn connect_tcp(
+        host: &str,
+        address: &str,
+        timeout: Duration,
+        place: &str,
+    ) -> Result<Self> {
+        Ok(Self::new(
+            Stream::Tcp(connect(host, timeout, place)?),
+            address,
+        ))
+    }
+
     fn new(stream: Stream, address: &str) -> Self {
         Self {
             stream,
@@ -171,7 +131,7 @@ impl Camera for SocketCamera {
             };
             match self.decoder.advance(len) {
                 Ok(None) => {}
-                Ok(frame) => return Ok(frame.map(|f| data_line::strip(f).0.into_luma())),
+                Ok(frame) => return Ok(frame),
                 Err(e) => {
                     self.skipped = self.decoder.in_step();
                     self.lost = !self.skipped;
@@ -190,42 +150,16 @@ impl Camera for SocketCamera {
     }
 }
 
-/// A camera in memory: it shows the frames that are put into its queue, and never waits.
-#[derive(Debug, Clone, Default)]
-pub struct MemoryCamera {
-    queue: Arc<Mutex<VecDeque<Frame>>>,
-}
-
-impl MemoryCamera {
-    /// Puts a frame into the queue.
-    pub fn put(&self, frame: Frame) {
-        self.queue
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner)
-            .push_back(frame);
-    }
-}
-
-impl Camera for MemoryCamera {
-    fn info(&self) -> &str {
-        "memory camera"
-    }
-
-    fn next_frame(&mut self, _timeout: Duration) -> Result<Option<Frame>> {
-        let mut queue = self.queue.lock().unwrap_or_else(PoisonError::into_inner);
-        Ok(queue.pop_front())
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::host::{Capture, open_camera};
     use crate::protocol::{PixelFormat, wire};
     use std::io::Write;
     use std::os::unix::net::UnixListener;
 
     fn refusal(address: &str) -> Error {
-        match open_camera(address, Duration::from_millis(200)) {
+        match open_camera(address, Capture::Auto, Duration::from_millis(200)) {
             Ok(_) => panic!("{address}"),
             Err(e) => e,
         }
@@ -244,9 +178,14 @@ mod tests {
         ] {
             let error = refusal(address);
             assert_eq!(error.exit_code(), 2, "{error}");
-            assert!(error.to_string().contains("tcp:HOST:PORT"), "{error}");
+            let kind = address.split(':').next().unwrap_or_default();
+            let allowed = if kind == "socket" {
+                "socket:PATH"
+            } else {
+                "tcp:HOST:PORT"
+            };
+            assert!(error.to_string().contains(allowed), "{error}");
         }
-        assert!(refusal("/dev/video10").to_string().contains("V4L2"));
         assert_eq!(refusal("socket:/no/such/socket").exit_code(), 2);
     }
 
@@ -269,7 +208,7 @@ mod tests {
         let path = dir.path().join("camera.sock");
         let listener = UnixListener::bind(&path).unwrap();
         let address = format!("socket:{}", path.display());
-        let mut camera = open_camera(&address, Duration::from_secs(1)).unwrap();
+        let mut camera = open_camera(&address, Capture::Auto, Duration::from_secs(1)).unwrap();
         let (mut device, _) = listener.accept().unwrap();
         let short = Duration::from_millis(5);
         assert_eq!(camera.next_frame(short).unwrap(), None);
@@ -310,7 +249,7 @@ mod tests {
         let path = dir.path().join("camera.sock");
         let listener = UnixListener::bind(&path).unwrap();
         let address = format!("socket:{}", path.display());
-        let mut camera = open_camera(&address, Duration::from_secs(1)).unwrap();
+        let mut camera = open_camera(&address, Capture::Auto, Duration::from_secs(1)).unwrap();
         drop(listener.accept().unwrap());
         let message = camera.next_frame(Duration::from_secs(1)).unwrap_err();
         assert!(message.to_string().contains("closed"), "{message}");

@@ -1,0 +1,84 @@
+//! `phasma camera info`: what a camera is and offers.
+
+#[cfg(target_os = "linux")]
+mod device;
+
+use crate::error::{Error, Result};
+use crate::host::{Camera as _, Capture, open_camera};
+use serde_json::{Value, json};
+use std::time::Duration;
+
+/// Look at cameras
+#[derive(Debug, clap::Args)]
+pub(super) struct Args {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, clap::Subcommand)]
+enum Command {
+    Info(InfoArgs),
+}
+
+/// Report a camera's driver, formats, intervals and controls, or of a socket the next frame
+#[derive(Debug, clap::Args)]
+struct InfoArgs {
+    /// The camera: /dev/videoN, socket:PATH or tcp:HOST:PORT.
+    #[arg(value_name = "ADDR")]
+    address: String,
+    /// Seconds to wait for a frame of a socket.
+    #[arg(long, value_name = "S", default_value_t = 2.0)]
+    timeout: f64,
+    /// Print the report as JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+pub(super) fn run(args: &Args) -> Result<()> {
+    let Command::Info(args) = &args.command;
+    if !(0.0..=3600.0).contains(&args.timeout) {
+        return Err(Error::input("--timeout", args.timeout, "0 to 3600 s"));
+    }
+    #[cfg(target_os = "linux")]
+    if args.address.starts_with("/dev/") {
+        return device::report(&args.address, args.json);
+    }
+    let timeout = Duration::from_secs_f64(args.timeout);
+    let mut camera = open_camera(&args.address, Capture::Auto, timeout)?;
+    let frame = camera.next_frame(timeout)?;
+    let report = match &frame {
+        Some(frame) => json!({
+            "address": args.address,
+            "width": frame.width,
+            "height": frame.height,
+            "format": frame.format,
+            "id": frame.id,
+            "pattern_index": frame.pattern_index,
+            "exposure_us": (frame.exposure_end_ns - frame.exposure_start_ns.min(frame.exposure_end_ns)) / 1000,
+        }),
+        None => json!({ "address": args.address, "frame": Value::Null }),
+    };
+    if args.json {
+        println!("{report}");
+        return Ok(());
+    }
+    println!("camera       {}", args.address);
+    match frame {
+        Some(frame) => {
+            println!(
+                "frame        {} x {} {:?}",
+                frame.width, frame.height, frame.format
+            );
+            println!("id           {}", frame.id);
+            match frame.pattern_index {
+                Some(index) => println!("pattern      {index}"),
+                None => println!("pattern      none: the camera runs free"),
+            }
+        }
+        None => println!(
+            "frame        none within {} s: a camera that waits for a trigger is silent",
+            args.timeout
+        ),
+    }
+    Ok(())
+}

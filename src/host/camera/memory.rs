@@ -1,0 +1,35 @@
+//! A camera in memory.
+
+use super::Camera;
+use crate::error::Result;
+use crate::protocol::Frame;
+use std::collections::VecDeque;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
+
+/// A camera in memory: it shows the frames that are put into its queue, and never waits.
+#[derive(Debug, Clone, Default)]
+pub struct MemoryCamera {
+    queue: Arc<Mutex<VecDeque<Frame>>>,
+}
+
+impl MemoryCamera {
+    /// Puts a frame into the queue.
+    pub fn put(&self, frame: Frame) {
+        self.queue
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .push_back(frame);
+    }
+}
+
+impl Camera for MemoryCamera {
+    fn info(&self) -> &str {
+        "memory camera"
+    }
+
+    fn next_frame(&mut self, _timeout: Duration) -> Result<Option<Frame>> {
+        let mut queue = self.queue.lock().unwrap_or_else(PoisonError::into_inner);
+        Ok(queue.pop_front())
+    }
+}

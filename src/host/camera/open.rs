@@ -1,0 +1,69 @@
+//! From an address to a camera.
+
+use super::socket::SocketCamera;
+use super::{Camera, Intake};
+use crate::error::{Error, Result};
+use std::time::Duration;
+
+/// What addresses there are.
+const ALLOWED: &str = "/dev/videoN, socket:PATH or tcp:HOST:PORT";
+
+/// How the frames of a V4L2 device are captured.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum Capture {
+    /// By what the device offers: `V4l` for GREY, Y10, Y12 and Y16, else `Nokhwa`.
+    #[default]
+    Auto,
+    /// The queue of buffers itself: GREY, Y10, Y12, Y16 and YUYV, with the driver's times.
+    V4l,
+    /// The nokhwa library: YUYV and MJPG, as webcams speak.
+    Nokhwa,
+}
+
+/// Opens a camera by its address. A V4L2 device that has no format yet, because nobody streams into
+/// it, is waited for.
+///
+/// # Errors
+/// An address of no known kind, a way of capture that the address does not have, and a camera that
+/// cannot be reached within the timeout.
+pub fn open_camera(address: &str, capture: Capture, timeout: Duration) -> Result<Box<dyn Camera>> {
+    if address.starts_with("/dev/") {
+        return open_device(address, capture, timeout);
+    }
+    let place = format!("--camera {address}");
+    let camera = if let Some(path) = address.strip_prefix("socket:") {
+        SocketCamera::connect_unix(path, address, &place)?
+    } else if let Some(host) = address.strip_prefix("tcp:") {
+        SocketCamera::connect_tcp(host, address, timeout, &place)?
+    } else {
+        return Err(Error::input(place, "an address of no known kind", ALLOWED));
+    };
+    if capture != Capture::Auto {
+        return Err(Error::input(
+            "--capture",
+            format!("a way to read V4L2 devices, for the camera {address}"),
+            "auto for a camera behind a socket",
+        ));
+    }
+    Ok(Box::new(Intake::new(camera)))
+}
+
+#[cfg(target_os = "linux")]
+fn open_device(address: &str, capture: Capture, timeout: Duration) -> Result<Box<dyn Camera>> {
+    use super::{v4l2, webcam};
+    let found = v4l2::find(address, capture, timeout)?;
+    Ok(if found.is_webcam() {
+        Box::new(Intake::new(webcam::WebcamCamera::open(found)?))
+    } else {
+        Box::new(Intake::new(v4l2::V4l2Camera::start(found, timeout)?))
+    })
+}
+
+#[cfg(not(target_os = "linux"))]
+fn open_device(address: &str, _: Capture, _: Duration) -> Result<Box<dyn Camera>> {
+    Err(Error::input(
+        format!("--camera {address}"),
+        "a V4L2 device, and this build has no V4L2: that is Linux's",
+        "socket:PATH or tcp:HOST:PORT",
+    ))
+}

@@ -1,0 +1,362 @@
+//! V4L2 devices: which way to read one, and the way through its queue of buffers.
+//!
+//! Words of Y10, Y12 and Y16 are little-endian with the sensor's bits in the low ones, as V4L2
+//! defines them. Both times of a frame are the driver's timestamp.
+
+use super::v4l2_error::{EINVAL, EIO, ENOTTY, explain};
+use super::{Camera, Capture};
+use crate::error::{Error, Result};
+use crate::pattern::MAX_SIDE_PX;
+use crate::protocol::{Frame, PixelFormat};
+use crate::v4l2::{
+    CaptureQueue, FourCc, Node, PixelLayout, Taken, current_format, offered_formats, set_format,
+};
+use std::io;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+use v4l::Device;
+
+/// Buffers asked for. Never fewer: in v4l2loopback 0.12 the smallest request shrinks the ring for
+/// everybody, and frames that wait there are what a burst outlives a slow reader by.
+const BUFFERS: u32 = 32;
+/// How often a device without a format is asked again. v4l2loopback has no event for a producer that
+/// arrives (0.12), and before it the node may not even say that it captures.
+const ASK_AGAIN: Duration = Duration::from_millis(20);
+/// What is read frame by frame, the best first.
+const MONO: [FourCc; 4] = [*b"Y16 ", *b"Y12 ", *b"Y10 ", *b"GREY"];
+/// What webcams speak, the best first.
+const WEBCAM: [FourCc; 2] = [*b"YUYV", *b"MJPG"];
+
+/// A device whose format is settled.
+pub(super) struct Found {
+    pub(super) address: String,
+    /// The node itself where the address is a link.
+    pub(super) path: PathBuf,
+    pub(super) device: Device,
+    pub(super) layout: PixelLayout,
+    webcam: bool,
+}
+
+impl Found {
+    /// Whether nokhwa is to read it.
+    pub(super) fn is_webcam(&self) -> bool {
+        self.webcam
+    }
+}
+
+/// Why a device cannot be read.
+enum Refusal {
+    /// It has no format, or does not capture: a producer may be on its way.
+    NotYet(Error),
+    Final(Error),
+}
+
+/// Opens a device and settles its format, waiting up to the timeout for a producer.
+///
+/// # Errors
+/// A device that cannot be opened, is no camera, or offers nothing that the way of capture reads.
+pub(super) fn find(address: &str, capture: Capture, timeout: Duration) -> Result<Found> {
+    let end = Instant::now() + timeout;
+    loop {
+        match settle(address, capture) {
+            Ok(found) => return Ok(found),
+            Err(Refusal::Final(error)) => return Err(error),
+            Err(Refusal::NotYet(error)) if Instant::now() >= end => return Err(error),
+            Err(Refusal::NotYet(_)) => std::thread::sleep(ASK_AGAIN),
+        }
+    }
+}
+
+fn no_producer(address: &str) -> Error {
+    Error::device(format!(
+        "--camera {address}: no producer streams into this loopback node yet; start one, such as \
+         `phasma serve --camera {address}`"
+    ))
+}
+
+fn settle(address: &str, capture: Capture) -> Result<Found, Refusal> {
+    let place = format!("--camera {address}");
+    let (device, node) =
+        Node::open(Path::new(address)).map_err(|e| Refusal::Final(explain(address, "open", e)))?;
+    if !node.captures && node.is_loopback() {
+        return Err(Refusal::NotYet(no_producer(address)));
+    }
+    if !node.captures || !node.streams {
+        let found = format!("{} ({}), which captures no frames", node.card, node.driver);
+        let allowed = "a capture device; `phasma doctor` lists them";
+        return Err(Refusal::Final(Error::input(place, found, allowed)));
+    }
+    let offered: Vec<FourCc> = offered_formats(&device).iter().map(|o| o.0).collect();
+    let now = match current_format(&device) {
+        Ok(layout) => layout,
+        Err(e) if matches!(e.raw_os_error(), Some(EINVAL | EIO | ENOTTY)) && node.is_loopback() => {
+            return Err(Refusal::NotYet(no_producer(address)));
+        }
+        Err(e) => return Err(Refusal::Final(explain(address, "ask for the format", e))),
+    };
+    let Some(fourcc) = choose(capture, now.fourcc, &offered) else {
+        if offered.is_empty() && node.is_loopback() {
+            return Err(Refusal::NotYet(no_producer(address)));
+        }
+        return Err(Refusal::Final(nothing_readable(&place, capture, &offered)));
+    };
+    let layout = if fourcc == now.fourcc {
+        now
+    } else {
+        set_format(&device, (now.width, now.height), fourcc)
+            .map_err(|e| Refusal::Final(explain(address, "set the format", e)))?
+    };
+    let side = 1..=MAX_SIDE_PX;
+    let fits = side.contains(&layout.width) && side.contains(&layout.height);
+    if layout.fourcc != fourcc || !fits {
+        return Err(Refusal::Final(Error::device(format!(
+            "{place}: asked for {}, the driver has {} of {} x {}",
+            name(fourcc),
+            name(layout.fourcc),
+            layout.width,
+            layout.height
+        ))));
+    }
+    // The library takes numbers of nodes, not paths.
+    let path = std::fs::canonicalize(address)
+        .map_err(|e| Refusal::Final(explain(address, "follow the link", e)))?;
+    Ok(Found {
+        address: address.to_owned(),
+        path,
+        device,
+        layout,
+        webcam: capture == Capture::Nokhwa
+            || (capture == Capture::Auto && WEBCAM.contains(&fourcc)),
+    })
+}
+
+/// The format to read: the one in use where it can be read, else the best on offer.
+fn choose(capture: Capture, now: FourCc, offered: &[FourCc]) -> Option<FourCc> {
+    let best = |wanted: &[FourCc]| {
+        let mut candidates = std::iter::once(&now).chain(wanted);
+        // Drivers that list nothing still have a format in use.
+        candidates
+            .find(|code| wanted.contains(code) && (**code == now || offered.contains(code)))
+            .copied()
+    };
+    match capture {
+        Capture::Auto => best(&MONO).or_else(|| best(&WEBCAM)),
+        Capture::V4l => best(&MONO).or_else(|| best(&WEBCAM[..1])),
+        Capture::Nokhwa => best(&WEBCAM),
+    }
+}
+
+fn nothing_readable(place: &str, capture: Capture, offered: &[FourCc]) -> Error {
+    let names: Vec<String> = offered.iter().map(|code| name(*code)).collect();
+    let (flag, allowed) = match capture {
+        Capture::Auto => ("", "GREY, Y10, Y12, Y16, YUYV or MJPG"),
+        Capture::V4l => (" with --capture v4l", "GREY, Y10, Y12, Y16 or YUYV"),
+        Capture::Nokhwa => (" with --capture nokhwa", "YUYV or MJPG"),
+    };
+    let found = if names.is_empty() {
+        "no format".to_owned()
+    } else {
+        names.join(", ")
+    };
+    Error::input(
+        format!("{place}{flag}"),
+        format!("a device that offers {found}"),
+        allowed,
+    )
+}
+
+/// A code's letters.
+pub(super) fn name(fourcc: FourCc) -> String {
+    fourcc.escape_ascii().to_string().trim_end().to_owned()
+}
+
+/// A camera read through its queue of buffers.
+pub(super) struct V4l2Camera {
+    address: String,
+    queue: CaptureQueue,
+    layout: PixelLayout,
+    format: PixelFormat,
+    /// Id and the driver's count of the last frame.
+    last: Option<(u64, u32)>,
+    skipped: bool,
+    bytes: Vec<u8>,
+}
+
+impl V4l2Camera {
+    /// Starts the stream, waiting up to the timeout for the producer to stream.
+    pub(super) fn start(found: Found, timeout: Duration) -> Result<Self> {
+        let Found {
+            address,
+            device,
+            layout,
+            ..
+        } = found;
+        let format = match &layout.fourcc {
+            b"GREY" => PixelFormat::Grey,
+            b"YUYV" => PixelFormat::Yuyv,
+            _ => PixelFormat::Y16,
+        };
+        let row = layout.width as usize * format.bytes_per_pixel();
+        // Some drivers leave the distance of rows without padding out.
+        let stride = if layout.stride == 0 {
+            row as u32
+        } else {
+            layout.stride
+        };
+        if (stride as usize) < row {
+            return Err(Error::device(format!(
+                "--camera {address}: rows of {stride} bytes for {} pixels of {}",
+                layout.width,
+                name(layout.fourcc)
+            )));
+        }
+        let end = Instant::now() + timeout;
+        let queue = loop {
+            match CaptureQueue::start(&device, BUFFERS) {
+                Ok(queue) => break queue,
+                // v4l2loopback until its producer streams.
+                Err(e) if e.raw_os_error() == Some(EIO) => {
+                    if Instant::now() >= end {
+                        return Err(no_producer(&address));
+                    }
+                    std::thread::sleep(ASK_AGAIN);
+                }
+                Err(e) => return Err(explain(&address, "start the stream", e)),
+            }
+        };
+        Ok(Self {
+            address,
+            queue,
+            layout: PixelLayout { stride, ..layout },
+            format,
+            last: None,
+            skipped: false,
+            bytes: Vec::new(),
+        })
+    }
+
+    /// The frame's number: the driver's count where it counts, so that a gap shows; v4l2loopback
+    /// 0.12 says 0 always.
+    fn count(&mut self, sequence: u32) -> u64 {
+        let id = self.last.map_or(0, |(id, before)| {
+            id + u64::from(sequence.checked_sub(before).unwrap_or(1).max(1))
+        });
+        self.last = Some((id, sequence));
+        id
+    }
+
+    /// The frame without padding; what is wrong with it if it is damaged.
+    fn frame(&mut self, taken: Taken) -> Result<Frame, String> {
+        let id = self.count(taken.sequence);
+        let layout = self.layout;
+        let row = layout.width as usize * self.format.bytes_per_pixel();
+        let stride = layout.stride as usize;
+        // The last row's padding may be left out.
+        let need = stride * (layout.height as usize - 1) + row;
+        if taken.damaged {
+            return Err(format!("frame {id}: the driver says that it is damaged"));
+        }
+        if self.bytes.len() < need {
+            return Err(format!(
+                "frame {id}: {} bytes, want {need}",
+                self.bytes.len()
+            ));
+        }
+        let data = if stride == row {
+            self.bytes.truncate(need);
+            std::mem::take(&mut self.bytes)
+        } else {
+            let rows = self.bytes.chunks(stride).take(layout.height as usize);
+            rows.flat_map(|padded| &padded[..row]).copied().collect()
+        };
+        let time_ns = u64::try_from(taken.timestamp.as_nanos()).unwrap_or(0);
+        Ok(Frame {
+            id,
+            pattern_index: None,
+            width: layout.width,
+            height: layout.height,
+            format: self.format,
+            exposure_start_ns: time_ns,
+            exposure_end_ns: time_ns,
+            data,
+        })
+    }
+}
+
+impl Camera for V4l2Camera {
+    fn info(&self) -> &str {
+        &self.address
+    }
+
+    fn next_frame(&mut self, timeout: Duration) -> Result<Option<Frame>> {
+        self.skipped = false;
+        let limit = self.layout.stride as usize * self.layout.height as usize;
+        let end = Instant::now() + timeout;
+        loop {
+            let left = end.saturating_duration_since(Instant::now());
+            let taken = self.queue.take(&mut self.bytes, limit, left);
+            match taken.map_err(|e: io::Error| explain(&self.address, "take a frame", e))? {
+                Some(taken) => {
+                    let frame = self.frame(taken).map(Some);
+                    self.skipped = frame.is_err();
+                    return frame.map_err(|e| Error::device(format!("{}: {e}", self.address)));
+                }
+                None if left.is_zero() => return Ok(None),
+                // Ready and yet nothing there: not at once again.
+                None => std::thread::sleep(Duration::from_millis(1).min(left)),
+            }
+        }
+    }
+
+    fn has_skipped(&self) -> bool {
+        self.skipped
+    }
+
+    fn identifies(&self) -> bool {
+        false
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_format_in_use_comes_before_better_ones_and_mono_before_colour() {
+        let all = [*b"YUYV", *b"GREY", *b"Y10 ", *b"MJPG"];
+        for (capture, now, offered, chosen) in [
+            (Capture::Auto, *b"GREY", &all[..], Some(*b"GREY")),
+            (Capture::Auto, *b"YUYV", &all, Some(*b"Y10 ")),
+            (Capture::Auto, *b"NV12", &all[..2], Some(*b"GREY")),
+            (Capture::Auto, *b"MJPG", &[], Some(*b"MJPG")),
+            (Capture::V4l, *b"MJPG", &all[..1], Some(*b"YUYV")),
+            (Capture::V4l, *b"MJPG", &all[3..], None),
+            (Capture::Nokhwa, *b"GREY", &all, Some(*b"YUYV")),
+            (Capture::Nokhwa, *b"MJPG", &all, Some(*b"MJPG")),
+            (Capture::Nokhwa, *b"GREY", &all[1..3], None),
+        ] {
+            assert_eq!(choose(capture, now, offered), chosen, "{capture:?} {now:?}");
+        }
+        let error = nothing_readable("--camera x", Capture::Nokhwa, &all[1..3]);
+        assert!(
+            error
+                .to_string()
+                .contains("offers GREY, Y10; allowed: YUYV"),
+            "{error}"
+        );
+    }
+
+    #[test]
+    fn what_is_no_camera_is_refused() {
+        for (address, needle) in [
+            ("/dev/null", "no V4L2 device"),
+            ("/dev/no-such-video", "no such device"),
+        ] {
+            let Err(error) = find(address, Capture::Auto, Duration::from_secs(60)) else {
+                panic!("{address}")
+            };
+            assert_eq!(error.exit_code(), 2, "{error}");
+            assert!(error.to_string().contains(needle), "{error}");
+        }
+    }
+}

@@ -1,0 +1,40 @@
+//! What the system says of a V4L2 device, in words that mend it.
+
+use crate::error::Error;
+use std::io;
+
+pub(super) const EIO: i32 = 5;
+const EACCES: i32 = 13;
+pub(super) const EBUSY: i32 = 16;
+const ENODEV: i32 = 19;
+const ENXIO: i32 = 6;
+pub(super) const EINVAL: i32 = 22;
+pub(super) const ENOTTY: i32 = 25;
+
+/// An error of a device at an address, met while `doing`.
+pub fn explain(address: &str, doing: &str, error: io::Error) -> Error {
+    let place = format!("--camera {address}");
+    let remedy = match error.raw_os_error() {
+        _ if error.kind() == io::ErrorKind::NotFound => {
+            return Error::input(
+                place,
+                "no such device",
+                "a V4L2 device that is there; `phasma doctor` lists them",
+            );
+        }
+        Some(EACCES) => {
+            "you may not open it; join its group (usually `sudo usermod -aG video $USER`, then log \
+             in again); `phasma doctor` says more"
+        }
+        Some(EBUSY) => {
+            "another program holds it (v4l2loopback from 0.14 on takes one reader at a time); close \
+             that one"
+        }
+        Some(ENODEV | ENXIO) => "the device has gone",
+        Some(ENOTTY) => {
+            return Error::input(place, "no V4L2 device", "a camera such as /dev/video0");
+        }
+        _ => return Error::device(format!("{place}: {doing}: {error}")),
+    };
+    Error::device(format!("{place}: {doing}: {error}: {remedy}"))
+}

@@ -1,0 +1,121 @@
+//! The steps of a fringe set against other orders of them.
+
+use super::grid::Grid;
+use crate::decode::{AxisPlan, FringeSet};
+
+/// Pixels that are looked at, at most.
+const PIXELS: usize = 5000;
+/// Another order has to leave less than this part of the residual.
+const DISTINCT: f64 = 0.8;
+/// The lack of a frame has to leave less than this part of the residual that is to be expected.
+const DISTINCT_LACK: f64 = 0.6;
+/// Steps from which on a single bad one is told by its lack.
+const LEAST_STEPS: usize = 6;
+/// Part of the variance that fringes may leave unexplained.
+const UNEXPLAINED: f64 = 0.35;
+
+/// Whether another order, or one frame less, makes a set's residual distinctly smaller.
+pub(super) fn check(axis: &AxisPlan, grid: &Grid) -> Result<(), String> {
+    let varying: usize = grid.lines.iter().map(|line| line.varying().count()).sum();
+    let stride = varying.div_ceil(PIXELS).max(1);
+    let pixels: Vec<&[f32]> = grid
+        .lines
+        .iter()
+        .flat_map(|line| line.varying())
+        .step_by(stride)
+        .collect();
+    for set in axis.sets.iter().filter(|set| set.frames.len() > 3) {
+        let asked = residual(set, &pixels, &set.frames);
+        if let Some((one, other)) = better_order(set, &pixels, asked) {
+            return Err(format!("frames {one} and {other} look exchanged"));
+        }
+        if let Some(bad) = worthless(set, &pixels, asked) {
+            return Err(format!("frame {bad} is no step of its fringes"));
+        }
+        if asked > UNEXPLAINED * variance(set, &pixels) {
+            let (first, last) = (set.frames[0], set.frames[set.frames.len() - 1]);
+            return Err(format!(
+                "frames {first} to {last} are no fringes of one period in their order"
+            ));
+        }
+    }
+    Ok(())
+}
+
+fn samples<'a>(pixel: &'a [f32], frames: &'a [usize]) -> impl Iterator<Item = f64> + 'a {
+    frames.iter().map(|frame| f64::from(pixel[*frame]))
+}
+
+/// Sum of squared residuals with the set's steps taken from `frames`.
+fn residual(set: &FringeSet, pixels: &[&[f32]], frames: &[usize]) -> f64 {
+    let mut values = Vec::with_capacity(frames.len());
+    let each = pixels.iter().map(|pixel| {
+        values.clear();
+        values.extend(samples(pixel, frames));
+        set.residual(&values)
+    });
+    each.sum()
+}
+
+fn variance(set: &FringeSet, pixels: &[&[f32]]) -> f64 {
+    let n = set.frames.len() as f64;
+    let each = pixels.iter().map(|pixel| {
+        let (sum, squares) = samples(pixel, &set.frames)
+            .fold((0.0, 0.0), |(sum, squares), v| (sum + v, squares + v * v));
+        squares - sum * sum / n
+    });
+    each.sum()
+}
+
+/// The two frames whose exchange explains the samples best, if distinctly better than no exchange:
+/// any two steps, or a step and a frame beside it that is none.
+fn better_order(set: &FringeSet, pixels: &[&[f32]], asked: f64) -> Option<(usize, usize)> {
+    let all = pixels.first().map_or(0, |pixel| pixel.len());
+    let mut best = (DISTINCT * asked, None);
+    for (place, &frame) in set.frames.iter().enumerate() {
+        let beside = [frame.checked_sub(1), frame.checked_add(1)];
+        let strangers = beside
+            .into_iter()
+            .flatten()
+            .filter(|other| *other < all && !set.frames.contains(other));
+        for other in set.frames[place + 1..].iter().copied().chain(strangers) {
+            let exchanged: Vec<usize> = set
+                .frames
+                .iter()
+                .map(|&f| match f {
+                    f if f == frame => other,
+                    f if f == other => frame,
+                    f => f,
+                })
+                .collect();
+            let left = residual(set, pixels, &exchanged);
+            if left < best.0 {
+                best = (left, Some((frame.min(other), frame.max(other))));
+            }
+        }
+    }
+    best.1
+}
+
+/// The frame without which the others fit far better.
+fn worthless(set: &FringeSet, pixels: &[&[f32]], asked: f64) -> Option<usize> {
+    let n = set.frames.len();
+    if n < LEAST_STEPS {
+        return None;
+    }
+    let expected = asked * (n - 4) as f64 / (n - 3) as f64;
+    let mut best = (DISTINCT_LACK * expected, None);
+    for lacking in 0..n {
+        let (mut frames, mut phases) = (set.frames.clone(), set.phases.clone());
+        let frame = frames.remove(lacking);
+        phases.remove(lacking);
+        let Ok(rest) = FringeSet::new("steps", set.period_px, frames, phases) else {
+            continue;
+        };
+        let left = residual(&rest, pixels, &rest.frames);
+        if left < best.0 {
+            best = (left, Some(frame));
+        }
+    }
+    best.1
+}

@@ -1,0 +1,176 @@
+//! The pixels that are looked at: whole lines of the image, along the axis of the patterns.
+
+use crate::pattern::Axis;
+use crate::protocol::{Frame, PixelFormat};
+
+/// Lines, evenly spread.
+const LINES: usize = 64;
+/// Pixels in a row that have to vary together: single ones are noise, text or a passing edge.
+const RUN: usize = 8;
+/// A pixel varies when its range over the frames is so many deviations of the noise wide.
+const RANGE_SIGMAS: f32 = 12.0;
+/// And at least so many DN.
+const RANGE_DN: f32 = 6.0;
+
+/// Lines of pixels, each with its value in every frame.
+pub(super) struct Grid {
+    pub(super) lines: Vec<Line>,
+    /// Standard deviation of the noise in DN, of a usual frame.
+    pub(super) noise_dn: f32,
+}
+
+/// One line.
+pub(super) struct Line {
+    frames: usize,
+    /// Frames of the first pixel, then of the second and so on.
+    values: Vec<f32>,
+    /// Pixels that vary in a run.
+    pub(super) varies: Vec<bool>,
+}
+
+impl Line {
+    /// Pixels in the line.
+    pub(super) fn len(&self) -> usize {
+        self.values.len() / self.frames
+    }
+
+    /// A pixel's value in every frame, in DN.
+    pub(super) fn pixel(&self, i: usize) -> &[f32] {
+        &self.values[i * self.frames..][..self.frames]
+    }
+
+    /// The pixels that vary in a run.
+    pub(super) fn varying(&self) -> impl Iterator<Item = &[f32]> {
+        let indices = (0..self.len()).filter(|i| self.varies[*i]);
+        indices.map(|i| self.pixel(i))
+    }
+}
+
+impl Grid {
+    /// Lines along `axis` through frames of one size and format.
+    pub(super) fn new(frames: &[Frame], axis: Axis) -> Self {
+        let (width, height) = frames
+            .first()
+            .map_or((0, 0), |f| (f.width as usize, f.height as usize));
+        let (len, across) = match axis {
+            Axis::X => (width, height),
+            Axis::Y => (height, width),
+        };
+        let count = LINES.min(across);
+        let mut lines: Vec<Line> = (0..count)
+            .map(|n| {
+                let at = (2 * n + 1) * across / (2 * count);
+                let mut values = Vec::with_capacity(len * frames.len());
+                for i in 0..len {
+                    let index = match axis {
+                        Axis::X => at * width + i,
+                        Axis::Y => i * width + at,
+                    };
+                    values.extend(frames.iter().map(|frame| value(frame, index)));
+                }
+                Line {
+                    frames: frames.len(),
+                    values,
+                    varies: Vec::new(),
+                }
+            })
+            .collect();
+        let noise_dn = noise(&lines, frames.len());
+        let least = (RANGE_SIGMAS * noise_dn).max(RANGE_DN);
+        for line in &mut lines {
+            let varies = (0..line.len())
+                .map(|i| {
+                    let (low, high) = range(line.pixel(i));
+                    high - low > least
+                })
+                .collect();
+            line.varies = runs(varies);
+        }
+        Self { lines, noise_dn }
+    }
+
+    /// Share of the pixels that vary in runs.
+    pub(super) fn varying(&self) -> f64 {
+        share(self.lines.iter().flat_map(|line| &line.varies).copied())
+    }
+}
+
+/// Share of what is true.
+pub(super) fn share(which: impl Iterator<Item = bool>) -> f64 {
+    let (mut yes, mut all) = (0usize, 0usize);
+    for one in which {
+        yes += usize::from(one);
+        all += 1;
+    }
+    yes as f64 / all.max(1) as f64
+}
+
+/// Least and greatest value.
+pub(super) fn range(values: &[f32]) -> (f32, f32) {
+    let start = (f32::INFINITY, f32::NEG_INFINITY);
+    values
+        .iter()
+        .fold(start, |(low, high), v| (low.min(*v), high.max(*v)))
+}
+
+/// Clears what is true in runs shorter than [`RUN`].
+pub(super) fn runs(mut which: Vec<bool>) -> Vec<bool> {
+    let mut start = 0;
+    while start < which.len() {
+        let run = which[start..].iter().take_while(|one| **one).count();
+        if run < RUN {
+            which[start..start + run].fill(false);
+        }
+        start += run + 1;
+    }
+    which
+}
+
+fn value(frame: &Frame, index: usize) -> f32 {
+    match frame.format {
+        PixelFormat::Y16 => f32::from(u16::from_le_bytes([
+            frame.data[2 * index],
+            frame.data[2 * index + 1],
+        ])),
+        _ => f32::from(frame.data[index]),
+    }
+}
+
+/// The noise of a usual frame from second differences along the lines, which patterns of many pixels
+/// hardly touch: in the lower quartile of the frames are the uniform ones and the coarse codes.
+fn noise(lines: &[Line], frames: usize) -> f32 {
+    let mut sizes: Vec<f32> = (0..frames)
+        .map(|frame| {
+            let mut steps: Vec<f32> = Vec::new();
+            for line in lines {
+                let at = |i: usize| line.values[i * line.frames + frame];
+                let middles = 1..line.len().saturating_sub(1);
+                steps.extend(middles.map(|i| (at(i - 1) - 2.0 * at(i) + at(i + 1)).abs()));
+            }
+            let middle = steps.len() / 2;
+            match steps.is_empty() {
+                true => 0.0,
+                false => *steps.select_nth_unstable_by(middle, f32::total_cmp).1,
+            }
+        })
+        .collect();
+    sizes.sort_by(f32::total_cmp);
+    // A difference 1, -2, 1 has 6 times the variance; 0.6745 of a deviation is the median.
+    let median = sizes.get(sizes.len() / 4).copied().unwrap_or(0.0);
+    (median / (0.6745 * 6f32.sqrt())).max(0.5)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn short_runs_are_none() {
+        let mut which = vec![true; 7];
+        which.push(false);
+        which.extend(vec![true; 8]);
+        let mut want = vec![false; 8];
+        want.extend(vec![true; 8]);
+        assert_eq!(runs(which), want);
+    }
+}

@@ -1,0 +1,53 @@
+//! Whether the camera sees what is projected at all.
+
+use super::grid::{Grid, range, runs, share};
+use super::main_axis;
+use crate::decode::{FringeSet, Plan};
+use crate::pattern::Manifest;
+use crate::protocol::Frame;
+
+/// Least modulation in DN, as the decoder has it.
+const LEAST_DN: f64 = 2.0;
+/// Deviations of its noise that a modulation has to reach.
+const LEAST_SIGMAS: f64 = 5.0;
+/// Variance that the fringes explain, per degree of freedom, over what they leave.
+const EXPLAINED: f64 = 4.0;
+
+/// Share of the pixels, 0 to 1, that follow the sequence in runs along a line: white is brighter
+/// than black by half of all variation, and fringes explain their frames. `None` where the sequence
+/// has neither, or the frames are not as many as it has.
+pub(in crate::host) fn following(manifest: &Manifest, frames: &[Frame]) -> Option<f64> {
+    let plan = Plan::new(manifest).ok()?;
+    let references = plan.white.zip(plan.black);
+    let sets: Vec<&FringeSet> = plan.axes.iter().flat_map(|axis| &axis.sets).collect();
+    if frames.len() != plan.frames || (references.is_none() && sets.is_empty()) {
+        return None;
+    }
+    let grid = Grid::new(frames, main_axis(&plan));
+    let noise_dn = f64::from(grid.noise_dn);
+    let follows = |values: &[f32]| {
+        let (low, high) = range(values);
+        let lit = references.is_none_or(|(white, black)| {
+            let contrast = f64::from(values[white] - values[black]);
+            let least = (0.5 * f64::from(high - low)).max(LEAST_DN);
+            contrast >= least.max(LEAST_SIGMAS * noise_dn)
+        });
+        lit && (sets.is_empty() || sets.iter().any(|set| modulated(set, values, noise_dn)))
+    };
+    let lines = grid
+        .lines
+        .iter()
+        .flat_map(|line| runs((0..line.len()).map(|i| follows(line.pixel(i))).collect()));
+    Some(share(lines))
+}
+
+fn modulated(set: &FringeSet, values: &[f32], noise_dn: f64) -> bool {
+    let samples: Vec<f64> = set.frames.iter().map(|f| f64::from(values[*f])).collect();
+    let [_, c, s] = set.solve(&samples);
+    let n = samples.len() as f64;
+    let modulation = c.hypot(s);
+    let least = LEAST_DN.max(LEAST_SIGMAS * noise_dn * (2.0 / n).sqrt());
+    let explained = 0.25 * n * modulation * modulation;
+    let left = set.residual(&samples) / (n - 3.0).max(1.0);
+    modulation >= least && explained >= EXPLAINED * left
+}
