@@ -13,6 +13,7 @@ use super::transfer::transfer_like;
 use super::video::{VideoFunction, VideoMode};
 use crate::error::{Error, Result};
 use crate::host::Camera;
+use crate::host::clock::monotonic_ns;
 use crate::protocol::Frame;
 use crate::protocol::usb::usbip::{Submit, status};
 use std::collections::VecDeque;
@@ -27,8 +28,8 @@ const DEPTH: usize = 32;
 /// Buffers kept for frames to come.
 const MAX_SPARE: usize = MAX_READY + 2;
 
-/// A UVC camera. Its frames are what the device sends: count them, they have no identity but their
-/// number and no times; a frame damaged or lost leaves a gap in the numbers.
+/// A UVC camera. Its frames are what the device sends: they have no identity but their
+/// number, and the time at which they were whole; a damaged one leaves a gap in the numbers.
 pub struct UsbCamera {
     feed: Feed,
     queue: Arc<Queue>,
@@ -50,7 +51,8 @@ struct Queue {
 #[derive(Debug)]
 struct State {
     flow: Flow,
-    ready: VecDeque<Event>,
+    /// What has come, and when on the system's monotonic clock, in nanoseconds.
+    ready: VecDeque<(Event, u64)>,
     spare: Vec<Vec<u8>>,
 }
 
@@ -148,23 +150,23 @@ impl UsbCamera {
         }
     }
 
-    fn frame(&mut self, data: Vec<u8>) -> Frame {
+    fn frame(&self, data: Vec<u8>, time_ns: u64) -> Frame {
         Frame {
             id: self.count,
             pattern_index: None,
             width: self.mode.width,
             height: self.mode.height,
             format: self.mode.format,
-            exposure_start_ns: 0,
-            exposure_end_ns: 0,
+            exposure_start_ns: time_ns,
+            exposure_end_ns: time_ns,
             data,
         }
     }
 
-    fn take(&mut self, event: Event) -> Result<Frame> {
+    fn take(&mut self, (event, time_ns): (Event, u64)) -> Result<Frame> {
         self.count += 1;
         match event {
-            Event::Frame(data) => Ok(self.frame(data)),
+            Event::Frame(data) => Ok(self.frame(data, time_ns)),
             Event::Damaged(why) => {
                 self.skipped = true;
                 let count = self.count;
@@ -237,6 +239,10 @@ impl Camera for UsbCamera {
     fn has_skipped(&self) -> bool {
         self.skipped
     }
+
+    fn identifies(&self) -> bool {
+        false
+    }
 }
 
 impl Drop for UsbCamera {
@@ -285,7 +291,10 @@ impl Receiver for Stream {
         if state.flow.halted || !events.is_empty() {
             self.queue.changed.notify_one();
         }
-        state.ready.extend(events);
+        let now_ns = monotonic_ns();
+        state
+            .ready
+            .extend(events.into_iter().map(|event| (event, now_ns)));
         if self.assembler.wants_buffer()
             && let Some(spare) = state.spare.pop()
         {
