@@ -149,8 +149,10 @@ def test_a_foreign_producer_holds_the_node(scratch):
     expect("camera", device.camera, loopback.SECOND)
     expect_next_scan_right(device)
     device.stop()
+    # The module forgets the output side of a node that was written to, until it is loaded anew.
     scratch.let_go(foreign)
-    after = served(scratch, name="after")
+    expect_in("serve after it", "sudo modprobe -r v4l2loopback", refused(scratch))
+    after = loaded_and_served(scratch)
     expect_next_scan_right(after, "after")
     after.stop()
 

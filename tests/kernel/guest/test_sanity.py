@@ -10,7 +10,9 @@ from lab.v4l2 import names
 
 def test_the_module_makes_the_nodes_with_their_names(scratch):
     loopback.load()
-    expect("names", names(), {f"/dev/video{n}": label for n, label in loopback.NODES})
+    # vivid's nodes may be there too.
+    for number, label in loopback.NODES:
+        expect(f"name of node {number}", names().get(f"/dev/video{number}"), label)
 
 
 def test_frames_of_ffmpeg_reach_v4l2_ctl(scratch):

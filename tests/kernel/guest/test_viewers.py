@@ -7,6 +7,8 @@ from lab.profiles import GREY, YUYV
 from lab.streams import expect_free_run, split
 
 COUNT = 8
+# The module may hand out a buffer that has not been given back; GStreamer gives up on it.
+MODULES_OWN = "Failed to allocate a buffer"
 
 
 def viewed(scratch, variation, *command):
@@ -20,7 +22,11 @@ def viewed(scratch, variation, *command):
     loopback.load()
     device = Device(scratch, variation, loopback.PHASMA, "--no-noise").ready()
     saved = scratch.dir / "saved"
-    scratch.run(*[str(part).replace("SAVED", str(saved)) for part in command]).ok()
+    for _ in range(4):
+        done = scratch.run(*[str(part).replace("SAVED", str(saved)) for part in command])
+        if MODULES_OWN not in done.err:
+            break
+    done.ok()
     frames = split(saved.read_bytes(), variation)
     expect_free_run(frames, variation, COUNT)
     expect("images that are not as rendered",

@@ -11,7 +11,7 @@ boot() {
   timeout -k 5 "$limit_s" qemu-system-x86_64 \
     -accel tcg,thread=multi -cpu max -smp 2 -m 2048 -nodefaults -no-reboot -display none \
     -kernel "$stock/root/boot/vmlinuz-$kernel" -initrd "$stock/initramfs.cpio" \
-    -append 'console=ttyS0 quiet panic=-1' \
+    -append 'console=ttyS0 quiet panic=-1 no_timer_check' \
     -serial "file:$out/console.log" -serial stdio \
     -virtfs local,path=/,mount_tag=host,security_model=none,readonly=on,multidevs=remap \
     -virtfs "local,path=$repo,mount_tag=repo,security_model=none,readonly=on,multidevs=remap" \

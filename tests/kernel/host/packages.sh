@@ -1,11 +1,12 @@
 # The Debian packages that the lane needs here, and whether they are here. Sourced by ../run.
 
-# Emulator and initramfs; what builds two kernel modules (libelf1: objtool); the foreign clients.
+# Emulator and initramfs; what builds two kernel modules (libelf1: objtool); the foreign clients, the
+# keeper of device nodes among them.
 packages=(
   qemu-system-x86 busybox-static cpio kmod
   gcc make libc6-dev libelf1
   v4l-utils ffmpeg gstreamer1.0-tools gstreamer1.0-plugins-base gstreamer1.0-plugins-good
-  python3 python3-opencv python3-serial
+  python3 python3-opencv python3-serial udev
 )
 
 # Prints the packages that are not installed.

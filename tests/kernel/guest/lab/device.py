@@ -76,7 +76,8 @@ class Device:
         def announced():
             if not self.job.running():
                 self.job.wait().with_status(None)
-            return path.exists()
+            # A device that was killed has left its own behind.
+            return path.exists() and json.loads(path.read_text())["pid"] == self.job.process.pid
 
         wait_until("device.json", announced, 30)
         self.endpoints = json.loads(path.read_text())
