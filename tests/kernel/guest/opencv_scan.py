@@ -24,6 +24,8 @@ def main(node, port, folder):
     camera = cv2.VideoCapture(node, cv2.CAP_V4L2)
     assert camera.isOpened(), f"{node} does not open"
     assert camera.set(cv2.CAP_PROP_CONVERT_RGB, 0)
+    # OpenCV starts to stream with the first frame that is read.
+    assert camera.read()[0], "the camera does not run free"
 
     with serial.Serial(port, timeout=20) as control:
         def ask(line):

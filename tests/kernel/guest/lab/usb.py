@@ -13,9 +13,8 @@ from .profiles import replace
 VHCI = pathlib.Path("/sys/devices/platform/vhci_hcd.0")
 # Words of the kernel's log that something went wrong between it and the device.
 COMPLAINTS = re.compile(
-    r"cannot find a urb|unlink.*(lost|fail)|WARNING|BUG|Call Trace|not accepting address"
-    r"|descriptor read.*error|unable to (read|enumerate)|config.*invalid|Failed to (query|set|initialize)",
-    re.IGNORECASE)
+    r"cannot find a urb|unlink.*(lost|fail)|WARNING:|BUG:|Call Trace|not accepting address"
+    r"|descriptor read.*error|unable to (read|enumerate)|config.*invalid|Failed to (query|set|initialize)")
 
 
 def load():
