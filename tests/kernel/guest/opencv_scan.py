@@ -48,7 +48,8 @@ def main(node, port, folder):
         while len(frames) < count:
             grabbed, frame = camera.read()
             assert grabbed, "the camera gives no frame"
-            frame = frame.reshape(241, 320)
+            # Of YUYV, which OpenCV prefers where it is offered, the luma.
+            frame = frame.reshape(241, 320, -1)[:, :, 0]
             identity, index, triggered = data_line(frame[0])
             # What came before the trigger belongs to the free-running camera.
             if triggered:

@@ -170,9 +170,10 @@ def reference_scan(scratch, variation, *options):
     key = (variation, options)
     if key not in SCANS:
         device = Device(scratch, variation, "socket", *options, name="reference").ready()
-        device.scan("reference-scan").ok()
+        folder = f"reference-scan-{len(SCANS)}"
+        device.scan(folder).ok()
         device.stop()
-        SCANS[key] = files(scratch.dir / "reference-scan")
+        SCANS[key] = files(scratch.dir / folder)
     return SCANS[key]
 
 
