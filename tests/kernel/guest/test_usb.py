@@ -111,10 +111,10 @@ def test_a_thousand_frames_without_loss(scratch):
     wait_until("STREAMON", lambda: "VIDIOC_STREAMON" in "".join(reader.said()))
     # Triggered, because a free-running camera drops what a busy machine cannot make in time.
     with serial.Serial(device.port, timeout=20) as port:
-        port.write(b"TRIG:SOUR BUS;:SEQ:PER 0.02;:INIT:CONT ON;:SYST:ERR?\n")
+        port.write(b"INIT:CONT OFF;:ABOR;:TRIG:SOUR BUS;MODE SEQ;:SEQ:PER 0.02;:SYST:ERR?\n")
         expect("armed", port.readline(), b'0,"No error"\n')
         for _ in range(90):
-            port.write(b"*TRG;*OPC?\n")
+            port.write(b"INIT;*TRG;*OPC?\n")
             expect("a sequence is over", port.readline(), b"1\n")
             if not reader.running():
                 break
