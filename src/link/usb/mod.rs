@@ -1,8 +1,8 @@
 //! The device as one USB device, served over USB/IP from user space: a UVC camera and a CDC-ACM
 //! port that stock drivers take for hardware.
 //!
-//! [`session::Session`] is the device as a state machine: commands and frames in, replies and
-//! events out. [`connection`] carries it over a socket, [`server`] listens, [`attach`] hands a
+//! `session::Session` is the device as a state machine: commands and frames in, replies and
+//! events out. `connection` carries it over a socket, `server` listens, `attach` hands a
 //! socket to this machine's own kernel.
 
 mod attach;

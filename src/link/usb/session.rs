@@ -165,6 +165,11 @@ impl Session {
         for event in self.function.take_events() {
             match event {
                 Event::Stopped => self.stop(),
+                // What an earlier stream has left is of no stream.
+                Event::Committed(_) => {
+                    self.stop();
+                    self.events.push_back(event);
+                }
                 Event::Lines(lines) => {
                     if !lines.dtr {
                         self.serial.hang_up();

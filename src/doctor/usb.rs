@@ -1,0 +1,56 @@
+//! The virtual USB host controller, which attaches an exported device to this machine's kernel, and
+//! the drivers that take it then.
+
+use super::{Check, Feature, Machine, Status};
+
+const CONTROLLER: &str = "sys/devices/platform/vhci_hcd.0";
+/// Driver, and the file of its module.
+const DRIVERS: [(&str, &str); 2] = [("uvcvideo", "uvcvideo.ko"), ("cdc_acm", "cdc-acm.ko")];
+
+pub(super) fn checks(machine: &Machine) -> Vec<Check> {
+    let check = |topic, found: String| Check::ok(topic, Feature::Usb, found);
+    let controller = check("vhci_hcd", "loaded".into());
+    let controller = if machine.has(CONTROLLER) {
+        controller
+    } else if machine.container() {
+        check(
+            "vhci_hcd",
+            "not loaded, and a container loads no modules; `phasma serve --usb export` and \
+             `phasma scan --device` need none"
+                .into(),
+        )
+        .but(
+            Status::Missing,
+            "on the host: sudo modprobe vhci-hcd".to_owned(),
+        )
+    } else {
+        check(
+            "vhci_hcd",
+            "not loaded; `phasma serve --usb attach` needs it, --usb export does not".into(),
+        )
+        .but(Status::Missing, "sudo modprobe vhci-hcd".to_owned())
+    };
+    let modules = format!("lib/modules/{}", machine.release);
+    let list = |file| {
+        machine
+            .text(format!("{modules}/{file}"))
+            .unwrap_or_default()
+    };
+    let known = [list("modules.dep"), list("modules.builtin")].concat();
+    let drivers = DRIVERS.iter().map(|&(driver, file)| {
+        if machine.has(format!("sys/module/{driver}")) {
+            check("USB driver", format!("{driver} is loaded"))
+        } else if known.contains(file) {
+            check(
+                "USB driver",
+                format!("{driver} is there for when a device comes"),
+            )
+        } else {
+            check("USB driver", format!("{driver} is not there")).but(
+                Status::Note,
+                "a kernel with the driver, as Debian's linux-image-amd64".to_owned(),
+            )
+        }
+    });
+    std::iter::once(controller).chain(drivers).collect()
+}
