@@ -25,6 +25,8 @@ pub struct Args {
 enum Need {
     /// The device as a camera of the kernel.
     V4l2,
+    /// The device as a USB device of this machine's kernel.
+    Usb,
     /// Rendering on a graphics adapter; judged by the files of loader and drivers, none is loaded.
     Vulkan,
 }
@@ -60,6 +62,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
         .iter()
         .map(|need| match need {
             Need::V4l2 => Feature::V4l2,
+            Need::Usb => Feature::Usb,
             Need::Vulkan => Feature::Vulkan,
         })
         .collect();

@@ -4,21 +4,27 @@ use super::interrupt::Interruptible;
 use crate::decode::{Options, Summary, write_outputs};
 use crate::error::{Error, Result};
 use crate::geometry::Rig;
+use crate::host::usb::{UsbAddress, UsbCamera, UsbDevice, UsbPort};
 use crate::host::{
-    Camera, Capture, Captured, Progress, ScanOptions, Scanner, SerialPort, open_camera,
-    scan_free_running,
+    Camera, Capture, Captured, CommandPort, Intake, Progress, ScanOptions, Scanner, SerialPort,
+    open_camera, scan_free_running,
 };
 use crate::pattern::Manifest;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 /// Capture a sequence from a scanner and decode it: frames, manifest, calibration, maps and cloud
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
     /// The camera: /dev/videoN, socket:PATH or tcp:HOST:PORT.
-    #[arg(long, value_name = "ADDR")]
-    camera: String,
+    #[arg(long, value_name = "ADDR", required_unless_present = "device")]
+    camera: Option<String>,
+    /// Camera and control port of a USB device that is served over USB/IP: usb:HOST:PORT or
+    /// usb:HOST:PORT/BUSID.
+    #[arg(long, value_name = "ADDR", conflicts_with_all = ["camera", "control", "capture"])]
+    device: Option<String>,
     /// How a V4L2 camera is read
     #[arg(long, value_name = "HOW", default_value = "auto")]
     capture: How,
@@ -88,7 +94,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
             format!("{} to {} s", range.start(), range.end()),
         ));
     }
-    if args.control.is_none() && args.manifest.is_none() {
+    if args.device.is_none() && args.control.is_none() && args.manifest.is_none() {
         return Err(Error::input(
             "--control",
             "neither it nor --manifest is given",
@@ -110,8 +116,11 @@ pub(super) fn run(args: &Args) -> Result<()> {
     };
     let start = Instant::now();
     let given = args.calibration.as_deref().zip(calibration);
-    let camera = (args.camera.as_str(), args.capture.into());
+    let address = args.device.as_deref().or(args.camera.as_deref());
+    let address = address.unwrap_or_default();
+    let camera = (address, args.capture.into());
     let captured = match (&args.control, &options.manifest) {
+        _ if args.device.is_some() => capture_usb(address, timeout, &options, given)?,
         (None, Some(manifest)) => capture_free(args, camera, manifest, timeout, given)?,
         (control, _) => {
             let control = control.as_deref().unwrap_or_default();
@@ -127,13 +136,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     captured.write(&args.out)?;
     if !args.no_decode {
         let shown = captured.check_modulation();
-        shown.map_err(|e| {
-            e.at(format!(
-                "{} (frames kept in {})",
-                args.camera,
-                args.out.display()
-            ))
-        })?;
+        shown.map_err(|e| e.at(format!("{address} (frames kept in {})", args.out.display())))?;
     }
     let decoding = (!args.no_decode)
         .then(|| decode_captured(&captured, args))
@@ -155,10 +158,33 @@ pub(super) fn capture(
     calibration: Option<(&Path, Rig)>,
 ) -> Result<Captured> {
     let port = SerialPort::open(control)?;
-    let mut scanner: Scanner<Interruptible<Box<dyn Camera>>, _> =
-        Scanner::new(port, timeout, || {
-            open_camera(camera, how, timeout).map(Interruptible::new)
-        })?;
+    let scanner = Scanner::new(port, timeout, || {
+        open_camera(camera, how, timeout).map(Interruptible::new)
+    })?;
+    run_scanner(scanner, options, calibration)
+}
+
+/// Captures a sequence from a USB device: camera and control port by one address.
+fn capture_usb(
+    address: &str,
+    timeout: Duration,
+    options: &ScanOptions,
+    calibration: Option<(&Path, Rig)>,
+) -> Result<Captured> {
+    let address = UsbAddress::parse(address, &format!("--device {address}"))?;
+    let device = Arc::new(UsbDevice::open(&address, timeout)?);
+    let scanner = Scanner::new(UsbPort::open(&device)?, timeout, || {
+        let camera = UsbCamera::open(&device, None)?;
+        Ok(Interruptible::new(Intake::new(camera)))
+    })?;
+    run_scanner(scanner, options, calibration)
+}
+
+fn run_scanner<C: Camera, P: CommandPort>(
+    mut scanner: Scanner<C, P>,
+    options: &ScanOptions,
+    calibration: Option<(&Path, Rig)>,
+) -> Result<Captured> {
     if let Some((path, rig)) = calibration {
         scanner = scanner.with_calibration(path.display().to_string(), rig);
     }

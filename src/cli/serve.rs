@@ -2,10 +2,12 @@
 
 use crate::emulator::{Clock, Firmware, PacedClock, Renderer, UserSequence, VirtualClock};
 use crate::error::{Error, Result};
+use crate::link::usb::{Binding, UsbServer, attach};
 use crate::link::{Device, RunDir, VideoOutput, serve};
 use crate::profile::{Profile, Scene};
 use crate::protocol::Endpoints;
 use std::io::Write;
+use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::str::FromStr;
 use std::time::{Duration, Instant};
@@ -29,6 +31,19 @@ pub(super) struct Args {
     /// auto, the first free one whose label starts with Phasma; or socket, nowhere else.
     #[arg(long, value_name = "ADDR", default_value = "auto")]
     camera: Choice,
+    /// Be a USB device too, camera and serial port in one: export lets hosts take it over USB/IP
+    /// (`usbip attach`), attach also hands it to this machine's own kernel.
+    #[arg(long, value_name = "HOW", value_enum, num_args = 0..=1, default_missing_value = "export")]
+    usb: Option<UsbHow>,
+    /// Where to export the USB device. USB/IP has no authentication: whoever reaches the address
+    /// can take the device.
+    #[arg(
+        long,
+        value_name = "IP:PORT",
+        default_value = "127.0.0.1:3240",
+        requires = "usb"
+    )]
+    usb_listen: SocketAddr,
     /// Seed of the noise.
     #[arg(long, default_value_t = 0)]
     seed: u64,
@@ -47,6 +62,14 @@ pub(super) struct Args {
     /// How device time passes.
     #[arg(long, value_enum, default_value_t = Pace::Real)]
     clock: Pace,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+enum UsbHow {
+    /// For `usbip attach`, here or elsewhere.
+    Export,
+    /// To this machine's own kernel as well.
+    Attach,
 }
 
 /// `--camera`.
@@ -113,6 +136,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
         seed: args.seed,
         tcp: args.tcp,
         video: None,
+        usb: None,
         notice: |text| eprintln!("phasma: {text}"),
     };
     let runtime = tokio::runtime::Builder::new_current_thread()
@@ -146,9 +170,48 @@ pub(super) fn run(args: &Args) -> Result<()> {
         let bits = profile.camera.sensor.bits;
         let (video, why) = open_video(args, &device.firmware, bits, power_on)?;
         device.video = video;
+        let clock = move || start.elapsed();
+        let mut why = why;
+        if let Some(how) = args.usb {
+            let (usb, words) = open_usb(args, how, &profile, &device.firmware, clock).await?;
+            device.usb = Some(usb);
+            why = words;
+        }
         let announce = |endpoints: &Endpoints| announce(endpoints, &why);
-        serve(device, run_dir, move || start.elapsed(), announce, shutdown).await
+        serve(device, run_dir, clock, announce, shutdown).await
     })
+}
+
+/// The USB device that was asked for, with its address, and what to say of it.
+async fn open_usb(
+    args: &Args,
+    how: UsbHow,
+    profile: &Profile,
+    firmware: &Firmware,
+    clock: impl Fn() -> Duration + Clone + Send + Sync + 'static,
+) -> Result<((Binding, String), String)> {
+    let binding = Binding::new(profile, firmware, 1)?;
+    let device = binding.device().clone();
+    let bus_id = device.info().bus_id.clone();
+    let server = UsbServer::bind(args.usb_listen, vec![device.clone()]).await?;
+    let listen = server.address().unwrap_or(args.usb_listen);
+    if !listen.ip().is_loopback() {
+        eprintln!(
+            "phasma: USB/IP has no authentication: whoever reaches {listen} can take the device"
+        );
+    }
+    let mut words = format!("export it elsewhere with usbip attach -r HOST -b {bus_id}");
+    if how == UsbHow::Attach {
+        let attachment = attach(device)?;
+        words = "attached to this machine's kernel".to_owned();
+        let clock = clock.clone();
+        tokio::spawn(async move {
+            // The kernel lets go, or breaks off: the device can be taken again either way.
+            let _ = attachment.run(clock).await;
+        });
+    }
+    tokio::spawn(server.run(clock));
+    Ok(((binding, format!("usb:{listen}/{bus_id}")), words))
 }
 
 /// The V4L2 node that was asked for or found, and what to say of the camera.
@@ -161,6 +224,8 @@ fn open_video(
     let stream = firmware.stream();
     let opened = match &args.camera {
         Choice::Socket => return Ok((None, String::new())),
+        // The camera is the USB device's.
+        Choice::Auto if args.usb.is_some() => return Ok((None, String::new())),
         Choice::Node(path) => Ok(VideoOutput::open(path, &stream, bits, power_on)?),
         Choice::Auto if args.clock == Pace::Fast => Err("--clock fast: a V4L2 reader cannot hold \
              the device up, so frames would be lost"

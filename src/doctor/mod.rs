@@ -12,6 +12,7 @@ mod nodes;
 mod report;
 #[cfg(test)]
 mod tests;
+mod usb;
 mod vulkan;
 
 pub use installed::{MODPROBE, MODULES_LOAD, Shipped, UDEV};
@@ -28,6 +29,7 @@ pub fn examine(machine: &Machine) -> Report {
     if !machine.container() || machine.has(module::LOADED) {
         checks.extend(installed::checks(machine));
     }
+    checks.extend(usb::checks(machine));
     checks.extend(vulkan::checks(machine));
     Report {
         kernel: machine.release.clone(),

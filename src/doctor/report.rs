@@ -23,13 +23,15 @@ pub enum Feature {
     Embedded,
     /// The device as a camera of the kernel.
     V4l2,
+    /// The device as a USB device of this machine's kernel.
+    Usb,
     /// Rendering on a graphics adapter.
     Vulkan,
 }
 
 impl Feature {
     /// All of them.
-    pub const ALL: [Self; 3] = [Self::Embedded, Self::V4l2, Self::Vulkan];
+    pub const ALL: [Self; 4] = [Self::Embedded, Self::V4l2, Self::Usb, Self::Vulkan];
 
     fn words(self) -> (&'static str, &'static str) {
         match self {
@@ -37,6 +39,10 @@ impl Feature {
             Self::V4l2 => (
                 "V4L2 camera",
                 "`phasma serve --camera auto` takes the frame socket",
+            ),
+            Self::Usb => (
+                "USB device",
+                "`phasma serve --usb attach` is refused; --usb export works",
             ),
             Self::Vulkan => ("Vulkan", "nothing needs it yet"),
         }

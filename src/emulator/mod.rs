@@ -15,7 +15,7 @@ mod truth_maps;
 
 pub use bench::Bench;
 pub use clock::{Clock, PacedClock, VirtualClock};
-pub use firmware::{Firmware, State, UserSequence};
+pub use firmware::{CameraControls, Firmware, State, UserSequence};
 pub use readout::{Exposure, Readout};
 pub use render::Renderer;
 pub use roi::Roi;

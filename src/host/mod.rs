@@ -13,6 +13,7 @@ mod instrument;
 mod local;
 mod port;
 mod scanner;
+pub mod usb;
 
 #[cfg(target_os = "linux")]
 pub use camera::explain_device;

@@ -9,6 +9,7 @@ mod readiness;
 mod run_dir;
 mod server;
 mod service;
+pub mod usb;
 mod video;
 
 pub use run_dir::RunDir;

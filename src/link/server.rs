@@ -7,6 +7,7 @@ use super::pace::Pace;
 use super::pty::{Event, Pty};
 use super::run_dir::{CAMERA, CONTROL, RunDir, SERVICE};
 use super::service::{Call, ServiceSocket};
+use super::usb::{Binding, PortEvent};
 use super::video::{Put, VideoOutput};
 use crate::emulator::{Clock, Firmware, FrameSink, Renderer, State};
 use crate::error::{Error, Result};
@@ -46,6 +47,8 @@ pub struct Device {
     pub tcp: Option<u16>,
     /// The camera as a V4L2 node, ready for the firmware's stream; the frame socket is there too.
     pub video: Option<VideoOutput>,
+    /// Camera and port as a USB device, and its address; pty and frame socket are there too.
+    pub usb: Option<(Binding, String)>,
     /// Takes what whoever looks after the device should know.
     pub notice: fn(&str),
 }
@@ -77,9 +80,10 @@ pub async fn serve(
         scene: device.scene,
         seed: device.seed,
         control,
-        camera: match &device.video {
-            Some(video) => video.address(),
-            None => camera_socket.clone(),
+        camera: match (&device.video, &device.usb) {
+            (Some(video), _) => video.address(),
+            (None, Some((_, address))) => address.clone(),
+            (None, None) => camera_socket.clone(),
         },
         camera_socket,
         camera_tcp: camera.tcp_address().map(|address| format!("tcp:{address}")),
@@ -90,6 +94,10 @@ pub async fn serve(
     if let Some(video) = &device.video {
         device.firmware.attach(Box::new(video.clone()));
     }
+    if let Some((usb, _)) = &device.usb {
+        let gate = usb.gate(device.firmware.stream());
+        device.firmware.attach(Box::new(gate));
+    }
     run_dir.publish(&endpoints)?;
     ready(&endpoints);
     let server = Server {
@@ -99,6 +107,8 @@ pub async fn serve(
         pty,
         camera,
         video: device.video,
+        usb: device.usb.map(|(usb, _)| usb),
+        reply_to_usb: false,
         pace: Pace::default(),
         notice: device.notice,
         lost: 0,
@@ -115,6 +125,9 @@ struct Server {
     pty: Pty,
     camera: FrameSocket,
     video: Option<VideoOutput>,
+    usb: Option<Binding>,
+    /// The last command came over USB, and so the replies go there.
+    reply_to_usb: bool,
     pace: Pace,
     notice: fn(&str),
     /// Frames that the V4L2 node did not take.
@@ -134,7 +147,10 @@ impl Server {
         loop {
             let now = self.clock.now_ns(wall());
             self.firmware.set_streaming(self.attended(), now);
-            self.dispatch();
+            self.dispatch(wall());
+            if let Some(usb) = &mut self.usb {
+                usb.refresh(&self.firmware, wall());
+            }
             let crowded = self.optics.backlog() >= MAX_BACKLOG;
             let free = matches!(self.firmware.state(), State::Free { .. });
             // The optics' next frame wakes the loop in these cases.
@@ -148,10 +164,10 @@ impl Server {
                     let frame = frame.ok_or_else(|| Error::device("the optics have died"))?;
                     match &self.video {
                         Some(_) => self.pace.take(frame, Instant::now()),
-                        None => self.deliver(&frame)?,
+                        None => self.deliver(&frame, wall())?,
                     }
                 }
-                frame = self.pace.due() => self.deliver(&frame)?,
+                frame = self.pace.due() => self.deliver(&frame, wall())?,
                 changed = self.camera.changed() => {
                     changed.map_err(|e| Error::io(CAMERA, e))?;
                     self.camera.accept(self.firmware.next_id());
@@ -166,11 +182,16 @@ impl Server {
                     self.camera.accept(self.firmware.next_id());
                     let now = self.clock.now_ns(wall());
                     self.firmware.set_streaming(self.attended(), now);
+                    self.reply_to_usb = false;
                     match event? {
                         Event::Data(bytes) => self.firmware.receive(&bytes, now),
                         Event::HungUp => self.firmware.hang_up(),
                     }
                     self.stall = self.firmware.inside_block().then(|| Instant::now() + STALL);
+                }
+                () = changed(self.usb.as_ref()), if !crowded => {
+                    let now = self.clock.now_ns(wall());
+                    self.work_off_usb(now);
                 }
                 () = sleep(delay) => {}
                 () = sleep_until(self.stall) => {
@@ -183,11 +204,35 @@ impl Server {
 
     /// A V4L2 node does not tell whether somebody reads: somebody may.
     fn attended(&self) -> bool {
-        self.video.is_some() || self.camera.attended()
+        self.video.is_some()
+            || self.camera.attended()
+            || self.usb.as_ref().is_some_and(Binding::attended)
+    }
+
+    /// What a USB host has done.
+    fn work_off_usb(&mut self, now_ns: u64) {
+        let Some(usb) = &mut self.usb else {
+            return;
+        };
+        for event in usb.work_off(&mut self.firmware, now_ns) {
+            self.reply_to_usb = true;
+            match event {
+                PortEvent::Data(bytes) => {
+                    let streaming = self.attended();
+                    self.firmware.set_streaming(streaming, now_ns);
+                    self.firmware.receive(&bytes, now_ns);
+                }
+                PortEvent::HungUp => self.firmware.hang_up(),
+            }
+            self.stall = self.firmware.inside_block().then(|| Instant::now() + STALL);
+        }
     }
 
     /// Hands a frame to all who read.
-    fn deliver(&mut self, frame: &Arc<Frame>) -> Result<()> {
+    fn deliver(&mut self, frame: &Arc<Frame>, wall: Duration) -> Result<()> {
+        if let Some(usb) = &self.usb {
+            usb.put(frame, wall);
+        }
         if let Some(video) = &self.video
             && video.put(frame)? == Put::Lost
         {
@@ -206,7 +251,7 @@ impl Server {
     }
 
     /// Hands exposures to the optics and replies to the port.
-    fn dispatch(&mut self) {
+    fn dispatch(&mut self, wall: Duration) {
         for exposure in self.firmware.take_exposures() {
             let free = exposure.shot.pattern_index.is_none();
             if !self.attended() || free && self.optics.backlog() >= MAX_FREE_BACKLOG {
@@ -216,7 +261,12 @@ impl Server {
             }
         }
         let output = self.firmware.take_output();
-        if !output.is_empty() && !self.pty.send(&output) {
+        let sent = match &self.usb {
+            _ if output.is_empty() => true,
+            Some(usb) if self.reply_to_usb => usb.send(&output, wall),
+            _ => self.pty.send(&output),
+        };
+        if !sent {
             self.firmware.reply_lost();
         }
     }
@@ -244,6 +294,13 @@ impl Server {
                 let _ = reply.send((Reply::default(), Vec::new()));
             }
         }
+    }
+}
+
+async fn changed(usb: Option<&Binding>) {
+    match usb {
+        Some(usb) => usb.changed().await,
+        None => std::future::pending().await,
     }
 }
 

@@ -23,7 +23,7 @@ impl<'a> Check<'a> {
     }
 
     /// A finite number in an inclusive range.
-    fn within<T>(&self, field: &str, value: T, range: RangeInclusive<T>) -> Result<()>
+    pub(super) fn within<T>(&self, field: &str, value: T, range: RangeInclusive<T>) -> Result<()>
     where
         T: PartialOrd + Display + LowerExp + Copy,
     {
@@ -53,7 +53,7 @@ impl<'a> Check<'a> {
             .try_for_each(|&value| self.within(field, value, range.clone()))
     }
 
-    fn that(
+    pub(super) fn that(
         &self,
         ok: bool,
         field: &str,
@@ -86,6 +86,7 @@ pub(super) fn profile(p: &Profile, check: &Check<'_>) -> Result<()> {
     }
     camera(&p.camera, check)?;
     projector(&p.projector, check)?;
+    super::usb::check(&p.usb, check)?;
     check.that(
         !p.sequence.is_empty() && p.sequence.len() <= 64,
         "sequence",

@@ -24,6 +24,9 @@ pub struct Profile {
     pub camera: Camera,
     /// The projector.
     pub projector: Projector,
+    /// How it enumerates as a USB device.
+    #[serde(default)]
+    pub usb: super::Usb,
     /// The sequences in the device's memory; the first is selected at power-on.
     pub sequence: Vec<Sequence>,
     /// Folder that pattern images are relative to; the profile file's own.

@@ -5,6 +5,7 @@ pub mod endpoints;
 mod frame;
 pub mod scpi;
 pub mod service;
+pub mod usb;
 pub mod wire;
 
 pub use endpoints::Endpoints;

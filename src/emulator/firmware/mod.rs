@@ -8,6 +8,7 @@
 //! [`pattern::Manifest`]: crate::pattern::Manifest
 //! [`geometry::Rig`]: crate::geometry::Rig
 
+mod controls;
 mod execute;
 mod exposing;
 mod memory;
@@ -19,6 +20,7 @@ mod table;
 mod tests;
 mod trigger;
 
+pub use controls::CameraControls;
 pub use memory::UserSequence;
 pub use trigger::State;
 

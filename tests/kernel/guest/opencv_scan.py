@@ -24,6 +24,8 @@ def main(node, port, folder):
     camera = cv2.VideoCapture(node, cv2.CAP_V4L2)
     assert camera.isOpened(), f"{node} does not open"
     assert camera.set(cv2.CAP_PROP_CONVERT_RGB, 0)
+    # OpenCV starts to stream with the first frame that is read.
+    assert camera.read()[0], "the camera does not run free"
 
     with serial.Serial(port, timeout=20) as control:
         def ask(line):
@@ -46,7 +48,8 @@ def main(node, port, folder):
         while len(frames) < count:
             grabbed, frame = camera.read()
             assert grabbed, "the camera gives no frame"
-            frame = frame.reshape(241, 320)
+            # Of YUYV, which OpenCV prefers where it is offered, the luma.
+            frame = frame.reshape(241, 320, -1)[:, :, 0]
             identity, index, triggered = data_line(frame[0])
             # What came before the trigger belongs to the free-running camera.
             if triggered:

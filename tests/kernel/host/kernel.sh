@@ -1,10 +1,11 @@
 # A stock Debian kernel, v4l2loopback for it, our own module, and an initramfs with them: made once
 # and kept in $cache/KERNEL-VERSION. Sourced by ../run.
 
-# Modules of the kernel that the guest loads, in this order, with what they depend on. vivid is
-# loaded by the test that wants it.
+# Modules of the kernel that the guest loads, in this order, with what they depend on. vivid and the
+# drivers of USB are loaded by the tests that want them.
 boot_modules=(virtio_pci 9p 9pnet_virtio videodev)
-later_modules=(vivid)
+vivid_modules=(vivid)
+usb_modules=(vhci-hcd uvcvideo cdc-acm)
 
 # Sets $kernel and $stock. A kernel that is in the cache is used; otherwise what apt offers now.
 choose_kernel() {
@@ -74,8 +75,9 @@ make_initramfs() {
   cp "$lane/guest/init" "$tree/init"
   cp "$stock/v4l2loopback.ko" "$stock/unplug.ko" "$tree/modules/"
   module_files "${boot_modules[@]}" > "$tree/boot-order"
-  module_files "${later_modules[@]}" | grep -vxFf "$tree/boot-order" > "$tree/modules/vivid-order"
-  for module in $(cat "$tree/boot-order" "$tree/modules/vivid-order"); do
+  module_files "${vivid_modules[@]}" | grep -vxFf "$tree/boot-order" > "$tree/modules/vivid-order"
+  module_files "${usb_modules[@]}" | grep -vxFf "$tree/boot-order" > "$tree/modules/usb-order"
+  for module in $(sort -u "$tree/boot-order" "$tree"/modules/*-order); do
     cp "$(find "$stock/root/lib/modules/$kernel" -name "$module")" "$tree/modules/"
   done
   (cd "$tree" && find . | cpio --quiet -o -H newc) > "$stock/initramfs.cpio"

@@ -6,7 +6,7 @@ packages=(
   qemu-system-x86 busybox-static cpio kmod
   gcc make libc6-dev libelf1
   v4l-utils ffmpeg gstreamer1.0-tools gstreamer1.0-plugins-base gstreamer1.0-plugins-good
-  python3 python3-opencv python3-serial udev
+  python3 python3-opencv python3-serial udev usbip usbutils
 )
 
 # Prints the packages that are not installed.

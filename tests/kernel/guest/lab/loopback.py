@@ -45,5 +45,15 @@ def rmmod():
     return subprocess.run(["rmmod", "v4l2loopback"], capture_output=True, text=True)
 
 
+def insmod_all(order, options):
+    """Loads what a list of module files names and is not there yet; options by module."""
+    for file in pathlib.Path(order).read_text().split():
+        name = file.removesuffix(".ko").replace("-", "_")
+        if not pathlib.Path(f"/sys/module/{name}").exists():
+            done = insmod(f"/mnt/modules/{file}", *options.get(name, []))
+            if done.returncode != 0:
+                raise Failure(f"{file} cannot be loaded: {done.stderr.strip()}")
+
+
 def insmod(*arguments):
     return subprocess.run(["insmod", *arguments], capture_output=True, text=True)

@@ -1,0 +1,51 @@
+//! The virtual USB host controller, which attaches an exported device to this machine's kernel, and
+//! the drivers that take it then.
+
+use super::{Check, Feature, Machine, Status};
+
+const CONTROLLER: &str = "sys/devices/platform/vhci_hcd.0";
+/// Driver, and the file of its module.
+const DRIVERS: [(&str, &str); 2] = [("uvcvideo", "uvcvideo.ko"), ("cdc_acm", "cdc-acm.ko")];
+
+pub(super) fn checks(machine: &Machine) -> Vec<Check> {
+    let check = |topic, found: String| Check::ok(topic, Feature::Usb, found);
+    let controller = check("vhci_hcd", "loaded".into());
+    let controller = if machine.has(CONTROLLER) {
+        controller
+    } else if machine.container() {
+        check(
+            "vhci_hcd",
+            "not loaded, and a container loads no modules, its host does; `phasma serve --usb \
+             export` and `phasma scan --device` need none"
+                .into(),
+        )
+        .but(Status::Missing, "sudo modprobe vhci-hcd".to_owned())
+    } else {
+        check(
+            "vhci_hcd",
+            "not loaded; `phasma serve --usb attach` needs it, --usb export does not".into(),
+        )
+        .but(Status::Missing, "sudo modprobe vhci-hcd".to_owned())
+    };
+    let modules = format!("lib/modules/{}", machine.release);
+    let list = |file| {
+        machine
+            .text(format!("{modules}/{file}"))
+            .unwrap_or_default()
+    };
+    let known = [list("modules.dep"), list("modules.builtin")].concat();
+    let drivers = DRIVERS.iter().map(|&(driver, file)| {
+        if machine.has(format!("sys/module/{driver}")) {
+            check("USB driver", format!("{driver} is loaded"))
+        } else if known.contains(file) {
+            check(
+                "USB driver",
+                format!("{driver} is there for when a device comes"),
+            )
+        } else {
+            let lacks = format!("{driver} is not among this kernel's modules");
+            check("USB driver", lacks).but(Status::Note, None)
+        }
+    });
+    std::iter::once(controller).chain(drivers).collect()
+}

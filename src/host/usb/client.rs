@@ -1,0 +1,203 @@
+//! A USB/IP client: what a server exports, and transfers with one device that is imported.
+
+use super::connection::{Connection, Shared};
+use super::opening::{Talk, connect, only};
+use super::transfer::{Once, Transfer, transfer_like};
+use crate::error::{Error, Result};
+use crate::protocol::usb::Setup;
+use crate::protocol::usb::usbip::{
+    DEVICE_LEN, DeviceInfo, Operation, Submit, bus_id_bytes, status,
+};
+use std::io;
+use std::net::TcpStream;
+use std::sync::mpsc::sync_channel;
+use std::sync::{Arc, Mutex};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+/// Most devices in a list.
+const MAX_DEVICES: u32 = 256;
+
+/// An imported device; dropped, it is detached.
+pub struct Client {
+    connection: Arc<Connection>,
+    info: DeviceInfo,
+    reader: Option<JoinHandle<()>>,
+}
+
+impl Client {
+    /// What a server at `HOST:PORT` exports.
+    ///
+    /// # Errors
+    /// A server that cannot be reached, is silent for `timeout`, or is none.
+    pub fn list(host: &str, timeout: Duration) -> Result<Vec<DeviceInfo>> {
+        let place = format!("usb:{host}");
+        let deadline = Instant::now() + timeout;
+        let mut stream = connect(host, timeout, &place)?;
+        let mut talk = Talk {
+            stream: &mut stream,
+            deadline,
+            place: &place,
+        };
+        talk.ask(Operation::List, &[])?;
+        let count = u32::from_be_bytes(talk.read()?);
+        if count > MAX_DEVICES {
+            return Err(Error::device(format!(
+                "{place}: a list of {count} devices, at most {MAX_DEVICES} are taken"
+            )));
+        }
+        (0..count)
+            .map(|_| {
+                let device = DeviceInfo::decode(&talk.read::<DEVICE_LEN>()?);
+                for _ in 0..device.interfaces {
+                    talk.read::<4>()?;
+                }
+                Ok(device)
+            })
+            .collect()
+    }
+
+    /// Imports a device from a server at `HOST:PORT`: the one named, or the only one.
+    ///
+    /// # Errors
+    /// Those of [`Self::list`]; several devices and no name; a device that the server has not, or
+    /// that somebody else has imported.
+    pub fn import(host: &str, bus_id: Option<&str>, timeout: Duration) -> Result<Self> {
+        let bus_id = match bus_id {
+            Some(bus_id) => bus_id.to_owned(),
+            None => only(host, Self::list(host, timeout)?)?,
+        };
+        let place = format!("usb:{host}/{bus_id}");
+        let deadline = Instant::now() + timeout;
+        let mut stream = connect(host, timeout, &place)?;
+        let mut talk = Talk {
+            stream: &mut stream,
+            deadline,
+            place: &place,
+        };
+        talk.ask(Operation::Import, &bus_id_bytes(&bus_id))?;
+        let info = DeviceInfo::decode(&talk.read()?);
+        if info.bus_id != bus_id {
+            return Err(Error::device(format!(
+                "{place}: the server gives device {:?}",
+                info.bus_id
+            )));
+        }
+        Self::start(stream, info, &place, timeout).map_err(|e| Error::io(&place, e))
+    }
+
+    fn start(
+        stream: TcpStream,
+        info: DeviceInfo,
+        place: &str,
+        timeout: Duration,
+    ) -> io::Result<Self> {
+        stream.set_nodelay(true)?;
+        stream.set_read_timeout(None)?;
+        stream.set_write_timeout(Some(timeout.max(Duration::from_millis(1))))?;
+        let incoming = stream.try_clone()?;
+        let connection = Arc::new(Connection::new(stream, info.id(), place));
+        let reading = Arc::clone(&connection);
+        let reader = std::thread::Builder::new()
+            .name("usb replies".to_owned())
+            .spawn(move || reading.read(incoming))?;
+        Ok(Self {
+            connection,
+            info,
+            reader: Some(reader),
+        })
+    }
+
+    /// The device as the server describes it.
+    pub fn info(&self) -> &DeviceInfo {
+        &self.info
+    }
+
+    /// The address, for messages.
+    pub fn place(&self) -> &str {
+        self.connection.place()
+    }
+
+    pub(super) fn connection(&self) -> &Arc<Connection> {
+        &self.connection
+    }
+
+    /// Submits a transfer to or from an endpoint: `address` as in its descriptor, bit 7 for to the
+    /// host. `length` bytes of room, or `data`.
+    ///
+    /// # Errors
+    /// A connection that is over.
+    pub fn submit(&self, address: u8, length: u32, data: &[u8]) -> Result<Transfer> {
+        let input = address & 0x80 != 0;
+        let length = if input { length } else { data.len() as u32 };
+        self.transfer(
+            &transfer_like(address, length),
+            if input { &[] } else { data },
+        )
+    }
+
+    /// A control transfer: the answer of a request to the host, or `data` to the device.
+    ///
+    /// # Errors
+    /// A request that the device refuses (stalls), or leaves without an answer for `timeout`.
+    pub fn control(&self, setup: Setup, data: &[u8], timeout: Duration) -> Result<Vec<u8>> {
+        let done = self.submit_control(setup, data)?.wait(timeout)?;
+        let Some(done) = done else {
+            return Err(self.refusal(setup, &format!("no answer for {} s", timeout.as_secs_f64())));
+        };
+        match done.status {
+            status::OK => Ok(done.data),
+            status::STALL => Err(self.refusal(setup, "refused (a stall)")),
+            other => Err(self.refusal(setup, &format!("failed with status {other}"))),
+        }
+    }
+
+    /// Submits a control transfer.
+    ///
+    /// # Errors
+    /// A connection that is over.
+    pub fn submit_control(&self, setup: Setup, data: &[u8]) -> Result<Transfer> {
+        let address = if setup.input() { 0x80 } else { 0 };
+        let like = Submit {
+            setup,
+            ..transfer_like(address, setup.length.into())
+        };
+        if !setup.input() && data.len() != usize::from(setup.length) {
+            return Err(self.refusal(setup, &format!("has {} bytes of data", data.len())));
+        }
+        self.transfer(&like, data)
+    }
+
+    fn refusal(&self, setup: Setup, what: &str) -> Error {
+        Error::device(format!(
+            "{}: request {:#04x} of kind {:#04x}, value {:#06x}, index {:#06x}, {} bytes: {what}",
+            self.place(),
+            setup.request,
+            setup.kind,
+            setup.value,
+            setup.index,
+            setup.length
+        ))
+    }
+
+    fn transfer(&self, like: &Submit, data: &[u8]) -> Result<Transfer> {
+        let (sender, inbox) = sync_channel(1);
+        let receiver: Shared = Arc::new(Mutex::new(Once(sender)));
+        let seqnum = self.connection.submit(like, data, 1, &receiver)?;
+        Ok(Transfer {
+            connection: Arc::clone(&self.connection),
+            seqnum,
+            inbox,
+        })
+    }
+}
+
+impl Drop for Client {
+    fn drop(&mut self) {
+        self.connection.close("the device has been detached here");
+        if let Some(reader) = self.reader.take() {
+            // A reader that has panicked has nothing to say here.
+            let _ = reader.join();
+        }
+    }
+}

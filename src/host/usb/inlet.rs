@@ -1,0 +1,96 @@
+//! The reading end of a connection: payloads go straight to where they belong.
+//!
+//! A stream of replies alternates short headers with long data. One system call reads the rest of
+//! some data into its place and the header behind it into a small store, so that a reply costs one
+//! call and its data is never copied.
+
+use std::io::{IoSliceMut, Read, Result};
+
+/// A reply's header, and the header of a video payload behind it.
+const STORE_LEN: usize = 64;
+/// From so many bytes on a read goes around the store.
+const DIRECT_LEN: usize = 1024;
+
+/// A stream with a small store.
+pub(super) struct Inlet<R> {
+    stream: R,
+    store: [u8; STORE_LEN],
+    /// What is in the store and not yet read.
+    begin: usize,
+    end: usize,
+}
+
+impl<R: Read> Inlet<R> {
+    pub(super) fn new(stream: R) -> Self {
+        Self {
+            stream,
+            store: [0; STORE_LEN],
+            begin: 0,
+            end: 0,
+        }
+    }
+}
+
+impl<R: Read> Read for Inlet<R> {
+    fn read(&mut self, buffer: &mut [u8]) -> Result<usize> {
+        if self.begin == self.end {
+            let len = buffer.len();
+            if len >= DIRECT_LEN {
+                let mut places = [IoSliceMut::new(buffer), IoSliceMut::new(&mut self.store)];
+                let got = self.stream.read_vectored(&mut places)?;
+                (self.begin, self.end) = (0, got.saturating_sub(len));
+                return Ok(got.min(len));
+            }
+            // Not more than is wanted may be there for long: read what has come.
+            let got = self.stream.read(&mut self.store)?;
+            (self.begin, self.end) = (0, got);
+        }
+        let len = buffer.len().min(self.end - self.begin);
+        buffer[..len].copy_from_slice(&self.store[self.begin..self.begin + len]);
+        self.begin += len;
+        Ok(len)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Gives at most `step` bytes at a time.
+    struct Slow<'a>(&'a [u8], usize);
+
+    impl Read for Slow<'_> {
+        fn read(&mut self, buffer: &mut [u8]) -> Result<usize> {
+            let len = self.1.min(buffer.len());
+            self.0.read(&mut buffer[..len])
+        }
+
+        fn read_vectored(&mut self, places: &mut [IoSliceMut<'_>]) -> Result<usize> {
+            let (now, later) = self.0.split_at(self.0.len().min(self.1));
+            let mut given = now;
+            let got = given.read_vectored(places)?;
+            self.0 = &self.0[got..];
+            assert!(got <= now.len() && self.0.ends_with(later));
+            Ok(got)
+        }
+    }
+
+    #[test]
+    fn bytes_come_in_order_whatever_the_lengths() {
+        let bytes: Vec<u8> = (0..100_000u32)
+            .map(|i| (i.wrapping_mul(i) >> 7) as u8)
+            .collect();
+        for step in [1, 63, 64, 65, 1500, 100_000] {
+            let mut inlet = Inlet::new(Slow(&bytes, step));
+            let mut got = Vec::new();
+            for len in [48, 2, 5000, 48, 1024, 1, 0, 20_000, 1023, 50].repeat(10) {
+                let mut piece = vec![0; len];
+                if inlet.read_exact(&mut piece).is_err() {
+                    break;
+                }
+                got.extend(piece);
+            }
+            assert!(got.len() > 70_000 && bytes.starts_with(&got), "{step}");
+        }
+    }
+}

@@ -1,0 +1,136 @@
+//! What host and camera agree on before a stream: probe, commit, and the endpoint that carries it.
+
+use super::device::UsbDevice;
+use super::topology::{Endpoint, TransferKind};
+use super::video::{VideoFunction, VideoMode};
+use crate::error::{Error, Result};
+use crate::protocol::usb::Setup;
+use crate::protocol::usb::usbip::MAX_TRANSFER;
+use crate::protocol::usb::uvc::{Negotiation, request, selector};
+
+/// Longest frame in bytes.
+const MAX_FRAME: u64 = 256 << 20;
+/// Longest bulk transfer; a longer payload takes several.
+const BULK_TRANSFER: u32 = 64 << 10;
+/// Packets of an isochronous transfer: 4 ms of them at high speed.
+const PACKETS: u32 = 32;
+/// Length of the structure from UVC 1.5 on.
+const LONG_LEN: usize = 48;
+
+/// How the stream comes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Carrier {
+    /// Address of the endpoint.
+    pub(super) address: u8,
+    /// Bytes of a transfer.
+    pub(super) transfer_len: u32,
+    /// Packets of a transfer that is isochronous.
+    pub(super) packets: Option<u32>,
+    pub(super) max_payload: usize,
+    pub(super) frame_len: usize,
+}
+
+/// Probes, commits, and chooses the setting.
+pub(super) fn agree(
+    device: &UsbDevice,
+    function: &VideoFunction,
+    mode: &VideoMode,
+) -> Result<Carrier> {
+    let bad = |what: String| Error::device(format!("{}: {what}", device.place()));
+    let frame_len = mode.frame_len();
+    if frame_len > MAX_FRAME {
+        return Err(bad(format!(
+            "frames of {frame_len} bytes, at most {MAX_FRAME} are taken"
+        )));
+    }
+    let wanted = Negotiation {
+        // The interval is to be kept, the rest follows.
+        hint: 1,
+        format: mode.format_index,
+        frame: mode.frame_index,
+        interval: mode.default_interval,
+        max_frame: 0,
+        max_payload: 0,
+        clock: 0,
+    };
+    let talk = Talk { device, function };
+    talk.set(selector::PROBE, &wanted)?;
+    let agreed = talk.get(selector::PROBE)?;
+    if (agreed.format, agreed.frame) != (mode.format_index, mode.frame_index) {
+        return Err(bad(format!(
+            "asked for format {} and frame {}, the camera offers {} and {}",
+            mode.format_index, mode.frame_index, agreed.format, agreed.frame
+        )));
+    }
+    if agreed.max_payload == 0 {
+        return Err(bad("the camera wants payloads of 0 bytes".to_owned()));
+    }
+    talk.set(selector::COMMIT, &agreed)?;
+    let carrier = |endpoint: &Endpoint, transfer_len, packets| Carrier {
+        address: endpoint.address,
+        transfer_len,
+        packets,
+        max_payload: agreed.max_payload as usize,
+        frame_len: frame_len as usize,
+    };
+    let need = agreed.max_payload;
+    let enough = |c: &&(u8, Endpoint)| c.1.bytes_per_interval >= need;
+    let bulk = function
+        .carriers
+        .iter()
+        .find(|c| c.1.kind == TransferKind::Bulk);
+    if let Some((_, endpoint)) = bulk {
+        // Whole packets, or a short one could not be told from a full transfer.
+        let packet = u32::from(endpoint.max_packet);
+        let len = need.min(BULK_TRANSFER).next_multiple_of(packet);
+        return Ok(carrier(endpoint, len, None));
+    }
+    let Some((setting, endpoint)) = function.carriers.iter().find(enough) else {
+        return Err(bad(format!(
+            "no setting of the camera carries payloads of {need} bytes"
+        )));
+    };
+    device.set_interface(function.streaming, *setting)?;
+    let packets = PACKETS.min(MAX_TRANSFER / endpoint.bytes_per_interval);
+    let len = packets * endpoint.bytes_per_interval;
+    Ok(carrier(endpoint, len, Some(packets)))
+}
+
+struct Talk<'a> {
+    device: &'a UsbDevice,
+    function: &'a VideoFunction,
+}
+
+impl Talk<'_> {
+    fn len(&self) -> usize {
+        match self.function.uvc_bcd {
+            ..0x0110 => Negotiation::SHORT_LEN,
+            0x0110..0x0150 => Negotiation::LEN,
+            _ => LONG_LEN,
+        }
+    }
+
+    fn set(&self, selector: u8, wanted: &Negotiation) -> Result<()> {
+        let mut bytes = wanted.encode().to_vec();
+        bytes.resize(self.len(), 0);
+        let (value, index) = (u16::from(selector) << 8, self.function.streaming.into());
+        self.device
+            .set(Setup::CLASS_OUT, request::SET_CUR, value, index, &bytes)
+    }
+
+    fn get(&self, selector: u8) -> Result<Negotiation> {
+        let (value, index) = (u16::from(selector) << 8, self.function.streaming.into());
+        let len = self.len();
+        let bytes = self
+            .device
+            .get(Setup::CLASS_IN, request::GET_CUR, value, index, len as u16)?;
+        let known = &bytes[..bytes.len().min(Negotiation::LEN)];
+        Negotiation::decode(known).ok_or_else(|| {
+            Error::device(format!(
+                "{}: the camera negotiates in {} bytes, want {len}",
+                self.device.place(),
+                bytes.len()
+            ))
+        })
+    }
+}

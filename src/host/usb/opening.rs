@@ -1,0 +1,107 @@
+//! What is said before a device is imported, and with whom.
+
+use super::connection::left;
+use crate::error::{Error, Result};
+use crate::protocol::usb::usbip::{DeviceInfo, OPERATION_LEN, Operation};
+use std::io::{ErrorKind, Read, Write};
+use std::net::{TcpStream, ToSocketAddrs};
+use std::time::{Duration, Instant};
+
+/// A conversation before an import is granted.
+pub(super) struct Talk<'a> {
+    pub(super) stream: &'a mut TcpStream,
+    pub(super) deadline: Instant,
+    pub(super) place: &'a str,
+}
+
+impl Talk<'_> {
+    /// Asks for an operation; refused is an error.
+    pub(super) fn ask(&mut self, operation: Operation, rest: &[u8]) -> Result<()> {
+        let bytes = [&operation.encode()[..], rest].concat();
+        self.stream
+            .write_all(&bytes)
+            .map_err(|e| Error::io(self.place, e))?;
+        let header = self.read::<OPERATION_LEN>()?;
+        let granted = operation
+            .decode_reply(header)
+            .map_err(|e| e.at(self.place))?;
+        if granted {
+            return Ok(());
+        }
+        Err(Error::device(format!(
+            "{}: the server refuses: it has no such device, or somebody else has imported it",
+            self.place
+        )))
+    }
+
+    /// Reads so many bytes before the deadline, however they drip in.
+    pub(super) fn read<const N: usize>(&mut self) -> Result<[u8; N]> {
+        let mut bytes = [0; N];
+        let mut have = 0;
+        while have < N {
+            let left = left(self.deadline);
+            let silent = || Error::device(format!("{}: the server is silent", self.place));
+            if left.is_zero() {
+                return Err(silent());
+            }
+            let got = self
+                .stream
+                .set_read_timeout(Some(left.max(Duration::from_micros(1))))
+                .and_then(|()| self.stream.read(&mut bytes[have..]));
+            match got {
+                Ok(0) => {
+                    return Err(Error::device(format!(
+                        "{}: the server has closed the connection",
+                        self.place
+                    )));
+                }
+                Ok(len) => have += len,
+                Err(e) if matches!(e.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => {
+                    return Err(silent());
+                }
+                Err(e) if e.kind() == ErrorKind::Interrupted => {}
+                Err(e) => return Err(Error::io(self.place, e)),
+            }
+        }
+        Ok(bytes)
+    }
+}
+
+/// The only device of a server.
+pub(super) fn only(host: &str, devices: Vec<DeviceInfo>) -> Result<String> {
+    match &devices[..] {
+        [] => Err(Error::device(format!(
+            "usb:{host}: the server exports no device"
+        ))),
+        [device] => Ok(device.bus_id.clone()),
+        _ => {
+            let names: Vec<String> = devices
+                .iter()
+                .map(|d| format!("usb:{host}/{}", d.bus_id))
+                .collect();
+            Err(Error::input(
+                format!("usb:{host}"),
+                format!("{} devices", devices.len()),
+                names.join(", "),
+            ))
+        }
+    }
+}
+
+/// Connects to `HOST:PORT`.
+pub(super) fn connect(host: &str, timeout: Duration, place: &str) -> Result<TcpStream> {
+    let addresses = host
+        .to_socket_addrs()
+        .map_err(|e| Error::input(place, e, "a host that can be found"))?;
+    let mut last = Error::device(format!("{place}: the host has no address"));
+    for address in addresses {
+        match TcpStream::connect_timeout(&address, timeout) {
+            Ok(stream) => {
+                let bounded = stream.set_write_timeout(Some(timeout));
+                return bounded.map(|()| stream).map_err(|e| Error::io(place, e));
+            }
+            Err(e) => last = Error::io(place, e),
+        }
+    }
+    Err(last)
+}

@@ -1,0 +1,51 @@
+//! The serial function of a configuration, found by its classes (CDC 1.2, 5.2; PSTN 1.2, 5.3).
+
+use super::topology::{Configuration, TransferKind};
+use crate::protocol::usb::descriptor::class;
+
+/// Subclass of an abstract control model.
+const ABSTRACT_CONTROL: u8 = 2;
+/// Subtype of the descriptor that ties the interfaces together.
+const UNION: u8 = 6;
+
+/// A serial port as its descriptors tell it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct SerialFunction {
+    /// Interface of the requests.
+    pub control: u8,
+    /// Endpoint of the notifications, its address.
+    pub notifications: Option<u8>,
+    /// Endpoint of what comes from the device, its address.
+    pub input: u8,
+    /// Endpoint of what goes to the device, its address.
+    pub output: u8,
+}
+
+impl SerialFunction {
+    /// Finds the first serial port; why there is none.
+    pub fn find(configuration: &Configuration) -> Result<Self, String> {
+        let control = configuration
+            .interfaces
+            .iter()
+            .find(|i| i.class[..2] == [class::COMMUNICATIONS, ABSTRACT_CONTROL])
+            .ok_or("the device has no serial port (no CDC-ACM interface)")?;
+        let union = control.extra.iter().find(|d| d[2] == UNION && d.len() >= 5);
+        let number = union.ok_or("the serial port names no data interface")?[4];
+        let (input, output) = configuration
+            .settings(number)
+            .filter(|i| i.class[0] == class::CDC_DATA && i.setting == 0)
+            .find_map(|i| {
+                let input = i.endpoint(TransferKind::Bulk, true)?;
+                let output = i.endpoint(TransferKind::Bulk, false)?;
+                Some((input.address, output.address))
+            })
+            .ok_or_else(|| format!("the serial port's data interface {number} has no endpoints"))?;
+        let notifications = control.endpoint(TransferKind::Interrupt, true);
+        Ok(Self {
+            control: control.number,
+            notifications: notifications.map(|e| e.address),
+            input,
+            output,
+        })
+    }
+}

@@ -1,0 +1,235 @@
+"""The device as a USB device: the stock drivers take it for hardware."""
+
+import re
+import signal
+import sys
+import time
+
+import serial
+
+from lab import usb
+from lab.data_line import Line
+from lab.device import FrameSocket, expect_scan, reference_scan
+from lab.failure import expect, expect_in, expect_true, limit
+from lab.guest import LANE, wait_until
+from lab.profiles import GREY, Y12, YUYV
+from lab.streams import split
+from lab.usb import UsbDevice, UsbVariation
+
+
+def plugged(scratch, variation, *options):
+    return UsbDevice(scratch, variation, *options).ready().plugged()
+
+
+def test_both_drivers_bind_and_lsusb_reads_it(scratch):
+    device = plugged(scratch, GREY)
+    said = scratch.run("lsusb", "-v", "-d", "1209:0001").ok().out
+    for part in (
+        "bcdUSB               2.00", "idVendor           0x1209", "iManufacturer           1 Phasma",
+        "iProduct                2 small", "iSerial                 3 0001", "bNumInterfaces          4",
+        "bcdUVC               1.10", "Exposure Time (Absolute)", "Gain", "{30303859-0000-0010-8000-00aa00389b71}",
+        "CDC ACM:", "CDC Union:", "Transfer Type            Bulk", "MaxPower              500mA",
+    ):
+        expect_in("lsusb -v", part, said)
+    for wrong in ("error", "unknown", "Warning", "can't get", "INVALID"):
+        expect(f"lsusb -v says {wrong}", [l for l in said.splitlines() if wrong in l], [])
+    device.stop()
+    usb.expect_no_complaints(scratch)
+
+
+def test_v4l2_compliance_finds_nothing(scratch):
+    device = plugged(scratch, GREY)
+    said = scratch.run("v4l2-compliance", "-d", device.node, seconds=60).ok().out
+    total = re.search(r"Total for uvcvideo device .*: (\d+), Succeeded: (\d+), Failed: (\d+)", said)
+    expect_true(f"a total in {said[-300:]}", total)
+    expect("failures", total[3], "0")
+    expect_true("at least 46 tests", int(total[1]) >= 46)
+    # Streaming: uvcvideo answers EBUSY where EINVAL is asked for, whatever the camera.
+    said = scratch.run("v4l2-compliance", "-d", device.node, "-s", "10", seconds=80).out
+    reasons = {line.strip() for line in said.splitlines() if "fail:" in line}
+    expect("reasons of failures", reasons,
+           {"fail: v4l2-test-buffers.cpp(1345): node->streamon(q.g_type()) != EINVAL"})
+    expect_in("streaming", "test USERPTR (select): OK", said)
+    device.stop()
+
+
+@limit(240)
+def test_a_scan_gives_the_frames_of_the_frame_socket(scratch):
+    super_speed = UsbVariation(GREY, 'speed = "super"')
+    for name, variation in (("grey", GREY), ("yuyv", YUYV), ("y12", Y12), ("super", super_speed)):
+        # A folder for the device, another for its scan.
+        wanted = reference_scan(scratch, getattr(variation, "base", variation))
+        device = UsbDevice(scratch, variation, name=f"device-{name}").ready().plugged()
+        device.scan_usb(name).ok()
+        expect_scan(f"{name} over USB", scratch.dir / name, wanted)
+        device.stop()
+        wait_until("the camera is gone", lambda: usb.video_node() is None)
+
+
+def test_isochronous_frames_come_whole(scratch):
+    device = plugged(scratch, UsbVariation(GREY, 'transfer = "isochronous"'), "--no-noise")
+    saved = scratch.dir / "saved"
+    scratch.run(
+        "v4l2-ctl", "-d", device.node, "--stream-mmap", "--stream-count=10", f"--stream-to={saved}",
+        seconds=80).ok()
+    frames = split(saved.read_bytes(), GREY)
+    expect("frames", len(frames), 10)
+    expect("images that are alike", len({GREY.image(frame) for frame in frames}), 1)
+    ids = [Line(frame, GREY).id for frame in frames]
+    expect("ids in order and never twice", ids, sorted(set(ids)))
+    device.stop()
+
+
+def test_controls_are_one_state_with_the_commands(scratch):
+    device = plugged(scratch, GREY)
+
+    def control(name):
+        said = scratch.run("v4l2-ctl", "-d", device.node, "-C", name).ok().out
+        return int(said.split(":")[1])
+
+    with serial.Serial(device.port, timeout=20) as port:
+        def ask(line):
+            port.write(line.encode() + b"\n")
+            return port.readline().decode().strip()
+
+        scratch.run("v4l2-ctl", "-d", device.node, "-c", "exposure_time_absolute=77,gain=450").ok()
+        expect("CAMera:EXPosure?", float(ask("CAM:EXP?")), 0.0077)
+        expect("CAMera:GAIN?", float(ask("CAM:GAIN?")), 4.5)
+        expect("no error", ask("CAM:EXP 0.005;GAIN 3;:SYST:ERR?"), '0,"No error"')
+        expect("exposure", control("exposure_time_absolute"), 50)
+        expect("gain", control("gain"), 300)
+    device.stop()
+
+
+@limit(200)
+def test_a_thousand_frames_without_loss(scratch):
+    device = plugged(scratch, GREY, "--no-noise")
+    saved = scratch.dir / "saved"
+    reader = scratch.start(
+        "v4l2-ctl", "-d", device.node, "--verbose", "--stream-mmap=16", "--stream-count=1050",
+        f"--stream-to={saved}")
+    wait_until("STREAMON", lambda: "VIDIOC_STREAMON" in "".join(reader.said()))
+    # Triggered, because a free-running camera drops what a busy machine cannot make in time.
+    with serial.Serial(device.port, timeout=20) as port:
+        port.write(b"INIT:CONT OFF;:ABOR;:TRIG:SOUR BUS;MODE SEQ;:SEQ:PER 0.02;:SYST:ERR?\n")
+        expect("armed", port.readline(), b'0,"No error"\n')
+        for _ in range(90):
+            port.write(b"INIT;*TRG;*OPC?\n")
+            expect("a sequence is over", port.readline(), b"1\n")
+            if not reader.running():
+                break
+    reader.wait(30).ok()
+    lines = [Line(frame, GREY) for frame in split(saved.read_bytes(), GREY)]
+    lines = [line for line in lines if line.index is not None]
+    expect_true(f"{len(lines)} triggered frames, wanted 1000", len(lines) >= 1000)
+    for what, wanted in (("id", 1), ("index", 1)):
+        steps = {(getattr(b, what) - getattr(a, what)) % 12 for a, b in zip(lines, lines[1:])}
+        expect(f"steps from {what} to {what}", steps, {wanted})
+    expect("ids", lines[-1].id - lines[0].id, len(lines) - 1)
+    device.stop()
+    usb.expect_no_complaints(scratch)
+
+
+def test_viewers_see_the_camera(scratch):
+    device = plugged(scratch, GREY, "--no-noise")
+    saved = scratch.dir / "saved"
+    for command in (
+        ["ffmpeg", "-nostdin", "-loglevel", "error", "-f", "v4l2", "-i", device.node, "-frames:v", 6,
+         "-vsync", "passthrough", "-f", "rawvideo", "-pix_fmt", "gray", "-y", saved],
+        ["gst-launch-1.0", "-q", "v4l2src", f"device={device.node}", "num-buffers=6", "!",
+         "video/x-raw,format=GRAY8", "!", "filesink", f"location={saved}"],
+    ):
+        scratch.run(*command).ok()
+        frames = split(saved.read_bytes(), GREY)
+        expect(f"frames of {command[0]}", len(frames), 6)
+        ids = [Line(frame, GREY).id for frame in frames]
+        expect(f"ids of {command[0]} in order", ids, sorted(set(ids)))
+    device.stop()
+
+
+@limit(180)
+def test_a_scan_in_python_gives_the_same_points(scratch):
+    wanted = reference_scan(scratch, GREY)
+    device = plugged(scratch, GREY)
+    folder, decoded = scratch.dir / "photographs", scratch.dir / "decoded"
+    scratch.run(
+        sys.executable, "-s", LANE / "guest/opencv_scan.py", device.node, device.port, folder, seconds=150,
+    ).ok()
+    scratch.phasma(
+        "decode", "--manifest", folder / "sequence.toml", "--calibration", folder / "calibration.toml",
+        "--out", decoded,
+    ).ok()
+    expect("cloud.ply as of `phasma scan`", (decoded / "cloud.ply").read_bytes() == wanted["cloud.ply"], True)
+    device.stop()
+
+
+def test_rts_triggers_and_dsr_tells(scratch):
+    device = plugged(scratch, UsbVariation(GREY, 'rts = "trigger"\ndsr = "sync"'))
+    frames = FrameSocket(device)
+    with serial.Serial(device.port, timeout=20) as port:
+        port.rts = False
+        port.write(b"INIT:CONT OFF;:ABOR;:TRIG:SOUR EXT;MODE SEQ;:INIT;:SYST:ERR?\n")
+        expect("armed", port.readline(), b'0,"No error"\n')
+        expect("DSR at rest", port.dsr, False)
+        port.rts = True
+        wait_until("DSR while a sequence is projected", lambda: port.dsr)
+        # Those before were of the free-running camera.
+        index = None
+        while index is None:
+            index = Line(frames.frame(), GREY).index
+        expect("the first frame of the sequence", index, 0)
+        wait_until("DSR after it", lambda: not port.dsr)
+    frames.close()
+    device.stop()
+
+
+@limit(150)
+def test_unplugged_in_a_scan_and_plugged_in_again(scratch):
+    wanted = reference_scan(scratch, GREY, "--no-noise")
+    device = plugged(scratch, GREY, "--no-noise")
+    job = device.scan_usb("broken", wait=False)
+    wait_until("the scan opens the camera", lambda: job.has_open(device.node))
+    time.sleep(0.8)
+    usb.pull()
+    done = job.wait(60).with_status(1)
+    expect("lines that it says", len(done.err.strip().splitlines()), 1)
+    expect_true(f"it says what: {done.err}", re.search(r"/dev/(video|ttyACM)", done.err))
+    listed = scratch.run("usbip", "list", "-r", "127.0.0.1").ok().out
+    for part in ("1-1", "1209:0001"):
+        expect_in("usbip list", part, listed)
+    usb.plug(scratch)
+    device.plugged()
+    device.scan_usb("next").ok()
+    expect_scan("the next scan", scratch.dir / "next", wanted)
+    device.stop()
+    wait_until("the camera is gone", lambda: usb.video_node() is None)
+
+
+@limit(400)
+def test_fifty_times_in_and_out(scratch):
+    device = UsbDevice(scratch, GREY, how="export").ready()
+    before = None
+    for cycle in range(50):
+        usb.plug(scratch)
+        device.plugged()
+        if cycle % 10 == 0:
+            scratch.run("v4l2-ctl", "-d", device.node, "--stream-mmap", "--stream-count=2").ok()
+        usb.pull()
+        if cycle == 4:
+            before = device.resources()
+    time.sleep(0.5)
+    descriptors, kilobytes = device.resources()
+    expect("descriptors", descriptors, before[0])
+    expect_true(f"memory grew from {before[1]} to {kilobytes} kB", kilobytes < before[1] + 8192)
+    device.stop()
+    usb.expect_no_complaints(scratch)
+
+
+def test_killed_while_attached(scratch):
+    device = plugged(scratch, GREY)
+    device.job.send(signal.SIGKILL)
+    device.job.process.wait()
+    wait_until("the camera is gone", lambda: usb.video_node() is None)
+    again = UsbDevice(scratch, GREY, name="again").ready().plugged()
+    again.scan_usb("next").ok()
+    again.stop()

@@ -1,0 +1,68 @@
+//! Clients that send nonsense harm only themselves.
+
+use crate::served::{Served, TIMEOUT, frame};
+use phasma::host::Camera;
+use phasma::host::usb::UsbCamera;
+use phasma::profile::{Speed, Transfer};
+use phasma::protocol::PixelFormat;
+use phasma::protocol::usb::usbip::{Operation, bus_id_bytes};
+use proptest::prelude::*;
+use proptest::test_runner::{Config, TestRunner};
+use std::cell::RefCell;
+use std::io::{Read, Write};
+use std::net::TcpStream;
+use std::time::Duration;
+
+/// Sends bytes, and reads what comes until the server hangs up or is silent for a while.
+fn talk(host: &str, bytes: &[u8]) {
+    let mut stream = TcpStream::connect(host).unwrap();
+    stream
+        .set_read_timeout(Some(Duration::from_millis(3)))
+        .unwrap();
+    // The server may have had enough before the end.
+    let _ = stream.write_all(bytes);
+    let _ = stream.read_to_end(&mut Vec::new());
+}
+
+#[test]
+fn a_stream_goes_on_beside_nonsense() {
+    let served = Served::several(2, Speed::High, Transfer::Bulk);
+    let device = served.open();
+    let camera = RefCell::new((UsbCamera::open(&device, None).unwrap(), 0));
+    let import = [&Operation::Import.encode()[..], &bus_id_bytes("1-2")].concat();
+    let word = prop_oneof![
+        Just(0u32),
+        Just(1),
+        Just(2),
+        Just(u32::MAX),
+        0..4096u32,
+        any::<u32>()
+    ];
+    let commands = prop::collection::vec(prop::array::uniform12(word), 0..12);
+    let strategy = (0..3u8, any::<Vec<u8>>(), commands);
+    let mut runner = TestRunner::new(Config {
+        cases: 120,
+        failure_persistence: None,
+        ..Config::default()
+    });
+    runner
+        .run(&strategy, |(kind, noise, commands)| {
+            let commands = commands
+                .iter()
+                .flatten()
+                .flat_map(|word| word.to_be_bytes());
+            let bytes: Vec<u8> = match kind {
+                0 => noise,
+                1 => import.iter().copied().chain(noise).collect(),
+                // Commands that are nearly sound.
+                _ => import.iter().copied().chain(commands).collect(),
+            };
+            talk(&served.host, &bytes);
+            let (camera, id) = &mut *camera.borrow_mut();
+            let got = camera.next_frame(TIMEOUT).unwrap().expect("a frame");
+            prop_assert!(got.data == frame(*id, PixelFormat::Grey).data);
+            *id += 1;
+            Ok(())
+        })
+        .unwrap();
+}
