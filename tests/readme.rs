@@ -66,7 +66,9 @@ fn every_command_runs() {
 #[test]
 fn the_manifest_in_the_readme_reads() {
     let readme = include_str!("../README.md");
-    let manifest = blocks(readme, "toml")[0];
+    let examples = blocks(readme, "toml");
+    let of = |words: &str| *examples.iter().find(|text| text.contains(words)).unwrap();
+    let manifest = of("[[frame]]");
     assert_eq!(
         phasma::pattern::Manifest::parse(manifest, "README")
             .unwrap()
@@ -74,4 +76,10 @@ fn the_manifest_in_the_readme_reads() {
             .len(),
         3
     );
+    let bench = include_str!("../device-profiles/pmp-bench.toml");
+    let profile = format!("{bench}\n{}", of("[usb]"));
+    let usb = phasma::profile::Profile::parse(&profile, "README")
+        .unwrap()
+        .usb;
+    assert_ne!(usb, phasma::profile::Usb::default());
 }

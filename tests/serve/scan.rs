@@ -99,9 +99,9 @@ fn nobody_there_is_said_so() {
     assert_eq!(none.status.code(), Some(2), "{}", text(&none));
     assert!(text(&none).contains("/no/such/port"), "{}", text(&none));
     let not_a_port = scan("socket:/no/such/socket", "/dev/null");
-    assert_eq!(not_a_port.status.code(), Some(1), "{}", text(&not_a_port));
+    assert_eq!(not_a_port.status.code(), Some(2), "{}", text(&not_a_port));
     let served = Served::start(&[]);
-    let video = scan("/dev/video10", served.at.control.to_str().unwrap());
+    let video = scan("/dev/video9999", served.at.control.to_str().unwrap());
     assert_eq!(video.status.code(), Some(2), "{}", text(&video));
     assert!(text(&video).contains("V4L2"), "{}", text(&video));
 }
