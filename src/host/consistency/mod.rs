@@ -23,6 +23,7 @@ mod gray;
 mod grid;
 mod levels;
 mod modulation;
+mod shifts;
 
 pub(super) use modulation::following;
 
@@ -60,7 +61,8 @@ pub fn check(manifest: &Manifest, frames: &[Frame]) -> Result<(), String> {
         }
         let found = levels::check(&plan, axis, &grid)
             .and_then(|()| fringes::check(axis, &grid))
-            .and_then(|()| gray::check(axis, &grid));
+            .and_then(|()| gray::check(axis, &grid))
+            .and_then(|()| shifts::check(manifest, axis, &grid));
         found.map_err(|what| format!("the frames do not follow the sequence: {what}"))?;
     }
     Ok(())
