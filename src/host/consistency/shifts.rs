@@ -19,6 +19,10 @@ const PAIRS: usize = 160;
 const APART: usize = 8;
 /// Coordinates that are tried in a period of the finest fringes.
 const PER_PERIOD: f64 = 10.0;
+/// They are no further apart, in projector pixels.
+const STEP_PX: f64 = 2.0;
+/// Patterns of a finer period are left out: a camera may blur them.
+const FINE_PX: f64 = 10.0;
 /// Coordinates that are tried, at most.
 const COORDINATES: f64 = 8192.0;
 /// A pixel's misfit counts up to this part of its squared range.
@@ -30,7 +34,7 @@ const DISTINCT: f64 = 0.5;
 /// Or, to be told by its jumps, no more than this many times the misfit.
 const AS_GOOD: f64 = 1.1;
 /// Pairs that have to speak for another list, in parts of all pairs.
-const LEAST_PAIRS: f64 = 0.05;
+const LEAST_PAIRS: f64 = 0.15;
 /// And so many times as many as speak against it.
 const MAJORITY: usize = 4;
 
@@ -43,6 +47,8 @@ struct List {
 /// What a list explains: the mean misfit and the coordinate of each pixel.
 struct Fit {
     misfit: f64,
+    /// Whether the list is a shifted one. Exchanged bits are told by `gray`.
+    shifted: bool,
     coordinates: Vec<f64>,
 }
 
@@ -63,6 +69,7 @@ pub(super) fn check(manifest: &Manifest, axis: &AxisPlan, grid: &Grid) -> Result
     let fits = others.iter().filter(|(_, other)| {
         asked.misfit > GOOD && other.misfit < DISTINCT * asked.misfit
             || jumps
+                && other.shifted
                 && other.misfit < AS_GOOD * asked.misfit.max(GOOD)
                 && smoother(other, &asked, levels.finest)
     });
@@ -114,7 +121,9 @@ fn smoother(other: &Fit, asked: &Fit, finest: f64) -> bool {
 
 /// The frames of pixels that vary, two and two from one neighbourhood.
 fn pairs(grid: &Grid) -> Vec<&[f32]> {
-    let ends = |line: &Line, i: usize| i + APART < line.len() && line.varies[i..=i + APART].iter().all(|v| *v);
+    let ends = |line: &Line, i: usize| {
+        i + APART < line.len() && line.varies[i..=i + APART].iter().all(|v| *v)
+    };
     let starts: Vec<(&Line, usize)> = grid
         .lines
         .iter()
@@ -130,10 +139,10 @@ fn pairs(grid: &Grid) -> Vec<&[f32]> {
 
 /// What each pattern has at each coordinate that is tried.
 struct Levels {
-    /// By pattern; `None` for pictures and for patterns of the other axis.
+    /// By pattern; `None` for pictures, patterns of the other axis and such as a camera may blur.
     rows: Vec<Option<Vec<f32>>>,
     step_px: f64,
-    /// Finest period or cell in projector pixels.
+    /// Least length in projector pixels that the patterns tell apart.
     finest: f64,
 }
 
@@ -143,16 +152,17 @@ impl Levels {
         let own = |pattern: &&Pattern| pattern.axis() == Some(axis.axis);
         let finest = patterns()
             .filter(own)
-            .map(|pattern| match *pattern {
-                Pattern::Fringe { period_px, .. } => period_px,
-                Pattern::Gray { cell_px, .. } => 2.0 * cell_px,
-                _ => f64::INFINITY,
-            })
+            .filter_map(resolved_px)
             .fold(axis.extent_px, f64::min);
-        let step_px = (finest / PER_PERIOD).max(axis.extent_px / COORDINATES);
+        let step_px = (finest / PER_PERIOD)
+            .min(STEP_PX)
+            .max(axis.extent_px / COORDINATES);
         let count = (axis.extent_px / step_px).ceil() as usize;
         let row = |pattern: &Pattern| {
-            let shown = pattern.axis().is_none_or(|a| a == axis.axis);
+            let shown = match pattern.axis() {
+                None => true,
+                Some(a) => a == axis.axis && resolved_px(pattern).is_some(),
+            };
             let at = |i: usize| level(pattern, i as f64 * step_px);
             shown.then(|| (0..count).map(at).collect()).flatten()
         };
@@ -222,9 +232,24 @@ impl Levels {
             .collect();
         Some(Fit {
             misfit: misfit / pixels.len() as f64,
+            shifted: shows.windows(2).any(|w| w[0] == w[1]) || shows.last() == Some(&None),
             coordinates,
         })
     }
+}
+
+/// Length in projector pixels that a pattern tells apart; `None` where it is so fine that a camera
+/// may see little of it.
+fn resolved_px(pattern: &Pattern) -> Option<f64> {
+    let (period_px, length_px) = match *pattern {
+        Pattern::Fringe { period_px, .. } => (period_px, period_px),
+        Pattern::Gray { cell_px, bit, .. } => {
+            let run_px = cell_px * f64::from(bit + 1).exp2();
+            (2.0 * run_px, run_px)
+        }
+        _ => return None,
+    };
+    (period_px >= FINE_PX).then_some(length_px)
 }
 
 /// A pattern's level at a coordinate in projector pixels; none of a picture.
