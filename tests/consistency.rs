@@ -6,6 +6,7 @@ use phasma::error::Error;
 use phasma::host::{
     Camera, Captured, MemoryCamera, MemoryPort, ScanOptions, Scanner, check_sequence,
 };
+use phasma::pattern::Manifest;
 use phasma::profile::{Profile, Scene};
 use phasma::protocol::Frame;
 use std::sync::Arc;
@@ -170,6 +171,111 @@ fn every_fault_of_twelve_steps_is_found_and_no_sound_capture_doubted() {
 #[test]
 fn every_fault_of_four_steps_is_found_and_no_sound_capture_doubted() {
     every_fault_is_found("webcam-grey");
+}
+
+/// `webcam-grey` with another sequence.
+fn with_patterns(patterns: &[String], dimmed: f64) -> Profile {
+    let mut profile = profile("webcam-grey", dimmed);
+    let size = "[projector]\nwidth_px = 854\nheight_px = 480\n";
+    let frames = patterns
+        .iter()
+        .map(|pattern| format!("[[frame]]\npattern = {{ {pattern} }}\n"));
+    let text: String = std::iter::once(size.to_owned()).chain(frames).collect();
+    profile.sequence.truncate(1);
+    profile.sequence[0].frame = Manifest::parse(&text, "test").unwrap().frame;
+    profile
+}
+
+fn fringes(period_px: f64, steps: usize) -> Vec<String> {
+    let step = std::f64::consts::TAU / steps as f64;
+    let phase = |k: usize| step * k as f64;
+    let kind = |k| {
+        let phase = phase(k);
+        format!("kind = \"fringe\", axis = \"x\", period_px = {period_px:?}, phase_rad = {phase:?}")
+    };
+    (0..steps).map(kind).collect()
+}
+
+fn gray(cell_px: u32, bits: u32, bit: u32, inverted: bool) -> String {
+    format!(
+        "kind = \"gray\", axis = \"x\", cell_px = {cell_px}, bits = {bits}, bit = {bit}, \
+         inverted = {inverted}"
+    )
+}
+
+/// Sequences that no profile has, with the faults of each that are not found: none.
+#[test]
+fn every_fault_of_other_sequences_is_found_and_no_sound_capture_doubted() {
+    let three_sets = |fine, steps| {
+        [fine, 106.0, 854.0]
+            .map(|period| fringes(period, steps))
+            .concat()
+    };
+    let references = ["white", "black"].map(|kind| format!("kind = \"{kind}\""));
+    let code: Vec<String> = (0..6).rev().map(|bit| gray(16, 6, bit, false)).collect();
+    let half = vec![gray(8, 7, 0, false)];
+    let both = |bit| [false, true].map(|inverted| gray(4, 8, bit, inverted));
+    // Finer than the camera resolves: only not to be doubted.
+    let unresolved = "Gray code of single pixels";
+    let single = |bit| [false, true].map(|inverted| gray(1, 10, bit, inverted));
+    let sequences = [
+        ("3 steps x 3", three_sets(18.0, 3)),
+        (
+            "white, black, 3 steps and Gray code",
+            [references.to_vec(), fringes(16.0, 3), code, half].concat(),
+        ),
+        ("4 steps x 3", three_sets(18.0, 4)),
+        ("8 steps x 3", three_sets(4.0, 8)),
+        (
+            "Gray code with complements",
+            (0..8).rev().flat_map(both).collect(),
+        ),
+    ];
+    let single = (unresolved, (0..10).rev().flat_map(single).collect());
+    for (name, patterns) in sequences.into_iter().chain([single]) {
+        let scenes = phasma::profile::scene_names().map(|scene| (scene, 1.0));
+        for (scene, dimmed) in scenes.chain([("torso", 0.15)]) {
+            let what = format!("{name}, {scene}, {dimmed} of the light");
+            let captured = scan(&with_patterns(&patterns, dimmed), scene, |frames| frames, 0);
+            let captured = captured.unwrap_or_else(|e| panic!("{what}: {e}"));
+            if !["plane", "torso"].contains(&scene) || name == unresolved {
+                continue;
+            }
+            let missed: Vec<String> = faults(&captured.frames)
+                .into_iter()
+                .filter(|(_, frames)| check_sequence(&captured.manifest, frames).is_ok())
+                .map(|(fault, _)| fault)
+                .collect();
+            assert!(missed.is_empty(), "{what}: {missed:?}");
+        }
+    }
+}
+
+#[test]
+fn frames_without_range_are_called_saturated() {
+    let error = scan(&profile("webcam-grey", 100.0), "plane", |frames| frames, 0).unwrap_err();
+    assert!(error.to_string().contains("are saturated"), "{error}");
+}
+
+#[test]
+fn thin_and_small_objects_show_the_sequence() {
+    let captured = scan(&profile("webcam-grey", 1.0), "plane", |frames| frames, 0).unwrap();
+    let width = captured.frames[0].width as usize;
+    let black = captured.frames.last().unwrap().data.clone();
+    let rods = |x: usize, _: usize| x % 10 < 7;
+    let small = |x: usize, y: usize| (300..324).contains(&x) && (200..212).contains(&y);
+    for object in [&rods as &dyn Fn(usize, usize) -> bool, &small] {
+        let mut seen = captured.clone();
+        for frame in &mut seen.frames {
+            for (i, pixel) in frame.data.iter_mut().enumerate() {
+                if !object(i % width, i / width) {
+                    *pixel = black[i];
+                }
+            }
+        }
+        seen.check_modulation().unwrap();
+        assert_eq!(check_sequence(&seen.manifest, &seen.frames), Ok(()));
+    }
 }
 
 #[test]

@@ -40,17 +40,18 @@ impl Captured {
         format!("frame_{index:0digits$}.png").into()
     }
 
-    /// Refuses frames that hold no surface: hardly a pixel follows the sequence.
+    /// Refuses frames that hold no surface: hardly a pixel follows the sequence, and what varies is
+    /// mostly something else.
     ///
     /// # Errors
     /// A camera that does not see what is projected.
     pub fn check_modulation(&self) -> Result<()> {
         match following(&self.manifest, &self.frames) {
-            Some(share) if share < LEAST_FOLLOWING => Err(Error::device(format!(
+            Some(found) if !found.is_shown() => Err(Error::device(format!(
                 "the frames show no modulation: {:.2} % of the pixels follow the sequence, {} % are \
                  the least; the camera does not see the projector, or its \
                  frames are not those of the sequence",
-                100.0 * share,
+                100.0 * found.share,
                 100.0 * LEAST_FOLLOWING
             ))),
             _ => Ok(()),

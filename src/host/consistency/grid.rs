@@ -17,6 +17,8 @@ pub(super) struct Grid {
     pub(super) lines: Vec<Line>,
     /// Standard deviation of the noise in DN, of a usual frame.
     pub(super) noise_dn: f32,
+    /// Share of the pixels that vary up to the camera's full scale; the checks leave them out.
+    pub(super) saturated: f64,
 }
 
 /// One line.
@@ -76,22 +78,53 @@ impl Grid {
             })
             .collect();
         let noise_dn = noise(&lines, frames.len());
-        let least = (RANGE_SIGMAS * noise_dn).max(RANGE_DN);
+        let least = least_range(noise_dn);
+        let full = full_scale(&lines);
+        let (mut saturated, mut all) = (0usize, 0usize);
         for line in &mut lines {
-            let varies = (0..line.len())
-                .map(|i| {
-                    let (low, high) = range(line.pixel(i));
-                    high - low > least
-                })
+            let ranges = (0..line.len()).map(|i| range(line.pixel(i)));
+            let wide: Vec<(bool, bool)> = ranges
+                .map(|(low, high)| (high - low > least, high >= full))
                 .collect();
-            line.varies = runs(varies);
+            saturated += wide.iter().filter(|(wide, full)| *wide && *full).count();
+            all += wide.len();
+            line.varies = runs(wide.iter().map(|(wide, full)| *wide && !full).collect());
         }
-        Self { lines, noise_dn }
+        Self {
+            lines,
+            noise_dn,
+            saturated: saturated as f64 / all.max(1) as f64,
+        }
+    }
+
+    /// Whether a pixel varies, in a run or alone.
+    pub(super) fn varies(&self, pixel: &[f32]) -> bool {
+        let (low, high) = range(pixel);
+        high - low > least_range(self.noise_dn)
     }
 
     /// Share of the pixels that vary in runs.
     pub(super) fn varying(&self) -> f64 {
         share(self.lines.iter().flat_map(|line| &line.varies).copied())
+    }
+}
+
+fn least_range(noise_dn: f32) -> f32 {
+    (RANGE_SIGMAS * noise_dn).max(RANGE_DN)
+}
+
+/// The greatest value, where it is the full scale of 8 to 16 bits, at either end of a word; else
+/// infinity.
+fn full_scale(lines: &[Line]) -> f32 {
+    let values = lines.iter().flat_map(|line| &line.values);
+    let top = values.fold(0f32, |top, v| top.max(*v));
+    let word = top as u16;
+    let ones = word.count_ones();
+    let low = word.trailing_ones() == ones;
+    let high = word.leading_ones() == ones;
+    match ones >= 8 && (low || high) {
+        true => top,
+        false => f32::INFINITY,
     }
 }
 

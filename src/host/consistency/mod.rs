@@ -10,21 +10,34 @@
 //! - `fringes`: more steps than unknowns leave a residual, which another order or the lack of
 //!   one frame would make distinctly smaller;
 //! - `gray`: along a line of the image the code counts; another order of its bits would make it
-//!   jump less.
+//!   jump less;
+//! - `shifts`: all frames of an axis are what the patterns have at one coordinate, offset and
+//!   scaled; the list with one frame lost, repeated or exchanged with its neighbour would leave
+//!   less than half, or explain as much with fewer jumps between neighbouring pixels. This ties
+//!   sets of three steps, references and Gray code together.
 //!
-//! Both of the latter compare the order that was asked for with others on the same pixels, so what
-//! disturbs a scene disturbs both sides. What no frame tells is not found: two frames that show the
-//! same picture in the part of the projector that the camera sees; steps of a set that hold
-//! no redundancy (three), or that are exchanged for steps of opposite phase in a set of four; a bit
-//! whose edges the camera does not see; the last frame, shown twice.
+//! The last three compare the order that was asked for with others on the same pixels, so what
+//! disturbs a scene disturbs both sides. Pixels at the camera's full scale are left out, and frames
+//! in which hardly any others vary are called saturated.
+//!
+//! What no frame tells is not found: two frames that show the same picture in the part of the
+//! projector that the camera sees; one set of three steps alone; a Gray code of exactly the
+//! projector's width whose first bit is exchanged with its complement, which mirrors the picture; a
+//! bit whose edges the camera does not see; the last frame, shown twice. Limits of the checks
+//! themselves: a frame exchanged with one that is not its neighbour is looked for only within a
+//! set and a code; two faults in one run are not looked for; objects on less than 0.1 % of the
+//! image are not checked; and in light so dim that noise is much of the fringes (about a tenth of a
+//! built-in profile's) exchanged steps of a set of three may pass, for the noise then leaves
+//! more than half of what the fault does.
 
 mod fringes;
 mod gray;
 mod grid;
 mod levels;
 mod modulation;
+mod shifts;
 
-pub(super) use modulation::following;
+pub(super) use modulation::{LEAST_FOLLOWING, following};
 
 use crate::decode::Plan;
 use crate::pattern::{Axis, Manifest};
@@ -35,8 +48,6 @@ use grid::Grid;
 const LEAST_VARYING: f64 = 1e-3;
 /// Share below which what varies may be something else in front of the camera.
 const FEW_VARYING: f64 = 2e-2;
-/// Least share of the pixels that follow the sequence, for frames to show one.
-pub(super) const LEAST_FOLLOWING: f64 = 1e-3;
 
 /// Checks frames, as many as the sequence has and all of one size and format, GREY or Y16. Frames
 /// that hardly vary pass: that they show no modulation is another matter ([`Captured::check_modulation`](crate::host::Captured::check_modulation)).
@@ -54,13 +65,21 @@ pub fn check(manifest: &Manifest, frames: &[Frame]) -> Result<(), String> {
     for axis in &plan.axes {
         let grid = Grid::new(frames, axis.axis);
         let varying = grid.varying();
-        let shown = || following(manifest, frames).is_none_or(|share| share >= LEAST_FOLLOWING);
+        if varying < FEW_VARYING && grid.saturated > varying.max(FEW_VARYING) {
+            return Err(format!(
+                "the frames are saturated: {:.0} % of the pixels reach the camera's full scale, and \
+                 hardly any others vary; shorten the exposure or dim the projector",
+                100.0 * grid.saturated
+            ));
+        }
+        let shown = || following(manifest, frames).is_none_or(|found| found.is_shown());
         if varying < LEAST_VARYING || (varying < FEW_VARYING && !shown()) {
             return Ok(());
         }
         let found = levels::check(&plan, axis, &grid)
             .and_then(|()| fringes::check(axis, &grid))
-            .and_then(|()| gray::check(axis, &grid));
+            .and_then(|()| gray::check(axis, &grid))
+            .and_then(|()| shifts::check(manifest, axis, &grid));
         found.map_err(|what| format!("the frames do not follow the sequence: {what}"))?;
     }
     Ok(())

@@ -13,10 +13,33 @@ const LEAST_SIGMAS: f64 = 5.0;
 /// Variance that the fringes explain, per degree of freedom, over what they leave.
 const EXPLAINED: f64 = 4.0;
 
-/// Share of the pixels, 0 to 1, that follow the sequence in runs along a line: white is brighter
-/// than black by half of all variation, and fringes explain their frames. `None` where the sequence
-/// has neither, or the frames are not as many as it has.
-pub(in crate::host) fn following(manifest: &Manifest, frames: &[Frame]) -> Option<f64> {
+/// Least share of all pixels that follow in runs, for frames to show a sequence.
+pub(in crate::host) const LEAST_FOLLOWING: f64 = 1e-3;
+/// Or, for thin and small objects: the least share of the pixels that vary,
+const LEAST_OF_VARYING: f64 = 0.5;
+/// and the least pixels.
+const LEAST_PIXELS: usize = 12;
+
+/// How much of the frames follows their sequence.
+pub(in crate::host) struct Following {
+    /// Share of the pixels, 0 to 1, that follow in runs along a line.
+    pub(in crate::host) share: f64,
+    /// Whether most pixels that vary follow, in runs or not.
+    most: bool,
+}
+
+impl Following {
+    /// Whether the frames show the sequence: a surface, or thin or small objects before still
+    /// surroundings.
+    pub(in crate::host) fn is_shown(&self) -> bool {
+        self.share >= LEAST_FOLLOWING || self.most
+    }
+}
+
+/// The pixels that follow the sequence: white is brighter than black by half of all variation, and
+/// fringes explain their frames. `None` where the sequence has neither, or the frames are not as
+/// many as it has.
+pub(in crate::host) fn following(manifest: &Manifest, frames: &[Frame]) -> Option<Following> {
     let plan = Plan::new(manifest).ok()?;
     let references = plan.white.zip(plan.black);
     let sets: Vec<&FringeSet> = plan.axes.iter().flat_map(|axis| &axis.sets).collect();
@@ -34,11 +57,22 @@ pub(in crate::host) fn following(manifest: &Manifest, frames: &[Frame]) -> Optio
         });
         lit && (sets.is_empty() || sets.iter().any(|set| modulated(set, values, noise_dn)))
     };
-    let lines = grid
-        .lines
-        .iter()
-        .flat_map(|line| runs((0..line.len()).map(|i| follows(line.pixel(i))).collect()));
-    Some(share(lines))
+    let (mut varying, mut follow) = (0usize, 0usize);
+    let mut in_runs = Vec::new();
+    for line in &grid.lines {
+        let which: Vec<bool> = (0..line.len()).map(|i| follows(line.pixel(i))).collect();
+        for (i, follows) in which.iter().enumerate() {
+            if grid.varies(line.pixel(i)) {
+                varying += 1;
+                follow += usize::from(*follows);
+            }
+        }
+        in_runs.extend(runs(which));
+    }
+    Some(Following {
+        share: share(in_runs.into_iter()),
+        most: follow >= LEAST_PIXELS && follow as f64 >= LEAST_OF_VARYING * varying as f64,
+    })
 }
 
 fn modulated(set: &FringeSet, values: &[f32], noise_dn: f64) -> bool {
