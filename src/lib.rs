@@ -9,9 +9,9 @@
 //! ```text
 //!  profile + scene                                                 sequence manifest
 //!        |                                                                 |
-//!   [ emulator ] --frames--> [ link: socket, V4L2 ] --> [ host: camera ] --> [ decode ] --> cloud
-//!        ^                                                       |               ^
-//!        +--commands-- [ link: pty ] <------- [ host: port ] <---+          calibration
+//!   [ emulator ] --> [ link: socket, V4L2, USB ] --> [ host: camera ] --> [ decode ] --> cloud
+//!        ^                                                   |               ^
+//!        +---- [ link: pty, USB ] <------ [ host: port ] <---+          calibration
 //! ```
 //!
 //! | layer  | module | holds |
@@ -19,10 +19,10 @@
 //! | ground | [`geometry`] | poses, the lens model, rigs, solids, meshes and their files, ray casting |
 //! | ground | [`pattern`] | what a projector shows; the sequence manifest |
 //! | ground | [`profile`] | devices and scenes as typed, checked structs; the built-in ones |
-//! | ground | [`protocol`] | SCPI, the frame socket's header, the data line, the service channel, `device.json` |
+//! | ground | [`protocol`] | SCPI, the frame socket's header, the data line, USB and USB/IP, the service channel, `device.json` |
 //! | ground | `v4l2` | nodes and queues of buffers of the kernel's camera interface (Linux only) |
 //! | device | [`emulator`] | clock, firmware, slides, [rendering](emulator::render), ground truth |
-//! | device | `link` | how a device reaches the world: pty, frame socket, V4L2 node, service socket (Linux only) |
+//! | device | `link` | how a device reaches the world: pty, frame socket, V4L2 node, USB device, service socket (Linux only) |
 //! | host   | [`host`] | how an application reaches a device: camera, port, scanner |
 //! | host   | [`decode`] | frames to projector coordinates to points |
 //! | host   | [`calibrate`] | triangulation with a calibrated rig |
@@ -51,6 +51,13 @@
 //!   vertices, or bounds on memory.
 //! - Ambient light, radiometry and the sensor work in SI units and electrons from the start, so that
 //!   an exposure in a profile means what it means on a camera.
+//! - The embedded data line is in the frames of every link, as a sensor puts it there, so that they
+//!   are the same bytes everywhere; the host takes it off wherever it finds one.
+//! - Noise is keyed by a count of triggered exposures and one of free-running ones, not by the
+//!   frame's id: a V4L2 node does not tell whether somebody reads, so the camera always runs, and a
+//!   sequence has to look the same however long it did.
+//! - Frames go to a V4L2 node no faster than they were exposed: a v4l2loopback reader that is more
+//!   than two frames behind loses all but the newest.
 
 pub mod calibrate;
 pub mod cli;

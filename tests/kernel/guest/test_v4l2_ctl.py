@@ -1,8 +1,11 @@
 """v4l2-ctl: lists the served camera, streams from it, and saves what was rendered."""
 
+import re
+
 from lab import loopback
+from lab.data_line import Line
 from lab.device import Device, reference
-from lab.failure import expect, expect_in
+from lab.failure import expect, expect_in, expect_true
 from lab.guest import wait_until
 from lab.profiles import FRAMES, GREY, PLAIN, Y10, Y12, Y16, YUYV
 from lab.streams import expect_sequence, split
@@ -69,3 +72,21 @@ def test_it_saves_12_bits_as_rendered(scratch):
 
 def test_it_saves_16_bits_as_rendered(scratch):
     saved_sequence(scratch, Y16)
+
+
+def test_buffers_bear_the_time_of_the_exposure(scratch):
+    loopback.load()
+    device = Device(scratch, GREY, loopback.PHASMA, "--no-noise").ready()
+    saved = scratch.dir / "saved"
+    done = scratch.run(
+        "v4l2-ctl", "-d", loopback.PHASMA, "--verbose", "--stream-mmap", "--stream-count=6",
+        f"--stream-to={saved}").ok()
+    times = [float(time) for time in re.findall(r"dqbuf:.* ts: ([0-9.]+)", done.out + done.err)]
+    frames = split(saved.read_bytes(), GREY)
+    expect("times of frames", len(times), len(frames))
+    starts = [Line(frame, GREY).start_ns for frame in frames]
+    # The first one's is the module's: asking for buffers stamps those that wait.
+    for at in range(2, len(frames)):
+        between = times[at] - times[at - 1] - (starts[at] - starts[at - 1]) / 1e9
+        expect_true(f"frame {at} is {between} s off", abs(between) < 5e-6)
+    device.stop()

@@ -16,7 +16,13 @@ boot() {
     -virtfs local,path=/,mount_tag=host,security_model=none,readonly=on,multidevs=remap \
     -virtfs "local,path=$repo,mount_tag=repo,security_model=none,readonly=on,multidevs=remap" \
     -virtfs "local,path=$out,mount_tag=out,security_model=none,multidevs=remap" \
-    < /dev/null | sed -u 's/\r$//' | tee "$out/report"
+    < /dev/null | sed -u 's/\r$//' | while IFS= read -r line; do
+      if [ "$line" = begins ]; then
+        say "the first test begins after $((SECONDS - begun)) s"
+      else
+        printf '%s\n' "$line"
+      fi
+    done | tee "$out/report"
   status=${PIPESTATUS[0]}
   if [ "$status" -eq 124 ] || [ "$status" -eq 137 ]; then
     say "the guest hung: killed after $limit_s s"
