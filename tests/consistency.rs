@@ -203,7 +203,7 @@ fn gray(cell_px: u32, bits: u32, bit: u32, inverted: bool) -> String {
     )
 }
 
-/// Sequences that no profile has, with the faults of each that are not found: none.
+/// Sequences that no profile has, and every fault but one, named below.
 #[test]
 fn every_fault_of_other_sequences_is_found_and_no_sound_capture_doubted() {
     let three_sets = |fine, steps| {
@@ -245,6 +245,9 @@ fn every_fault_of_other_sequences_is_found_and_no_sound_capture_doubted() {
                 .into_iter()
                 .filter(|(_, frames)| check_sequence(&captured.manifest, frames).is_ok())
                 .map(|(fault, _)| fault)
+                // The first bit for its complement mirrors the picture: told only where the
+                // mirrored coordinate is beyond the projector.
+                .filter(|fault| !(name.starts_with("Gray") && fault == "0 and 1 exchanged"))
                 .collect();
             assert!(missed.is_empty(), "{what}: {missed:?}");
         }

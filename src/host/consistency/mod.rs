@@ -21,10 +21,11 @@
 //! in which hardly any others vary are called saturated.
 //!
 //! What no frame tells is not found: two frames that show the same picture in the part of the
-//! projector that the camera sees; one set of three steps alone; a Gray code of exactly the
-//! projector's width whose first bit is exchanged with its complement, which mirrors the picture; a
+//! projector that the camera sees; one set of three steps alone; a Gray code whose first bit is
+//! exchanged with its complement, which mirrors the picture, where the mirrored coordinates are on
+//! the projector; a
 //! bit whose edges the camera does not see; the last frame, shown twice. Limits of the checks
-//! themselves: a frame exchanged with one that is not its neighbour is looked for only within a
+//! themselves: patterns of a period below 10 projector pixels are left out of `shifts`; a frame exchanged with one that is not its neighbour is looked for only within a
 //! set and a code; two faults in one run are not looked for; objects on less than 0.1 % of the
 //! image are not checked; and in light so dim that noise is much of the fringes (about a tenth of a
 //! built-in profile's) exchanged steps of a set of three may pass, for the noise then leaves
