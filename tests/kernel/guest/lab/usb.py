@@ -83,10 +83,12 @@ def nodes_under_vhci(kind, name):
 
 
 def video_node():
-    # Index 0 is the camera, index 1 its metadata.
-    nodes = nodes_under_vhci("video4linux", "video*")
-    cameras = [node for node in nodes if (node / "index").read_text().strip() == "0"]
-    return f"/dev/{cameras[0].name}" if cameras else None
+    for node in nodes_under_vhci("video4linux", "video*"):
+        # Index 0 is the camera, index 1 its metadata. A node may go while it is looked at.
+        with contextlib.suppress(FileNotFoundError):
+            if (node / "index").read_text().strip() == "0":
+                return f"/dev/{node.name}"
+    return None
 
 
 def serial_node():
