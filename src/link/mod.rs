@@ -13,5 +13,5 @@ pub mod usb;
 mod video;
 
 pub use run_dir::RunDir;
-pub use server::{Device, serve};
+pub use server::{Device, UsbLink, serve};
 pub use video::VideoOutput;

@@ -182,6 +182,8 @@ mod tests {
             camera: "socket:camera.sock".into(),
             camera_socket: "socket:camera.sock".into(),
             camera_tcp: None,
+            control_usb: None,
+            usb: None,
             service: "service.sock".into(),
         }
     }

@@ -7,7 +7,7 @@ use super::pace::Pace;
 use super::pty::{Event, Pty};
 use super::run_dir::{CAMERA, CONTROL, RunDir, SERVICE};
 use super::service::{Call, ServiceSocket};
-use super::usb::{Binding, PortEvent};
+use super::usb::{Binding, Nodes, PortEvent};
 use super::video::{Put, VideoOutput};
 use crate::emulator::{Clock, Firmware, FrameSink, Renderer, State};
 use crate::error::{Error, Result};
@@ -34,7 +34,7 @@ pub struct Device {
     /// The optics.
     pub renderer: Renderer,
     /// How device time passes.
-    pub clock: Box<dyn Clock>,
+    pub clock: Box<dyn Clock + Send>,
     /// `*IDN?` of the device, for `device.json`.
     pub name: String,
     /// Profile as it was chosen, for `device.json`.
@@ -47,10 +47,20 @@ pub struct Device {
     pub tcp: Option<u16>,
     /// The camera as a V4L2 node, ready for the firmware's stream; the frame socket is there too.
     pub video: Option<VideoOutput>,
-    /// Camera and port as a USB device, and its address; pty and frame socket are there too.
-    pub usb: Option<(Binding, String)>,
+    /// Camera and port as a USB device; pty and frame socket are there too.
+    pub usb: Option<UsbLink>,
     /// Takes what whoever looks after the device should know.
     pub notice: fn(&str),
+}
+
+/// A device's USB side.
+pub struct UsbLink {
+    /// What its server serves.
+    pub binding: Binding,
+    /// Where it can be taken: `usb:HOST:PORT/BUSID`.
+    pub address: String,
+    /// What this machine's kernel has made of it.
+    pub nodes: Nodes,
 }
 
 /// Serves a device from a run directory until `shutdown` is done, in a tokio runtime. `wall` tells
@@ -73,6 +83,11 @@ pub async fn serve(
     let service_path = run_dir.file(SERVICE);
     let service = ServiceSocket::open(&service_path)?;
     let camera_socket = format!("socket:{}", camera_path.display());
+    let (usb_address, nodes) = match &device.usb {
+        Some(usb) => (Some(usb.address.clone()), usb.nodes.clone()),
+        None => (None, Nodes::default()),
+    };
+    let node = nodes.camera.map(|path| path.display().to_string());
     let endpoints = Endpoints {
         name: device.name,
         pid: std::process::id(),
@@ -80,13 +95,16 @@ pub async fn serve(
         scene: device.scene,
         seed: device.seed,
         control,
-        camera: match (&device.video, &device.usb) {
-            (Some(video), _) => video.address(),
-            (None, Some((_, address))) => address.clone(),
-            (None, None) => camera_socket.clone(),
+        control_usb: nodes.tty,
+        camera: match &device.video {
+            Some(video) => video.address(),
+            None => node
+                .or_else(|| usb_address.clone())
+                .unwrap_or_else(|| camera_socket.clone()),
         },
         camera_socket,
         camera_tcp: camera.tcp_address().map(|address| format!("tcp:{address}")),
+        usb: usb_address,
         service: service_path,
     };
     let optics =
@@ -94,8 +112,8 @@ pub async fn serve(
     if let Some(video) = &device.video {
         device.firmware.attach(Box::new(video.clone()));
     }
-    if let Some((usb, _)) = &device.usb {
-        let gate = usb.gate(device.firmware.stream());
+    if let Some(usb) = &device.usb {
+        let gate = usb.binding.gate(device.firmware.stream());
         device.firmware.attach(Box::new(gate));
     }
     run_dir.publish(&endpoints)?;
@@ -107,7 +125,7 @@ pub async fn serve(
         pty,
         camera,
         video: device.video,
-        usb: device.usb.map(|(usb, _)| usb),
+        usb: device.usb.map(|usb| usb.binding),
         reply_to_usb: false,
         pace: Pace::default(),
         notice: device.notice,
@@ -120,7 +138,7 @@ pub async fn serve(
 
 struct Server {
     firmware: Firmware,
-    clock: Box<dyn Clock>,
+    clock: Box<dyn Clock + Send>,
     optics: Optics,
     pty: Pty,
     camera: FrameSocket,

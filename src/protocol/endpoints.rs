@@ -22,13 +22,19 @@ pub struct Endpoints {
     pub seed: u64,
     /// Path of the control port.
     pub control: PathBuf,
-    /// Address of the camera: `/dev/videoN` or `socket:PATH`.
+    /// Its other end on USB, where this machine's kernel has the device: `/dev/ttyACMN`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub control_usb: Option<PathBuf>,
+    /// Address of the camera: `/dev/videoN`, `usb:HOST:PORT/BUSID` or `socket:PATH`.
     pub camera: String,
     /// The frame socket, which is there besides any other camera: `socket:PATH`.
     pub camera_socket: String,
     /// The camera over TCP, where that was asked for: `tcp:127.0.0.1:PORT`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub camera_tcp: Option<String>,
+    /// The device on USB/IP, where it is a USB device: `usb:HOST:PORT/BUSID`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub usb: Option<String>,
     /// Socket of the service channel, which no physical device has.
     pub service: PathBuf,
 }

@@ -5,4 +5,5 @@ mod clients;
 mod directory;
 mod scan;
 mod served;
+mod several;
 mod stream;

@@ -17,6 +17,7 @@ mod server;
 mod session;
 #[cfg(test)]
 mod tests;
+mod vhci;
 mod video;
 
 pub use attach::{Attachment, attach};
@@ -25,6 +26,7 @@ pub(super) use binding::PortEvent;
 pub use fault::Fault;
 pub use server::UsbServer;
 pub use session::UsbDevice;
+pub use vhci::{Nodes, Port};
 
 use crate::protocol::usb::cdc::{HostLines, LineCoding};
 use crate::protocol::usb::uvc::Negotiation;

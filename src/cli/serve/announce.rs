@@ -1,0 +1,48 @@
+//! What is said once a device can be reached.
+
+use crate::protocol::Endpoints;
+use std::io::Write;
+
+/// `about` says what the camera is, or why it is no other.
+pub(super) fn announce(endpoints: &Endpoints, about: &str) {
+    let mut text = format!(
+        "{} looking at {}\n  control  {}\n",
+        endpoints.profile,
+        endpoints.scene,
+        endpoints.control.display(),
+    );
+    if let Some(tty) = &endpoints.control_usb {
+        text += &format!("           {}\n", tty.display());
+    }
+    text += &format!("  camera   {}", endpoints.camera);
+    if !about.is_empty() {
+        text += &format!(" ({about})");
+    }
+    text.push('\n');
+    if endpoints.camera_socket != endpoints.camera {
+        text += &format!("           {}\n", endpoints.camera_socket);
+    }
+    if let Some(tcp) = &endpoints.camera_tcp {
+        text += &format!("           {tcp}\n");
+    }
+    if let Some(usb) = endpoints
+        .usb
+        .as_ref()
+        .filter(|usb| **usb != endpoints.camera)
+    {
+        text += &format!("  usb      {usb}\n");
+    }
+    text += &format!("  service  {}\n", endpoints.service.display());
+    say(&text);
+}
+
+/// After the last device has been announced.
+pub(super) fn announce_end() {
+    say("Ctrl-C ends it.\n");
+}
+
+fn say(text: &str) {
+    // A closed standard output is no reason to stop serving.
+    let mut out = std::io::stdout();
+    let _ = out.write_all(text.as_bytes()).and_then(|()| out.flush());
+}

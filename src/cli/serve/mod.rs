@@ -1,0 +1,213 @@
+//! `phasma serve`: puts devices on the desk that are not there.
+
+mod announce;
+mod run_dirs;
+mod shutdown;
+mod unit;
+mod usb;
+mod video;
+
+pub(super) use run_dirs::run_parent;
+
+use crate::error::{Error, Result};
+use crate::link::RunDir;
+use crate::profile::{Profile, Scene};
+use shutdown::Shutdown;
+use std::net::SocketAddr;
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+use tokio::sync::{mpsc, watch};
+use unit::{News, Unit};
+use usb::UsbHow;
+
+/// Devices of one server; hosts have 127 on a bus.
+const MAX_DEVICES: usize = 64;
+
+/// Serve an emulated scanner, or several, until Ctrl-C or TERM.
+#[derive(Debug, clap::Args)]
+pub(super) struct Args {
+    /// Device profile: a built-in name or a TOML file. Repeated, it serves a device each.
+    #[arg(long, default_value = "pmp-bench")]
+    profile: Vec<String>,
+    /// What stands before it: a built-in name or a TOML file. Of several devices one for all, or
+    /// repeated, one each.
+    #[arg(long, default_value = "torso")]
+    scene: Vec<String>,
+    /// Where its endpoints are kept; a directory of its own under XDG_RUNTIME_DIR or the temporary
+    /// directory when absent. Of several devices each has a directory in it, named by its profile.
+    #[arg(long, value_name = "DIR")]
+    run_dir: Option<PathBuf>,
+    /// Where frames go besides the frame socket: a node of v4l2loopback by its path (/dev/video10);
+    /// auto, the first free one whose label starts with Phasma; or socket, nowhere else.
+    #[arg(long, value_name = "ADDR", default_value = "auto")]
+    camera: video::Choice,
+    /// Be a USB device too, camera and serial port in one: export lets hosts take it over USB/IP
+    /// (`usbip attach`), attach also hands it to this machine's own kernel.
+    #[arg(long, value_name = "HOW", value_enum, num_args = 0..=1, default_missing_value = "export")]
+    usb: Option<UsbHow>,
+    /// Where to export the USB device. USB/IP has no authentication: whoever reaches the address
+    /// can take the device.
+    #[arg(
+        long,
+        value_name = "IP:PORT",
+        default_value = "127.0.0.1:3240",
+        requires = "usb"
+    )]
+    usb_listen: SocketAddr,
+    /// Seed of the noise; of several devices the first one's, and one more for each that follows.
+    #[arg(long, default_value_t = 0)]
+    seed: u64,
+    /// Leave the noise out.
+    #[arg(long)]
+    no_noise: bool,
+    /// Serve frames on this port of the loopback interface too; 0 picks a free one.
+    #[arg(long, value_name = "PORT")]
+    tcp: Option<u16>,
+    /// Load a sequence of your own: a manifest whose pictures stand beside it. May be repeated.
+    #[arg(long, value_name = "FILE")]
+    sequence: Vec<PathBuf>,
+    /// End when standard input does: for programs that start a device and may be killed.
+    #[arg(long)]
+    while_stdin: bool,
+    /// How device time passes.
+    #[arg(long, value_enum, default_value_t = Pace::Real)]
+    clock: Pace,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+enum Pace {
+    /// As on the wall.
+    Real,
+    /// It jumps to what happens next.
+    Fast,
+}
+
+pub(super) fn run(args: &Args) -> Result<()> {
+    check(args)?;
+    let mut profiles: Vec<_> = args
+        .profile
+        .iter()
+        .map(|name| Profile::load(name))
+        .collect::<Result<_>>()?;
+    for profile in &mut profiles {
+        profile.camera.sensor.noiseless = args.no_noise;
+    }
+    if args.usb.is_some() {
+        usb::check(&profiles)?;
+    }
+    let scenes: Vec<_> = args
+        .scene
+        .iter()
+        .map(|name| Scene::load(name))
+        .collect::<Result<_>>()?;
+    let units: Vec<_> = profiles
+        .iter()
+        .enumerate()
+        .map(|(number, profile)| Unit::new(args, number, profile, &scenes[number % scenes.len()]))
+        .collect::<Result<_>>()?;
+    let runtime = unit::runtime()?;
+    runtime.block_on(serve(args, &profiles, units))
+}
+
+/// Refuses options that do not go together.
+fn check(args: &Args) -> Result<()> {
+    let (devices, scenes) = (args.profile.len(), args.scene.len());
+    if devices > MAX_DEVICES {
+        let allowed = format!("up to {MAX_DEVICES} devices");
+        return Err(Error::input(
+            "--profile",
+            format!("{devices} of them"),
+            allowed,
+        ));
+    }
+    if scenes != 1 && scenes != devices {
+        return Err(Error::input(
+            "--scene",
+            format!("{scenes} of them for {devices} devices"),
+            "one for all, or one for each --profile",
+        ));
+    }
+    if let Some(port) = args.tcp.filter(|&port| port != 0 && devices > 1) {
+        return Err(Error::input(
+            format!("--tcp {port}"),
+            format!("one port for {devices} devices"),
+            "--tcp 0, a free port for each",
+        ));
+    }
+    video::check(args)
+}
+
+async fn serve(args: &Args, profiles: &[Profile], mut units: Vec<Unit>) -> Result<()> {
+    // Before anything is made that would have to be removed.
+    let shutdown = Shutdown::watch(args.while_stdin)?;
+    let dirs = run_dirs::run_dirs(args, profiles)?;
+    let _holder = run_dirs::Holder::make(&dirs, args.run_dir.is_some())?;
+    let dirs: Vec<_> = dirs
+        .iter()
+        .map(|dir| RunDir::claim(dir))
+        .collect::<Result<_>>()?;
+    let start = Instant::now();
+    let power_on = video::monotonic();
+    let clock = move || start.elapsed();
+    for (unit, profile) in units.iter_mut().zip(profiles) {
+        unit.open_video(args, profile, power_on)?;
+    }
+    if let Some(how) = args.usb {
+        let devices = profiles.iter().zip(units.iter().map(Unit::firmware));
+        let links = usb::serve_usb(how, args.usb_listen, devices, clock).await?;
+        for (unit, link) in units.iter_mut().zip(links) {
+            unit.set_usb(link);
+        }
+    }
+    let units = units.into_iter().zip(dirs).collect();
+    supervise(units, clock, shutdown).await
+}
+
+/// Runs the devices, each on a thread of its own, until the first of them fails or all are to end.
+async fn supervise(
+    units: Vec<(Unit, RunDir)>,
+    clock: impl Fn() -> Duration + Clone + Send + 'static,
+    shutdown: Shutdown,
+) -> Result<()> {
+    let (stop, _) = watch::channel(false);
+    let (tell, mut news) = mpsc::unbounded_channel();
+    let about: Vec<String> = units
+        .iter()
+        .map(|(unit, _)| unit.about().to_owned())
+        .collect();
+    let mut result = Ok(());
+    let mut running = 0;
+    for (number, (unit, dir)) in units.into_iter().enumerate() {
+        result = unit.start(number, dir, clock.clone(), stop.subscribe(), tell.clone());
+        if result.is_err() {
+            stop.send_replace(true);
+            break;
+        }
+        running += 1;
+    }
+    let mut shutdown = std::pin::pin!(shutdown.wait());
+    let mut silent = running;
+    while running > 0 {
+        let stopping = *stop.borrow();
+        tokio::select! {
+            () = &mut shutdown, if !stopping => {
+                stop.send_replace(true);
+            }
+            what = news.recv() => match what.expect("its sender is here") {
+                News::Ready(number, endpoints) => {
+                    announce::announce(&endpoints, &about[number]);
+                    silent -= 1;
+                    if silent == 0 {
+                        announce::announce_end();
+                    }
+                }
+                News::Ended(outcome) => {
+                    running -= 1;
+                    stop.send_replace(true);
+                    result = result.and(outcome);
+                }
+            },
+        }
+    }
+    result
+}

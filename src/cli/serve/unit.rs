@@ -1,0 +1,150 @@
+//! One of the devices that are served.
+
+use super::video::open_video;
+use super::{Args, Pace};
+use crate::emulator::{Clock, Firmware, PacedClock, Renderer, UserSequence, VirtualClock};
+use crate::error::{Error, Result};
+use crate::link::{Device, RunDir, UsbLink, serve};
+use crate::profile::{Profile, Scene};
+use crate::protocol::Endpoints;
+use std::time::Duration;
+use tokio::sync::{mpsc, watch};
+
+/// A device on its way to being served.
+pub(super) struct Unit {
+    device: Device,
+    /// What the camera is, or why it is no other.
+    about: String,
+}
+
+/// What happens to the devices.
+pub(super) enum News {
+    /// The device of this number can be reached.
+    Ready(usize, Box<Endpoints>),
+    /// A device is over.
+    Ended(Result<()>),
+}
+
+impl Unit {
+    /// The device of a number, from 0, of those that the command asks for.
+    pub(super) fn new(
+        args: &Args,
+        number: usize,
+        profile: &Profile,
+        scene: &Scene,
+    ) -> Result<Self> {
+        let user: Vec<_> = args
+            .sequence
+            .iter()
+            .map(|path| UserSequence::read(path))
+            .collect::<Result<_>>()?;
+        let clock: Box<dyn Clock + Send> = match args.clock {
+            Pace::Real => Box::new(PacedClock),
+            Pace::Fast => Box::new(VirtualClock::default()),
+        };
+        let id = &profile.identity;
+        let seed = args.seed.wrapping_add(number as u64);
+        let device = Device {
+            firmware: Firmware::new(profile, &user)?,
+            renderer: Renderer::new(profile, scene, seed)?,
+            clock,
+            name: format!(
+                "{},{},{},{}",
+                id.manufacturer, id.model, id.serial, id.firmware
+            ),
+            profile: args.profile[number].clone(),
+            scene: args.scene[number % args.scene.len()].clone(),
+            seed,
+            tcp: args.tcp,
+            video: None,
+            usb: None,
+            notice: |text| eprintln!("phasma: {text}"),
+        };
+        Ok(Self {
+            device,
+            about: String::new(),
+        })
+    }
+
+    /// Opens the V4L2 node that it is to have. `power_on` is the system's monotonic time then.
+    pub(super) fn open_video(
+        &mut self,
+        args: &Args,
+        profile: &Profile,
+        power_on: Duration,
+    ) -> Result<()> {
+        let bits = profile.camera.sensor.bits;
+        (self.device.video, self.about) = open_video(args, &self.device.firmware, bits, power_on)?;
+        Ok(())
+    }
+
+    pub(super) fn firmware(&self) -> &Firmware {
+        &self.device.firmware
+    }
+
+    /// Gives it its USB side, and what to say of that.
+    pub(super) fn set_usb(&mut self, (link, about): (UsbLink, String)) {
+        self.device.usb = Some(link);
+        self.about = about;
+    }
+
+    pub(super) fn about(&self) -> &str {
+        &self.about
+    }
+
+    /// Serves it from a directory, on a thread of its own, until `stop` says true.
+    ///
+    /// # Errors
+    /// A thread that the system refuses.
+    pub(super) fn start(
+        self,
+        number: usize,
+        run_dir: RunDir,
+        wall: impl Fn() -> Duration + Clone + Send + 'static,
+        mut stop: watch::Receiver<bool>,
+        tell: mpsc::UnboundedSender<News>,
+    ) -> Result<()> {
+        let body = move || {
+            let mut ending = Ending {
+                tell: tell.clone(),
+                outcome: None,
+            };
+            let ready = |endpoints: &Endpoints| {
+                let _ = tell.send(News::Ready(number, Box::new(endpoints.clone())));
+            };
+            let stopped = async {
+                // A sender that is gone is an end too.
+                let _ = stop.wait_for(|&stop| stop).await;
+            };
+            ending.outcome = Some(runtime().and_then(|runtime| {
+                runtime.block_on(serve(self.device, run_dir, wall, ready, stopped))
+            }));
+        };
+        let thread = std::thread::Builder::new().name(format!("device {}", number + 1));
+        thread.spawn(body).map_err(|e| Error::io("device", e))?;
+        Ok(())
+    }
+}
+
+/// Tells how a device has ended, even where its thread dies.
+struct Ending {
+    tell: mpsc::UnboundedSender<News>,
+    outcome: Option<Result<()>>,
+}
+
+impl Drop for Ending {
+    fn drop(&mut self) {
+        let died = || Err(Error::device("a device's thread has died"));
+        let outcome = self.outcome.take().unwrap_or_else(died);
+        // Nobody waits any more where the whole program ends.
+        let _ = self.tell.send(News::Ended(outcome));
+    }
+}
+
+/// An event loop on the thread that asks for it.
+pub(super) fn runtime() -> Result<tokio::runtime::Runtime> {
+    tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .build()
+        .map_err(|e| Error::io("event loop", e))
+}

@@ -1,0 +1,88 @@
+//! The V4L2 node that `--camera` asks for.
+
+use super::{Args, Pace};
+use crate::emulator::Firmware;
+use crate::error::{Error, Result};
+use crate::link::VideoOutput;
+use std::path::PathBuf;
+use std::str::FromStr;
+use std::time::Duration;
+
+/// `--camera`.
+#[derive(Debug, Clone)]
+pub(super) enum Choice {
+    Auto,
+    Socket,
+    Node(PathBuf),
+}
+
+impl FromStr for Choice {
+    type Err = &'static str;
+
+    fn from_str(text: &str) -> std::result::Result<Self, Self::Err> {
+        match text {
+            "auto" => Ok(Self::Auto),
+            "socket" => Ok(Self::Socket),
+            path if path.starts_with("/dev/") => Ok(Self::Node(path.into())),
+            _ => Err("allowed: auto, socket or a path such as /dev/video10"),
+        }
+    }
+}
+
+/// Refuses what cannot be before anything is made.
+pub(super) fn check(args: &Args) -> Result<()> {
+    let Choice::Node(path) = &args.camera else {
+        return Ok(());
+    };
+    if args.clock == Pace::Fast {
+        return Err(Error::input(
+            "--clock fast",
+            format!("with --camera {}", path.display()),
+            "--clock real: a V4L2 reader cannot hold the device up, so frames would be lost; or \
+             --camera socket",
+        ));
+    }
+    if args.profile.len() > 1 {
+        return Err(Error::input(
+            format!("--camera {}", path.display()),
+            format!("one node for {} devices", args.profile.len()),
+            "auto, a free node for each, or socket",
+        ));
+    }
+    Ok(())
+}
+
+/// The V4L2 node that was asked for or found, and what to say of the camera.
+pub(super) fn open_video(
+    args: &Args,
+    firmware: &Firmware,
+    bits: u32,
+    power_on: Duration,
+) -> Result<(Option<VideoOutput>, String)> {
+    let stream = firmware.stream();
+    let opened = match &args.camera {
+        Choice::Socket => return Ok((None, String::new())),
+        // The camera is the USB device's.
+        Choice::Auto if args.usb.is_some() => return Ok((None, String::new())),
+        Choice::Node(path) => Ok(VideoOutput::open(path, &stream, bits, power_on)?),
+        Choice::Auto if args.clock == Pace::Fast => Err("--clock fast: a V4L2 reader cannot hold \
+             the device up, so frames would be lost"
+            .to_owned()),
+        Choice::Auto => VideoOutput::open_any(&stream, bits, power_on)
+            .map_err(|why| format!("{why}; run phasma doctor")),
+    };
+    Ok(match opened {
+        Ok(video) => {
+            let about = video.about();
+            (Some(video), about)
+        }
+        Err(why) => (None, why),
+    })
+}
+
+/// The time that V4L2 stamps frames with.
+pub(super) fn monotonic() -> Duration {
+    let now = rustix::time::clock_gettime(rustix::time::ClockId::Monotonic);
+    let seconds = u64::try_from(now.tv_sec).unwrap_or(0);
+    Duration::from_secs(seconds) + Duration::from_nanos(now.tv_nsec.unsigned_abs())
+}
