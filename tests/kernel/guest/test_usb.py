@@ -1,5 +1,7 @@
 """The device as a USB device: the stock drivers take it for hardware."""
 
+import json
+import pathlib
 import re
 import signal
 import sys
@@ -11,14 +13,18 @@ from lab import usb
 from lab.data_line import Line
 from lab.device import FrameSocket, expect_scan, reference_scan
 from lab.failure import expect, expect_in, expect_true, limit
-from lab.guest import LANE, wait_until
-from lab.profiles import GREY, Y12, YUYV
+from lab.guest import LANE, PHASMA, wait_until
+from lab.profiles import GREY, SCENE, Y12, YUYV, replace
 from lab.streams import split
 from lab.usb import UsbDevice, UsbVariation
 
 
 def plugged(scratch, variation, *options):
-    return UsbDevice(scratch, variation, *options).ready().plugged()
+    device = UsbDevice(scratch, variation, *options).ready()
+    told = device.camera, device.endpoints.get("control_usb")
+    device.plugged()
+    expect("nodes that the device tells of", told, (device.node, device.port))
+    return device
 
 
 def test_both_drivers_bind_and_lsusb_reads_it(scratch):
@@ -222,6 +228,39 @@ def test_fifty_times_in_and_out(scratch):
     expect("descriptors", descriptors, before[0])
     expect_true(f"memory grew from {before[1]} to {kilobytes} kB", kilobytes < before[1] + 8192)
     device.stop()
+    usb.expect_no_complaints(scratch)
+
+
+def test_two_devices_of_one_server(scratch):
+    wanted = reference_scan(scratch, GREY, "--no-noise")
+    usb.load()
+    text = pathlib.Path(GREY.write(scratch.dir)).read_text()
+    profiles = []
+    for name in ("left", "right"):
+        one = replace(text, 'name = "small"', f'name = "{name}"')
+        one = replace(one, 'serial = "0001"', f'serial = "{name}"')
+        profiles.append(scratch.dir / f"{name}.toml")
+        profiles[-1].write_text(one)
+    job = scratch.start(
+        PHASMA, "serve", "--usb", "attach", "--no-noise", "--scene", SCENE, "--run-dir", scratch.dir / "desk",
+        "--profile", profiles[0], "--profile", profiles[1])
+    files = [scratch.dir / "desk" / name / "device.json" for name in ("left", "right")]
+    wait_until("both devices", lambda: all(file.exists() for file in files), 30)
+    told = [json.loads(file.read_text()) for file in files]
+    expect("different cameras", len({one["camera"] for one in told}), 2)
+    scans = [
+        scratch.start(
+            PHASMA, "scan", "--camera", one["camera"], "--control", one["control_usb"], "--timeout", "20",
+            "--json", "--out", scratch.dir / name)
+        for one, name in zip(told, ("left", "right"))
+    ]
+    for scan, name in zip(scans, ("left", "right")):
+        done = scan.wait(90).ok()
+        expect_in("the device's name", name, done.out)
+        expect_scan(f"the scan of {name}", scratch.dir / name, wanted)
+    job.send(signal.SIGTERM)
+    job.wait(20).ok()
+    wait_until("the cameras are gone", lambda: usb.video_node() is None)
     usb.expect_no_complaints(scratch)
 
 
