@@ -6,3 +6,4 @@ mod directory;
 mod scan;
 mod served;
 mod stream;
+mod usb;
