@@ -6,6 +6,7 @@ use phasma::host::usb::{UsbCamera, VideoControl, VideoFunction};
 use phasma::link::usb::{Event, Fault};
 use phasma::profile::{Speed, Transfer};
 use phasma::protocol::PixelFormat;
+use phasma::protocol::usb::{Setup, request};
 use std::time::Duration;
 
 fn streams(speed: Speed, transfer: Transfer, frames: u64) {
@@ -41,6 +42,22 @@ fn bulk_at_superspeed() {
 #[test]
 fn isochronous() {
     streams(Speed::High, Transfer::Isochronous, 20);
+}
+
+/// Isochronous transfers end by the clock, so some end while others are being taken back.
+#[test]
+fn an_isochronous_stream_that_is_ended_at_any_moment_leaves_the_device() {
+    let served = Served::new(Speed::High, Transfer::Isochronous);
+    let device = served.open();
+    for round in 0..30 {
+        let mut camera = UsbCamera::open(&device, None).unwrap();
+        let got = camera.next_frame(TIMEOUT).unwrap().expect("a frame");
+        assert!(got.data == frame(0, PixelFormat::Grey).data);
+        std::thread::sleep(Duration::from_micros(137 * round));
+        drop(camera);
+        let configuration = device.get(Setup::STANDARD_IN, request::GET_CONFIGURATION, 0, 0, 1);
+        assert_eq!(configuration.unwrap(), [1], "the connection lives");
+    }
 }
 
 #[test]
