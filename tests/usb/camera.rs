@@ -7,7 +7,7 @@ use phasma::link::usb::{Event, Fault};
 use phasma::profile::{Speed, Transfer};
 use phasma::protocol::PixelFormat;
 use phasma::protocol::usb::{Setup, request};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 fn streams(speed: Speed, transfer: Transfer, frames: u64) {
     let served = Served::new(speed, transfer);
@@ -58,6 +58,21 @@ fn an_isochronous_stream_that_is_ended_at_any_moment_leaves_the_device() {
         let configuration = device.get(Setup::STANDARD_IN, request::GET_CONFIGURATION, 0, 0, 1);
         assert_eq!(configuration.unwrap(), [1], "the connection lives");
     }
+}
+
+#[test]
+fn time_of_transfers_that_were_taken_back_is_not_waited_for() {
+    let served = Served::new(Speed::High, Transfer::Isochronous);
+    let device = served.open();
+    for _ in 0..50 {
+        drop(UsbCamera::open(&device, None).unwrap());
+    }
+    let mut camera = UsbCamera::open(&device, None).unwrap();
+    let start = Instant::now();
+    camera.next_frame(TIMEOUT).unwrap().expect("a frame");
+    // Some 130 ms of transfers were under way each time.
+    let waited = start.elapsed();
+    assert!(waited < Duration::from_secs(2), "{waited:?}");
 }
 
 #[test]

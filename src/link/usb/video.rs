@@ -70,6 +70,8 @@ impl Video {
         let before = self.waiting.len();
         self.waiting
             .retain(|waiting| waiting.submit.seqnum != seqnum);
+        // The time of one that is taken back is free again.
+        self.last_due = self.waiting.back().map_or(Duration::ZERO, |w| w.due);
         self.waiting.len() < before
     }
 
