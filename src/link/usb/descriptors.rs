@@ -28,6 +28,14 @@ pub(super) const SERIAL_IN: u8 = 3;
 /// Serial data to the device.
 pub(super) const SERIAL_OUT: u8 = 3;
 
+/// Addresses of all endpoints but the control endpoint's, with their direction in bit 7.
+pub(super) const ENDPOINTS: [u8; 4] = [
+    TO_HOST | VIDEO_IN,
+    TO_HOST | NOTIFY_IN,
+    TO_HOST | SERIAL_IN,
+    SERIAL_OUT,
+];
+
 /// Entity of the camera, with the exposure control.
 pub(super) const CAMERA_TERMINAL: u8 = 1;
 /// Entity with the gain control.
