@@ -256,3 +256,6 @@ impl Current {
         (self.info | last, part)
     }
 }
+
+#[cfg(test)]
+mod tests;
