@@ -2,11 +2,15 @@
 //! without a kernel in between.
 
 use crate::served::{LONG, Served, phasma, text};
-use phasma::host::usb::{Client, UsbAddress};
+use phasma::host::usb::{Client, UsbAddress, UsbCamera, UsbDevice, UsbPort};
+use phasma::host::{Camera, Instrument};
+use phasma::protocol::service;
 use std::collections::BTreeMap;
 use std::fs;
+use std::os::unix::net::UnixStream;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 /// A built-in profile with something changed and something added, in a file.
@@ -280,4 +284,52 @@ fn a_client_that_is_killed_in_the_middle_of_a_scan_leaves_the_device_free() {
     let summary: serde_json::Value = serde_json::from_slice(&next.stdout).unwrap();
     assert_eq!(summary["frames"], 13);
     served.stop(rustix::process::Signal::TERM);
+}
+
+/// Microseconds that the device has spent on rendering frames.
+fn rendering_us(served: &Served) -> u64 {
+    let mut stream = UnixStream::connect(&served.at.service).unwrap();
+    stream.set_read_timeout(Some(LONG)).unwrap();
+    let request = service::Request::Get(service::Item::Truth);
+    service::ask(&mut stream, request).unwrap().render_us
+}
+
+#[test]
+fn nothing_is_rendered_for_a_camera_that_nobody_reads() {
+    let dir = tempfile::tempdir().unwrap();
+    let profile = profile(dir.path(), "webcam-grey", AS_IT_IS, "");
+    let served = Served::spawn_as_it_is(serve_usb(&profile).args(["--clock", "real"]));
+    let address = UsbAddress::parse(&served.at.camera, "device.json").unwrap();
+    let device = Arc::new(UsbDevice::open(&address, LONG).unwrap());
+    let mut instrument = Instrument::open(UsbPort::open(&device).unwrap(), LONG).unwrap();
+    // Some five frames' time.
+    let a_while = || std::thread::sleep(Duration::from_millis(170));
+
+    // Attached and configured, a program has the port open.
+    a_while();
+    assert_eq!(instrument.query("DIAG:FRAM?").unwrap(), "0");
+    // A sequence exposes whoever reads it, but nobody has to see it.
+    let exposed = instrument.query("TRIG:SOUR BUS;:INIT;*TRG;*OPC?;:DIAG:FRAM?");
+    assert_eq!(exposed.unwrap(), "1;13");
+    assert_eq!(rendering_us(&served), 0);
+
+    instrument.order("TRIG:SOUR INT").unwrap();
+    let mut camera = UsbCamera::open(&device, None).unwrap();
+    for _ in 0..3 {
+        camera.next_frame(LONG).unwrap().expect("a frame");
+    }
+    assert!(rendering_us(&served) > 0);
+
+    drop(camera);
+    // What was under way comes to its end.
+    a_while();
+    let state = |instrument: &mut Instrument<UsbPort>| {
+        (
+            instrument.query("DIAG:FRAM?").unwrap(),
+            rendering_us(&served),
+        )
+    };
+    let before = state(&mut instrument);
+    a_while();
+    assert_eq!(state(&mut instrument), before);
 }

@@ -209,6 +209,7 @@ impl Function {
             (kind::CONFIGURATION, 0) => Some(own.configuration.clone()),
             (kind::STRING, number) => own.string(number),
             (kind::DEVICE_QUALIFIER, 0) => own.qualifier.clone(),
+            (kind::OTHER_SPEED_CONFIGURATION, 0) => own.other_speed.clone(),
             (kind::BOS, 0) => own.bos.clone(),
             _ => None,
         }
