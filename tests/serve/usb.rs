@@ -3,8 +3,9 @@
 
 use crate::served::{LONG, Served, phasma, text};
 use phasma::host::usb::{Client, UsbAddress, UsbCamera, UsbDevice, UsbPort};
-use phasma::host::{Camera, Instrument};
+use phasma::host::{Camera, CommandPort, Instrument};
 use phasma::protocol::service;
+use phasma::protocol::usb::cdc::LineCoding;
 use std::collections::BTreeMap;
 use std::fs;
 use std::os::unix::net::UnixStream;
@@ -332,4 +333,73 @@ fn nothing_is_rendered_for_a_camera_that_nobody_reads() {
     let before = state(&mut instrument);
     a_while();
     assert_eq!(state(&mut instrument), before);
+}
+
+/// Sends a line over a port and gives the line that comes back.
+fn ask(port: &mut UsbPort, line: &str) -> String {
+    port.send(format!("{line}\n").as_bytes(), LONG).unwrap();
+    let mut answer = Vec::new();
+    while answer.last() != Some(&b'\n') {
+        let mut buffer = [0; 256];
+        let len = port.receive(&mut buffer, LONG).unwrap();
+        assert!(len > 0, "no answer to {line}: {}", answer.escape_ascii());
+        answer.extend_from_slice(&buffer[..len]);
+    }
+    String::from_utf8(answer).unwrap().trim_end().to_owned()
+}
+
+#[test]
+fn line_coding_breaks_and_lines_reach_the_firmware() {
+    let dir = tempfile::tempdir().unwrap();
+    let uses = "rts = 'trigger'\ndsr = 'sync'";
+    let profile = profile(dir.path(), "webcam-grey", AS_IT_IS, uses);
+    let served = Served::spawn(&mut serve_usb(&profile));
+    let address = UsbAddress::parse(&served.at.camera, "device.json").unwrap();
+    let device = Arc::new(UsbDevice::open(&address, LONG).unwrap());
+    let mut port = UsbPort::open(&device).unwrap();
+
+    let asked = "SYST:COMM:SER:BAUD?;BITS?;PAR?;SBIT?";
+    assert_eq!(ask(&mut port, asked), "115200;8;NONE;1");
+    for (coding, told) in [
+        ((9600, 7, 2, 2), "9600;7;EVEN;2"),
+        ((300, 5, 3, 1), "300;5;ONE;1.5"),
+        ((3_000_000, 16, 4, 0), "3000000;16;ZERO;1"),
+        ((1200, 8, 1, 0), "1200;8;ODD;1"),
+    ] {
+        let (baud, data_bits, parity, stop_bits) = coding;
+        let coding = LineCoding {
+            baud,
+            stop_bits,
+            parity,
+            data_bits,
+        };
+        port.set_line_coding(coding).unwrap();
+        assert_eq!(ask(&mut port, asked), told);
+    }
+
+    // A break, and a terminal that goes, end a line in its middle.
+    port.send(b"nonsense, and without an end", LONG).unwrap();
+    port.send_break(0xFFFF).unwrap();
+    port.send_break(0).unwrap();
+    assert_eq!(ask(&mut port, "SYST:ERR:COUN?"), "0");
+    port.send(b"nonsense, and without an end", LONG).unwrap();
+    drop(port);
+    let mut port = UsbPort::open(&device).unwrap();
+    assert_eq!(ask(&mut port, "SYST:ERR:COUN?"), "0");
+
+    // RTS that rises is a trigger, one that stays or falls is none; DSR is high while exposing.
+    let count = ask(&mut port, "TRIG:SOUR EXT;MODE STEP;:INIT;:DIAG:FRAM?");
+    assert_eq!(count, "0");
+    for (rts, frames) in [
+        (false, "0"),
+        (true, "1"),
+        (true, "1"),
+        (false, "1"),
+        (true, "2"),
+    ] {
+        port.set_rts(rts).unwrap();
+        assert_eq!(ask(&mut port, "DIAG:FRAM?"), frames, "RTS {rts}");
+    }
+    assert_eq!(ask(&mut port, "SYST:ERR:COUN?"), "0");
+    assert!(port.wait_for_lines(|lines| !lines.dsr, LONG).unwrap());
 }
