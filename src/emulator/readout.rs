@@ -100,4 +100,23 @@ mod tests {
             }
         }
     }
+    /// A frame with nothing to cut out, to convert or to put above it leaves in the memory that the
+    /// sensor pass has written.
+    #[test]
+    fn a_whole_frame_is_not_copied() {
+        let frame = rendered();
+        let (width, height) = (frame.width, frame.height);
+        let readout = Readout {
+            roi: Roi {
+                x: 0,
+                y: 0,
+                width,
+                height,
+            },
+            format: PixelFormat::Grey,
+            data_line: None,
+        };
+        let memory = frame.data.as_ptr();
+        assert_eq!(readout.read(frame).data.as_ptr(), memory);
+    }
 }

@@ -7,3 +7,4 @@ mod scan;
 mod served;
 mod several;
 mod stream;
+mod usb;

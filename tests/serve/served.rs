@@ -39,10 +39,15 @@ impl Served {
 
     /// [`Self::start`] by a command that still lacks clock and directory.
     pub fn spawn(command: &mut Command) -> Self {
+        Self::spawn_as_it_is(command.args(["--clock", "fast"]))
+    }
+
+    /// [`Self::start`] by a command that only lacks the directory.
+    pub fn spawn_as_it_is(command: &mut Command) -> Self {
         let base = tempfile::tempdir().unwrap();
         let dir = base.path().join("run");
         let mut child = command
-            .args(["--clock", "fast", "--run-dir"])
+            .arg("--run-dir")
             .arg(&dir)
             .stdout(Stdio::null())
             .spawn()

@@ -6,7 +6,8 @@ use phasma::host::usb::{UsbCamera, VideoControl, VideoFunction};
 use phasma::link::usb::{Event, Fault};
 use phasma::profile::{Speed, Transfer};
 use phasma::protocol::PixelFormat;
-use std::time::Duration;
+use phasma::protocol::usb::{Setup, request};
+use std::time::{Duration, Instant};
 
 fn streams(speed: Speed, transfer: Transfer, frames: u64) {
     let served = Served::new(speed, transfer);
@@ -41,6 +42,37 @@ fn bulk_at_superspeed() {
 #[test]
 fn isochronous() {
     streams(Speed::High, Transfer::Isochronous, 20);
+}
+
+/// Isochronous transfers end by the clock, so some end while others are being taken back.
+#[test]
+fn an_isochronous_stream_that_is_ended_at_any_moment_leaves_the_device() {
+    let served = Served::new(Speed::High, Transfer::Isochronous);
+    let device = served.open();
+    for round in 0..30 {
+        let mut camera = UsbCamera::open(&device, None).unwrap();
+        let got = camera.next_frame(TIMEOUT).unwrap().expect("a frame");
+        assert!(got.data == frame(0, PixelFormat::Grey).data);
+        std::thread::sleep(Duration::from_micros(137 * round));
+        drop(camera);
+        let configuration = device.get(Setup::STANDARD_IN, request::GET_CONFIGURATION, 0, 0, 1);
+        assert_eq!(configuration.unwrap(), [1], "the connection lives");
+    }
+}
+
+#[test]
+fn time_of_transfers_that_were_taken_back_is_not_waited_for() {
+    let served = Served::new(Speed::High, Transfer::Isochronous);
+    let device = served.open();
+    for _ in 0..50 {
+        drop(UsbCamera::open(&device, None).unwrap());
+    }
+    let mut camera = UsbCamera::open(&device, None).unwrap();
+    let start = Instant::now();
+    camera.next_frame(TIMEOUT).unwrap().expect("a frame");
+    // Some 130 ms of transfers were under way each time.
+    let waited = start.elapsed();
+    assert!(waited < Duration::from_secs(2), "{waited:?}");
 }
 
 #[test]

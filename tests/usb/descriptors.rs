@@ -336,6 +336,8 @@ fn check(speed: Speed, transfer: Transfer) {
         let qualifier = get(&device, 6, 0, 255);
         assert_eq!((qualifier.len(), qualifier[1]), (10, 6));
         assert_eq!(qualifier[4..7], own[4..7]);
+        assert_eq!(qualifier[8], 1, "a configuration at full speed");
+        check_other_speed(&get(&device, 7, 0, u16::MAX), &pieces);
     }
     let said = device.identity();
     assert_eq!((said.vendor_id, said.product_id), (0x1209, 1));
@@ -344,6 +346,33 @@ fn check(speed: Speed, transfer: Transfer) {
             .as_ref()
             .is_some_and(|serial| !serial.is_empty())
     );
+}
+
+/// The configuration at full speed: the same but for its type, its total and its endpoints.
+fn check_other_speed(whole: &[u8], high: &[&[u8]]) {
+    assert_eq!(u16_at(whole, 2), whole.len());
+    let full = cut(whole);
+    assert_eq!(full.len(), high.len());
+    assert_eq!(full[0][1], 7);
+    assert_eq!(full[0][4..], high[0][4..]);
+    for (full, high) in full[1..].iter().zip(&high[1..]) {
+        if full[1] != 5 {
+            assert_eq!(full, high);
+            continue;
+        }
+        assert_eq!(full[..4], high[..4]);
+        // USB 2.0, 5.6.3, 5.7.3 and 5.8.3.
+        match full[3] & 3 {
+            1 => assert!(u16_at(full, 4) <= 1023 && full[6] == 1),
+            2 => assert_eq!(u16_at(full, 4), 64),
+            // Milliseconds there, a power of two of 125 us here.
+            3 => {
+                assert!(u16_at(full, 4) <= 64);
+                assert_eq!(u32::from(full[6]) * 8, 1 << (high[6] - 1));
+            }
+            _ => panic!("a control endpoint"),
+        }
+    }
 }
 
 #[test]

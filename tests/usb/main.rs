@@ -7,4 +7,5 @@ mod detach;
 mod negotiation;
 mod nonsense;
 mod port;
+mod requests;
 mod served;

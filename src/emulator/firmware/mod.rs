@@ -28,6 +28,7 @@ use super::{Exposure, Slide, StreamSink};
 use crate::error::Result;
 use crate::profile::Profile;
 use crate::protocol::scpi::{DeviceError, ErrorCode, Framer, Framing, Program, Unit};
+use crate::protocol::usb::cdc::LineCoding;
 use memory::{Memory, Stored};
 use settings::{Settings, Source};
 use status::Status;
@@ -78,6 +79,8 @@ pub struct Firmware {
     /// Exposures whose frames have not left the device.
     in_flight: u64,
     streaming: bool,
+    /// How the host has set the serial line; nothing here depends on it.
+    line: LineCoding,
     /// The link that has to know what frames come.
     link: Option<Box<dyn StreamSink + Send>>,
     now_ns: u64,
@@ -114,6 +117,7 @@ impl Firmware {
             triggered: 0,
             in_flight: 0,
             streaming: false,
+            line: LineCoding::default(),
             link: None,
             now_ns: 0,
             profile: profile.clone(),
@@ -124,6 +128,11 @@ impl Firmware {
     /// of [`Self::stream`].
     pub fn attach(&mut self, link: Box<dyn StreamSink + Send>) {
         self.link = Some(link);
+    }
+
+    /// Says how the host has set the serial line: `SYSTem:COMMunicate:SERial` tells it.
+    pub fn set_line_coding(&mut self, line: LineCoding) {
+        self.line = line;
     }
 
     /// Takes bytes from the control port at a time.

@@ -58,6 +58,10 @@ commands! {
     NextError "SYSTem:ERRor[:NEXT]",
     ErrorCount "SYSTem:ERRor:COUNt",
     Version "SYSTem:VERSion",
+    Baud "SYSTem:COMMunicate:SERial:BAUD",
+    DataBits "SYSTem:COMMunicate:SERial:BITS",
+    Parity "SYSTem:COMMunicate:SERial:PARity[:TYPE]",
+    StopBits "SYSTem:COMMunicate:SERial:SBITs",
     Calibration "CALibration:DATA",
     FrameCount "DIAGnostic:FRAMes",
 }

@@ -254,17 +254,19 @@ impl Drop for UsbCamera {
 
 impl Receiver for Stream {
     fn reply(&mut self, done: &Done, data: &mut dyn Read) -> io::Result<usize> {
-        // An endpoint's transfers end in order; the difference holds where numbers wrap.
-        if let Some(last) = self.last
-            && (done.seqnum.wrapping_sub(last) as i32) <= 0
-            && done.status != status::UNLINKED
-        {
-            let seqnum = done.seqnum;
-            return Err(io::Error::other(format!(
-                "the server answers transfer {seqnum} of the camera after transfer {last}"
-            )));
+        // An endpoint's transfers end in order, but for those that were taken back; the difference
+        // holds where numbers wrap.
+        if done.status != status::UNLINKED {
+            if let Some(last) = self.last
+                && (done.seqnum.wrapping_sub(last) as i32) <= 0
+            {
+                let seqnum = done.seqnum;
+                return Err(io::Error::other(format!(
+                    "the server answers transfer {seqnum} of the camera after transfer {last}"
+                )));
+            }
+            self.last = Some(done.seqnum);
         }
-        self.last = Some(done.seqnum);
         let mut events = Vec::new();
         let mut out = |event| events.push(event);
         if done.packets.is_empty() {

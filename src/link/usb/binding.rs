@@ -114,13 +114,10 @@ impl Binding {
                     }
                     self.host_lines = lines;
                 }
+                Event::LineCoding(line) => firmware.set_line_coding(line),
                 // A break clears the input, as a terminal's does.
                 Event::Break(true) | Event::Detached => port.push(PortEvent::HungUp),
-                Event::Break(false)
-                | Event::Attached
-                | Event::LineCoding(_)
-                | Event::Started
-                | Event::Stopped => {}
+                Event::Break(false) | Event::Attached | Event::Started | Event::Stopped => {}
             }
         }
         port

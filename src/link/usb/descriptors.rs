@@ -28,6 +28,14 @@ pub(super) const SERIAL_IN: u8 = 3;
 /// Serial data to the device.
 pub(super) const SERIAL_OUT: u8 = 3;
 
+/// Addresses of all endpoints but the control endpoint's, with their direction in bit 7.
+pub(super) const ENDPOINTS: [u8; 4] = [
+    TO_HOST | VIDEO_IN,
+    TO_HOST | NOTIFY_IN,
+    TO_HOST | SERIAL_IN,
+    SERIAL_OUT,
+];
+
 /// Entity of the camera, with the exposure control.
 pub(super) const CAMERA_TERMINAL: u8 = 1;
 /// Entity with the gain control.
@@ -37,6 +45,8 @@ const OUTPUT_TERMINAL: u8 = 3;
 const CLOCK_HZ: u32 = 48_000_000;
 /// Packets that the kernel puts into one transfer: one payload is one transfer then.
 const PACKETS_PER_PAYLOAD: u32 = 32;
+/// Largest bulk packet at full speed.
+const FULL_SPEED_PACKET: u16 = 64;
 const TO_HOST: u8 = 0x80;
 const BULK: u8 = 2;
 const INTERRUPT: u8 = 3;
@@ -65,6 +75,8 @@ pub(super) struct Descriptors {
     pub(super) configuration: Vec<u8>,
     /// What the device would be at its other speed; SuperSpeed devices have none.
     pub(super) qualifier: Option<Vec<u8>>,
+    /// The configuration at full speed, of a high-speed device on a slow port.
+    pub(super) other_speed: Option<Vec<u8>>,
     /// Capabilities of a SuperSpeed device.
     pub(super) bos: Option<Vec<u8>>,
     /// Strings from number 1 on.
@@ -137,10 +149,20 @@ impl Descriptors {
             super_speed,
             packet,
         };
+        let full_speed = Draft {
+            packet: FULL_SPEED_PACKET,
+            ..draft
+        };
+        let other_speed = (!super_speed).then(|| {
+            let mut bytes = full_speed.configuration(modes, &intervals);
+            bytes[1] = kind::OTHER_SPEED_CONFIGURATION;
+            bytes
+        });
         Self {
             device,
             configuration: draft.configuration(modes, &intervals),
             qualifier,
+            other_speed,
             bos: super_speed.then(bos),
             strings: vec![
                 id.manufacturer.clone(),
@@ -202,9 +224,11 @@ fn bos() -> Vec<u8> {
     [&[5, kind::BOS, low, high, 2][..], &extension, &speed].concat()
 }
 
+#[derive(Clone, Copy)]
 struct Draft {
     usb: crate::profile::Usb,
     super_speed: bool,
+    /// Largest packet of a bulk endpoint.
     packet: u16,
 }
 
@@ -349,6 +373,8 @@ impl Draft {
             Transfer::Isochronous => {
                 let endpoint = if self.super_speed {
                     self.endpoint(TO_HOST | VIDEO_IN, ISOCHRONOUS, 1024, 1, 2)
+                } else if self.packet == FULL_SPEED_PACKET {
+                    self.endpoint(TO_HOST | VIDEO_IN, ISOCHRONOUS, 1023, 1, 0)
                 } else {
                     // Three packets of 1024 bytes a microframe.
                     self.endpoint(TO_HOST | VIDEO_IN, ISOCHRONOUS, 2 << 11 | 1024, 1, 0)
@@ -370,7 +396,13 @@ impl Draft {
         // Line coding and control lines; break.
         let abilities = [4, kind::CS_INTERFACE, 2, 0x06];
         let union = [5, kind::CS_INTERFACE, 6, SERIAL_CONTROL, SERIAL_DATA];
-        let notify = self.endpoint(TO_HOST | NOTIFY_IN, INTERRUPT, 16, 8, 0);
+        // 16 ms: as a power of two of microframes, at full speed as they are.
+        let every = if self.packet == FULL_SPEED_PACKET {
+            16
+        } else {
+            8
+        };
+        let notify = self.endpoint(TO_HOST | NOTIFY_IN, INTERRUPT, 16, every, 0);
         [
             // Abstract control model, AT commands: what drivers look for.
             interface(SERIAL_CONTROL, 0, 1, [class::COMMUNICATIONS, 2, 1], 5),

@@ -3,8 +3,8 @@
 //! goes in, an answer and perhaps an event come out.
 
 use super::descriptors::{
-    CAMERA_TERMINAL, Descriptors, INTERFACES, PROCESSING_UNIT, SERIAL_CONTROL, VIDEO_CONTROL,
-    VIDEO_IN, VIDEO_STREAMING,
+    CAMERA_TERMINAL, Descriptors, ENDPOINTS, INTERFACES, PROCESSING_UNIT, SERIAL_CONTROL,
+    VIDEO_CONTROL, VIDEO_IN, VIDEO_STREAMING,
 };
 use super::{CameraLimits, CameraState, Event};
 use crate::profile::Transfer;
@@ -144,14 +144,19 @@ impl Function {
                 Setup::STANDARD_OUT,
                 request::SET_ADDRESS | request::SET_SEL | request::SET_ISOCH_DELAY,
             ) => DONE,
-            (Setup::STANDARD_IN | Setup::INTERFACE_IN, request::GET_STATUS) => {
+            (Setup::STANDARD_IN, request::GET_STATUS) => Answer::Data(vec![0, 0]),
+            (Setup::INTERFACE_IN, request::GET_STATUS) if index < INTERFACES => {
                 Answer::Data(vec![0, 0])
             }
-            (Setup::ENDPOINT_IN, request::GET_STATUS) => {
+            // The control endpoint, which never halts.
+            (Setup::ENDPOINT_IN, request::GET_STATUS) if index & 0x7F == 0 => {
+                Answer::Data(vec![0, 0])
+            }
+            (Setup::ENDPOINT_IN, request::GET_STATUS) if ENDPOINTS.contains(&index) => {
                 Answer::Data(vec![u8::from(self.is_halted(index)), 0])
             }
             (Setup::ENDPOINT_OUT, request::CLEAR_FEATURE)
-                if setup.value == request::ENDPOINT_HALT =>
+                if setup.value == request::ENDPOINT_HALT && ENDPOINTS.contains(&index) =>
             {
                 self.halted.retain(|halted| *halted != index);
                 // Hosts end a bulk stream so.
@@ -161,7 +166,7 @@ impl Function {
                 DONE
             }
             (Setup::ENDPOINT_OUT, request::SET_FEATURE)
-                if setup.value == request::ENDPOINT_HALT =>
+                if setup.value == request::ENDPOINT_HALT && ENDPOINTS.contains(&index) =>
             {
                 self.halt(index);
                 DONE
@@ -204,6 +209,7 @@ impl Function {
             (kind::CONFIGURATION, 0) => Some(own.configuration.clone()),
             (kind::STRING, number) => own.string(number),
             (kind::DEVICE_QUALIFIER, 0) => own.qualifier.clone(),
+            (kind::OTHER_SPEED_CONFIGURATION, 0) => own.other_speed.clone(),
             (kind::BOS, 0) => own.bos.clone(),
             _ => None,
         }
@@ -235,7 +241,8 @@ impl Function {
         let result = match (entity, selector) {
             (CAMERA_TERMINAL, selector::EXPOSURE_TIME_ABSOLUTE) => self.exposure(setup, data),
             (PROCESSING_UNIT, selector::GAIN) => self.gain(setup, data),
-            (CAMERA_TERMINAL | PROCESSING_UNIT, _) => Err(error_code::INVALID_CONTROL),
+            // Entity 0 is the interface itself.
+            (0 | CAMERA_TERMINAL | PROCESSING_UNIT, _) => Err(error_code::INVALID_CONTROL),
             _ => Err(error_code::INVALID_UNIT),
         };
         match result {
@@ -314,6 +321,8 @@ impl Function {
             uvc::request::GET_DEF | uvc::request::GET_MIN if probing => {
                 Answer::Data(self.descriptors.default_negotiation().encode().into())
             }
+            // Each value is one of a list: no field has a step.
+            uvc::request::GET_RES if probing => Answer::Data(vec![0; Negotiation::LEN]),
             uvc::request::GET_MAX if probing => {
                 let last = self.descriptors.modes.len() as u8;
                 Answer::Data(self.descriptors.negotiation(last, slowest).encode().into())

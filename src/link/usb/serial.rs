@@ -1,5 +1,6 @@
 //! The serial port's endpoints: data both ways, and the notification of the device's lines.
 
+use super::descriptors::{NOTIFY_IN, SERIAL_CONTROL, SERIAL_IN, SERIAL_OUT};
 use super::outgoing::Outgoing;
 use crate::protocol::usb::cdc::DeviceLines;
 use crate::protocol::usb::usbip::{Submit, status};
@@ -56,6 +57,21 @@ impl Serial {
         self.waiting() < before
     }
 
+    /// Transfers that wait on an endpoint which is halted fail.
+    pub(super) fn stall(&mut self, is_halted: impl Fn(u8) -> bool, outgoing: &mut Outgoing) {
+        let mut fail = |submit: Submit| outgoing.received(submit.seqnum, status::STALL, 0);
+        if is_halted(0x80 | SERIAL_IN) {
+            self.reads.drain(..).for_each(&mut fail);
+        }
+        if is_halted(0x80 | NOTIFY_IN) {
+            self.notifications.drain(..).for_each(&mut fail);
+        }
+        if is_halted(SERIAL_OUT) {
+            self.held = 0;
+            self.writes.drain(..).for_each(|(submit, _)| fail(submit));
+        }
+    }
+
     /// Transfers that wait.
     pub(super) fn waiting(&self) -> usize {
         self.reads.len() + self.notifications.len() + self.writes.len()
@@ -99,10 +115,7 @@ impl Serial {
         if self.told != Some(self.lines)
             && let Some(notification) = self.notifications.pop_front()
         {
-            let mut data = self
-                .lines
-                .notification(super::descriptors::SERIAL_CONTROL)
-                .to_vec();
+            let mut data = self.lines.notification(SERIAL_CONTROL).to_vec();
             data.truncate(notification.length as usize);
             outgoing.submitted(notification.seqnum, status::OK, data);
             self.told = Some(self.lines);

@@ -190,6 +190,11 @@ impl Session {
 
     /// Moves data between what waits on either side.
     pub(super) fn pump(&mut self, now: Duration) {
+        if self.function.is_halted(0x80 | VIDEO_IN) {
+            self.video.stall(&mut self.outgoing);
+        }
+        let halted = |address| self.function.is_halted(address);
+        self.serial.stall(halted, &mut self.outgoing);
         if let Some(stream) = self.function.stream() {
             let halt = self
                 .video

@@ -70,6 +70,8 @@ impl Video {
         let before = self.waiting.len();
         self.waiting
             .retain(|waiting| waiting.submit.seqnum != seqnum);
+        // The time of one that is taken back is free again.
+        self.last_due = self.waiting.back().map_or(Duration::ZERO, |w| w.due);
         self.waiting.len() < before
     }
 
@@ -145,6 +147,12 @@ impl Video {
                 }
                 continue;
             }
+            // No room for a header, to say nothing of pixels.
+            if (waiting.submit.length as usize) < payload::HEADER_LEN {
+                outgoing.received(waiting.submit.seqnum, status::OVERFLOW, 0);
+                self.waiting.pop_front();
+                continue;
+            }
             if self.begin(now) {
                 return true;
             }
@@ -213,6 +221,9 @@ impl Video {
         for packet in &mut packets {
             packet.status = status::OK;
             packet.actual = 0;
+            if (packet.length as usize) < payload::HEADER_LEN {
+                continue;
+            }
             if self.current.is_none() {
                 // A stall inside of a transfer waits for the next one.
                 let _ = self.begin(now);
@@ -245,3 +256,6 @@ impl Current {
         (self.info | last, part)
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -14,6 +14,8 @@ pub mod kind {
     pub const ENDPOINT: u8 = 5;
     /// DEVICE_QUALIFIER: what the device would be at its other speed.
     pub const DEVICE_QUALIFIER: u8 = 6;
+    /// OTHER_SPEED_CONFIGURATION: the configuration at the other speed.
+    pub const OTHER_SPEED_CONFIGURATION: u8 = 7;
     /// INTERFACE_ASSOCIATION.
     pub const INTERFACE_ASSOCIATION: u8 = 11;
     /// BOS, the binary object store.
@@ -97,10 +99,16 @@ impl<'a> Iterator for Walk<'a> {
     }
 }
 
-/// A string descriptor.
+/// A string descriptor, as many whole characters of `text` as its length allows.
 pub fn string(text: &str) -> Vec<u8> {
-    // The length has to fit a byte: 126 units.
-    let units: Vec<u16> = text.encode_utf16().take(126).collect();
+    let mut units = Vec::new();
+    for character in text.chars() {
+        // The length has to fit a byte: 126 units.
+        if units.len() + character.len_utf16() > 126 {
+            break;
+        }
+        units.extend_from_slice(character.encode_utf16(&mut [0; 2]));
+    }
     let mut bytes = vec![2 + 2 * units.len() as u8, kind::STRING];
     bytes.extend(units.into_iter().flat_map(u16::to_le_bytes));
     bytes
@@ -146,6 +154,15 @@ mod tests {
         assert_eq!(string("Ph"), [6, 3, b'P', 0, b'h', 0]);
         assert_eq!(text(&string("Prüfgerät")).as_deref(), Some("Prüfgerät"));
         assert_eq!(string(&"x".repeat(500)).len(), 254);
+        // Two units each: the cut leaves no half of one.
+        for text_before in ["", "x"] {
+            let long = format!("{text_before}{}", "\u{1F9F2}".repeat(100));
+            let back = text(&string(&long)).unwrap();
+            assert!(
+                long.starts_with(&back) && back.encode_utf16().count() >= 125,
+                "{back}"
+            );
+        }
         assert_eq!(text(&[6, 3, 0]), None);
     }
 }

@@ -4,6 +4,7 @@ use super::{Answer, say};
 use crate::emulator::firmware::table::Command;
 use crate::emulator::firmware::{Block, Firmware};
 use crate::protocol::scpi::{Args, Quantity, Unit, encode_block};
+use crate::protocol::usb::cdc::LineCoding;
 
 impl Firmware {
     pub(super) fn common(&mut self, unit: &Unit, command: Command) -> Answer {
@@ -64,6 +65,10 @@ impl Firmware {
             Command::NextError => return say(self.status.next_error()),
             Command::ErrorCount => return say(self.status.error_count()),
             Command::Version => return say("1999.0"),
+            Command::Baud => return say(self.line.baud),
+            Command::DataBits => return say(self.line.data_bits),
+            Command::Parity => return say(parity(self.line)),
+            Command::StopBits => return say(stop_bits(self.line)),
             Command::Calibration => {
                 let mut rig = self.settings.roi.rig(self.profile.nominal_rig());
                 let sensor = &self.profile.camera.sensor;
@@ -73,5 +78,24 @@ impl Firmware {
             _ => return say(self.next_id),
         }
         Ok(None)
+    }
+}
+
+/// The parity by its SCPI-1999 name.
+fn parity(line: LineCoding) -> &'static str {
+    match line.parity {
+        1 => "ODD",
+        2 => "EVEN",
+        3 => "ONE",
+        4 => "ZERO",
+        _ => "NONE",
+    }
+}
+
+fn stop_bits(line: LineCoding) -> &'static str {
+    match line.stop_bits {
+        1 => "1.5",
+        2 => "2",
+        _ => "1",
     }
 }

@@ -29,6 +29,10 @@ impl Firmware {
                 | C::NextError
                 | C::ErrorCount
                 | C::Version
+                | C::Baud
+                | C::DataBits
+                | C::Parity
+                | C::StopBits
                 | C::Calibration
                 | C::FrameCount
         );
