@@ -9,6 +9,7 @@ mod attach;
 mod binding;
 mod connection;
 mod descriptors;
+mod events;
 mod fault;
 mod function;
 mod outgoing;

@@ -527,3 +527,91 @@ fn a_flood_is_no_driver() {
             .is_some()
     );
 }
+
+/// A firmware that takes nothing: settings are replaced, and what cannot be ends the connection.
+#[test]
+fn a_flood_of_events_is_bounded() {
+    let mut host = Host::new(device(Speed::High, Transfer::Bulk));
+    let exposure = u16::from(uvc::selector::EXPOSURE_TIME_ABSOLUTE) << 8;
+    let set = uvc::request::SET_CUR;
+    for units in 1..=5000u32 {
+        let data = units.to_le_bytes();
+        host.control(Setup::CLASS_OUT, set, exposure, 0x0100, &data)
+            .unwrap();
+    }
+    let waiting = host.device.with(|session| session.waiting_events());
+    assert_eq!(waiting, 2, "attached, exposure");
+    let toggle = |seqnum: u32| {
+        let setup = Setup {
+            kind: Setup::CLASS_OUT,
+            request: cdc::request::SET_CONTROL_LINE_STATE,
+            value: 1 | (seqnum as u16 & 1) << 1,
+            index: 2,
+            length: 0,
+        };
+        let submit = Submit {
+            setup,
+            ..submit(seqnum, 0, 0)
+        };
+        host.device
+            .with(|session| session.command(Command::Submit(submit), Vec::new(), &[], NOW))
+    };
+    let error = (0..5000).try_for_each(toggle).unwrap_err().to_string();
+    assert!(error.contains("1024"), "{error}");
+    host.device.with(Session::detach);
+    let reattached = host.device.with(Session::attach);
+    assert!(!reattached, "not before the firmware has caught up");
+    let events = host.device.take_events();
+    assert!((1024..1032).contains(&events.len()), "{}", events.len());
+    assert_eq!(events[1], Event::Exposure(500_000_000));
+    assert_eq!(events.last(), Some(&Event::Detached));
+    assert!(host.device.with(Session::attach));
+}
+
+/// A transfer of that number without packets.
+fn submit(seqnum: u32, endpoint: u8, length: u32) -> Submit {
+    Submit {
+        seqnum,
+        device: 0,
+        input: endpoint != 0,
+        endpoint,
+        flags: 0,
+        length,
+        packets: None,
+        interval: 0,
+        setup: Setup::default(),
+    }
+}
+
+#[test]
+fn isochronous_packets_that_wait_are_bounded() {
+    let host = Host::new(device(Speed::High, Transfer::Isochronous));
+    let packets = vec![Packet::decode(&[0; PACKET_LEN]); 1024];
+    let result = (0..500).try_for_each(|seqnum| {
+        let submit = Submit {
+            packets: Some(1024),
+            ..submit(seqnum, 1, 0)
+        };
+        let command = Command::Submit(submit);
+        host.device
+            .with(|session| session.command(command, Vec::new(), &packets, NOW))
+    });
+    let error = result.unwrap_err().to_string();
+    assert!(error.contains("65536 isochronous"), "{error}");
+}
+
+#[test]
+fn a_transfer_without_room_for_a_header_overflows_and_loses_nothing() {
+    let mut host = Host::new(device(Speed::High, Transfer::Bulk));
+    let agreed = host.start();
+    let urb = host.submit(1, true, 1, Setup::default(), &[]);
+    assert!(host.device.put(frame(1), NOW));
+    let replies = host.replies();
+    assert!(
+        matches!(replies[..], [(Reply::Submit { seqnum, status: status::OVERFLOW, actual: 0, .. }, _)] if seqnum == urb),
+        "{replies:?}"
+    );
+    let frames = host.stream(2..3, agreed.max_payload);
+    assert_eq!(frames[0].0, frame(1).data);
+    assert_eq!(frames[1].0, frame(2).data);
+}

@@ -78,6 +78,12 @@ impl Video {
         self.waiting.len()
     }
 
+    /// Isochronous packets of the transfers that wait.
+    pub(super) fn packets(&self) -> usize {
+        let packets = self.waiting.iter().map(|waiting| waiting.packets.len());
+        packets.sum()
+    }
+
     /// The endpoint halts: every transfer that waits fails.
     pub(super) fn stall(&mut self, outgoing: &mut Outgoing) {
         for waiting in self.waiting.drain(..) {
@@ -155,7 +161,13 @@ impl Video {
                 return false;
             };
             let room = max_payload.min(waiting.submit.length as usize);
-            let (info, part) = current.next(room.saturating_sub(payload::HEADER_LEN));
+            let Some(room) = room.checked_sub(payload::HEADER_LEN) else {
+                // Not even a payload's header fits: a babble on a bus.
+                outgoing.received(waiting.submit.seqnum, status::OVERFLOW, 0);
+                self.current = Some(current);
+                continue;
+            };
+            let (info, part) = current.next(room);
             let ended = info & payload::EOF != 0;
             outgoing.payload(waiting.submit.seqnum, info, &current.frame, part);
             self.current = (!ended).then_some(current);
@@ -217,10 +229,12 @@ impl Video {
                 // A stall inside of a transfer waits for the next one.
                 let _ = self.begin(now);
             }
+            let Some(room) = (packet.length as usize).checked_sub(payload::HEADER_LEN) else {
+                continue;
+            };
             let Some(mut current) = self.current.take() else {
                 continue;
             };
-            let room = (packet.length as usize).saturating_sub(payload::HEADER_LEN);
             let (info, part) = current.next(room);
             packet.actual = (payload::HEADER_LEN + part.len()) as u32;
             actual += packet.actual;
