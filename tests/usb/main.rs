@@ -4,6 +4,7 @@ mod bad_servers;
 mod camera;
 mod descriptors;
 mod detach;
+mod info;
 mod negotiation;
 mod nonsense;
 mod port;

@@ -36,13 +36,17 @@ impl Served {
         let mut profile = Profile::load("webcam-grey").unwrap();
         profile.usb.speed = speed;
         profile.usb.transfer = transfer;
+        Self::of(&profile, count)
+    }
+
+    pub fn of(profile: &Profile, count: u32) -> Self {
         let camera = CameraState {
             exposure_ns: 12_000_000,
             gain_db: 0.0,
         };
         let formats = [PixelFormat::Grey, PixelFormat::Yuyv];
         let devices: Vec<Emulated> = (1..=count)
-            .map(|i| Emulated::new(&profile, i, (WIDTH, HEIGHT), &formats, camera).unwrap())
+            .map(|i| Emulated::new(profile, i, (WIDTH, HEIGHT), &formats, camera).unwrap())
             .collect();
         let start = Instant::now();
         let (events, seen) = channel();

@@ -4,6 +4,7 @@ use super::connection::{Connection, Shared};
 use super::opening::{Talk, only};
 use super::transfer::{Once, Transfer, transfer_like};
 use crate::error::{Error, Result};
+use crate::protocol::printable;
 use crate::protocol::usb::Setup;
 use crate::protocol::usb::usbip::{
     DEVICE_LEN, DeviceInfo, Operation, Submit, bus_id_bytes, status,
@@ -61,7 +62,7 @@ impl Client {
             Some(bus_id) => bus_id.to_owned(),
             None => only(host, Self::list(host, timeout)?)?,
         };
-        let place = format!("usb:{host}/{bus_id}");
+        let place = format!("usb:{host}/{}", printable(&bus_id));
         let mut talk = Talk::connect(host, timeout, &place)?;
         talk.ask(Operation::Import, &bus_id_bytes(&bus_id))?;
         let info = DeviceInfo::decode(&talk.read()?);

@@ -3,6 +3,7 @@
 use super::connection::left;
 use crate::error::{Error, Result};
 use crate::host::tcp;
+use crate::protocol::printable;
 use crate::protocol::usb::usbip::{DeviceInfo, OPERATION_LEN, Operation};
 use std::io::{ErrorKind, Read, Write};
 use std::net::TcpStream;
@@ -98,7 +99,7 @@ pub(super) fn only(host: &str, devices: Vec<DeviceInfo>) -> Result<String> {
         _ => {
             let names: Vec<String> = devices
                 .iter()
-                .map(|d| format!("usb:{host}/{}", d.bus_id))
+                .map(|d| format!("usb:{host}/{}", printable(&d.bus_id)))
                 .collect();
             Err(Error::input(
                 format!("usb:{host}"),
