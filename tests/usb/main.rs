@@ -4,6 +4,9 @@ mod bad_servers;
 mod camera;
 mod descriptors;
 mod detach;
+#[path = "../fuzz/src/lib.rs"]
+mod fuzz;
+mod hostile;
 mod info;
 mod negotiation;
 mod nonsense;

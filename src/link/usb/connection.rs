@@ -2,7 +2,7 @@
 //! off, its replies are written, many at a time.
 
 use super::outgoing::Outgoing;
-use super::session::UsbDevice;
+use super::session::{Session, UsbDevice};
 use crate::error::{Error, Result};
 use crate::protocol::usb::usbip::{Command, HEADER_LEN, PACKET_LEN, Packet};
 use std::future::pending;
@@ -15,6 +15,36 @@ const SLICES: usize = 64;
 /// Replies that wait before no more commands are read.
 const MAX_OUTGOING: usize = 4096;
 const READ_LEN: usize = 64 << 10;
+
+impl UsbDevice {
+    /// Serves a host on any two streams of bytes, from behind the import on, until it leaves. `clock`
+    /// tells the time since any moment.
+    ///
+    /// # Errors
+    /// Another host has the device; what the host sent that no driver sends; what the system says of
+    /// the streams.
+    pub async fn serve(
+        &self,
+        reader: impl AsyncRead + Unpin,
+        writer: impl AsyncWrite + Unpin,
+        clock: impl Fn() -> Duration,
+    ) -> Result<()> {
+        if !self.with(Session::attach) {
+            return Err(Error::device("USB: another host has the device"));
+        }
+        let attached = Attached(self);
+        run(reader, writer, attached.0, clock).await
+    }
+}
+
+/// Lets go of a device when its connection ends, however it ends.
+struct Attached<'a>(&'a UsbDevice);
+
+impl Drop for Attached<'_> {
+    fn drop(&mut self) {
+        self.0.with(Session::detach);
+    }
+}
 
 /// Serves a host until it leaves, sends nonsense, or the device is unplugged. `clock` tells the time
 /// since any moment.

@@ -11,7 +11,7 @@ use super::serial::Serial;
 use super::video::Video;
 use super::{CameraLimits, CameraState, Event, Fault};
 use crate::error::{Error, Result};
-use crate::profile::{Profile, Speed};
+use crate::profile::{Profile, Speed, Transfer};
 use crate::protocol::usb::cdc::DeviceLines;
 use crate::protocol::usb::descriptor::{Walk, class, kind};
 use crate::protocol::usb::usbip::{Command, DeviceInfo, Packet, Submit, status};
@@ -124,8 +124,11 @@ impl Session {
         now: Duration,
     ) -> Result<()> {
         let address = submit.endpoint | if submit.input { 0x80 } else { 0 };
-        if submit.endpoint != 0 && self.function.is_halted(address) {
-            self.outgoing.received(submit.seqnum, status::STALL, 0);
+        let isochronous = address == 0x80 | VIDEO_IN
+            && self.function.descriptors.transfer == Transfer::Isochronous;
+        let fits = submit.packets.is_some() == isochronous;
+        if submit.endpoint != 0 && self.function.is_halted(address) || !fits {
+            self.outgoing.failed(&submit, packets, status::STALL);
             return Ok(());
         }
         match (submit.endpoint, submit.input) {

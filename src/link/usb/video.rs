@@ -87,7 +87,7 @@ impl Video {
     /// The endpoint halts: every transfer that waits fails.
     pub(super) fn stall(&mut self, outgoing: &mut Outgoing) {
         for waiting in self.waiting.drain(..) {
-            outgoing.received(waiting.submit.seqnum, status::STALL, 0);
+            outgoing.failed(&waiting.submit, &waiting.packets, status::STALL);
         }
     }
 

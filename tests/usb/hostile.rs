@@ -1,0 +1,33 @@
+//! The targets of the fuzzer over cases of our own, the same in every run.
+
+use crate::fuzz::{cases::case, device, host};
+use std::time::Duration;
+
+#[test]
+fn a_hostile_host_gets_sound_replies_or_is_let_go() {
+    let seeds = device::seeds();
+    for seed in &seeds {
+        device::run(seed);
+    }
+    for number in 0..4000 {
+        device::run(&case(&seeds, number));
+    }
+}
+
+#[test]
+fn a_hostile_server_gets_the_host_to_give_up_in_time() {
+    let seeds = host::seeds();
+    for number in 0..400 {
+        host::run(&case(&seeds, number));
+    }
+}
+
+/// Otherwise the cases above would show little.
+#[test]
+fn a_server_without_harm_gives_frames_and_an_echo() {
+    for script in [&[][..], &[1], &[0, 1], &[1, 1]] {
+        let reached = host::run_within(script, Duration::from_secs(5));
+        assert!(reached.opened && reached.echoed, "{reached:?}");
+        assert_eq!(reached.frames, 6);
+    }
+}
