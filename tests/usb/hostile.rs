@@ -9,7 +9,7 @@ fn a_hostile_host_gets_sound_replies_or_is_let_go() {
     for seed in &seeds {
         device::run(seed);
     }
-    for number in 0..4000 {
+    for number in 0..1500 {
         device::run(&case(&seeds, number));
     }
 }
@@ -17,7 +17,7 @@ fn a_hostile_host_gets_sound_replies_or_is_let_go() {
 #[test]
 fn a_hostile_server_gets_the_host_to_give_up_in_time() {
     let seeds = host::seeds();
-    for number in 0..400 {
+    for number in 0..150 {
         host::run(&case(&seeds, number));
     }
 }

@@ -11,4 +11,5 @@ mod info;
 mod negotiation;
 mod nonsense;
 mod port;
+mod replies;
 mod served;

@@ -30,7 +30,9 @@ impl UsbDevice {
         clock: impl Fn() -> Duration,
     ) -> Result<()> {
         if !self.with(Session::attach) {
-            return Err(Error::device("USB: another host has the device"));
+            return Err(Error::device(
+                "USB: the device cannot be had: another host has it, or its firmware is behind",
+            ));
         }
         let attached = Attached(self);
         run(reader, writer, attached.0, clock).await

@@ -28,11 +28,6 @@ impl Events {
         self.waiting.is_empty()
     }
 
-    #[cfg(test)]
-    pub(super) fn len(&self) -> usize {
-        self.waiting.len()
-    }
-
     /// Bytes of the serial port that wait.
     pub(super) fn received(&self) -> usize {
         self.received

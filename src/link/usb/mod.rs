@@ -16,8 +16,6 @@ mod outgoing;
 mod serial;
 mod server;
 mod session;
-#[cfg(test)]
-mod tests;
 mod video;
 
 pub use attach::{Attachment, attach};

@@ -110,12 +110,6 @@ impl Session {
         Ok(())
     }
 
-    /// What the firmware has not taken.
-    #[cfg(test)]
-    pub(super) fn waiting_events(&self) -> usize {
-        self.events.len()
-    }
-
     fn submit(
         &mut self,
         submit: Submit,

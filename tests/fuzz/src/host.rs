@@ -177,7 +177,7 @@ fn serve(stream: &mut TcpStream, device: &Emulated, choices: &mut Choices<'_>) -
             }
         }
         let frame = |id| Arc::new(sample::frame(id, PixelFormat::Grey));
-        for _ in 0..2 {
+        for _ in 0..8 {
             frames += u64::from(device.put(frame(frames), wire.now()));
         }
         // Isochronous transfers are over after a while.
