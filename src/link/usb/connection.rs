@@ -63,6 +63,16 @@ pub(super) async fn run(
     let mut outgoing = Outgoing::default();
     let io = |e| Error::io("USB/IP", e);
     loop {
+        // A host that does not read its replies is not listened to.
+        while outgoing.len() < MAX_OUTGOING
+            && let Some((command, data, packets)) = input.next()?
+        {
+            device.with(|session| {
+                let done = session.command(command, data, &packets, clock());
+                outgoing.append(&mut session.outgoing);
+                done
+            })?;
+        }
         let (due, unplugged) = device.with(|session| {
             session.pump(clock());
             outgoing.append(&mut session.outgoing);
@@ -89,9 +99,6 @@ pub(super) async fn run(
                     return Ok(());
                 }
                 input.filled += read;
-                while let Some((command, data, packets)) = input.next()? {
-                    device.with(|session| session.command(command, data, &packets, clock()))?;
-                }
             }
             () = device.outward() => {}
             () = sleep(delay) => {}
@@ -120,9 +127,11 @@ type Whole = (Command, Vec<u8>, Vec<Packet>);
 impl Input {
     /// Room for more.
     fn space(&mut self) -> &mut [u8] {
-        self.bytes.copy_within(self.done..self.filled, 0);
-        self.filled -= self.done;
-        self.done = 0;
+        if self.done > 0 {
+            self.bytes.copy_within(self.done..self.filled, 0);
+            self.filled -= self.done;
+            self.done = 0;
+        }
         let want = (self.filled + READ_LEN).next_multiple_of(READ_LEN);
         if self.bytes.len() < want {
             self.bytes.resize(want, 0);
