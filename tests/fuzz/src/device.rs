@@ -300,7 +300,7 @@ impl Host {
     }
 
     fn negotiate(&mut self, choices: &mut Choices<'_>) {
-        let (format, interval) = (1 + choices.byte(), choices.word());
+        let (format, interval) = (choices.byte().wrapping_add(1), choices.word());
         let wanted = Negotiation {
             hint: 1,
             format,
