@@ -16,6 +16,8 @@ use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
+/// Longest wait for a server that a device is given back to.
+const FAREWELL: Duration = Duration::from_millis(500);
 /// Most devices in a list.
 const MAX_DEVICES: u32 = 256;
 
@@ -177,7 +179,8 @@ impl Client {
 
 impl Drop for Client {
     fn drop(&mut self) {
-        self.connection.close("the device has been detached here");
+        let why = "the device has been detached here";
+        self.connection.leave(why, FAREWELL);
         if let Some(reader) = self.reader.take() {
             // A reader that has panicked has nothing to say here.
             let _ = reader.join();
