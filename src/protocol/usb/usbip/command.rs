@@ -13,7 +13,7 @@ const CMD_UNLINK: u32 = 2;
 pub struct Submit {
     /// Number by which the reply names it.
     pub seqnum: u32,
-    /// [`DeviceInfo::id`].
+    /// [`DeviceInfo::id`](super::DeviceInfo::id).
     pub device: u32,
     /// From the device to the host.
     pub input: bool,
