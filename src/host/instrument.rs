@@ -3,6 +3,7 @@
 
 use super::CommandPort;
 use crate::error::{Error, Result};
+use crate::protocol::printable;
 use crate::protocol::scpi::{self, MAX_BLOCK_BYTES, MAX_LINE_BYTES};
 use std::time::{Duration, Instant};
 
@@ -282,21 +283,6 @@ impl<P: CommandPort> Instrument<P> {
             self.received.extend_from_slice(&buffer[..len]);
         }
     }
-}
-
-/// A device's words for a terminal: whatever would steer one is escaped.
-fn printable(text: &str) -> String {
-    let mut shown = String::with_capacity(text.len());
-    for c in text.chars() {
-        let escaped = c.escape_debug();
-        // Quotes and backslashes are as harmless as they are frequent.
-        if c.is_ascii_graphic() || escaped.len() == 1 {
-            shown.push(c);
-        } else {
-            shown.extend(escaped);
-        }
-    }
-    shown
 }
 
 #[cfg(test)]

@@ -13,6 +13,7 @@ mod instrument;
 mod local;
 mod port;
 mod scanner;
+mod tcp;
 pub mod usb;
 
 #[cfg(target_os = "linux")]

@@ -3,6 +3,7 @@
 pub mod data_line;
 pub mod endpoints;
 mod frame;
+mod printable;
 pub mod scpi;
 pub mod service;
 pub mod usb;
@@ -10,3 +11,4 @@ pub mod wire;
 
 pub use endpoints::Endpoints;
 pub use frame::{Frame, PixelFormat};
+pub use printable::{printable, printable_json};

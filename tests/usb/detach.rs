@@ -1,13 +1,14 @@
 //! Transfers taken back at random, devices let go of at any moment.
 
 use crate::served::{Served, TIMEOUT, frame};
-use phasma::host::usb::{Client, Transfer, UsbCamera, UsbPort};
+use phasma::host::usb::{Client, Transfer, UsbAddress, UsbCamera, UsbDevice, UsbPort};
 use phasma::host::{Camera, CommandPort};
 use phasma::link::usb::Event;
 use phasma::profile::{Speed, Transfer as Way};
 use phasma::protocol::PixelFormat;
 use phasma::protocol::usb::usbip::status;
 use phasma::protocol::usb::{Setup, request};
+use std::sync::Arc;
 use std::time::Duration;
 
 /// A small generator with a seed of its own.
@@ -20,6 +21,17 @@ impl Random {
             .wrapping_mul(6_364_136_223_846_793_005)
             .wrapping_add(1);
         (self.0 >> 33) % limit
+    }
+}
+
+#[test]
+fn a_device_that_is_given_back_is_free_at_once() {
+    let served = Served::new(Speed::High, Way::Bulk);
+    let address = UsbAddress::parse(&format!("usb:{}", served.host), "test").unwrap();
+    for _ in 0..100 {
+        let device = Arc::new(UsbDevice::open(&address, TIMEOUT).unwrap());
+        let mut camera = UsbCamera::open(&device, None).unwrap();
+        camera.next_frame(TIMEOUT).unwrap().expect("a frame");
     }
 }
 

@@ -4,8 +4,13 @@ mod bad_servers;
 mod camera;
 mod descriptors;
 mod detach;
+#[path = "../fuzz/src/lib.rs"]
+mod fuzz;
+mod hostile;
+mod info;
 mod negotiation;
 mod nonsense;
 mod port;
+mod replies;
 mod requests;
 mod served;

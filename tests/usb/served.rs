@@ -1,18 +1,19 @@
 //! A device behind a server, with a firmware that echoes and counts.
 
+pub use crate::fuzz::sample::{HEIGHT, WIDTH, frame};
+
+use crate::fuzz::sample;
 use phasma::host::usb::{UsbAddress, UsbDevice};
 use phasma::link::usb::UsbDevice as Emulated;
-use phasma::link::usb::{CameraState, Event, UsbServer};
+use phasma::link::usb::{Event, UsbServer};
 use phasma::profile::{Profile, Speed, Transfer};
-use phasma::protocol::{Frame, PixelFormat};
+use phasma::protocol::PixelFormat;
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 use tokio::sync::oneshot;
 
-pub const WIDTH: u32 = 300;
-pub const HEIGHT: u32 = 200;
 /// Frames of a stream.
 pub const SENT: u64 = 5000;
 pub const TIMEOUT: Duration = Duration::from_secs(20);
@@ -33,17 +34,12 @@ impl Served {
     }
 
     pub fn several(count: u32, speed: Speed, transfer: Transfer) -> Self {
-        let mut profile = Profile::load("webcam-grey").unwrap();
-        profile.usb.speed = speed;
-        profile.usb.transfer = transfer;
-        let camera = CameraState {
-            exposure_ns: 12_000_000,
-            gain_db: 0.0,
-        };
-        let formats = [PixelFormat::Grey, PixelFormat::Yuyv];
-        let devices: Vec<Emulated> = (1..=count)
-            .map(|i| Emulated::new(&profile, i, (WIDTH, HEIGHT), &formats, camera).unwrap())
-            .collect();
+        let profile = sample::profile(speed, transfer);
+        Self::of(&profile, count)
+    }
+
+    pub fn of(profile: &Profile, count: u32) -> Self {
+        let devices: Vec<Emulated> = (1..=count).map(|i| sample::device(profile, i)).collect();
         let start = Instant::now();
         let (events, seen) = channel();
         let (address, bound) = channel();
@@ -147,22 +143,5 @@ async fn firmware(device: Emulated, start: Instant, events: Sender<Event>) {
         while id < SENT && device.put(Arc::new(frame(id, format)), start.elapsed()) {
             id += 1;
         }
-    }
-}
-
-/// What the camera sends as its frame number `id`.
-pub fn frame(id: u64, format: PixelFormat) -> Frame {
-    let len = WIDTH as usize * HEIGHT as usize * format.bytes_per_pixel();
-    let mut data: Vec<u8> = (0..len as u64).map(|i| (i * 7 + id * 31) as u8).collect();
-    data[..8].copy_from_slice(&id.to_le_bytes());
-    Frame {
-        id,
-        pattern_index: None,
-        width: WIDTH,
-        height: HEIGHT,
-        format,
-        exposure_start_ns: 0,
-        exposure_end_ns: 0,
-        data,
     }
 }

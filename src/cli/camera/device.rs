@@ -2,6 +2,7 @@
 
 use crate::error::Result;
 use crate::host::explain_device;
+use crate::protocol::{printable, printable_json};
 use crate::v4l2::{
     Control, ControlValue, FORGOTTEN, Node, RELOAD, controls, current_format, offered_formats,
 };
@@ -58,14 +59,15 @@ pub(super) fn report(address: &str, as_json: bool) -> Result<()> {
             "current": current, "formats": formats,
             "controls": controls.iter().map(control_json).collect::<Vec<_>>(),
         });
-        println!("{report}");
+        println!("{}", printable_json(&report));
         return Ok(());
     }
     println!("camera       {address}");
-    println!("card         {}", node.card);
+    println!("card         {}", printable(&node.card));
     println!(
         "driver       {}, kernel {version}, at {}",
-        node.driver, node.bus
+        printable(&node.driver),
+        printable(&node.bus)
     );
     println!(
         "loopback     {}",
@@ -93,7 +95,7 @@ pub(super) fn report(address: &str, as_json: bool) -> Result<()> {
         None => println!("format       none"),
     }
     for (code, words, sizes) in &formats {
-        println!("offers       {code} ({words})");
+        println!("offers       {code} ({})", printable(words));
         for size in sizes {
             println!("  {size}");
         }
@@ -168,11 +170,11 @@ fn intervals(device: &Device, fourcc: FourCC, width: u32, height: u32) -> String
 }
 
 fn control_line(control: &Control) -> String {
-    let mut line = format!("{} ({})", control.name, control.kind);
+    let mut line = format!("{} ({})", printable(&control.name), control.kind);
     line += &match &control.value {
         Some(ControlValue::Number(value)) => {
             match control.menu.iter().find(|(at, _)| at == value) {
-                Some((_, words)) => format!(" = {value} ({words})"),
+                Some((_, words)) => format!(" = {value} ({})", printable(words)),
                 None => format!(" = {value}"),
             }
         }
@@ -244,5 +246,15 @@ mod tests {
             "It (string) = \"a\\u{1b}\""
         );
         assert_eq!(line("string", None), "It (string) (not read)");
+        let steering = Control {
+            id: 1,
+            name: "a\u{1b}[2J".into(),
+            kind: "menu",
+            range: None,
+            value: Some(ControlValue::Number(3)),
+            menu: vec![(3, "b\u{9b}".into())],
+            read_only: false,
+        };
+        assert_eq!(control_line(&steering), "a\\u{1b}[2J (menu) = 3 (b\\u{9b})");
     }
 }

@@ -2,9 +2,11 @@
 
 #[cfg(target_os = "linux")]
 mod device;
+mod usb;
 
 use crate::error::{Error, Result};
 use crate::host::{Camera as _, Capture, open_camera};
+use crate::protocol::printable_json;
 use serde_json::{Value, json};
 use std::time::Duration;
 
@@ -20,13 +22,13 @@ enum Command {
     Info(InfoArgs),
 }
 
-/// Report a camera's driver, formats, intervals and controls, or of a socket the next frame
+/// Report what a camera is, its formats, intervals and controls, or of a socket the next frame
 #[derive(Debug, clap::Args)]
 struct InfoArgs {
-    /// The camera: /dev/videoN, socket:PATH or tcp:HOST:PORT.
+    /// The camera: /dev/videoN, usb:HOST:PORT[/BUSID], socket:PATH or tcp:HOST:PORT.
     #[arg(value_name = "ADDR")]
     address: String,
-    /// Seconds to wait for a frame of a socket.
+    /// Seconds to wait for a frame of a socket, or for an answer of a USB device.
     #[arg(long, value_name = "S", default_value_t = 2.0)]
     timeout: f64,
     /// Print the report as JSON.
@@ -44,6 +46,17 @@ pub(super) fn run(args: &Args) -> Result<()> {
         return device::report(&args.address, args.json);
     }
     let timeout = Duration::from_secs_f64(args.timeout);
+    if args.address.starts_with("usb:") {
+        return usb::report(&args.address, timeout, args.json);
+    }
+    let known = ["/dev/", "socket:", "tcp:"];
+    if !known.iter().any(|kind| args.address.starts_with(kind)) {
+        return Err(Error::input(
+            format!("camera {}", args.address),
+            "an address of no known kind",
+            "/dev/videoN, usb:HOST:PORT[/BUSID], socket:PATH or tcp:HOST:PORT",
+        ));
+    }
     let mut camera = open_camera(&args.address, Capture::Auto, timeout)?;
     let frame = camera.next_frame(timeout)?;
     let report = match &frame {
@@ -59,7 +72,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
         None => json!({ "address": args.address, "frame": Value::Null }),
     };
     if args.json {
-        println!("{report}");
+        println!("{}", printable_json(&report));
         return Ok(());
     }
     println!("camera       {}", args.address);

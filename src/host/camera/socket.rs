@@ -3,34 +3,13 @@
 use super::Camera;
 use crate::error::{Error, Result};
 use crate::host::local::UnixStream;
+use crate::host::tcp;
 use crate::protocol::Frame;
 use crate::protocol::wire::FrameDecoder;
 use std::io::Read;
-use std::net::{TcpStream, ToSocketAddrs};
+use std::net::TcpStream;
 use std::path::Path;
 use std::time::{Duration, Instant};
-
-fn connect(host: &str, timeout: Duration, place: &str) -> Result<TcpStream> {
-    let colon = host.rsplit_once(':').filter(|(name, _)| !name.is_empty());
-    let Some(Ok(_)) = colon.map(|(_, port)| port.parse::<u16>()) else {
-        return Err(Error::input(
-            place,
-            format!("{host:?}"),
-            "tcp:HOST:PORT, the port a number from 0 to 65535",
-        ));
-    };
-    let addresses = host
-        .to_socket_addrs()
-        .map_err(|e| Error::input(place, e, "a host that can be found"))?;
-    let mut last = Error::device(format!("{place}: the host has no address"));
-    for address in addresses {
-        match TcpStream::connect_timeout(&address, timeout) {
-            Ok(stream) => return Ok(stream),
-            Err(e) => last = Error::io(place, e),
-        }
-    }
-    Err(last)
-}
 
 enum Stream {
     Unix(UnixStream),
@@ -81,10 +60,16 @@ impl SocketCamera {
         timeout: Duration,
         place: &str,
     ) -> Result<Self> {
-        Ok(Self::new(
-            Stream::Tcp(connect(host, timeout, place)?),
-            address,
-        ))
+        let colon = host.rsplit_once(':').filter(|(name, _)| !name.is_empty());
+        let Some(Ok(_)) = colon.map(|(_, port)| port.parse::<u16>()) else {
+            return Err(Error::input(
+                place,
+                format!("{host:?}"),
+                "tcp:HOST:PORT, the port a number from 0 to 65535",
+            ));
+        };
+        let stream = tcp::connect(host, timeout, place)?;
+        Ok(Self::new(Stream::Tcp(stream), address))
     }
 
     fn new(stream: Stream, address: &str) -> Self {

@@ -7,7 +7,7 @@ use super::v4l2_error::{EINVAL, EIO, ENOTTY, explain};
 use super::{Camera, Capture};
 use crate::error::{Error, Result};
 use crate::pattern::MAX_SIDE_PX;
-use crate::protocol::{Frame, PixelFormat};
+use crate::protocol::{Frame, PixelFormat, printable};
 use crate::v4l2::{
     CaptureQueue, FORGOTTEN, FourCc, Node, PixelLayout, RELOAD, Taken, current_format,
     offered_formats, set_format,
@@ -91,7 +91,11 @@ fn settle(address: &str, capture: Capture) -> Result<Found, Refusal> {
         return Err(Refusal::NotYet(no_producer(address)));
     }
     if !node.captures || !node.streams {
-        let found = format!("{} ({}), which captures no frames", node.card, node.driver);
+        let found = format!(
+            "{} ({}), which captures no frames",
+            printable(&node.card),
+            printable(&node.driver)
+        );
         let allowed = "a capture device; `phasma doctor` lists them";
         return Err(Refusal::Final(Error::input(place, found, allowed)));
     }

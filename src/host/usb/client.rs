@@ -1,9 +1,10 @@
 //! A USB/IP client: what a server exports, and transfers with one device that is imported.
 
 use super::connection::{Connection, Shared};
-use super::opening::{Talk, connect, only};
+use super::opening::{Talk, only};
 use super::transfer::{Once, Transfer, transfer_like};
 use crate::error::{Error, Result};
+use crate::protocol::printable;
 use crate::protocol::usb::Setup;
 use crate::protocol::usb::usbip::{
     DEVICE_LEN, DeviceInfo, Operation, Submit, bus_id_bytes, status,
@@ -13,8 +14,10 @@ use std::net::TcpStream;
 use std::sync::mpsc::sync_channel;
 use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
+/// Longest wait for a server that a device is given back to.
+const FAREWELL: Duration = Duration::from_millis(500);
 /// Most devices in a list.
 const MAX_DEVICES: u32 = 256;
 
@@ -32,13 +35,7 @@ impl Client {
     /// A server that cannot be reached, is silent for `timeout`, or is none.
     pub fn list(host: &str, timeout: Duration) -> Result<Vec<DeviceInfo>> {
         let place = format!("usb:{host}");
-        let deadline = Instant::now() + timeout;
-        let mut stream = connect(host, timeout, &place)?;
-        let mut talk = Talk {
-            stream: &mut stream,
-            deadline,
-            place: &place,
-        };
+        let mut talk = Talk::connect(host, timeout, &place)?;
         talk.ask(Operation::List, &[])?;
         let count = u32::from_be_bytes(talk.read()?);
         if count > MAX_DEVICES {
@@ -67,14 +64,8 @@ impl Client {
             Some(bus_id) => bus_id.to_owned(),
             None => only(host, Self::list(host, timeout)?)?,
         };
-        let place = format!("usb:{host}/{bus_id}");
-        let deadline = Instant::now() + timeout;
-        let mut stream = connect(host, timeout, &place)?;
-        let mut talk = Talk {
-            stream: &mut stream,
-            deadline,
-            place: &place,
-        };
+        let place = format!("usb:{host}/{}", printable(&bus_id));
+        let mut talk = Talk::connect(host, timeout, &place)?;
         talk.ask(Operation::Import, &bus_id_bytes(&bus_id))?;
         let info = DeviceInfo::decode(&talk.read()?);
         if info.bus_id != bus_id {
@@ -83,18 +74,12 @@ impl Client {
                 info.bus_id
             )));
         }
-        Self::start(stream, info, &place, timeout).map_err(|e| Error::io(&place, e))
+        Self::start(talk.into_stream(), info, &place).map_err(|e| Error::io(&place, e))
     }
 
-    fn start(
-        stream: TcpStream,
-        info: DeviceInfo,
-        place: &str,
-        timeout: Duration,
-    ) -> io::Result<Self> {
+    fn start(stream: TcpStream, info: DeviceInfo, place: &str) -> io::Result<Self> {
         stream.set_nodelay(true)?;
         stream.set_read_timeout(None)?;
-        stream.set_write_timeout(Some(timeout.max(Duration::from_millis(1))))?;
         let incoming = stream.try_clone()?;
         let connection = Arc::new(Connection::new(stream, info.id(), place));
         let reading = Arc::clone(&connection);
@@ -194,7 +179,8 @@ impl Client {
 
 impl Drop for Client {
     fn drop(&mut self) {
-        self.connection.close("the device has been detached here");
+        let why = "the device has been detached here";
+        self.connection.leave(why, FAREWELL);
         if let Some(reader) = self.reader.take() {
             // A reader that has panicked has nothing to say here.
             let _ = reader.join();

@@ -120,6 +120,19 @@ impl Connection {
         let _ = lock(&self.writer).stream.shutdown(Shutdown::Both);
     }
 
+    /// Ends the connection as [`Self::close`] does, but waits a while until the server has hung up,
+    /// too: only then has it let go of the device, and the next import finds it free.
+    pub(super) fn leave(&self, why: &str, patience: Duration) {
+        let _ = self.failure.set(why.to_owned());
+        let _ = lock(&self.writer).stream.shutdown(Shutdown::Write);
+        let table = lock(&self.table);
+        let left = self
+            .settled
+            .wait_timeout_while(table, patience, |table| !table.closed);
+        drop(left);
+        self.close(why);
+    }
+
     /// Submits `count` transfers like `like`, each with `data` if it goes to the device. Gives the
     /// first one's number.
     ///

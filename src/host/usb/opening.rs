@@ -2,29 +2,51 @@
 
 use super::connection::left;
 use crate::error::{Error, Result};
+use crate::host::tcp;
+use crate::protocol::printable;
 use crate::protocol::usb::usbip::{DeviceInfo, OPERATION_LEN, Operation};
 use std::io::{ErrorKind, Read, Write};
-use std::net::{TcpStream, ToSocketAddrs};
+use std::net::TcpStream;
 use std::time::{Duration, Instant};
 
 /// A conversation before an import is granted.
-pub(super) struct Talk<'a> {
-    pub(super) stream: &'a mut TcpStream,
-    pub(super) deadline: Instant,
-    pub(super) place: &'a str,
+pub(super) struct Talk {
+    stream: TcpStream,
+    deadline: Instant,
+    place: String,
 }
 
-impl Talk<'_> {
+impl Talk {
+    /// Connects to a server at `HOST:PORT`; the whole conversation has `timeout`. `place` names it
+    /// in messages.
+    pub(super) fn connect(host: &str, timeout: Duration, place: &str) -> Result<Self> {
+        let deadline = Instant::now() + timeout;
+        let stream = tcp::connect(host, timeout, place)?;
+        stream
+            .set_write_timeout(Some(timeout.max(Duration::from_millis(1))))
+            .map_err(|e| Error::io(place, e))?;
+        Ok(Self {
+            stream,
+            deadline,
+            place: place.to_owned(),
+        })
+    }
+
+    /// The connection, once the talking is over.
+    pub(super) fn into_stream(self) -> TcpStream {
+        self.stream
+    }
+
     /// Asks for an operation; refused is an error.
     pub(super) fn ask(&mut self, operation: Operation, rest: &[u8]) -> Result<()> {
         let bytes = [&operation.encode()[..], rest].concat();
         self.stream
             .write_all(&bytes)
-            .map_err(|e| Error::io(self.place, e))?;
+            .map_err(|e| Error::io(&self.place, e))?;
         let header = self.read::<OPERATION_LEN>()?;
         let granted = operation
             .decode_reply(header)
-            .map_err(|e| e.at(self.place))?;
+            .map_err(|e| e.at(&self.place))?;
         if granted {
             return Ok(());
         }
@@ -60,7 +82,7 @@ impl Talk<'_> {
                     return Err(silent());
                 }
                 Err(e) if e.kind() == ErrorKind::Interrupted => {}
-                Err(e) => return Err(Error::io(self.place, e)),
+                Err(e) => return Err(Error::io(&self.place, e)),
             }
         }
         Ok(bytes)
@@ -77,7 +99,7 @@ pub(super) fn only(host: &str, devices: Vec<DeviceInfo>) -> Result<String> {
         _ => {
             let names: Vec<String> = devices
                 .iter()
-                .map(|d| format!("usb:{host}/{}", d.bus_id))
+                .map(|d| format!("usb:{host}/{}", printable(&d.bus_id)))
                 .collect();
             Err(Error::input(
                 format!("usb:{host}"),
@@ -86,22 +108,4 @@ pub(super) fn only(host: &str, devices: Vec<DeviceInfo>) -> Result<String> {
             ))
         }
     }
-}
-
-/// Connects to `HOST:PORT`.
-pub(super) fn connect(host: &str, timeout: Duration, place: &str) -> Result<TcpStream> {
-    let addresses = host
-        .to_socket_addrs()
-        .map_err(|e| Error::input(place, e, "a host that can be found"))?;
-    let mut last = Error::device(format!("{place}: the host has no address"));
-    for address in addresses {
-        match TcpStream::connect_timeout(&address, timeout) {
-            Ok(stream) => {
-                let bounded = stream.set_write_timeout(Some(timeout));
-                return bounded.map(|()| stream).map_err(|e| Error::io(place, e));
-            }
-            Err(e) => last = Error::io(place, e),
-        }
-    }
-    Err(last)
 }

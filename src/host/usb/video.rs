@@ -29,6 +29,8 @@ pub struct VideoMode {
     pub default_interval: u32,
     /// Frame intervals in units of 100 ns; for a range the shortest, the longest and the step.
     pub intervals: Vec<u32>,
+    /// Whether the intervals are a range.
+    pub is_range: bool,
 }
 
 impl VideoMode {
@@ -150,6 +152,7 @@ fn modes(streaming: &Interface) -> Vec<VideoMode> {
                     height: word(d, 7).into(),
                     default_interval: long(d, 21),
                     intervals: d[26..].chunks_exact(4).map(|b| long(b, 0)).collect(),
+                    is_range: d[25] == 0,
                 };
                 if mode.frame_len() == 0 {
                     continue;

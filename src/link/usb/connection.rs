@@ -2,7 +2,7 @@
 //! off, its replies are written, many at a time.
 
 use super::outgoing::Outgoing;
-use super::session::UsbDevice;
+use super::session::{Session, UsbDevice};
 use crate::error::{Error, Result};
 use crate::protocol::usb::usbip::{Command, HEADER_LEN, PACKET_LEN, Packet};
 use std::future::pending;
@@ -15,6 +15,38 @@ const SLICES: usize = 64;
 /// Replies that wait before no more commands are read.
 const MAX_OUTGOING: usize = 4096;
 const READ_LEN: usize = 64 << 10;
+
+impl UsbDevice {
+    /// Serves a host on any two streams of bytes, from behind the import on, until it leaves. `clock`
+    /// tells the time since any moment.
+    ///
+    /// # Errors
+    /// Another host has the device; what the host sent that no driver sends; what the system says of
+    /// the streams.
+    pub async fn serve(
+        &self,
+        reader: impl AsyncRead + Unpin,
+        writer: impl AsyncWrite + Unpin,
+        clock: impl Fn() -> Duration,
+    ) -> Result<()> {
+        if !self.with(Session::attach) {
+            return Err(Error::device(
+                "USB: the device cannot be had: another host has it, or its firmware is behind",
+            ));
+        }
+        let attached = Attached(self);
+        run(reader, writer, attached.0, clock).await
+    }
+}
+
+/// Lets go of a device when its connection ends, however it ends.
+struct Attached<'a>(&'a UsbDevice);
+
+impl Drop for Attached<'_> {
+    fn drop(&mut self) {
+        self.0.with(Session::detach);
+    }
+}
 
 /// Serves a host until it leaves, sends nonsense, or the device is unplugged. `clock` tells the time
 /// since any moment.
@@ -31,6 +63,16 @@ pub(super) async fn run(
     let mut outgoing = Outgoing::default();
     let io = |e| Error::io("USB/IP", e);
     loop {
+        // A host that does not read its replies is not listened to.
+        while outgoing.len() < MAX_OUTGOING
+            && let Some((command, data, packets)) = input.next()?
+        {
+            device.with(|session| {
+                let done = session.command(command, data, &packets, clock());
+                outgoing.append(&mut session.outgoing);
+                done
+            })?;
+        }
         let (due, unplugged) = device.with(|session| {
             session.pump(clock());
             outgoing.append(&mut session.outgoing);
@@ -57,9 +99,6 @@ pub(super) async fn run(
                     return Ok(());
                 }
                 input.filled += read;
-                while let Some((command, data, packets)) = input.next()? {
-                    device.with(|session| session.command(command, data, &packets, clock()))?;
-                }
             }
             () = device.outward() => {}
             () = sleep(delay) => {}
@@ -88,9 +127,11 @@ type Whole = (Command, Vec<u8>, Vec<Packet>);
 impl Input {
     /// Room for more.
     fn space(&mut self) -> &mut [u8] {
-        self.bytes.copy_within(self.done..self.filled, 0);
-        self.filled -= self.done;
-        self.done = 0;
+        if self.done > 0 {
+            self.bytes.copy_within(self.done..self.filled, 0);
+            self.filled -= self.done;
+            self.done = 0;
+        }
         let want = (self.filled + READ_LEN).next_multiple_of(READ_LEN);
         if self.bytes.len() < want {
             self.bytes.resize(want, 0);

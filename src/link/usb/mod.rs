@@ -9,14 +9,13 @@ mod attach;
 mod binding;
 mod connection;
 mod descriptors;
+mod events;
 mod fault;
 mod function;
 mod outgoing;
 mod serial;
 mod server;
 mod session;
-#[cfg(test)]
-mod tests;
 mod vhci;
 mod video;
 

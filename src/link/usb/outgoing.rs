@@ -2,7 +2,7 @@
 //! are never copied between the sensor and the socket.
 
 use crate::protocol::Frame;
-use crate::protocol::usb::usbip::{HEADER_LEN, Packet, Reply, status};
+use crate::protocol::usb::usbip::{HEADER_LEN, Packet, Reply, Submit, status};
 use crate::protocol::usb::uvc::payload;
 use std::collections::VecDeque;
 use std::io::IoSlice;
@@ -64,6 +64,25 @@ impl Outgoing {
     /// A transfer to the device that is over.
     pub(super) fn received(&mut self, seqnum: u32, status: i32, actual: u32) {
         self.head(seqnum, status, actual, None);
+    }
+
+    /// A transfer that fails; an isochronous one with each of its packets.
+    pub(super) fn failed(&mut self, submit: &Submit, packets: &[Packet], status: i32) {
+        let reply = Reply::Submit {
+            seqnum: submit.seqnum,
+            status,
+            actual: 0,
+            packets: submit.packets,
+            errors: packets.len() as u32,
+        };
+        self.push_head(&reply, None);
+        let failed = |packet: &Packet| Packet {
+            actual: 0,
+            status,
+            ..*packet
+        };
+        let packets: Vec<Packet> = packets.iter().map(failed).collect();
+        self.packets(&packets);
     }
 
     /// A transfer of a payload: its header and a part of a frame.

@@ -4,24 +4,26 @@
 use super::descriptors::{
     Descriptors, INTERFACES, Mode, NOTIFY_IN, SERIAL_IN, SERIAL_OUT, VIDEO_IN,
 };
+use super::events::{Events, MAX_EVENTS};
 use super::function::{Answer, Function};
 use super::outgoing::Outgoing;
 use super::serial::Serial;
 use super::video::Video;
 use super::{CameraLimits, CameraState, Event, Fault};
 use crate::error::{Error, Result};
-use crate::profile::{Profile, Speed};
+use crate::profile::{Profile, Speed, Transfer};
 use crate::protocol::usb::cdc::DeviceLines;
 use crate::protocol::usb::descriptor::{Walk, class, kind};
 use crate::protocol::usb::usbip::{Command, DeviceInfo, Packet, Submit, status};
 use crate::protocol::{Frame, PixelFormat};
-use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 use tokio::sync::Notify;
 
 /// Transfers that may wait; drivers have a few dozen.
 const MAX_WAITING: usize = 1024;
+/// Isochronous packets that may wait; 8 s of them.
+const MAX_PACKETS: usize = 1 << 16;
 
 /// The device as a state machine: commands and frames in, replies and events out.
 pub(super) struct Session {
@@ -29,9 +31,7 @@ pub(super) struct Session {
     pub(super) video: Video,
     serial: Serial,
     pub(super) outgoing: Outgoing,
-    events: VecDeque<Event>,
-    /// Bytes in `events`.
-    received: usize,
+    events: Events,
     attached: bool,
     unplugged: bool,
 }
@@ -43,20 +43,20 @@ impl Session {
             video: Video::default(),
             serial: Serial::default(),
             outgoing: Outgoing::default(),
-            events: VecDeque::new(),
-            received: 0,
+            events: Events::default(),
             attached: false,
             unplugged: false,
         }
     }
 
-    /// A host takes the device; `false` when another has it.
+    /// A host takes the device; `false` when another has it, or when the firmware has not yet taken
+    /// what those before have done.
     pub(super) fn attach(&mut self) -> bool {
-        if self.attached || self.unplugged {
+        if self.attached || self.unplugged || self.events.is_full() {
             return false;
         }
         self.attached = true;
-        self.events.push_back(Event::Attached);
+        self.events.push(Event::Attached);
         true
     }
 
@@ -69,7 +69,7 @@ impl Session {
         self.serial.reset();
         self.outgoing = Outgoing::default();
         self.attached = false;
-        self.events.push_back(Event::Detached);
+        self.events.push(Event::Detached);
     }
 
     /// Whether the connection is to end.
@@ -102,6 +102,11 @@ impl Session {
             Command::Submit(submit) => self.submit(submit, data, packets, now)?,
         }
         self.pump(now);
+        if self.events.is_full() {
+            return Err(Error::device(format!(
+                "USB: the host has done {MAX_EVENTS} things that the firmware has not taken"
+            )));
+        }
         Ok(())
     }
 
@@ -113,8 +118,11 @@ impl Session {
         now: Duration,
     ) -> Result<()> {
         let address = submit.endpoint | if submit.input { 0x80 } else { 0 };
-        if submit.endpoint != 0 && self.function.is_halted(address) {
-            self.outgoing.received(submit.seqnum, status::STALL, 0);
+        let isochronous = address == 0x80 | VIDEO_IN
+            && self.function.descriptors.transfer == Transfer::Isochronous;
+        let fits = submit.packets.is_some() == isochronous;
+        if submit.endpoint != 0 && self.function.is_halted(address) || !fits {
+            self.outgoing.failed(&submit, packets, status::STALL);
             return Ok(());
         }
         match (submit.endpoint, submit.input) {
@@ -123,7 +131,7 @@ impl Session {
                 self.video.submit(submit, packets, now);
                 if self.function.stream().is_some() && !self.video.started {
                     self.video.started = true;
-                    self.events.push_back(Event::Started);
+                    self.events.push(Event::Started);
                 }
             }
             (SERIAL_IN, true) => self.serial.read(submit),
@@ -139,6 +147,11 @@ impl Session {
         if self.serial.waiting() + self.video.waiting() > MAX_WAITING {
             return Err(Error::device(format!(
                 "USB: more than {MAX_WAITING} transfers at a time"
+            )));
+        }
+        if submit.packets.is_some() && self.video.packets() > MAX_PACKETS {
+            return Err(Error::device(format!(
+                "USB: more than {MAX_PACKETS} isochronous packets at a time"
             )));
         }
         Ok(())
@@ -168,22 +181,22 @@ impl Session {
                 // What an earlier stream has left is of no stream.
                 Event::Committed(_) => {
                     self.stop();
-                    self.events.push_back(event);
+                    self.events.push(event);
                 }
                 Event::Lines(lines) => {
                     if !lines.dtr {
                         self.serial.hang_up();
                     }
-                    self.events.push_back(event);
+                    self.events.push(event);
                 }
-                event => self.events.push_back(event),
+                event => self.events.push(event),
             }
         }
     }
 
     fn stop(&mut self) {
         if self.video.started {
-            self.events.push_back(Event::Stopped);
+            self.events.push(Event::Stopped);
         }
         self.video.stop();
     }
@@ -208,16 +221,11 @@ impl Session {
     }
 
     fn pump_serial(&mut self) {
-        let received = self.serial.pump(self.received, &mut self.outgoing);
+        let waiting = self.events.received();
+        let received = self.serial.pump(waiting, &mut self.outgoing);
         if !received.is_empty() {
-            self.received += received.len();
-            self.events.push_back(Event::Received(received));
+            self.events.push(Event::Received(received));
         }
-    }
-
-    fn take_events(&mut self) -> Vec<Event> {
-        self.received = 0;
-        self.events.drain(..).collect()
     }
 }
 
@@ -352,7 +360,7 @@ impl UsbDevice {
     /// What hosts have done since the last call.
     pub fn take_events(&self) -> Vec<Event> {
         self.with(|session| {
-            let events = session.take_events();
+            let events = session.events.take();
             // Data that waited for these to be taken may come now.
             session.pump_serial();
             events

@@ -80,10 +80,16 @@ impl Video {
         self.waiting.len()
     }
 
+    /// Isochronous packets of the transfers that wait.
+    pub(super) fn packets(&self) -> usize {
+        let packets = self.waiting.iter().map(|waiting| waiting.packets.len());
+        packets.sum()
+    }
+
     /// The endpoint halts: every transfer that waits fails.
     pub(super) fn stall(&mut self, outgoing: &mut Outgoing) {
         for waiting in self.waiting.drain(..) {
-            outgoing.received(waiting.submit.seqnum, status::STALL, 0);
+            outgoing.failed(&waiting.submit, &waiting.packets, status::STALL);
         }
     }
 
@@ -147,7 +153,7 @@ impl Video {
                 }
                 continue;
             }
-            // No room for a header, to say nothing of pixels.
+            // No room for a header, to say nothing of pixels: a babble on a bus.
             if (waiting.submit.length as usize) < payload::HEADER_LEN {
                 outgoing.received(waiting.submit.seqnum, status::OVERFLOW, 0);
                 self.waiting.pop_front();
@@ -162,8 +168,8 @@ impl Video {
             let Some(waiting) = self.waiting.pop_front() else {
                 return false;
             };
-            let room = max_payload.min(waiting.submit.length as usize);
-            let (info, part) = current.next(room.saturating_sub(payload::HEADER_LEN));
+            let room = max_payload.min(waiting.submit.length as usize) - payload::HEADER_LEN;
+            let (info, part) = current.next(room);
             let ended = info & payload::EOF != 0;
             outgoing.payload(waiting.submit.seqnum, info, &current.frame, part);
             self.current = (!ended).then_some(current);
@@ -228,10 +234,10 @@ impl Video {
                 // A stall inside of a transfer waits for the next one.
                 let _ = self.begin(now);
             }
+            let room = packet.length as usize - payload::HEADER_LEN;
             let Some(mut current) = self.current.take() else {
                 continue;
             };
-            let room = (packet.length as usize).saturating_sub(payload::HEADER_LEN);
             let (info, part) = current.next(room);
             packet.actual = (payload::HEADER_LEN + part.len()) as u32;
             actual += packet.actual;

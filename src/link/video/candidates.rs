@@ -1,6 +1,7 @@
 //! Which nodes may become the camera.
 
 use crate::error::Result;
+use crate::protocol::printable;
 use crate::v4l2::{FORGOTTEN, Node, RELOAD, node_paths};
 use std::path::{Path, PathBuf};
 
@@ -63,7 +64,8 @@ pub(super) fn unfit(node: &Node) -> Option<Unfit> {
     if !node.is_loopback() {
         return Some(Unfit::Kind(format!(
             "{:?} of driver {}, no loopback",
-            node.card, node.driver
+            node.card,
+            printable(&node.driver)
         )));
     }
     if node.is_forgotten() {

@@ -1,0 +1,24 @@
+//! Connections to `HOST:PORT`.
+
+use crate::error::{Error, Result};
+use std::net::{TcpStream, ToSocketAddrs};
+use std::time::Duration;
+
+/// Connects to the first of a host's addresses that answers; each has `timeout`. `place` names the
+/// address in messages.
+///
+/// # Errors
+/// A host that cannot be found, or that does not answer.
+pub(super) fn connect(host: &str, timeout: Duration, place: &str) -> Result<TcpStream> {
+    let addresses = host
+        .to_socket_addrs()
+        .map_err(|e| Error::input(place, e, "a host that can be found"))?;
+    let mut last = Error::device(format!("{place}: the host has no address"));
+    for address in addresses {
+        match TcpStream::connect_timeout(&address, timeout) {
+            Ok(stream) => return Ok(stream),
+            Err(e) => last = Error::io(place, e),
+        }
+    }
+    Err(last)
+}

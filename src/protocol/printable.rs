@@ -1,0 +1,47 @@
+//! Words of devices and servers, made fit for a terminal.
+
+/// A text with whatever would steer a terminal escaped.
+pub fn printable(text: &str) -> String {
+    let mut shown = String::with_capacity(text.len());
+    for c in text.chars() {
+        let escaped = c.escape_debug();
+        // Quotes and backslashes are as harmless as they are frequent.
+        if c.is_ascii_graphic() || escaped.len() == 1 {
+            shown.push(c);
+        } else {
+            shown.extend(escaped);
+        }
+    }
+    shown
+}
+
+/// JSON with the controls escaped that its strings may hold as they are.
+pub fn printable_json(value: &serde_json::Value) -> String {
+    let mut shown = String::new();
+    for c in value.to_string().chars() {
+        if c.is_control() {
+            shown += &format!("\\u{:04x}", u32::from(c));
+        } else {
+            shown.push(c);
+        }
+    }
+    shown
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn nothing_steers_a_terminal_and_json_says_the_same() {
+        let odd = "Gr\u{fc}n \"C:\\\" \u{1b}[2J\u{7}\u{7f}\u{9b}1m\u{202e}\n";
+        let shown = printable(odd);
+        assert!(shown.starts_with("Gr\u{fc}n \"C:\\\" \\u{1b}[2J\\u{7}"));
+        let steers = |c: char| c.is_control() || c == '\u{202e}';
+        assert!(!shown.contains(steers), "{shown:?}");
+        let json = printable_json(&serde_json::json!({ "name": odd }));
+        assert!(!json.contains(char::is_control), "{json:?}");
+        let read: serde_json::Value = serde_json::from_str(&json).unwrap();
+        assert_eq!(read["name"], odd);
+    }
+}

@@ -1,0 +1,127 @@
+//! What the host's side sends once it has a device: transfers, and their recall.
+
+use super::words::{put_words, u32_at};
+use super::{HEADER_LEN, MAX_PACKETS, MAX_TRANSFER, NO_PACKETS};
+use crate::error::{Error, Result};
+use crate::protocol::usb::Setup;
+
+const CMD_SUBMIT: u32 = 1;
+const CMD_UNLINK: u32 = 2;
+
+/// A transfer that the host asks for; a transfer to the device is followed by its bytes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Submit {
+    /// Number by which the reply names it.
+    pub seqnum: u32,
+    /// [`DeviceInfo::id`](super::DeviceInfo::id).
+    pub device: u32,
+    /// From the device to the host.
+    pub input: bool,
+    /// Number of the endpoint, 0 to 15.
+    pub endpoint: u8,
+    /// `transfer_flags` of the kernel's URB.
+    pub flags: u32,
+    /// Bytes that the host sends or has room for.
+    pub length: u32,
+    /// Packets of an isochronous transfer; their descriptors follow the data.
+    pub packets: Option<u32>,
+    /// Interval of the endpoint as the kernel counts it.
+    pub interval: u32,
+    /// The request of a control transfer.
+    pub setup: Setup,
+}
+
+/// What the host's side sends.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Command {
+    /// A transfer.
+    Submit(Submit),
+    /// Takes a transfer back.
+    Unlink {
+        /// Number by which the reply names it.
+        seqnum: u32,
+        /// The transfer's number.
+        target: u32,
+    },
+}
+
+impl Command {
+    /// The command in 48 bytes.
+    pub fn encode(&self) -> [u8; HEADER_LEN] {
+        let mut bytes = [0; HEADER_LEN];
+        match self {
+            Self::Submit(submit) => {
+                let packets = submit.packets.unwrap_or(NO_PACKETS);
+                put_words(
+                    &mut bytes,
+                    &[
+                        CMD_SUBMIT,
+                        submit.seqnum,
+                        submit.device,
+                        u32::from(submit.input),
+                        submit.endpoint.into(),
+                        submit.flags,
+                        submit.length,
+                        0,
+                        packets,
+                        submit.interval,
+                    ],
+                );
+                bytes[40..].copy_from_slice(&submit.setup.encode());
+            }
+            Self::Unlink { seqnum, target } => {
+                put_words(&mut bytes, &[CMD_UNLINK, *seqnum, 0, 0, 0, *target]);
+            }
+        }
+        bytes
+    }
+
+    /// Reads and bounds a command.
+    ///
+    /// # Errors
+    /// Something else, an endpoint that cannot be, more bytes or packets than are taken.
+    pub fn decode(bytes: &[u8; HEADER_LEN]) -> Result<Self> {
+        let bad = |what: String| Err(Error::device(format!("USB/IP command: {what}")));
+        let seqnum = u32_at(bytes, 4);
+        match u32_at(bytes, 0) {
+            CMD_UNLINK => Ok(Self::Unlink {
+                seqnum,
+                target: u32_at(bytes, 20),
+            }),
+            CMD_SUBMIT => {
+                let (direction, endpoint) = (u32_at(bytes, 12), u32_at(bytes, 16));
+                let (length, packets) = (u32_at(bytes, 24), u32_at(bytes, 32));
+                if direction > 1 || endpoint > 15 {
+                    return bad(format!(
+                        "direction {direction}, endpoint {endpoint}; want 0 or 1, 0 to 15"
+                    ));
+                }
+                if length > MAX_TRANSFER {
+                    return bad(format!(
+                        "a transfer of {length} bytes, at most {MAX_TRANSFER}"
+                    ));
+                }
+                // Kernels say 0 or all ones where nothing is isochronous.
+                let packets = (packets != NO_PACKETS && packets != 0).then_some(packets);
+                if packets.is_some_and(|packets| packets > MAX_PACKETS) {
+                    return bad(format!(
+                        "{} packets, at most {MAX_PACKETS}",
+                        packets.unwrap_or_default()
+                    ));
+                }
+                Ok(Self::Submit(Submit {
+                    seqnum,
+                    device: u32_at(bytes, 8),
+                    input: direction == 1,
+                    endpoint: endpoint as u8,
+                    flags: u32_at(bytes, 20),
+                    length,
+                    packets,
+                    interval: u32_at(bytes, 36),
+                    setup: Setup::decode(bytes[40..].try_into().expect("8 bytes")),
+                }))
+            }
+            command => bad(format!("number {command}, want 1 (submit) or 2 (unlink)")),
+        }
+    }
+}

@@ -1,0 +1,76 @@
+//! What a connection begins with: the list of devices, or the import of one.
+
+use super::words::{u16_at, u32_at};
+use crate::error::{Error, Result};
+
+/// Length of an operation's header.
+pub const OPERATION_LEN: usize = 8;
+
+const VERSION: u16 = 0x0111;
+
+/// What a connection begins with.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Operation {
+    /// Which devices are there?
+    List,
+    /// This one, please; its name on the bus follows.
+    Import,
+}
+
+impl Operation {
+    const fn request(self) -> u16 {
+        match self {
+            Self::List => 0x8005,
+            Self::Import => 0x8003,
+        }
+    }
+
+    /// The operation's request, without what follows it.
+    pub fn encode(self) -> [u8; OPERATION_LEN] {
+        operation(self.request(), 0)
+    }
+
+    /// Reads a request.
+    ///
+    /// # Errors
+    /// Another protocol, version or operation.
+    pub fn decode(bytes: [u8; OPERATION_LEN]) -> Result<Self> {
+        let (version, code) = (u16_at(&bytes, 0), u16_at(&bytes, 2));
+        [Self::List, Self::Import]
+            .into_iter()
+            .find(|operation| (VERSION, operation.request()) == (version, code))
+            .ok_or_else(|| {
+                Error::device(format!(
+                    "USB/IP: version {version:#06x}, operation {code:#06x}; want version \
+                     {VERSION:#06x}, operation 0x8005 (list) or 0x8003 (import)"
+                ))
+            })
+    }
+
+    /// The reply's header; `found` is whether the request can be met.
+    pub fn reply(self, found: bool) -> [u8; OPERATION_LEN] {
+        operation(self.request() & 0x7FFF, u32::from(!found))
+    }
+
+    /// Reads the reply's header: whether the request can be met.
+    ///
+    /// # Errors
+    /// Another protocol, version or operation.
+    pub fn decode_reply(self, bytes: [u8; OPERATION_LEN]) -> Result<bool> {
+        let (version, code) = (u16_at(&bytes, 0), u16_at(&bytes, 2));
+        if (version, code) != (VERSION, self.request() & 0x7FFF) {
+            return Err(Error::device(format!(
+                "USB/IP: the answer is version {version:#06x}, operation {code:#06x}: this is no USB/IP server"
+            )));
+        }
+        Ok(u32_at(&bytes, 4) == 0)
+    }
+}
+
+fn operation(code: u16, status: u32) -> [u8; OPERATION_LEN] {
+    let mut bytes = [0; OPERATION_LEN];
+    bytes[..2].copy_from_slice(&VERSION.to_be_bytes());
+    bytes[2..4].copy_from_slice(&code.to_be_bytes());
+    bytes[4..].copy_from_slice(&status.to_be_bytes());
+    bytes
+}

@@ -1,0 +1,39 @@
+//! Packets of isochronous transfers.
+
+use super::words::{put_words, u32_at};
+
+/// Length of an isochronous packet's descriptor.
+pub const PACKET_LEN: usize = 16;
+
+/// One packet of an isochronous transfer.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Packet {
+    /// Where it lies in the transfer's buffer.
+    pub offset: u32,
+    /// Its room.
+    pub length: u32,
+    /// Its bytes; in a reply they follow each other without gaps.
+    pub actual: u32,
+    /// See [`status`](super::status).
+    pub status: i32,
+}
+
+impl Packet {
+    /// The packet's descriptor.
+    pub fn encode(&self) -> [u8; PACKET_LEN] {
+        let mut bytes = [0; PACKET_LEN];
+        let words = [self.offset, self.length, self.actual, self.status as u32];
+        put_words(&mut bytes, &words);
+        bytes
+    }
+
+    /// Reads a packet's descriptor.
+    pub fn decode(bytes: &[u8; PACKET_LEN]) -> Self {
+        Self {
+            offset: u32_at(bytes, 0),
+            length: u32_at(bytes, 4),
+            actual: u32_at(bytes, 8),
+            status: u32_at(bytes, 12) as i32,
+        }
+    }
+}

@@ -1,0 +1,107 @@
+//! Book of what a host has asked for: every reply has to be one that the protocol allows.
+
+use phasma::protocol::usb::usbip::{
+    Command, HEADER_LEN, PACKET_LEN, Packet, Reply, Submit, status,
+};
+use std::collections::HashMap;
+
+/// Commands without a reply, and bytes that are no whole command or reply yet.
+#[derive(Default)]
+pub struct Ledger {
+    open: HashMap<u32, Submit>,
+    unlinks: HashMap<u32, u32>,
+    sent: Vec<u8>,
+    received: Vec<u8>,
+    /// The host has sent what makes no sense, or used a number twice: nothing more can be told.
+    lost: bool,
+}
+
+impl Ledger {
+    /// Whether replies are still looked at.
+    pub fn is_lost(&self) -> bool {
+        self.lost
+    }
+
+    /// Takes down what the host sends.
+    pub fn sent(&mut self, bytes: &[u8]) {
+        self.sent.extend(bytes);
+        while let Some((header, rest)) = self.sent.split_first_chunk::<HEADER_LEN>() {
+            let Ok(command) = Command::decode(header) else {
+                self.lost = true;
+                return;
+            };
+            let mut len = HEADER_LEN;
+            if let Command::Submit(submit) = command {
+                let data = if submit.input { 0 } else { submit.length };
+                let behind = data as usize + submit.packets.unwrap_or(0) as usize * PACKET_LEN;
+                if rest.len() < behind {
+                    return;
+                }
+                len += behind;
+            }
+            let (seqnum, twice) = match command {
+                Command::Submit(submit) => (
+                    submit.seqnum,
+                    self.open.insert(submit.seqnum, submit).is_some(),
+                ),
+                Command::Unlink { seqnum, target } => {
+                    (seqnum, self.unlinks.insert(seqnum, target).is_some())
+                }
+            };
+            let both = self.open.contains_key(&seqnum) && self.unlinks.contains_key(&seqnum);
+            self.lost |= twice || both;
+            self.sent.drain(..len);
+        }
+    }
+
+    /// Takes down what the device sends; gives the replies that have come whole.
+    pub fn received(&mut self, bytes: &[u8]) -> Vec<Vec<u8>> {
+        self.received.extend(bytes);
+        let mut whole = Vec::new();
+        while !self.lost
+            && let Some(len) = self.reply()
+        {
+            whole.push(self.received.drain(..len).collect());
+        }
+        whole
+    }
+
+    /// Length of the first reply that is whole, once it has been found sound.
+    fn reply(&mut self) -> Option<usize> {
+        let (header, rest) = self.received.split_first_chunk::<HEADER_LEN>()?;
+        match Reply::decode(header).expect("a device's reply is one") {
+            Reply::Unlink { seqnum, status } => {
+                let target = self.unlinks.remove(&seqnum).expect("an unlink was sent");
+                let held = self.open.remove(&target).is_some();
+                assert_eq!(
+                    status,
+                    if held { status::UNLINKED } else { status::OK },
+                    "of a transfer {}",
+                    if held { "without a reply" } else { "with one" }
+                );
+                Some(HEADER_LEN)
+            }
+            Reply::Submit {
+                seqnum,
+                actual,
+                packets,
+                ..
+            } => {
+                let submit = *self.open.get(&seqnum).expect("a transfer that waits");
+                assert!(actual <= submit.length, "more than there is room for");
+                assert_eq!(packets, submit.packets, "packets as they were asked for");
+                let data = if submit.input { actual as usize } else { 0 };
+                let table = rest.get(data..data + packets.unwrap_or(0) as usize * PACKET_LEN)?;
+                let table = table.as_chunks::<PACKET_LEN>().0;
+                let packets: Vec<Packet> = table.iter().map(Packet::decode).collect();
+                assert!(packets.iter().all(|packet| packet.actual <= packet.length));
+                if !packets.is_empty() {
+                    let sum: u32 = packets.iter().map(|packet| packet.actual).sum();
+                    assert_eq!(sum, actual, "what the packets have in all");
+                }
+                self.open.remove(&seqnum);
+                Some(HEADER_LEN + data + size_of_val(table))
+            }
+        }
+    }
+}

@@ -1,0 +1,43 @@
+//! The device that is tested, and its frames.
+
+use phasma::link::usb::{CameraState, UsbDevice};
+use phasma::profile::{Profile, Speed, Transfer};
+use phasma::protocol::{Frame, PixelFormat};
+
+pub const WIDTH: u32 = 300;
+pub const HEIGHT: u32 = 200;
+
+/// The profile of a device of such a kind.
+pub fn profile(speed: Speed, transfer: Transfer) -> Profile {
+    let mut profile = Profile::load("webcam-grey").unwrap();
+    profile.usb.speed = speed;
+    profile.usb.transfer = transfer;
+    profile
+}
+
+/// A device of a profile, exposing for 12 ms, in GREY or YUYV.
+pub fn device(profile: &Profile, number: u32) -> UsbDevice {
+    let camera = CameraState {
+        exposure_ns: 12_000_000,
+        gain_db: 0.0,
+    };
+    let formats = [PixelFormat::Grey, PixelFormat::Yuyv];
+    UsbDevice::new(profile, number, (WIDTH, HEIGHT), &formats, camera).unwrap()
+}
+
+/// What the camera sends as its frame number `id`.
+pub fn frame(id: u64, format: PixelFormat) -> Frame {
+    let len = WIDTH as usize * HEIGHT as usize * format.bytes_per_pixel();
+    let mut data: Vec<u8> = (0..len as u64).map(|i| (i * 7 + id * 31) as u8).collect();
+    data[..8].copy_from_slice(&id.to_le_bytes());
+    Frame {
+        id,
+        pattern_index: None,
+        width: WIDTH,
+        height: HEIGHT,
+        format,
+        exposure_start_ns: 0,
+        exposure_end_ns: 0,
+        data,
+    }
+}

@@ -1,0 +1,192 @@
+//! A host's connection to a device in memory, without a socket, a thread or a clock: the device is
+//! polled when something has come for it, and does all it can then.
+
+use phasma::Result;
+use phasma::link::usb::UsbDevice;
+use std::cell::{Cell, RefCell};
+use std::collections::VecDeque;
+use std::future::Future;
+use std::io;
+use std::pin::Pin;
+use std::rc::Rc;
+use std::sync::OnceLock;
+use std::task::{Context, Poll, Waker};
+use std::time::Duration;
+use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
+use tokio::runtime::{Builder, Runtime};
+
+/// Steps that a device may take when something has come for it; beyond, it hangs.
+const MAX_STEPS: u32 = 1_000_000;
+
+/// What is between device and host.
+struct Pipe {
+    to_device: VecDeque<u8>,
+    closed: bool,
+    from_device: Vec<u8>,
+    /// Bytes that the host takes before it has looked at those it has.
+    room: usize,
+    /// Most bytes of one read.
+    piece: usize,
+    steps: u32,
+}
+
+impl Pipe {
+    fn step(&mut self) {
+        self.steps += 1;
+        assert!(self.steps < MAX_STEPS, "the device hangs");
+    }
+}
+
+#[derive(Clone)]
+struct End(Rc<RefCell<Pipe>>);
+
+/// A connection behind the import.
+pub struct Wire {
+    serving: Option<Pin<Box<dyn Future<Output = Result<()>>>>>,
+    outcome: Option<Result<()>>,
+    pipe: Rc<RefCell<Pipe>>,
+    device: UsbDevice,
+    now: Rc<Cell<Duration>>,
+}
+
+/// Sleeps are made in it and never end: time passes by [`Wire::advance`] alone.
+fn runtime() -> &'static Runtime {
+    static RUNTIME: OnceLock<Runtime> = OnceLock::new();
+    RUNTIME.get_or_init(|| Builder::new_current_thread().enable_time().build().unwrap())
+}
+
+impl Wire {
+    /// Imports the device.
+    pub fn new(device: &UsbDevice) -> Self {
+        let pipe = Rc::new(RefCell::new(Pipe {
+            to_device: VecDeque::new(),
+            closed: false,
+            from_device: Vec::new(),
+            room: usize::MAX,
+            piece: usize::MAX,
+            steps: 0,
+        }));
+        let now = Rc::new(Cell::new(Duration::from_secs(1)));
+        let (end, device, time) = (End(pipe.clone()), device.clone(), now.clone());
+        let served = device.clone();
+        let serving = async move {
+            let clock = || {
+                end.0.borrow_mut().step();
+                time.get()
+            };
+            served.serve(end.clone(), end.clone(), clock).await
+        };
+        let mut wire = Self {
+            serving: Some(Box::pin(serving)),
+            outcome: None,
+            pipe,
+            device,
+            now,
+        };
+        wire.poll();
+        wire
+    }
+
+    /// Sends bytes; the device has done what it can when this returns.
+    pub fn send(&mut self, bytes: &[u8]) {
+        self.pipe.borrow_mut().to_device.extend(bytes);
+        self.poll();
+    }
+
+    /// What has come from the device since the last call.
+    pub fn take(&mut self) -> Vec<u8> {
+        std::mem::take(&mut self.pipe.borrow_mut().from_device)
+    }
+
+    /// Bytes that the host takes between two calls of [`Self::take`], and those of one read.
+    pub fn set_flow(&mut self, room: usize, piece: usize) {
+        {
+            let mut pipe = self.pipe.borrow_mut();
+            (pipe.room, pipe.piece) = (room, piece);
+        }
+        self.poll();
+    }
+
+    /// The time at the device.
+    pub fn now(&self) -> Duration {
+        self.now.get()
+    }
+
+    /// Lets time pass.
+    pub fn advance(&mut self, by: Duration) {
+        self.now.set(self.now.get() + by);
+        // Nothing to send, and a look at what is due.
+        self.device.send(&[], self.now.get());
+        self.poll();
+    }
+
+    /// Lets the device go on after something has been done to it.
+    pub fn poll(&mut self) {
+        self.pipe.borrow_mut().steps = 0;
+        let Some(serving) = &mut self.serving else {
+            return;
+        };
+        let _in_runtime = runtime().enter();
+        let mut context = Context::from_waker(Waker::noop());
+        if let Poll::Ready(outcome) = serving.as_mut().poll(&mut context) {
+            self.outcome = Some(outcome);
+            self.serving = None;
+        }
+    }
+
+    /// Whether the device has ended the connection.
+    pub fn has_ended(&self) -> bool {
+        self.serving.is_none()
+    }
+
+    /// Hangs up; how the connection ended for the device.
+    pub fn close(mut self) -> Result<()> {
+        self.pipe.borrow_mut().closed = true;
+        self.set_flow(usize::MAX, usize::MAX);
+        self.outcome.take().expect("a host that has gone is let go")
+    }
+}
+
+impl AsyncRead for End {
+    fn poll_read(
+        self: Pin<&mut Self>,
+        _: &mut Context<'_>,
+        buffer: &mut ReadBuf<'_>,
+    ) -> Poll<io::Result<()>> {
+        let mut pipe = self.0.borrow_mut();
+        pipe.step();
+        if pipe.to_device.is_empty() && !pipe.closed {
+            return Poll::Pending;
+        }
+        let len = pipe.piece.min(buffer.remaining()).min(pipe.to_device.len());
+        let bytes: Vec<u8> = pipe.to_device.drain(..len).collect();
+        buffer.put_slice(&bytes);
+        Poll::Ready(Ok(()))
+    }
+}
+
+impl AsyncWrite for End {
+    fn poll_write(
+        self: Pin<&mut Self>,
+        _: &mut Context<'_>,
+        bytes: &[u8],
+    ) -> Poll<io::Result<usize>> {
+        let mut pipe = self.0.borrow_mut();
+        pipe.step();
+        let left = pipe.room.saturating_sub(pipe.from_device.len());
+        if left == 0 {
+            return Poll::Pending;
+        }
+        let len = left.min(bytes.len());
+        pipe.from_device.extend(&bytes[..len]);
+        Poll::Ready(Ok(len))
+    }
+
+    fn poll_flush(self: Pin<&mut Self>, _: &mut Context<'_>) -> Poll<io::Result<()>> {
+        Poll::Ready(Ok(()))
+    }
+
+    fn poll_shutdown(self: Pin<&mut Self>, _: &mut Context<'_>) -> Poll<io::Result<()>> {
+        Poll::Ready(Ok(()))
+    }
+}
