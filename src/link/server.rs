@@ -130,6 +130,7 @@ pub async fn serve(
         pace: Pace::default(),
         notice: device.notice,
         lost: 0,
+        usb_lost: false,
         service,
         stall: None,
     };
@@ -150,6 +151,8 @@ struct Server {
     notice: fn(&str),
     /// Frames that the V4L2 node did not take.
     lost: u64,
+    /// A USB host has missed frames.
+    usb_lost: bool,
     service: ServiceSocket,
     /// When to give up on a block.
     stall: Option<Instant>,
@@ -250,6 +253,13 @@ impl Server {
     fn deliver(&mut self, frame: &Arc<Frame>, wall: Duration) -> Result<()> {
         if let Some(usb) = &self.usb {
             usb.put(frame, wall);
+            if usb.lost() > 0 && !self.usb_lost {
+                self.usb_lost = true;
+                (self.notice)(&format!(
+                    "the USB host reads too slowly: frame {} is lost; this is said once",
+                    frame.id
+                ));
+            }
         }
         if let Some(video) = &self.video
             && video.put(frame)? == Put::Lost

@@ -83,6 +83,7 @@ fn usb(bytes: &[u8], speed: Speed) -> Duration {
     let camera = CameraState {
         exposure_ns: 1_000_000,
         gain_db: 0.0,
+        settable_ns: Some(u64::MAX),
     };
     let device = Emulated::new(&profile, 1, (WIDTH, HEIGHT), &[PixelFormat::Grey], camera)
         .expect("descriptors");

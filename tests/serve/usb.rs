@@ -399,6 +399,11 @@ fn line_coding_breaks_and_lines_reach_the_firmware() {
     ] {
         port.set_rts(rts).unwrap();
         assert_eq!(ask(&mut port, "DIAG:FRAM?"), frames, "RTS {rts}");
+        // A trigger in the middle of an exposure would be none.
+        let end = Instant::now() + LONG;
+        while ask(&mut port, "STAT:OPER:COND?") != "32" {
+            assert!(Instant::now() < end, "it does not wait for a trigger again");
+        }
     }
     assert_eq!(ask(&mut port, "SYST:ERR:COUN?"), "0");
     assert!(port.wait_for_lines(|lines| !lines.dsr, LONG).unwrap());

@@ -78,7 +78,7 @@ pub(super) async fn serve_usb(
         let (nodes, words) = match how {
             UsbHow::Export => (
                 Nodes::default(),
-                format!("export it elsewhere with usbip attach -r HOST -b {bus_id}"),
+                format!("a host takes it with usbip attach -r HOST -b {bus_id}"),
             ),
             UsbHow::Attach => attached(attach(binding.device().clone())?, clock.clone()).await,
         };

@@ -29,13 +29,23 @@ impl Firmware {
         let [shortest, longest] = self.profile.camera.exposure_range_us;
         let ns = |us: f64| (us * 1e3).round() as u64;
         let exposure_ns = controls.exposure_ns.clamp(ns(shortest), ns(longest));
-        if matches!(self.state, State::Running { .. }) || exposure_ns > self.settings.period_ns {
+        if self
+            .settable_exposure_ns()
+            .is_none_or(|longest| exposure_ns > longest)
+        {
             return false;
         }
         self.settings.exposure_ns = exposure_ns;
         let most = self.profile.camera.max_gain_db;
         self.settings.gain_db = controls.gain_db.clamp(0.0, most);
         true
+    }
+
+    /// Longest exposure that [`Self::set_camera_controls`] would take now; `None` while it takes
+    /// nothing.
+    pub fn settable_exposure_ns(&self) -> Option<u64> {
+        let running = matches!(self.state, State::Running { .. });
+        (!running).then_some(self.settings.period_ns)
     }
 
     /// Sets format and interval of a stream that a host has agreed on; `false`, and all is as

@@ -1,8 +1,9 @@
 //! Attaching a device to this machine's own kernel: one end of a socket pair goes to `vhci_hcd`
 //! through its sysfs files, so that no tools of USB/IP are needed.
 
+use super::attached::Attached;
 use super::connection;
-use super::session::{Session, UsbDevice};
+use super::session::UsbDevice;
 use super::vhci::Port;
 use crate::error::{Error, Result};
 use std::os::fd::AsRawFd;
@@ -11,7 +12,7 @@ use std::time::Duration;
 
 /// A device that this machine's kernel has.
 pub struct Attachment {
-    device: UsbDevice,
+    device: Attached,
     port: Port,
     stream: UnixStream,
 }
@@ -27,11 +28,8 @@ pub fn attach(device: UsbDevice) -> Result<Attachment> {
         .map_err(|e| Error::io("--usb attach", e))?;
     let info = device.info().clone();
     let port = Port::free(info.speed)?;
-    if !device.with(Session::attach) {
-        return Err(Error::device("--usb attach: another host has the device"));
-    }
     let attachment = Attachment {
-        device,
+        device: Attached::take(&device)?,
         port,
         stream: ours,
     };
@@ -58,12 +56,6 @@ impl Attachment {
             .and_then(tokio::net::UnixStream::from_std);
         let stream = stream.map_err(|e| Error::io("--usb attach", e))?;
         let (reader, writer) = stream.into_split();
-        connection::run(reader, writer, &self.device, clock).await
-    }
-}
-
-impl Drop for Attachment {
-    fn drop(&mut self) {
-        self.device.with(Session::detach);
+        connection::run(reader, writer, self.device.device(), clock).await
     }
 }

@@ -66,6 +66,11 @@ impl Binding {
         self.device.put(frame.clone(), now);
     }
 
+    /// Frames that were lost because the host reads too slowly.
+    pub(in crate::link) fn lost(&self) -> u64 {
+        self.device.lost()
+    }
+
     /// Sends a reply; `false` when too many wait.
     pub(in crate::link) fn send(&self, bytes: &[u8], now: Duration) -> bool {
         self.device.send(bytes, now)
@@ -154,6 +159,7 @@ fn camera_state(firmware: &Firmware) -> CameraState {
     CameraState {
         exposure_ns,
         gain_db,
+        settable_ns: firmware.settable_exposure_ns(),
     }
 }
 

@@ -1,8 +1,9 @@
 //! A host's connection after it has imported a device: commands are read, the session works them
 //! off, its replies are written, many at a time.
 
+use super::attached::Attached;
 use super::outgoing::Outgoing;
-use super::session::{Session, UsbDevice};
+use super::session::UsbDevice;
 use crate::error::{Error, Result};
 use crate::protocol::usb::usbip::{Command, HEADER_LEN, PACKET_LEN, Packet};
 use std::future::pending;
@@ -29,22 +30,8 @@ impl UsbDevice {
         writer: impl AsyncWrite + Unpin,
         clock: impl Fn() -> Duration,
     ) -> Result<()> {
-        if !self.with(Session::attach) {
-            return Err(Error::device(
-                "USB: the device cannot be had: another host has it, or its firmware is behind",
-            ));
-        }
-        let attached = Attached(self);
-        run(reader, writer, attached.0, clock).await
-    }
-}
-
-/// Lets go of a device when its connection ends, however it ends.
-struct Attached<'a>(&'a UsbDevice);
-
-impl Drop for Attached<'_> {
-    fn drop(&mut self) {
-        self.0.with(Session::detach);
+        let attached = Attached::take(self)?;
+        run(reader, writer, attached.device(), clock).await
     }
 }
 

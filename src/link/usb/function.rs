@@ -269,7 +269,13 @@ impl Function {
         };
         let (answer, set) = range.answer(setup.request, data)?;
         if let Some(units) = set {
-            self.camera.exposure_ns = units * uvc::EXPOSURE_UNIT_NS;
+            let ns = units * uvc::EXPOSURE_UNIT_NS;
+            match self.camera.settable_ns {
+                None => return Err(error_code::WRONG_STATE),
+                Some(longest) if ns > longest => return Err(error_code::OUT_OF_RANGE),
+                Some(_) => {}
+            }
+            self.camera.exposure_ns = ns;
             self.events.push(Event::Exposure(self.camera.exposure_ns));
         }
         Ok(answer)
@@ -286,6 +292,9 @@ impl Function {
         };
         let (answer, set) = range.answer(setup.request, data)?;
         if let Some(units) = set {
+            if self.camera.settable_ns.is_none() {
+                return Err(error_code::WRONG_STATE);
+            }
             self.camera.gain_db = (units as f64 * uvc::GAIN_UNIT_DB).min(self.limits.max_gain_db);
             self.events.push(Event::Gain(self.camera.gain_db));
         }

@@ -6,6 +6,7 @@
 //! socket to this machine's own kernel.
 
 mod attach;
+mod attached;
 mod binding;
 mod connection;
 mod descriptors;
@@ -37,6 +38,9 @@ pub struct CameraState {
     pub exposure_ns: u64,
     /// Gain in decibels.
     pub gain_db: f64,
+    /// Longest exposure in nanoseconds that would be taken now; `None` while nothing can be set,
+    /// as in the middle of a sequence.
+    pub settable_ns: Option<u64>,
 }
 
 /// What the camera can be set to.

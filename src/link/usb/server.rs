@@ -1,9 +1,11 @@
 //! The listener that hosts import devices from, as `usbip attach` does.
 
+use super::attached::Attached;
 use super::connection;
 use super::session::UsbDevice;
 use crate::error::{Error, Result};
 use crate::protocol::usb::usbip::{BUS_ID_LEN, OPERATION_LEN, Operation, text};
+use rustix::net::sockopt;
 use std::net::SocketAddr;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -31,7 +33,7 @@ impl UsbServer {
     pub async fn bind(address: SocketAddr, devices: Vec<UsbDevice>) -> Result<Self> {
         let listener = TcpListener::bind(address)
             .await
-            .map_err(|e| Error::io(format!("USB/IP server on {address}"), e))?;
+            .map_err(|e| Error::io(format!("--usb-listen {address}"), e))?;
         Ok(Self {
             listener,
             devices: Arc::new(devices),
@@ -89,26 +91,26 @@ async fn serve(
 ) -> Result<()> {
     let io = |e| Error::io("USB/IP", e);
     stream.set_nodelay(true).map_err(io)?;
+    keep_alive(&stream).map_err(io)?;
     let opening = timeout(PATIENCE, open(&mut stream, devices)).await;
-    let Ok(Some(device)) = opening.map_err(|_| Error::device("USB/IP: a silent client"))? else {
+    let Ok(Some(attached)) = opening.map_err(|_| Error::device("USB/IP: a silent client"))? else {
         return Ok(());
     };
     let (reader, writer) = stream.split();
-    let attached = Attached(&device);
-    connection::run(reader, writer, attached.0, clock).await
+    connection::run(reader, writer, attached.device(), clock).await
 }
 
-/// Lets go of a device when its connection ends, however it ends.
-struct Attached<'a>(&'a UsbDevice);
-
-impl Drop for Attached<'_> {
-    fn drop(&mut self) {
-        self.0.with(super::session::Session::detach);
-    }
+/// A host that has gone without a word, its machine for one, does not keep a device for ever.
+fn keep_alive(stream: &TcpStream) -> std::io::Result<()> {
+    sockopt::set_socket_keepalive(stream, true)?;
+    sockopt::set_tcp_keepidle(stream, Duration::from_secs(10))?;
+    sockopt::set_tcp_keepintvl(stream, Duration::from_secs(5))?;
+    sockopt::set_tcp_keepcnt(stream, 4)?;
+    Ok(())
 }
 
 /// What a connection begins with; the device that it has imported.
-async fn open(stream: &mut TcpStream, devices: &[UsbDevice]) -> Result<Option<UsbDevice>> {
+async fn open(stream: &mut TcpStream, devices: &[UsbDevice]) -> Result<Option<Attached>> {
     let io = |e| Error::io("USB/IP", e);
     let mut operation = [0; OPERATION_LEN];
     stream.read_exact(&mut operation).await.map_err(io)?;
@@ -128,17 +130,13 @@ async fn open(stream: &mut TcpStream, devices: &[UsbDevice]) -> Result<Option<Us
             stream.read_exact(&mut bus_id).await.map_err(io)?;
             let bus_id = text(&bus_id);
             let device = devices.iter().find(|device| device.info().bus_id == bus_id);
-            let device = device.filter(|device| device.with(super::session::Session::attach));
-            let mut reply = Operation::Import.reply(device.is_some()).to_vec();
-            if let Some(device) = device {
-                reply.extend(device.info().encode());
+            let attached = device.and_then(|device| Attached::take(device).ok());
+            let mut reply = Operation::Import.reply(attached.is_some()).to_vec();
+            if let Some(attached) = &attached {
+                reply.extend(attached.device().info().encode());
             }
-            let sent = stream.write_all(&reply).await;
-            if let (Err(_), Some(device)) = (&sent, device) {
-                device.with(super::session::Session::detach);
-            }
-            sent.map_err(io)?;
-            Ok(device.cloned())
+            stream.write_all(&reply).await.map_err(io)?;
+            Ok(attached)
         }
     }
 }

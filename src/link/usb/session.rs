@@ -33,6 +33,8 @@ pub(super) struct Session {
     pub(super) outgoing: Outgoing,
     events: Events,
     attached: bool,
+    /// Frames that found no room.
+    lost: u64,
     unplugged: bool,
 }
 
@@ -45,6 +47,7 @@ impl Session {
             outgoing: Outgoing::default(),
             events: Events::default(),
             attached: false,
+            lost: 0,
             unplugged: false,
         }
     }
@@ -381,12 +384,22 @@ impl UsbDevice {
                     == frame.format
                     && stream.max_frame as usize == frame.data.len()
             });
-            let taken = fits && session.video.started && session.video.put(frame);
+            if !fits || !session.video.started {
+                return false;
+            }
+            let taken = session.video.put(frame);
             if taken {
                 session.pump(now);
+            } else {
+                session.lost += 1;
             }
             taken
         })
+    }
+
+    /// Frames that were lost because the host reads too slowly.
+    pub fn lost(&self) -> u64 {
+        self.session().lost
     }
 
     /// Sends bytes over the serial port; `false` when too many wait.

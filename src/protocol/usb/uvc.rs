@@ -40,6 +40,8 @@ pub mod selector {
 pub mod error_code {
     /// Nothing failed.
     pub const NONE: u8 = 0;
+    /// The device is in no state for it.
+    pub const WRONG_STATE: u8 = 2;
     /// The value is out of range.
     pub const OUT_OF_RANGE: u8 = 4;
     /// The unit is not known.

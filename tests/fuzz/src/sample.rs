@@ -20,6 +20,7 @@ pub fn device(profile: &Profile, number: u32) -> UsbDevice {
     let camera = CameraState {
         exposure_ns: 12_000_000,
         gain_db: 0.0,
+        settable_ns: Some(u64::MAX),
     };
     let formats = [PixelFormat::Grey, PixelFormat::Yuyv];
     UsbDevice::new(profile, number, (WIDTH, HEIGHT), &formats, camera).unwrap()

@@ -68,3 +68,16 @@ fn a_transfer_without_room_for_a_header_overflows_and_loses_nothing() {
     assert_eq!(frames[0].0, frame(1).data);
     assert_eq!(frames[1].0, frame(2).data);
 }
+
+#[test]
+fn frames_that_find_no_room_are_counted() {
+    let mut host = Host::new(Speed::High, Transfer::Bulk);
+    assert!(!host.put(0), "nobody reads");
+    let agreed = host.start();
+    let first = host.read(1, agreed.max_payload);
+    assert_eq!(host.device.lost(), 0, "a frame for nobody is not lost");
+    let taken = (1..5000).take_while(|&id| host.put(id)).count();
+    assert!((100..4999).contains(&taken), "{taken} frames wait");
+    assert_eq!(host.device.lost(), 1);
+    assert!(!host.replies().is_empty(), "{first} was answered");
+}
