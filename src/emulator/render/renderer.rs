@@ -25,7 +25,6 @@ const CHUNK: usize = 2048;
 /// Renders the frames of one camera in front of one scene.
 pub struct Renderer {
     profile: Profile,
-    scene: Scene,
     world: World,
     optics: Optics,
     plan: Plan,
@@ -52,7 +51,6 @@ impl Renderer {
         let optics = Optics::new(profile, scene);
         let plan = Plan::new(&Needs {
             profile,
-            scene,
             optics: &optics,
             world: &world,
         });
@@ -61,7 +59,6 @@ impl Renderer {
             .then(|| ideal_points(&optics));
         Ok(Self {
             profile: profile.clone(),
-            scene: scene.clone(),
             world,
             optics,
             plan,
@@ -82,7 +79,6 @@ impl Renderer {
     pub fn decisions(&self) -> Vec<Decision> {
         self.plan.decisions(&Needs {
             profile: &self.profile,
-            scene: &self.scene,
             optics: &self.optics,
             world: &self.world,
         })
