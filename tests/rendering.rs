@@ -1,8 +1,8 @@
 //! The fast passes against the slow f64 reference path, which shares no shortcut with them.
 
 use glam::DVec2;
-use phasma::emulator::render::Renderer;
 use phasma::emulator::render::reference::Reference;
+use phasma::emulator::render::{Renderer, Term};
 use phasma::emulator::{Shot, Slide, Truth};
 use phasma::pattern::{Axis, Pattern};
 use phasma::profile::{Profile, Scene};
@@ -282,11 +282,13 @@ fn what_the_plan_leaves_out_changes_no_byte() {
         );
         let mut lean = Renderer::new(&profile, &scene, 7).unwrap();
         let lean_bytes = lean.expose(&shot(&fringe)).data;
-        assert!(!lean.plan().varies_y);
+        assert!(!lean.plan().has(Term::FootprintY));
         let mut full = Renderer::new(&profile, &scene, 7).unwrap();
-        full.force_full_plan();
+        for term in Term::ALL {
+            full.force(term, true);
+        }
         full.expect_slides([along_y.as_ref()]);
-        assert!(full.plan().varies_y && full.plan().shadows);
+        assert!(full.plan().has(Term::FootprintY) && full.plan().has(Term::Shadows));
         assert_eq!(lean_bytes, full.expose(&shot(&fringe)).data, "{name}");
     }
 }

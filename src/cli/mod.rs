@@ -24,6 +24,7 @@ mod demo;
 #[cfg(target_os = "linux")]
 mod doctor;
 mod interrupt;
+mod plan;
 mod profile;
 mod scan;
 mod scene;
@@ -56,6 +57,7 @@ enum Command {
     Compare(compare::Args),
     Profile(profile::Args),
     Scene(scene::Args),
+    Plan(plan::Args),
     Doctor(doctor::Args),
 }
 
@@ -65,6 +67,14 @@ fn unheard(e: &std::io::Error) {
         eprintln!("phasma: standard output: {e}");
     }
     std::process::exit(1);
+}
+
+/// Says on a terminal what goes on; nothing in a pipe.
+fn step(what: &str) {
+    use std::io::IsTerminal;
+    if std::io::stderr().is_terminal() {
+        eprintln!("{what} ...");
+    }
 }
 
 /// Parses the arguments, runs the command, and says what went wrong on standard error.
@@ -90,6 +100,7 @@ fn dispatch(command: Command) -> Result<()> {
         Command::Compare(args) => compare::run(&args),
         Command::Profile(args) => profile::run(&args),
         Command::Scene(args) => scene::run(&args),
+        Command::Plan(args) => plan::run(&args),
         Command::Doctor(args) => doctor::run(&args),
     }
 }

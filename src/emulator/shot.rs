@@ -4,7 +4,7 @@ use super::Slide;
 use std::sync::Arc;
 
 /// What the camera exposes to, and when, in device time.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct Shot {
     /// The frame's identity, never repeated in a device's life.
     pub id: u64,

@@ -1,12 +1,10 @@
 //! A device profile: everything that makes one scanner model differ from another.
 
-use super::check::{self, Check};
-use super::{TomlSource, builtin};
+use super::check::{Check, name};
+use super::{Camera, Projector, Sequence, TomlSource, builtin, camera, projector, sequence, usb};
 use crate::error::Result;
-use crate::geometry::{Lens, NoiseModel, Pose, Rig, View};
-use crate::pattern::{Manifest, ManifestFrame, ProjectorSize};
-use crate::protocol::PixelFormat;
-use glam::{DVec2, DVec3};
+use crate::geometry::Rig;
+use crate::pattern::{Manifest, ProjectorSize};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
@@ -48,106 +46,6 @@ pub struct Identity {
     pub firmware: String,
 }
 
-/// Optics and timing of the camera. Its frame is the rig's frame.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Camera {
-    /// Columns.
-    pub width_px: u32,
-    /// Rows.
-    pub height_px: u32,
-    /// Focal length of the lens in millimetres.
-    pub focal_length_mm: f64,
-    /// Width of the sensor that the columns divide, in millimetres; pixels are square.
-    pub sensor_width_mm: f64,
-    /// Principal point in pixels; the image's centre when absent.
-    #[serde(default)]
-    pub principal_point_px: Option<[f64; 2]>,
-    /// OpenCV's k1 k2 p1 p2 k3.
-    #[serde(default)]
-    pub distortion: [f64; 5],
-    /// Working f-number, for the light that reaches the sensor.
-    pub f_number: f64,
-    /// Pixel format on the link at power-on.
-    pub format: PixelFormat,
-    /// Puts the embedded data line above each image, one row more on every link: see
-    /// [`data_line`](crate::protocol::data_line).
-    #[serde(default)]
-    pub data_line: bool,
-    /// Exposure at power-on in microseconds.
-    pub exposure_us: f64,
-    /// Shortest and longest exposure in microseconds.
-    pub exposure_range_us: [f64; 2],
-    /// Largest gain in decibels above the sensor's base gain; 0 at power-on.
-    pub max_gain_db: f64,
-    /// Interval of free-running frames in microseconds.
-    pub frame_interval_us: f64,
-    /// The sensor.
-    pub sensor: Sensor,
-}
-
-/// A sensor in the terms of EMVA 1288.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Sensor {
-    /// Electrons per photon at the projector's wavelength, 0 to 1.
-    pub quantum_efficiency: f64,
-    /// Electrons that a pixel holds.
-    pub full_well_e: f64,
-    /// Standard deviation of the dark signal in electrons.
-    pub read_noise_e: f64,
-    /// Overall system gain K at 0 dB, in digital numbers per electron.
-    pub gain_dn_per_e: f64,
-    /// Digital number of no light.
-    pub black_level_dn: f64,
-    /// Bits of the converter, 8 to 16.
-    pub bits: u32,
-    /// Leaves shot and read noise out: chosen at run time, not a property of a model.
-    #[serde(skip)]
-    pub noiseless: bool,
-}
-
-/// The projector, an inverse camera.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Projector {
-    /// Columns.
-    pub width_px: u32,
-    /// Rows.
-    pub height_px: u32,
-    /// Distance over picture width; pixels are square.
-    pub throw_ratio: f64,
-    /// Shift of the principal point from the picture's centre in pixels.
-    #[serde(default)]
-    pub lens_shift_px: [f64; 2],
-    /// Pupil in the rig's frame in millimetres.
-    pub position_mm: [f64; 3],
-    /// Rotation in degrees about the fixed x, then y, then z axis of the rig.
-    #[serde(default)]
-    pub rotation_deg: [f64; 3],
-    /// OpenCV's k1 k2 p1 p2 k3.
-    #[serde(default)]
-    pub distortion: [f64; 5],
-    /// Bits of a displayed level, 1 to 8.
-    pub bits: u32,
-    /// Radiant intensity of full white in watts per steradian, the same over the field.
-    pub radiant_intensity_w_sr: f64,
-    /// Wavelength of the light in nanometres.
-    pub wavelength_nm: f64,
-}
-
-/// A pattern sequence in the device's memory.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Sequence {
-    /// Name by which `SEQuence:SELect` takes it.
-    pub name: String,
-    /// Time from one pattern to the next in microseconds; at least the exposure.
-    pub period_us: f64,
-    /// The patterns in order.
-    pub frame: Vec<ManifestFrame>,
-}
-
 impl Profile {
     /// Loads a built-in profile by its name, or else a file by its path.
     ///
@@ -170,7 +68,7 @@ impl Profile {
 
     fn from_source(source: &TomlSource) -> Result<Self> {
         let profile: Self = source.deserialize()?;
-        check::profile(&profile, &Check::new(source))?;
+        check(&profile, &Check::new(source))?;
         Ok(profile)
     }
 
@@ -195,98 +93,40 @@ impl Profile {
     }
 }
 
-impl Camera {
-    /// Intrinsics and pose: the rig's frame is the camera's.
-    pub fn view(&self) -> View {
-        let focal_px = self.focal_length_mm / self.pixel_pitch_mm();
-        View {
-            lens: Lens {
-                width_px: self.width_px,
-                height_px: self.height_px,
-                focal_px: DVec2::splat(focal_px),
-                principal_px: self.principal_point_px.map_or(
-                    DVec2::new(
-                        (f64::from(self.width_px) - 1.0) / 2.0,
-                        (f64::from(self.height_px) - 1.0) / 2.0,
-                    ),
-                    DVec2::from_array,
-                ),
-                distortion: self.distortion,
-            },
-            rig_from_view: Pose::IDENTITY,
-        }
+fn check(p: &Profile, check: &Check<'_>) -> Result<()> {
+    name(&p.name, "name", check)?;
+    for (field, text) in [
+        ("identity.manufacturer", &p.identity.manufacturer),
+        ("identity.model", &p.identity.model),
+        ("identity.serial", &p.identity.serial),
+        ("identity.firmware", &p.identity.firmware),
+    ] {
+        let printable = text.chars().all(|c| c.is_ascii_graphic() || c == ' ');
+        check.that(
+            !text.is_empty() && text.len() <= 64 && printable && !text.contains([',', ';']),
+            field,
+            format!("{text:?}"),
+            "1 to 64 printable ASCII characters without comma or semicolon (IEEE 488.2, 10.14)",
+        )?;
     }
-
-    /// Side of a square pixel in millimetres.
-    pub fn pixel_pitch_mm(&self) -> f64 {
-        self.sensor_width_mm / f64::from(self.width_px)
+    camera::check(&p.camera, check)?;
+    projector::check(&p.projector, check)?;
+    usb::check(&p.usb, check)?;
+    check.that(
+        !p.sequence.is_empty() && p.sequence.len() <= 64,
+        "sequence",
+        format!("{} sequences", p.sequence.len()),
+        "1 to 64 sequences",
+    )?;
+    for (i, s) in p.sequence.iter().enumerate() {
+        sequence::check(s, i, p, check)?;
+        let first = p.sequence.iter().position(|other| other.name == s.name);
+        check.that(
+            first == Some(i),
+            &format!("sequence[{i}].name"),
+            format!("{:?} a second time", s.name),
+            "a name of its own",
+        )?;
     }
-}
-
-impl Sensor {
-    /// What the converter's words are: GREY up to 8 bits, Y16 beyond.
-    pub fn native_format(&self) -> PixelFormat {
-        if self.bits <= 8 {
-            PixelFormat::Grey
-        } else {
-            PixelFormat::Y16
-        }
-    }
-
-    /// Formats that a link can carry the converter's words in.
-    pub fn formats(&self) -> &'static [PixelFormat] {
-        if self.bits <= 8 {
-            &[PixelFormat::Grey, PixelFormat::Yuyv]
-        } else {
-            &[PixelFormat::Y16]
-        }
-    }
-
-    /// Largest digital number.
-    pub fn full_scale_dn(&self) -> f64 {
-        f64::from((1u32 << self.bits) - 1)
-    }
-
-    /// System gain in DN per electron at a gain in decibels (20 dB a factor of ten).
-    pub fn gain_at(&self, gain_db: f64) -> f64 {
-        self.gain_dn_per_e * 10f64.powf(gain_db / 20.0)
-    }
-
-    /// The noise that a host may expect at a gain in decibels.
-    pub fn noise_model(&self, gain_db: f64) -> NoiseModel {
-        let gain = self.gain_at(gain_db);
-        let full_well_dn = self.black_level_dn + gain * self.full_well_e;
-        NoiseModel {
-            gain_dn_per_e: if self.noiseless { 0.0 } else { gain },
-            read_noise_dn: if self.noiseless {
-                0.0
-            } else {
-                gain * self.read_noise_e
-            },
-            black_level_dn: self.black_level_dn,
-            saturation_dn: full_well_dn.min(self.full_scale_dn()).floor(),
-        }
-    }
-}
-
-impl Projector {
-    /// Intrinsics and pose of the inverse camera.
-    pub fn view(&self) -> View {
-        View {
-            lens: Lens {
-                width_px: self.width_px,
-                height_px: self.height_px,
-                focal_px: DVec2::splat(self.throw_ratio * f64::from(self.width_px)),
-                principal_px: DVec2::new(
-                    (f64::from(self.width_px) - 1.0) / 2.0,
-                    (f64::from(self.height_px) - 1.0) / 2.0,
-                ) + DVec2::from_array(self.lens_shift_px),
-                distortion: self.distortion,
-            },
-            rig_from_view: Pose::from_xyz_deg(
-                DVec3::from_array(self.position_mm),
-                DVec3::from_array(self.rotation_deg),
-            ),
-        }
-    }
+    Ok(())
 }

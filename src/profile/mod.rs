@@ -1,14 +1,26 @@
 //! `device-profiles/*.toml` and scene files as typed, validated structs.
 
 mod builtin;
+mod camera;
 mod check;
 mod device;
+mod light;
+mod object;
+mod projector;
 mod scene;
+mod sensor;
+mod sequence;
 mod source;
 mod usb;
 
 pub use builtin::{profile_names, scene_names};
-pub use device::{Camera, Identity, Profile, Projector, Sensor, Sequence};
-pub use scene::{Ambient, Object, Scene, Shape};
+pub use camera::Camera;
+pub use device::{Identity, Profile};
+pub use light::Ambient;
+pub use object::{Object, Shape};
+pub use projector::Projector;
+pub use scene::Scene;
+pub use sensor::Sensor;
+pub use sequence::Sequence;
 pub use source::TomlSource;
 pub use usb::{DsrUse, RtsUse, Speed, Transfer, Usb};

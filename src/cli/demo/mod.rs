@@ -3,6 +3,7 @@
 mod served;
 
 use super::scan::capture;
+use super::step;
 use crate::decode::{Options, Summary as Decoding};
 use crate::emulator::Truth;
 use crate::error::{Error, Result};
@@ -153,14 +154,6 @@ fn seen(captured: &Captured) -> Result<GrayImage> {
     };
     GrayImage::from_raw(frame.width, frame.height, levels)
         .ok_or_else(|| Error::device("a frame has not the bytes of its size"))
-}
-
-/// Progress for a person at a terminal; a pipe hears nothing.
-fn step(what: &str) {
-    use std::io::IsTerminal;
-    if std::io::stderr().is_terminal() {
-        eprintln!("{what} ...");
-    }
 }
 
 fn serve_arguments(args: &Args) -> Vec<String> {

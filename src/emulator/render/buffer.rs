@@ -1,7 +1,7 @@
 //! What the geometry pass leaves for the passes after it: one value a pixel and quantity.
 
-use super::Plan;
 use super::world::Surface;
+use super::{Plan, Term};
 
 /// Maps over the camera's pixels, row by row, and the samples of mixed pixels.
 #[derive(Debug, Clone, Default)]
@@ -69,9 +69,9 @@ impl GeometryBuffer {
         self.x.resize(n, f32::NAN);
         self.y.resize(n, f32::NAN);
         self.x_slope
-            .resize(if plan.varies_x { n } else { 0 }, [0.0; 2]);
+            .resize(if plan.has(Term::FootprintX) { n } else { 0 }, [0.0; 2]);
         self.y_slope
-            .resize(if plan.varies_y { n } else { 0 }, [0.0; 2]);
+            .resize(if plan.has(Term::FootprintY) { n } else { 0 }, [0.0; 2]);
         self.projected.resize(n, 0.0);
         self.ambient.resize(n, 0.0);
         self.depth.resize(n, f32::NAN);

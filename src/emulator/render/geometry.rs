@@ -4,7 +4,7 @@
 use super::buffer::{Band, GeometryBuffer};
 use super::shade::{Optics, Shaded};
 use super::world::{Hits, Surface, World};
-use super::{Plan, mixed};
+use super::{Plan, Term, mixed};
 use crate::emulator::Truth;
 use crate::geometry::raycast::LANES;
 use glam::{DVec2, DVec3};
@@ -104,11 +104,11 @@ pub(super) fn cast(
     stack: &mut Vec<(u32, f32)>,
 ) -> Cast {
     let hits = world.nearest(directions, used, stack);
-    let shaded = optics.shade(directions, &hits, world);
+    let shaded = optics.shade(plan, directions, &hits, world);
     // Rays to points that the projector cannot light anyway are not traced.
     let mut lit: [bool; LANES] =
         std::array::from_fn(|lane| hits.is_hit(lane) && shaded.reachable[lane]);
-    if plan.shadows && lit.contains(&true) {
+    if plan.has(Term::Shadows) && lit.contains(&true) {
         let points: [Option<(DVec3, Surface)>; LANES] = std::array::from_fn(|lane| {
             let point = DVec3::from_array(shaded.point.map(|axis| axis[lane]));
             lit[lane].then_some((point, hits.surface[lane]))

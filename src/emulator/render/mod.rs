@@ -21,7 +21,9 @@ mod renderer;
 mod row_table;
 mod sensor;
 mod shade;
+mod term;
 mod world;
 
-pub use plan::Plan;
+pub use plan::{Decision, Plan};
 pub use renderer::Renderer;
+pub use term::{Pass, Term};

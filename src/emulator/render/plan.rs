@@ -1,49 +1,53 @@
-//! The plan: which stages a scene and its slides need. What it leaves out changes no byte.
+//! The plan: which terms of image formation a scene and its slides need, and why. What it leaves
+//! out changes no byte.
 
-use super::world::World;
+use super::term::{Needs, Pass, Term};
 use crate::emulator::Slide;
-use crate::geometry::View;
 use crate::pattern::Axis;
 use serde::Serialize;
 
-/// Stages that run (true) or are left out (false).
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+/// The terms that are computed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Plan {
-    /// The camera's rays are undistorted, from a table.
-    pub camera_distortion: bool,
-    /// Projector coordinates are distorted.
-    pub projector_distortion: bool,
-    /// Shadow rays: some object may stand in another's light, or its own.
-    pub shadows: bool,
-    /// Some slide varies along x: footprints along x are kept.
-    pub varies_x: bool,
-    /// Some slide varies along y: footprints along y are kept.
-    pub varies_y: bool,
-    /// Shot and read noise: random numbers are drawn.
-    pub noise: bool,
+    /// A bit for each of [`Term::ALL`].
+    terms: u64,
+}
+
+/// What the plan says of one term.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct Decision {
+    /// The pass that the term belongs to.
+    pub pass: Pass,
+    /// The term.
+    pub term: Term,
+    /// Whether it is computed.
+    pub included: bool,
+    /// Why, or why not.
+    pub why: &'static str,
 }
 
 impl Plan {
-    /// Decides from the optics, the surfaces and the slides that can be asked for.
-    pub(super) fn new<'a>(
-        camera: &View,
-        projector: &View,
-        world: &World,
-        slides: impl Iterator<Item = &'a Slide>,
-        noise: bool,
-    ) -> Self {
-        let mut plan = Self {
-            camera_distortion: camera.lens.is_distorted(),
-            projector_distortion: projector.lens.is_distorted(),
-            shadows: world.casts_shadows(),
-            varies_x: false,
-            varies_y: false,
-            noise,
-        };
-        for slide in slides {
-            plan.include(slide);
+    /// The terms that profile and scene need, before any slide is known.
+    pub(super) fn new(needs: &Needs<'_>) -> Self {
+        let mut plan = Self { terms: 0 };
+        for term in Term::ALL {
+            plan.set(term, needs.decide(term).0);
         }
         plan
+    }
+
+    /// Whether a term is computed.
+    pub const fn has(&self, term: Term) -> bool {
+        self.terms >> term as u32 & 1 != 0
+    }
+
+    pub(super) fn set(&mut self, term: Term, included: bool) {
+        let bit = 1 << term as u32;
+        self.terms = if included {
+            self.terms | bit
+        } else {
+            self.terms & !bit
+        };
     }
 
     /// Adds what a slide needs; tells whether that is more than before.
@@ -51,10 +55,33 @@ impl Plan {
         let before = *self;
         match slide {
             Slide::Uniform(_) => {}
-            Slide::Row(Axis::X, _) => self.varies_x = true,
-            Slide::Row(Axis::Y, _) => self.varies_y = true,
-            Slide::Picture { .. } => (self.varies_x, self.varies_y) = (true, true),
+            Slide::Row(Axis::X, _) => self.set(Term::FootprintX, true),
+            Slide::Row(Axis::Y, _) => self.set(Term::FootprintY, true),
+            Slide::Picture { .. } => {
+                self.set(Term::FootprintX, true);
+                self.set(Term::FootprintY, true);
+            }
         }
         *self != before
+    }
+
+    /// What the plan says of every term, in the order of the passes.
+    pub(super) fn decisions(&self, needs: &Needs<'_>) -> Vec<Decision> {
+        let decision = |term: Term| {
+            let (needed, why) = needs.decide(term);
+            let included = self.has(term);
+            let why = match (needed, included) {
+                (false, true) => term.why_added(),
+                (true, false) => "left out on request",
+                _ => why,
+            };
+            Decision {
+                pass: term.pass(),
+                term,
+                included,
+                why,
+            }
+        };
+        Term::ALL.into_iter().map(decision).collect()
     }
 }

@@ -5,8 +5,9 @@ use super::exposure::Table;
 use super::geometry::{self, Rays};
 use super::sensor::Sensor;
 use super::shade::Optics;
+use super::term::Needs;
 use super::world::World;
-use super::{Plan, exposure};
+use super::{Decision, Plan, Term, exposure};
 use crate::emulator::{Shot, Slide, Truth, truth};
 use crate::error::Result;
 use crate::pattern::manifest::MAX_FRAMES;
@@ -46,17 +47,16 @@ impl Renderer {
     /// # Errors
     /// Mesh files that cannot be read, or too many triangles.
     pub fn new(profile: &Profile, scene: &Scene, seed: u64) -> Result<Self> {
-        let noise = !profile.camera.sensor.noiseless;
         let world = World::new(scene)?;
         let optics = Optics::new(profile, scene);
-        let plan = Plan::new(
-            &optics.camera,
-            &optics.projector,
-            &world,
-            std::iter::empty(),
-            noise,
-        );
-        let rays = plan.camera_distortion.then(|| ideal_points(&optics));
+        let plan = Plan::new(&Needs {
+            profile,
+            optics: &optics,
+            world: &world,
+        });
+        let rays = plan
+            .has(Term::CameraDistortion)
+            .then(|| ideal_points(&optics));
         Ok(Self {
             profile: profile.clone(),
             world,
@@ -70,14 +70,26 @@ impl Renderer {
         })
     }
 
-    /// Which stages run for the slides seen so far.
+    /// Which terms are computed for the slides seen so far.
     pub fn plan(&self) -> Plan {
         self.plan
     }
 
-    /// Turns every stage on that can run without need; for tests and for the cost of a full plan.
-    pub fn force_full_plan(&mut self) {
-        (self.plan.shadows, self.plan.varies_x, self.plan.varies_y) = (true, true, true);
+    /// What the plan says of every term, and why.
+    pub fn decisions(&self) -> Vec<Decision> {
+        self.plan.decisions(&Needs {
+            profile: &self.profile,
+            optics: &self.optics,
+            world: &self.world,
+        })
+    }
+
+    /// Computes a term, or leaves it out, whatever the scene needs: for tests and for costs. A
+    /// term that is not needed changes no byte.
+    pub fn force(&mut self, term: Term, included: bool) {
+        self.plan.set(term, included);
+        let table = || ideal_points(&self.optics);
+        self.rays = self.plan.has(Term::CameraDistortion).then(table);
         self.geometry_done = false;
     }
 
@@ -129,7 +141,10 @@ impl Renderer {
         }
         self.prepare();
         let table = self.table(shot);
-        let noise = self.plan.noise.then_some((self.seed, shot.noise_id));
+        let noise = self
+            .plan
+            .has(Term::Noise)
+            .then_some((self.seed, shot.noise_id));
         let camera = &self.profile.camera;
         let sensor = Sensor::new(&camera.sensor, shot.gain_db, noise);
         let bytes = camera.sensor.native_format().bytes_per_pixel();

@@ -2,6 +2,7 @@
 //! of it arrives. Structure of arrays in f64, so that the loops fill SIMD registers.
 
 use super::world::{Hits, World};
+use super::{Plan, Term};
 use crate::geometry::raycast::LANES;
 use crate::geometry::{Lens, View};
 use crate::profile::{Profile, Scene};
@@ -65,14 +66,20 @@ impl Optics {
     }
 
     /// Shades what rays of the camera, `directions` with z = 1, have met.
-    pub(super) fn shade(&self, directions: &[DVec3; LANES], hits: &Hits, world: &World) -> Shaded {
+    pub(super) fn shade(
+        &self,
+        plan: &Plan,
+        directions: &[DVec3; LANES],
+        hits: &Hits,
+        world: &World,
+    ) -> Shaded {
         let mut albedo = [0.0; LANES];
         for lane in 0..LANES {
             if hits.is_hit(lane) {
                 albedo[lane] = world.albedo(hits.surface[lane]);
             }
         }
-        let slope = self.ray_slopes(directions);
+        let slope = self.ray_slopes(plan, directions);
         let mut shaded = Shaded {
             point: [[0.0; LANES]; 3],
             px: [[0.0; LANES]; 2],
@@ -90,7 +97,7 @@ impl Optics {
             &slope,
             &mut shaded,
         );
-        if self.projector.lens.is_distorted() {
+        if plan.has(Term::ProjectorDistortion) {
             distort(&self.projector.lens, &mut shaded);
         }
         self.in_field(&mut shaded);
@@ -98,14 +105,14 @@ impl Optics {
     }
 
     /// Derivatives of the rays (z = 1) by the camera's pixel, `[component][camera axis]`.
-    fn ray_slopes(&self, directions: &[DVec3; LANES]) -> [[Wide; 2]; 2] {
+    fn ray_slopes(&self, plan: &Plan, directions: &[DVec3; LANES]) -> [[Wide; 2]; 2] {
         let lens = &self.camera.lens;
         let scale = DMat2::from_diagonal(1.0 / lens.focal_px);
         let mut slopes = [
             [[scale.x_axis.x; LANES], [0.0; LANES]],
             [[0.0; LANES], [scale.y_axis.y; LANES]],
         ];
-        if lens.is_distorted() {
+        if plan.has(Term::CameraDistortion) {
             for lane in 0..LANES {
                 let ideal = directions[lane].truncate();
                 let m = lens.distort_jacobian(ideal).inverse() * scale;

@@ -1,0 +1,103 @@
+//! `phasma plan`: which terms of image formation a profile and a scene need, why, and what each
+//! costs on this machine.
+
+mod measure;
+
+use crate::emulator::{Firmware, Renderer, Shot};
+use crate::error::Result;
+use crate::profile::{Profile, Scene};
+use measure::{PassCost, TermCost, costs};
+use serde::Serialize;
+
+/// Say what is computed for a device before a scene, why, and what it costs here
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// Device profile: a built-in name or a TOML file
+    #[arg(long, default_value = "pmp-bench")]
+    profile: String,
+    /// What stands before it: a built-in name or a TOML file
+    #[arg(long, default_value = "torso")]
+    scene: String,
+    /// Print the plan as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Debug, Serialize)]
+struct Report<'a> {
+    profile: &'a str,
+    scene: &'a str,
+    /// The sequence whose frames are timed: the one that is selected at power-on.
+    sequence: &'a str,
+    frames: usize,
+    pixels: usize,
+    triangles: usize,
+    threads: usize,
+    passes: Vec<PassCost>,
+    terms: Vec<TermCost>,
+}
+
+pub(super) fn run(args: &Args) -> Result<()> {
+    let profile = Profile::load(&args.profile)?;
+    let scene = Scene::load(&args.scene)?;
+    let firmware = Firmware::new(&profile, &[])?;
+    let mut renderer = Renderer::new(&profile, &scene, 0)?;
+    let shots: Vec<Shot> = firmware
+        .selected_sequence()
+        .into_iter()
+        .map(|(_, shot)| shot)
+        .collect();
+    renderer.expect_slides(shots.iter().filter_map(|shot| shot.slide.as_deref()));
+    let pixels = profile.camera.width_px as usize * profile.camera.height_px as usize;
+    let (passes, terms) = costs(&mut renderer, &shots, pixels);
+    let report = Report {
+        profile: &args.profile,
+        scene: &args.scene,
+        sequence: &profile.sequence[0].name,
+        frames: shots.len(),
+        pixels,
+        triangles: renderer.triangle_count(),
+        threads: rayon::current_num_threads(),
+        passes,
+        terms,
+    };
+    if args.json {
+        let json = serde_json::to_string_pretty(&report).expect("numbers and strings");
+        println!("{json}");
+    } else {
+        table(&report);
+    }
+    Ok(())
+}
+
+fn table(report: &Report<'_>) {
+    println!(
+        "{} looking at {}: {} pixels, {} triangles, {} ({} frames), {} threads",
+        report.profile,
+        report.scene,
+        report.pixels,
+        report.triangles,
+        report.sequence,
+        report.frames,
+        report.threads
+    );
+    println!("\n{:<24}{:>8}  runs", "pass", "ns/px");
+    for pass in &report.passes {
+        println!("{:<24}{:>8.2}  {}", pass.pass, pass.ns_per_pixel, pass.runs);
+    }
+    println!("\n{:<24}{:>8}  {:<5}why", "term", "ns/px", "");
+    for term in &report.terms {
+        let decision = &term.decision;
+        println!(
+            "{:<24}{:>8.2}  {:<5}{}",
+            decision.term.to_string(),
+            term.ns_per_pixel,
+            if decision.included { "in" } else { "out" },
+            decision.why
+        );
+    }
+    println!(
+        "\nns/px: of all threads together, the fastest of some rounds; of a term, what it adds or \
+         would add."
+    );
+}

@@ -1,0 +1,132 @@
+//! The camera of a profile: optics, timing, link.
+
+use super::Sensor;
+use super::check::{Check, distortion};
+use crate::error::Result;
+use crate::geometry::{Lens, Pose, View};
+use crate::pattern::manifest::MAX_SIDE_PX;
+use crate::protocol::{PixelFormat, data_line};
+use glam::DVec2;
+use serde::{Deserialize, Serialize};
+
+/// Optics and timing of the camera. Its frame is the rig's frame.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Camera {
+    /// Columns.
+    pub width_px: u32,
+    /// Rows.
+    pub height_px: u32,
+    /// Focal length of the lens in millimetres.
+    pub focal_length_mm: f64,
+    /// Width of the sensor that the columns divide, in millimetres; pixels are square.
+    pub sensor_width_mm: f64,
+    /// Principal point in pixels; the image's centre when absent.
+    #[serde(default)]
+    pub principal_point_px: Option<[f64; 2]>,
+    /// OpenCV's k1 k2 p1 p2 k3.
+    #[serde(default)]
+    pub distortion: [f64; 5],
+    /// Working f-number, for the light that reaches the sensor.
+    pub f_number: f64,
+    /// Pixel format on the link at power-on.
+    pub format: PixelFormat,
+    /// Puts the embedded data line above each image, one row more on every link: see
+    /// [`data_line`](crate::protocol::data_line).
+    #[serde(default)]
+    pub data_line: bool,
+    /// Exposure at power-on in microseconds.
+    pub exposure_us: f64,
+    /// Shortest and longest exposure in microseconds.
+    pub exposure_range_us: [f64; 2],
+    /// Largest gain in decibels above the sensor's base gain; 0 at power-on.
+    pub max_gain_db: f64,
+    /// Interval of free-running frames in microseconds.
+    pub frame_interval_us: f64,
+    /// The sensor.
+    pub sensor: Sensor,
+}
+
+impl Camera {
+    /// Intrinsics and pose: the rig's frame is the camera's.
+    pub fn view(&self) -> View {
+        let focal_px = self.focal_length_mm / self.pixel_pitch_mm();
+        View {
+            lens: Lens {
+                width_px: self.width_px,
+                height_px: self.height_px,
+                focal_px: DVec2::splat(focal_px),
+                principal_px: self.principal_point_px.map_or(
+                    DVec2::new(
+                        (f64::from(self.width_px) - 1.0) / 2.0,
+                        (f64::from(self.height_px) - 1.0) / 2.0,
+                    ),
+                    DVec2::from_array,
+                ),
+                distortion: self.distortion,
+            },
+            rig_from_view: Pose::IDENTITY,
+        }
+    }
+
+    /// Side of a square pixel in millimetres.
+    pub fn pixel_pitch_mm(&self) -> f64 {
+        self.sensor_width_mm / f64::from(self.width_px)
+    }
+}
+
+pub(super) fn check(c: &Camera, check: &Check<'_>) -> Result<()> {
+    check.within("camera.width_px", c.width_px, 8..=MAX_SIDE_PX)?;
+    check.within("camera.height_px", c.height_px, 8..=MAX_SIDE_PX)?;
+    let pixels = u64::from(c.width_px) * u64::from(c.height_px);
+    check.that(
+        pixels <= 1 << 26,
+        "camera.height_px",
+        format!("{pixels} pixels in all"),
+        "up to 67108864 pixels",
+    )?;
+    check.within("camera.focal_length_mm", c.focal_length_mm, 0.1..=10_000.0)?;
+    check.within("camera.sensor_width_mm", c.sensor_width_mm, 0.1..=1000.0)?;
+    if let Some(point) = c.principal_point_px {
+        check.all_within("camera.principal_point_px", &point, -1e6..=1e6)?;
+    }
+    distortion(&c.view().lens, "camera.distortion", check)?;
+    check.within("camera.f_number", c.f_number, 0.5..=128.0)?;
+    let [shortest, longest] = c.exposure_range_us;
+    check.all_within("camera.exposure_range_us", &[shortest, longest], 0.1..=60e6)?;
+    check.that(
+        shortest <= longest,
+        "camera.exposure_range_us",
+        format!("[{shortest}, {longest}]"),
+        "the shorter first",
+    )?;
+    check.within("camera.exposure_us", c.exposure_us, shortest..=longest)?;
+    check.within("camera.max_gain_db", c.max_gain_db, 0.0..=60.0)?;
+    check.within(
+        "camera.frame_interval_us",
+        c.frame_interval_us,
+        c.exposure_us.max(100.0)..=60e6,
+    )?;
+    check.that(
+        c.format != PixelFormat::Yuyv || c.width_px.is_multiple_of(2),
+        "camera.format",
+        format!("YUYV of {} columns", c.width_px),
+        "GREY, or an even width_px: YUYV holds pairs of pixels",
+    )?;
+    if c.data_line {
+        check.that(
+            c.width_px >= data_line::WIDTH_PX,
+            "camera.data_line",
+            format!("a line above {} columns", c.width_px),
+            format!("false, or a width_px of {} or more", data_line::WIDTH_PX),
+        )?;
+        let longest_told_us = data_line::MAX_EXPOSURE_NS as f64 / 1e3;
+        check.that(
+            longest <= longest_told_us,
+            "camera.data_line",
+            format!("a line, and exposures of up to {longest} us"),
+            format!("false, or exposures of up to {longest_told_us} us: the line tells no longer"),
+        )?;
+    }
+    super::sensor::check(&c.sensor, c.format, check)
+}

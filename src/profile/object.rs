@@ -1,0 +1,168 @@
+//! The objects of a scene: shapes, places, surfaces.
+
+use super::check::Check;
+use crate::error::Result;
+use crate::geometry::{Pose, shapes};
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+use std::path::PathBuf;
+
+/// A shape with its place and its surface.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Object {
+    /// What it is, in its own frame.
+    pub shape: Shape,
+    /// Its origin in the rig's frame in millimetres.
+    #[serde(default)]
+    pub position_mm: [f64; 3],
+    /// Rotation in degrees about the fixed x, then y, then z axis.
+    #[serde(default)]
+    pub rotation_deg: [f64; 3],
+    /// Factor on its size, before rotation and position.
+    #[serde(default = "one")]
+    pub scale: f64,
+    /// Diffuse reflectance of its Lambertian surface, 0 to 1.
+    pub albedo: f64,
+}
+
+fn one() -> f64 {
+    1.0
+}
+
+/// Shapes in their own frame, in millimetres. They stand on their z = 0 plane and rise towards
+/// -z, which is towards a camera that looks along +z.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "lowercase", deny_unknown_fields)]
+pub enum Shape {
+    /// The plane z = 0, endless or a rectangle about the origin.
+    Plane {
+        /// Sides along x and y; endless when absent.
+        #[serde(default)]
+        size_mm: Option<[f64; 2]>,
+    },
+    /// A sphere about the origin.
+    Sphere {
+        /// Radius.
+        radius_mm: f64,
+    },
+    /// A closed cylinder about the origin, its axis along y.
+    Cylinder {
+        /// Radius.
+        radius_mm: f64,
+        /// Length along y.
+        length_mm: f64,
+    },
+    /// A square frustum, its base at z = 0 and its top at z = -height.
+    Frustum {
+        /// Side of the base.
+        base_mm: f64,
+        /// Side of the top.
+        top_mm: f64,
+        /// Height.
+        height_mm: f64,
+    },
+    /// A human torso lying on its back, generated.
+    Torso {
+        /// Variation of the body.
+        #[serde(default)]
+        seed: u64,
+        /// Size along y.
+        #[serde(default = "torso_length")]
+        length_mm: f64,
+        /// Size along x.
+        #[serde(default = "torso_width")]
+        width_mm: f64,
+        /// Size along z.
+        #[serde(default = "torso_depth")]
+        depth_mm: f64,
+        /// About how many triangles.
+        #[serde(default = "torso_triangles")]
+        triangles: u32,
+    },
+    /// A treatment couch top, generated.
+    Couch {},
+    /// A triangle mesh from a file.
+    Mesh {
+        /// STL, OBJ or PLY, relative to the scene file.
+        file: PathBuf,
+    },
+}
+
+fn torso_length() -> f64 {
+    500.0
+}
+fn torso_width() -> f64 {
+    380.0
+}
+fn torso_depth() -> f64 {
+    220.0
+}
+fn torso_triangles() -> u32 {
+    65_000
+}
+
+impl Object {
+    /// Takes the object's own coordinates, after scaling, to the rig's.
+    pub fn rig_from_object(&self) -> Pose {
+        Pose::from_xyz_deg(
+            DVec3::from_array(self.position_mm),
+            DVec3::from_array(self.rotation_deg),
+        )
+    }
+}
+
+pub(super) fn check(o: &Object, at: &str, check: &Check<'_>) -> Result<()> {
+    let field = |name: &str| format!("{at}.{name}");
+    check.all_within(&field("position_mm"), &o.position_mm, -1e9..=1e9)?;
+    check.all_within(&field("rotation_deg"), &o.rotation_deg, -360.0..=360.0)?;
+    check.within(&field("scale"), o.scale, 1e-6..=1e6)?;
+    check.within(&field("albedo"), o.albedo, 0.0..=1.0)?;
+    let size = 1e-6..=1e9;
+    let shape = |name: &str| format!("{at}.shape.{name}");
+    match &o.shape {
+        Shape::Plane { size_mm } => match size_mm {
+            Some(sides) => check.all_within(&shape("size_mm"), sides, size),
+            None => Ok(()),
+        },
+        Shape::Sphere { radius_mm } => check.within(&shape("radius_mm"), *radius_mm, size),
+        Shape::Cylinder {
+            radius_mm,
+            length_mm,
+        } => {
+            check.within(&shape("radius_mm"), *radius_mm, size.clone())?;
+            check.within(&shape("length_mm"), *length_mm, size)
+        }
+        Shape::Frustum {
+            base_mm,
+            top_mm,
+            height_mm,
+        } => {
+            check.within(&shape("base_mm"), *base_mm, size.clone())?;
+            check.within(&shape("top_mm"), *top_mm, 0.0..=1e9)?;
+            check.within(&shape("height_mm"), *height_mm, size)
+        }
+        Shape::Torso {
+            seed,
+            length_mm,
+            width_mm,
+            depth_mm,
+            triangles,
+        } => shapes::Torso {
+            seed: *seed,
+            length_mm: *length_mm,
+            width_mm: *width_mm,
+            depth_mm: *depth_mm,
+            triangles: *triangles,
+        }
+        .check()
+        .map_err(|(name, found, allowed)| check.source.violation(&shape(name), found, allowed)),
+        Shape::Couch {} => Ok(()),
+        Shape::Mesh { file } => check.that(
+            !file.as_os_str().is_empty(),
+            &shape("file"),
+            "an empty path",
+            "the path of an STL, OBJ or PLY file",
+        ),
+    }
+}

@@ -1,0 +1,83 @@
+//! The projector of a profile: an inverse camera and its light.
+
+use super::check::{Check, distortion};
+use crate::error::Result;
+use crate::geometry::{Lens, Pose, View};
+use crate::pattern::manifest::MAX_SIDE_PX;
+use glam::{DVec2, DVec3};
+use serde::{Deserialize, Serialize};
+
+/// The projector, an inverse camera.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Projector {
+    /// Columns.
+    pub width_px: u32,
+    /// Rows.
+    pub height_px: u32,
+    /// Distance over picture width; pixels are square.
+    pub throw_ratio: f64,
+    /// Shift of the principal point from the picture's centre in pixels.
+    #[serde(default)]
+    pub lens_shift_px: [f64; 2],
+    /// Pupil in the rig's frame in millimetres.
+    pub position_mm: [f64; 3],
+    /// Rotation in degrees about the fixed x, then y, then z axis of the rig.
+    #[serde(default)]
+    pub rotation_deg: [f64; 3],
+    /// OpenCV's k1 k2 p1 p2 k3.
+    #[serde(default)]
+    pub distortion: [f64; 5],
+    /// Bits of a displayed level, 1 to 8.
+    pub bits: u32,
+    /// Radiant intensity of full white in watts per steradian, the same over the field.
+    pub radiant_intensity_w_sr: f64,
+    /// Wavelength of the light in nanometres.
+    pub wavelength_nm: f64,
+}
+
+impl Projector {
+    /// Intrinsics and pose of the inverse camera.
+    pub fn view(&self) -> View {
+        View {
+            lens: Lens {
+                width_px: self.width_px,
+                height_px: self.height_px,
+                focal_px: DVec2::splat(self.throw_ratio * f64::from(self.width_px)),
+                principal_px: DVec2::new(
+                    (f64::from(self.width_px) - 1.0) / 2.0,
+                    (f64::from(self.height_px) - 1.0) / 2.0,
+                ) + DVec2::from_array(self.lens_shift_px),
+                distortion: self.distortion,
+            },
+            rig_from_view: Pose::from_xyz_deg(
+                DVec3::from_array(self.position_mm),
+                DVec3::from_array(self.rotation_deg),
+            ),
+        }
+    }
+}
+
+pub(super) fn check(p: &Projector, check: &Check<'_>) -> Result<()> {
+    check.within("projector.width_px", p.width_px, 8..=MAX_SIDE_PX)?;
+    check.within("projector.height_px", p.height_px, 8..=MAX_SIDE_PX)?;
+    check.within("projector.throw_ratio", p.throw_ratio, 0.05..=100.0)?;
+    check.all_within("projector.lens_shift_px", &p.lens_shift_px, -1e5..=1e5)?;
+    check.all_within("projector.position_mm", &p.position_mm, -1e7..=1e7)?;
+    let baseline = p.view().center().length();
+    check.that(
+        baseline >= 1e-3,
+        "projector.position_mm",
+        format!("{baseline} mm from the camera (zero baseline)"),
+        "at least 0.001 mm",
+    )?;
+    check.all_within("projector.rotation_deg", &p.rotation_deg, -360.0..=360.0)?;
+    distortion(&p.view().lens, "projector.distortion", check)?;
+    check.within("projector.bits", p.bits, 1..=8)?;
+    check.within(
+        "projector.radiant_intensity_w_sr",
+        p.radiant_intensity_w_sr,
+        0.0..=1e6,
+    )?;
+    check.within("projector.wavelength_nm", p.wavelength_nm, 300.0..=1100.0)
+}
