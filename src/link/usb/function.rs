@@ -269,13 +269,9 @@ impl Function {
         };
         let (answer, set) = range.answer(setup.request, data)?;
         if let Some(units) = set {
-            let ns = units * uvc::EXPOSURE_UNIT_NS;
-            match self.camera.settable_ns {
-                None => return Err(error_code::WRONG_STATE),
-                Some(longest) if ns > longest => return Err(error_code::OUT_OF_RANGE),
-                Some(_) => {}
-            }
-            self.camera.exposure_ns = ns;
+            let longest = self.camera.settable_ns.ok_or(error_code::WRONG_STATE)?;
+            // Drivers try the ends of the range: it is held to the period, as cameras do.
+            self.camera.exposure_ns = (units * uvc::EXPOSURE_UNIT_NS).min(longest);
             self.events.push(Event::Exposure(self.camera.exposure_ns));
         }
         Ok(answer)
