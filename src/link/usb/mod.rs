@@ -38,9 +38,8 @@ pub struct CameraState {
     pub exposure_ns: u64,
     /// Gain in decibels.
     pub gain_db: f64,
-    /// Longest exposure in nanoseconds that would be taken now, to which a longer one is held; `None`
-    /// while nothing can be set,
-    /// as in the middle of a sequence.
+    /// Longest exposure in nanoseconds that would be taken now, to which a longer one is held;
+    /// `None` while nothing can be set, as in the middle of a sequence.
     pub settable_ns: Option<u64>,
 }
 
