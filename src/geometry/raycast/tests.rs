@@ -1,6 +1,6 @@
 //! The packet traversal against brute force in f64, and rays that must not slip through.
 
-use super::{Bvh, LANES, NO_TRIANGLE, Packet};
+use super::{Bvh, LANES, NO_TRIANGLE, Packet, Scratch};
 use crate::geometry::{Mesh, shapes};
 use glam::{DVec3, Vec3};
 
@@ -19,7 +19,7 @@ fn vector(i: u64) -> DVec3 {
 }
 
 fn cast(bvh: &Bvh, origin: DVec3, directions: &[DVec3]) -> Vec<(u32, f32)> {
-    let mut stack = Vec::new();
+    let mut scratch = Scratch::default();
     directions
         .chunks(LANES)
         .flat_map(|chunk| {
@@ -27,7 +27,7 @@ fn cast(bvh: &Bvh, origin: DVec3, directions: &[DVec3]) -> Vec<(u32, f32)> {
                 std::array::from_fn(|i| chunk[i.min(chunk.len() - 1)].as_vec3());
             let ends = std::array::from_fn(|i| if i < chunk.len() { f32::INFINITY } else { -1.0 });
             let mut packet = Packet::new(origin.as_vec3(), &all, &ends);
-            bvh.nearest(&mut packet, &mut stack);
+            bvh.nearest(&mut packet, &mut scratch);
             (0..chunk.len())
                 .map(move |i| (packet.triangle[i], packet.t[i]))
                 .collect::<Vec<_>>()
@@ -121,7 +121,7 @@ fn shadow_rays_stop_before_their_end_and_skip_their_own_triangle() {
     let blocked = |end: f32, own: u32| {
         let mut packet = Packet::new(Vec3::ZERO, &[Vec3::Z; LANES], &[end; LANES]);
         packet.triangle = [own; LANES];
-        bvh.blocked(&mut packet, &mut Vec::new());
+        bvh.blocked(&mut packet, &mut Scratch::default());
         packet.t[0] < 0.0
     };
     assert!(blocked(5.1, NO_TRIANGLE));
