@@ -34,6 +34,9 @@ pub(super) fn reduce(mut lanes: Lanes, combine: impl Fn(f32, f32) -> f32) -> f32
     lanes[0]
 }
 
+/// The reach of a lane that is not used: no hit, less its error, lies before it.
+pub(super) const UNUSED: f32 = f32::NEG_INFINITY;
+
 /// Most undecided hits of one packet: more are many surfaces in one place, where one is as good as
 /// another.
 const MOST_RIVALS: usize = 4096;
@@ -128,7 +131,7 @@ impl Packet {
             direction,
             inverse,
             t: *ends,
-            reach: *ends,
+            reach: ends.map(|end| if end < 0.0 { UNUSED } else { end }),
             triangle: [NO_TRIANGLE; LANES],
         }
     }

@@ -1,7 +1,7 @@
 //! Walking the hierarchy with a packet: nearest hits, and hits at all.
 
 use super::bvh::{Bvh, NO_TRIANGLE, Node};
-use super::packet::{LANES, Packet, Scratch, max, min, reduce};
+use super::packet::{LANES, Packet, Scratch, UNUSED, max, min, reduce};
 use super::triangle::{Hit, intersect};
 use crate::simd::widest;
 
@@ -82,7 +82,7 @@ fn blocked_body(bvh: &Bvh, packet: &mut Packet, scratch: &mut Scratch) {
         }
         if hit.t + hit.error < packet.t[lane] {
             packet.t[lane] = -1.0;
-            packet.reach[lane] = -1.0;
+            packet.reach[lane] = UNUSED;
         } else {
             scratch.rival(lane, id);
         }
