@@ -51,12 +51,8 @@ impl Lens {
     /// the image, which a real lens does not do.
     pub fn place(&self, ideal: DVec2) -> Option<DVec2> {
         let px = self.distort_to_px(ideal);
-        if !self.is_distorted() || !self.contains(px) {
-            return Some(px);
-        }
-        // Each pixel has one ray: Newton's method finds it, starting from the middle.
-        let back = self.undistort((px - self.principal_px) / self.focal_px);
-        ((back - ideal).length() <= 1e-6 * (1.0 + ideal.length())).then_some(px)
+        let folded = self.is_distorted() && self.contains(px) && !self.is_unfolded(ideal);
+        (!folded).then_some(px)
     }
 
     /// Pixel of the ideal image point (X/Z, Y/Z) by the bare polynomial; see [`Self::place`].
@@ -115,31 +111,36 @@ impl Lens {
         )
     }
 
-    /// Ideal image point of a distorted one by Newton's method, exact to rounding. NaN where the
-    /// model has no inverse near the point (it folds over).
+    /// Ideal image point of a distorted one by Newton's method, exact to rounding: the one that is
+    /// reached from the axis without crossing a fold. NaN where there is none.
     pub fn undistort(&self, d: DVec2) -> DVec2 {
         if !self.is_distorted() {
             return d;
         }
+        // Plain steps from the distorted point nearly always lead there; what they find is trusted
+        // only on this side of any fold.
+        match self.newton(d) {
+            Some(p) if self.is_unfolded(p) => p,
+            _ => self.descend(d),
+        }
+    }
+
+    fn newton(&self, d: DVec2) -> Option<DVec2> {
         let mut p = d;
         for _ in 0..50 {
             let jacobian = self.distort_jacobian(p);
             let residual = self.distort(p) - d;
             // A determinant that is not positive means that the image has folded over.
             if jacobian.determinant() <= 1e-6 {
-                return DVec2::NAN;
+                return None;
             }
             let step = jacobian.inverse() * residual;
             p -= step;
             if step.length_squared() <= 1e-30 * (1.0 + p.length_squared()) {
-                return p;
+                return Some(p);
             }
         }
-        if (self.distort(p) - d).length() < 1e-12 {
-            p
-        } else {
-            DVec2::NAN
-        }
+        ((self.distort(p) - d).length() < 1e-12).then_some(p)
     }
 }
 

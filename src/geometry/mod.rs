@@ -3,6 +3,7 @@
 mod closest;
 mod cloud;
 pub(crate) mod file;
+mod fold;
 mod lens;
 mod mesh;
 mod neighbours;

@@ -167,6 +167,9 @@ impl View {
                 "finite numbers",
             ));
         }
+        if let Some(px) = self.lens.folds_before() {
+            return Err(("lens.distortion", Lens::fold_found(px), Lens::FOLD_ALLOWED));
+        }
         let r = self.rig_from_view.rotation;
         let off = r * r.transpose() - glam::DMat3::IDENTITY;
         let worst = off
@@ -225,6 +228,11 @@ mod tests {
                 "noise.read_noise_dn",
             ),
             ("[camera.lens]", "[camera.lens]\nblur = 1", "unknown field"),
+            (
+                "distortion = [0.0, 0.0, 0.0, 0.0, 0.0]",
+                "distortion = [-9.15, -12.78, 0.0, 0.0, 285.2]",
+                "camera.lens.distortion: an image that folds over",
+            ),
         ] {
             let broken = text().replacen(from, to, 1);
             assert_ne!(broken, text(), "{from} not in {}", text());

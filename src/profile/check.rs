@@ -3,7 +3,6 @@
 use super::source::TomlSource;
 use crate::error::Result;
 use crate::geometry::Lens;
-use glam::DVec2;
 use std::fmt::{Display, LowerExp};
 use std::ops::RangeInclusive;
 
@@ -81,27 +80,12 @@ pub(super) fn name(text: &str, field: &str, check: &Check<'_>) -> Result<()> {
     )
 }
 
-/// Refuses coefficients for which some pixel of the border has no ray: the image folds over.
+/// Refuses coefficients for which the image folds over: some pixel would have no ray, or two.
 pub(super) fn distortion(lens: &Lens, field: &str, check: &Check<'_>) -> Result<()> {
     check.all_within(field, &lens.distortion, -1e3..=1e3)?;
-    let (w, h) = (
-        f64::from(lens.width_px) - 0.5,
-        f64::from(lens.height_px) - 0.5,
-    );
-    for i in 0..=64 {
-        let t = f64::from(i) / 64.0;
-        let (x, y) = (-0.5 + t * (w + 0.5), -0.5 + t * (h + 0.5));
-        for px in [(x, -0.5), (x, h), (-0.5, y), (w, y)] {
-            check.that(
-                lens.ray(DVec2::from(px)).is_finite(),
-                field,
-                format!(
-                    "an image that folds over at pixel ({:.0}, {:.0})",
-                    px.0, px.1
-                ),
-                "coefficients that can be inverted over the whole image",
-            )?;
-        }
-    }
-    Ok(())
+    lens.folds_before().map_or(Ok(()), |px| {
+        Err(check
+            .source
+            .violation(field, Lens::fold_found(px), Lens::FOLD_ALLOWED))
+    })
 }

@@ -19,7 +19,7 @@ pub use device::{Identity, Profile};
 pub use light::Ambient;
 pub use object::{Object, Shape};
 pub use projector::Projector;
-pub use scene::Scene;
+pub use scene::{RigPlace, Scene};
 pub use sensor::Sensor;
 pub use sequence::Sequence;
 pub use source::TomlSource;

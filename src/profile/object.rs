@@ -13,7 +13,7 @@ use std::path::PathBuf;
 pub struct Object {
     /// What it is, in its own frame.
     pub shape: Shape,
-    /// Its origin in the rig's frame in millimetres.
+    /// Its origin in the scene's frame in millimetres.
     #[serde(default)]
     pub position_mm: [f64; 3],
     /// Rotation in degrees about the fixed x, then y, then z axis.
@@ -103,8 +103,8 @@ fn torso_triangles() -> u32 {
 }
 
 impl Object {
-    /// Takes the object's own coordinates, after scaling, to the rig's.
-    pub fn rig_from_object(&self) -> Pose {
+    /// Takes the object's own coordinates, after scaling, to the scene's.
+    pub fn scene_from_object(&self) -> Pose {
         Pose::from_xyz_deg(
             DVec3::from_array(self.position_mm),
             DVec3::from_array(self.rotation_deg),

@@ -1,9 +1,11 @@
-//! A scene: what stands before the scanner, in the rig's frame, and the light that is not the
-//! projector's.
+//! A scene: what stands before the scanner, where the scanner stands, and the light that is not the
+//! projector's. Without a `[rig]` the scene's frame is the rig's.
 
 use super::check::{Check, name};
 use super::{Ambient, Object, TomlSource, builtin, light, object};
 use crate::error::Result;
+use crate::geometry::Pose;
+use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
@@ -15,6 +17,9 @@ pub struct Scene {
     pub name: String,
     /// One line for listings.
     pub description: String,
+    /// Where the rig stands.
+    #[serde(default)]
+    pub rig: RigPlace,
     /// Light from everywhere.
     #[serde(default)]
     pub ambient: Ambient,
@@ -26,7 +31,33 @@ pub struct Scene {
     pub folder: PathBuf,
 }
 
+/// Where the rig stands in the scene: its frame is the camera's.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RigPlace {
+    /// Camera's pupil in the scene's frame in millimetres.
+    #[serde(default)]
+    pub position_mm: [f64; 3],
+    /// Rotation in degrees about the scene's fixed x, then y, then z axis.
+    #[serde(default)]
+    pub rotation_deg: [f64; 3],
+}
+
 impl Scene {
+    /// Takes the scene's coordinates to the rig's.
+    pub fn rig_from_scene(&self) -> Pose {
+        Pose::from_xyz_deg(
+            DVec3::from_array(self.rig.position_mm),
+            DVec3::from_array(self.rig.rotation_deg),
+        )
+        .inverse()
+    }
+
+    /// Takes an object's own coordinates, after scaling, to the rig's.
+    pub fn rig_from_object(&self, object: &Object) -> Pose {
+        self.rig_from_scene() * object.scene_from_object()
+    }
+
     /// Loads a built-in scene by its name, or else a file by its path.
     ///
     /// # Errors
@@ -55,6 +86,8 @@ impl Scene {
 
 fn check(s: &Scene, check: &Check<'_>) -> Result<()> {
     name(&s.name, "name", check)?;
+    check.all_within("rig.position_mm", &s.rig.position_mm, -1e9..=1e9)?;
+    check.all_within("rig.rotation_deg", &s.rig.rotation_deg, -360.0..=360.0)?;
     light::check(&s.ambient, check)?;
     check.that(
         s.object.len() <= 4096,

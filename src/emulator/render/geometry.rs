@@ -6,7 +6,7 @@ use super::shade::{Optics, Shaded};
 use super::world::{Hits, Surface, World};
 use super::{Plan, Term, mixed};
 use crate::emulator::Truth;
-use crate::geometry::raycast::LANES;
+use crate::geometry::raycast::{LANES, Scratch};
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
@@ -50,9 +50,9 @@ pub(super) fn run(
     buffer
         .bands(TILE)
         .into_par_iter()
-        .for_each_init(Vec::new, |stack, mut band| {
+        .for_each_init(Scratch::default, |scratch, mut band| {
             for column in (0..width).step_by(TILE) {
-                tile(world, optics, rays, plan, &mut band, column, stack);
+                tile(world, optics, rays, plan, &mut band, column, scratch);
             }
         });
     mixed::run(world, optics, rays, plan, buffer);
@@ -65,7 +65,7 @@ fn tile(
     plan: &Plan,
     band: &mut Band<'_>,
     column: usize,
-    stack: &mut Vec<(u32, f32)>,
+    scratch: &mut Scratch,
 ) {
     let width = rays.width;
     let rows = band.x.len() / width;
@@ -79,7 +79,15 @@ fn tile(
         // Lanes beyond the image repeat a pixel, so that the packet stays narrow.
         rays.center(u.min(width - 1), band.first_row + v.min(rows - 1))
     });
-    let cast = cast(world, optics, plan, &directions, &used, stack);
+    let cast = cast(
+        world,
+        optics,
+        plan,
+        DVec3::ZERO,
+        &directions,
+        &used,
+        scratch,
+    );
     for lane in (0..LANES).filter(|&lane| used[lane]) {
         let (u, v) = place(lane);
         write(band, v * width + u, &cast, lane);
@@ -94,26 +102,27 @@ pub(super) struct Cast {
     pub(super) lit: [bool; LANES],
 }
 
-/// Casts sixteen rays of the camera, and the shadow rays that matter.
+/// Casts sixteen rays of the camera from a point of its pupil, and the shadow rays that matter.
 pub(super) fn cast(
     world: &World,
     optics: &Optics,
     plan: &Plan,
+    origin: DVec3,
     directions: &[DVec3; LANES],
     used: &[bool; LANES],
-    stack: &mut Vec<(u32, f32)>,
+    scratch: &mut Scratch,
 ) -> Cast {
-    let hits = world.nearest(directions, used, stack);
-    let shaded = optics.shade(plan, directions, &hits, world);
+    let hits = world.nearest(origin, directions, used, scratch);
+    let shaded = optics.shade(plan, origin, directions, &hits, world);
     // Rays to points that the projector cannot light anyway are not traced.
     let mut lit: [bool; LANES] =
         std::array::from_fn(|lane| hits.is_hit(lane) && shaded.reachable[lane]);
     if plan.has(Term::Shadows) && lit.contains(&true) {
         let points: [Option<(DVec3, Surface)>; LANES] = std::array::from_fn(|lane| {
             let point = DVec3::from_array(shaded.point.map(|axis| axis[lane]));
-            lit[lane].then_some((point, hits.surface[lane]))
+            lit[lane].then_some((origin + point, hits.surface[lane]))
         });
-        let blocked = world.blocked(optics.projector.center(), &points, stack);
+        let blocked = world.blocked(optics.projector.center(), &points, scratch);
         for lane in 0..LANES {
             lit[lane] &= !blocked[lane];
         }

@@ -10,7 +10,7 @@ use super::geometry::{Cast, Rays, TILE, cast};
 use super::shade::Optics;
 use super::world::{Surface, World};
 use crate::emulator::Truth;
-use crate::geometry::raycast::LANES;
+use crate::geometry::raycast::{LANES, Scratch};
 use glam::{DVec2, DVec3, Vec3};
 use rayon::prelude::*;
 
@@ -34,11 +34,11 @@ pub(super) fn run(
         };
         (0..view.height)
             .into_par_iter()
-            .map_init(Vec::new, |stack, row| {
+            .map_init(Scratch::default, |scratch, row| {
                 let mut samples = Vec::new();
                 for column in 0..view.width {
                     if edges.touches(view, column, row) {
-                        samples.extend(sample(&edges, optics, plan, column, row, stack));
+                        samples.extend(sample(&edges, optics, plan, column, row, scratch));
                     }
                 }
                 samples
@@ -137,7 +137,7 @@ fn sample(
     plan: &Plan,
     column: usize,
     row: usize,
-    stack: &mut Vec<(u32, f32)>,
+    scratch: &mut Scratch,
 ) -> Option<Mixed> {
     let directions: [DVec3; LANES] = std::array::from_fn(|lane| {
         // One sample a cell of the grid, sheared so that all sixteen differ in column and in row
@@ -158,9 +158,10 @@ fn sample(
         edges.world,
         optics,
         plan,
+        DVec3::ZERO,
         &directions,
         &[true; LANES],
-        stack,
+        scratch,
     );
     let place = |lane: usize| Place {
         surface: cast.hits.surface[lane],

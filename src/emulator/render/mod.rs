@@ -21,7 +21,9 @@ mod renderer;
 mod row_table;
 mod sensor;
 mod shade;
+mod shape;
 mod term;
+mod triangle;
 mod world;
 
 pub use plan::{Decision, Plan};

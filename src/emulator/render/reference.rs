@@ -80,14 +80,14 @@ impl Reference {
                         height_mm * scale,
                     )),
                     other => {
-                        let mesh = super::world::mesh(other, &scene.folder)?;
+                        let mesh = super::shape::mesh(other, &scene.folder)?;
                         let corner = |i: u32| mesh.vertices[i as usize] * scale;
                         Primitive::Triangles(mesh.triangles.iter().map(|t| t.map(corner)).collect())
                     }
                 };
                 Ok(Part {
                     surface,
-                    rig_from_part: object.rig_from_object(),
+                    rig_from_part: scene.rig_from_object(object),
                     albedo: object.albedo,
                 })
             })
@@ -118,7 +118,7 @@ impl Reference {
         let in_field = projected.is_some_and(|px| self.projector.lens.contains(px));
         let facing = normal.dot(way) < 0.0;
         let clear = || match self.first(pupil, way.normalize(), 0.0) {
-            Some((t, ..)) => t > way.length() * (1.0 - 1e-5),
+            Some((t, ..)) => t > way.length() * (1.0 - 1e-9),
             None => true,
         };
         Some(Found {

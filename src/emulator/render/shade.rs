@@ -30,7 +30,7 @@ pub(super) struct Optics {
 
 /// Samples of the surfaces that sixteen rays meet; lanes that meet none hold NaN and false.
 pub(super) struct Shaded {
-    /// Points in the rig's frame in millimetres, an array a component.
+    /// Points from the rays' origin along the rig's axes in millimetres, an array a component.
     pub(super) point: [Wide; 3],
     /// Projector pixel that lights the point.
     pub(super) px: [Wide; 2],
@@ -65,10 +65,12 @@ impl Optics {
         }
     }
 
-    /// Shades what rays of the camera, `directions` with z = 1, have met.
+    /// Shades what rays of the camera, `directions` with z = 1, have met. They start at `origin`, a
+    /// point of the camera's pupil, which is also where `Shaded::point` is measured from.
     pub(super) fn shade(
         &self,
         plan: &Plan,
+        origin: DVec3,
         directions: &[DVec3; LANES],
         hits: &Hits,
         world: &World,
@@ -91,6 +93,7 @@ impl Optics {
         };
         pinhole(
             self,
+            self.projector.center() - origin,
             &transpose(directions),
             hits,
             &albedo,
@@ -140,7 +143,7 @@ fn transpose(directions: &[DVec3; LANES]) -> [Wide; 3] {
 
 widest! {
     fn pinhole(
-        optics: &Optics, direction: &[Wide; 3], hits: &Hits, albedo: &Wide,
+        optics: &Optics, pupil: DVec3, direction: &[Wide; 3], hits: &Hits, albedo: &Wide,
         slope: &[[Wide; 2]; 2], out: &mut Shaded,
     ) => pinhole_body
 }
@@ -149,13 +152,13 @@ widest! {
 #[inline(always)]
 fn pinhole_body(
     optics: &Optics,
+    pupil: DVec3,
     direction: &[Wide; 3],
     hits: &Hits,
     albedo: &Wide,
     slope: &[[Wide; 2]; 2],
     out: &mut Shaded,
 ) {
-    let pupil = optics.projector.center();
     // Rows of projector_from_rig are the columns of its inverse.
     let rotation = optics.projector.rig_from_view.rotation;
     let lens = &optics.projector.lens;

@@ -2,18 +2,17 @@
 //! frame.
 
 use super::shade::Wide;
+use super::shape::{mesh, solid};
+use super::triangle::Triangle;
 use crate::error::{Error, Result};
-use crate::geometry::raycast::{Bvh, LANES, NO_TRIANGLE, Packet};
-use crate::geometry::{Mesh, Pose, Solid, shapes};
-use crate::profile::{Object, Scene, Shape};
-use glam::{DVec2, DVec3, Vec3};
-use std::path::Path;
+use crate::geometry::raycast::{Bvh, LANES, NO_TRIANGLE, Packet, Scratch};
+use crate::geometry::{Pose, Solid};
+use crate::profile::{Object, Scene};
+use glam::{DVec3, Vec3};
 
-/// Shadow rays end this fraction before their point, so that the f32 error of a neighbouring
-/// triangle (some 1e-7 of the distance) does not shade it: 10 um at 1 m.
-const SHADOW_END: f32 = 1.0 - 1e-5;
-/// The same for solids, whose intersection is in f64.
-const SHADOW_END_SOLID: f64 = 1.0 - 1e-9;
+/// What stands this fraction before a point's end of a shadow ray touches the point rather than
+/// shades it: 1 nm at 1 m, far above the error of f64.
+pub(super) const SHADOW_END: f64 = 1.0 - 1e-9;
 /// Most triangles of a scene: some 10 GiB with their hierarchy.
 const MAX_TRIANGLES: usize = 50_000_000;
 /// Facets that a solid may have.
@@ -55,7 +54,14 @@ impl Hits {
     }
 
     /// Takes a hit, with its normal turned to the ray's side.
-    fn set(&mut self, lane: usize, t: f64, normal: DVec3, direction: DVec3, surface: Surface) {
+    pub(super) fn set(
+        &mut self,
+        lane: usize,
+        t: f64,
+        normal: DVec3,
+        direction: DVec3,
+        surface: Surface,
+    ) {
         let normal = if normal.dot(direction) > 0.0 {
             -normal
         } else {
@@ -100,14 +106,14 @@ impl World {
             albedo: scene.object.iter().map(|o| o.albedo).collect(),
         };
         for (i, object) in scene.object.iter().enumerate() {
-            world.add(object, i as u16, &scene.folder)?;
+            world.add(scene, object, i as u16)?;
         }
         world.bvh = Bvh::build(&world.vertices, &world.triangles);
         Ok(world)
     }
 
-    fn add(&mut self, object: &Object, index: u16, folder: &Path) -> Result<()> {
-        let pose = object.rig_from_object();
+    fn add(&mut self, scene: &Scene, object: &Object, index: u16) -> Result<()> {
+        let pose = scene.rig_from_object(object);
         match solid(&object.shape, object.scale) {
             Some(solid) => self.solids.push(Placed {
                 solid,
@@ -118,7 +124,7 @@ impl World {
             }),
             None => {
                 let place = || format!("scene, object[{index}].shape");
-                let mesh = mesh(&object.shape, folder).map_err(|e| e.at(place()))?;
+                let mesh = mesh(&object.shape, &scene.folder).map_err(|e| e.at(place()))?;
                 let total = self.triangles.len() + mesh.triangles.len();
                 if total > MAX_TRIANGLES {
                     return Err(Error::input(
@@ -171,27 +177,35 @@ impl World {
         (surface.0 as usize - self.triangles.len()) / FACETS as usize
     }
 
-    /// The nearest surface along each ray from the camera's pupil, the rig's origin.
+    /// The nearest surface along each ray from a point of the camera's pupil, which lies about the
+    /// rig's origin; directions have z = 1.
     pub(super) fn nearest(
         &self,
+        origin: DVec3,
         directions: &[DVec3; LANES],
         used: &[bool; LANES],
-        stack: &mut Vec<(u32, f32)>,
+        scratch: &mut Scratch,
     ) -> Hits {
         let mut hits = Hits::none();
         if !self.bvh.is_empty() {
             let ends = used.map(|u| if u { f32::INFINITY } else { -1.0 });
-            let mut packet = Packet::new(Vec3::ZERO, &directions.map(|d| d.as_vec3()), &ends);
-            self.bvh.nearest(&mut packet, stack);
+            let rounded = directions.map(|d| d.as_vec3());
+            let mut packet = Packet::new(origin.as_vec3(), &rounded, &ends);
+            self.bvh.nearest(&mut packet, scratch);
             for lane in 0..LANES {
                 if packet.triangle[lane] != NO_TRIANGLE {
-                    let rough = f64::from(packet.t[lane]);
-                    self.on_triangle(packet.triangle[lane], directions, rough, lane, &mut hits);
+                    let triangle = self.triangle(packet.triangle[lane], origin);
+                    triangle.take(directions[lane], lane, &mut hits);
                 }
+            }
+            for &(lane, id) in &scratch.rivals {
+                let found = self.triangle(hits.surface[lane].0, origin);
+                let rival = self.triangle(id, origin);
+                rival.take_from(&found, directions[lane], lane, &mut hits);
             }
         }
         for (i, placed) in self.solids.iter().enumerate() {
-            let origin = placed.solid_from_rig.translation_mm;
+            let origin = placed.solid_from_rig.point(origin);
             let first = self.triangles.len() as u32 + i as u32 * FACETS;
             for lane in (0..LANES).filter(|&lane| used[lane]) {
                 let direction = directions[lane];
@@ -208,28 +222,12 @@ impl World {
         hits
     }
 
-    /// Solves the hit again in f64, on the plane of the triangle that the f32 traversal chose.
-    fn on_triangle(
-        &self,
-        id: u32,
-        directions: &[DVec3; LANES],
-        rough: f64,
-        lane: usize,
-        hits: &mut Hits,
-    ) {
-        let direction = directions[lane];
-        let [a, b, c] = self.triangles[id as usize].map(|i| self.vertices[i as usize]);
-        let Some(normal) = (b - a).cross(c - a).try_normalize() else {
-            return;
-        };
-        let t = normal.dot(a) / normal.dot(direction);
-        // Edge-on, the plane says nothing; what f32 found is as good as it gets.
-        let t = if (t - rough).abs() <= 1e-3 * rough {
-            t
-        } else {
-            rough
-        };
-        hits.set(lane, t, normal, direction, Surface(id));
+    fn triangle(&self, id: u32, origin: DVec3) -> Triangle {
+        let corner = |i: u32| self.vertices[i as usize] - origin;
+        Triangle {
+            id,
+            corners: self.triangles[id as usize].map(corner),
+        }
     }
 
     /// Whether something stands between the projector's pupil and each point; lanes with no point
@@ -238,17 +236,22 @@ impl World {
         &self,
         pupil: DVec3,
         points: &[Option<(DVec3, Surface)>; LANES],
-        stack: &mut Vec<(u32, f32)>,
+        scratch: &mut Scratch,
     ) -> [bool; LANES] {
         let mut blocked = [false; LANES];
         if !self.bvh.is_empty() {
             let towards = points.map(|p| p.map_or(Vec3::ZERO, |(p, _)| (p - pupil).as_vec3()));
-            let ends = points.map(|p| if p.is_some() { SHADOW_END } else { -1.0 });
+            let ends = points.map(|p| if p.is_some() { 1.0 } else { -1.0 });
             let mut packet = Packet::new(pupil.as_vec3(), &towards, &ends);
             packet.triangle = points.map(|p| p.map_or(NO_TRIANGLE, |(_, surface)| surface.0));
-            self.bvh.blocked(&mut packet, stack);
+            self.bvh.blocked(&mut packet, scratch);
             for lane in 0..LANES {
                 blocked[lane] = points[lane].is_some() && packet.t[lane] < 0.0;
+            }
+            for &(lane, id) in &scratch.rivals {
+                if let (Some((point, _)), false) = (points[lane], blocked[lane]) {
+                    blocked[lane] = self.triangle(id, pupil).stands_before(point - pupil);
+                }
             }
         }
         for placed in &self.solids {
@@ -266,59 +269,9 @@ impl World {
                 blocked[lane] = placed
                     .solid
                     .intersect(origin, direction, 0.0)
-                    .is_some_and(|hit| hit.t < SHADOW_END_SOLID);
+                    .is_some_and(|hit| hit.t < SHADOW_END);
             }
         }
         blocked
-    }
-}
-
-/// The closed form of a shape, scaled; `None` for meshes.
-fn solid(shape: &Shape, scale: f64) -> Option<Solid> {
-    Some(match *shape {
-        Shape::Plane { size_mm } => Solid::Plane {
-            half: size_mm.map_or(DVec2::INFINITY, |s| DVec2::from_array(s) * scale / 2.0),
-        },
-        Shape::Sphere { radius_mm } => Solid::Sphere {
-            radius: radius_mm * scale,
-        },
-        Shape::Cylinder {
-            radius_mm,
-            length_mm,
-        } => Solid::Cylinder {
-            radius: radius_mm * scale,
-            half_length: length_mm * scale / 2.0,
-        },
-        Shape::Frustum {
-            base_mm,
-            top_mm,
-            height_mm,
-        } => Solid::frustum(base_mm * scale, top_mm * scale, height_mm * scale),
-        Shape::Torso { .. } | Shape::Couch {} | Shape::Mesh { .. } => return None,
-    })
-}
-
-/// The triangles of a shape that has no closed form.
-pub(super) fn mesh(shape: &Shape, folder: &Path) -> Result<Mesh> {
-    match *shape {
-        Shape::Torso {
-            seed,
-            length_mm,
-            width_mm,
-            depth_mm,
-            triangles,
-        } => Ok(shapes::torso(&shapes::Torso {
-            seed,
-            length_mm,
-            width_mm,
-            depth_mm,
-            triangles,
-        })),
-        Shape::Couch {} => Ok(shapes::couch(&shapes::Couch::default())),
-        Shape::Mesh { ref file } => Mesh::read(&folder.join(file)),
-        Shape::Plane { .. }
-        | Shape::Sphere { .. }
-        | Shape::Cylinder { .. }
-        | Shape::Frustum { .. } => Ok(Mesh::default()),
     }
 }

@@ -4,7 +4,8 @@
 //! projector's for shadow rays. Neighbouring pixels visit the same nodes, so a node is loaded once
 //! for all of them, and every lane does the same arithmetic in SIMD registers. The triangle test is
 //! watertight (Woop, Benthin, Wald: "Watertight Ray/Triangle Intersection", JCGT 2013), in f32 with
-//! the edge case decided in f64; the caller solves an accepted hit again in f64.
+//! the edge case decided in f64; the caller solves an accepted hit again in f64. Each hit has a bound
+//! on its error, and hits that f32 cannot put in order are all handed out, for f64 to do so.
 
 mod bvh;
 mod packet;
@@ -14,4 +15,4 @@ mod traverse;
 mod triangle;
 
 pub use bvh::{Bvh, NO_TRIANGLE};
-pub use packet::{LANES, Packet};
+pub use packet::{LANES, Packet, Scratch};

@@ -34,6 +34,32 @@ pub(super) fn reduce(mut lanes: Lanes, combine: impl Fn(f32, f32) -> f32) -> f32
     lanes[0]
 }
 
+/// The reach of a lane that is not used: no hit, less its error, lies before it.
+pub(super) const UNUSED: f32 = f32::NEG_INFINITY;
+
+/// Most undecided hits of one packet: more are many surfaces in one place, where one is as good as
+/// another.
+const MOST_RIVALS: usize = 4096;
+
+/// Memory that casts may share, and what a cast leaves undecided.
+#[derive(Debug, Clone, Default)]
+pub struct Scratch {
+    /// Nodes still to visit, with the parameter at which they are entered.
+    pub(super) stack: Vec<(u32, f32)>,
+    /// Lanes and triangles of hits that are too close to tell, in f32, which side of the lane's
+    /// nearest hit or end they lie on.
+    pub rivals: Vec<(usize, u32)>,
+}
+
+impl Scratch {
+    #[inline(always)]
+    pub(super) fn rival(&mut self, lane: usize, triangle: u32) {
+        if self.rivals.len() < MOST_RIVALS {
+            self.rivals.push((lane, triangle));
+        }
+    }
+}
+
 /// One value a lane.
 pub(super) type Lanes = [f32; LANES];
 
@@ -44,12 +70,16 @@ pub(super) type Lanes = [f32; LANES];
 pub struct Packet {
     /// Common origin.
     pub(super) origin: Vec3,
+    /// Largest coordinate of the origin, which vertices near it are rounded like.
+    pub(super) farthest: f32,
     /// Directions, an array a component.
     direction: [Lanes; 3],
     /// One over each component of the directions.
     pub(super) inverse: [Lanes; 3],
     /// Ray parameter of the nearest hit so far, or the ray's end. Negative: the lane is not used.
     pub t: Lanes,
+    /// `t` and the bound on its error: what lies beyond needs no look.
+    pub(super) reach: Lanes,
     /// Triangle of the nearest hit so far; [`NO_TRIANGLE`] for none. While shadow rays are cast, a
     /// triangle that the lane's ray must not count (the one it ends on).
     pub triangle: [u32; LANES],
@@ -95,11 +125,13 @@ impl Packet {
         });
         Self {
             origin,
+            farthest: origin.abs().max_element(),
             axes,
             coherent,
             direction,
             inverse,
             t: *ends,
+            reach: ends.map(|end| if end < 0.0 { UNUSED } else { end }),
             triangle: [NO_TRIANGLE; LANES],
         }
     }
@@ -113,6 +145,7 @@ impl Packet {
         let direction = Vec3::from_array(std::array::from_fn(|axis| self.direction[axis][lane]));
         let mut packet = Self::new(self.origin, &[direction; LANES], &ends);
         packet.triangle = self.triangle;
+        packet.reach[lane] = self.reach[lane];
         packet
     }
 }

@@ -1,8 +1,8 @@
 //! Walking the hierarchy with a packet: nearest hits, and hits at all.
 
-use super::bvh::{Bvh, Node};
-use super::packet::{LANES, Packet, max, min, reduce};
-use super::triangle::intersect;
+use super::bvh::{Bvh, NO_TRIANGLE, Node};
+use super::packet::{LANES, Packet, Scratch, UNUSED, max, min, reduce};
+use super::triangle::{Hit, intersect};
 use crate::simd::widest;
 
 /// Widens the far plane by two units in the last place, so that rounding never culls a box that
@@ -10,63 +10,81 @@ use crate::simd::widest;
 const FAR: f32 = 1.0 + 4.0 * f32::EPSILON;
 
 impl Bvh {
-    /// Finds each lane's nearest hit before its end; `packet.t` and `packet.triangle` tell.
-    /// `stack` is scratch space that calls may share.
-    pub fn nearest(&self, packet: &mut Packet, stack: &mut Vec<(u32, f32)>) {
-        self.cast(packet, stack, nearest);
+    /// Finds each lane's nearest hit before its end; `packet.t` and `packet.triangle` tell. Other
+    /// hits that may be the nearest, by the bounds on the errors of f32, are `scratch.rivals`.
+    pub fn nearest(&self, packet: &mut Packet, scratch: &mut Scratch) {
+        self.cast(packet, scratch, nearest);
     }
 
     /// Tells for each lane whether anything stands before its end, other than the triangle that
-    /// `packet.triangle` names for it. Lanes found blocked have `packet.t` set below zero.
-    pub fn blocked(&self, packet: &mut Packet, stack: &mut Vec<(u32, f32)>) {
-        self.cast(packet, stack, blocked);
+    /// `packet.triangle` names for it. Lanes found blocked have `packet.t` set below zero; hits of
+    /// which f32 cannot tell whether they lie before the end are `scratch.rivals`.
+    pub fn blocked(&self, packet: &mut Packet, scratch: &mut Scratch) {
+        self.cast(packet, scratch, blocked);
     }
 
     /// Rays that spread too far for one shear go one by one.
     fn cast(
         &self,
         packet: &mut Packet,
-        stack: &mut Vec<(u32, f32)>,
-        walk: fn(&Self, &mut Packet, &mut Vec<(u32, f32)>),
+        scratch: &mut Scratch,
+        walk: fn(&Self, &mut Packet, &mut Scratch),
     ) {
+        scratch.rivals.clear();
         if self.nodes.is_empty() {
             return;
         }
         if packet.coherent {
-            return walk(self, packet, stack);
+            return walk(self, packet, scratch);
         }
         for lane in 0..LANES {
             if packet.t[lane] < 0.0 {
                 continue;
             }
             let mut single = packet.only(lane);
-            walk(self, &mut single, stack);
+            walk(self, &mut single, scratch);
             packet.t[lane] = single.t[lane];
+            packet.reach[lane] = single.reach[lane];
             packet.triangle[lane] = single.triangle[lane];
         }
     }
 }
 
 widest! {
-    fn nearest(bvh: &Bvh, packet: &mut Packet, stack: &mut Vec<(u32, f32)>) => nearest_body
+    fn nearest(bvh: &Bvh, packet: &mut Packet, scratch: &mut Scratch) => nearest_body
 }
 widest! {
-    fn blocked(bvh: &Bvh, packet: &mut Packet, stack: &mut Vec<(u32, f32)>) => blocked_body
+    fn blocked(bvh: &Bvh, packet: &mut Packet, scratch: &mut Scratch) => blocked_body
 }
 
 #[inline(always)]
-fn nearest_body(bvh: &Bvh, packet: &mut Packet, stack: &mut Vec<(u32, f32)>) {
-    walk(bvh, packet, stack, |packet, id, lane, t| {
-        packet.t[lane] = t;
+fn nearest_body(bvh: &Bvh, packet: &mut Packet, scratch: &mut Scratch) {
+    walk(bvh, packet, scratch, |packet, scratch, id, lane, hit| {
+        let former = packet.t[lane];
+        if hit.t >= former {
+            return scratch.rival(lane, id);
+        }
+        let error = packet.reach[lane] - former;
+        if packet.triangle[lane] != NO_TRIANGLE && former - error < hit.t + hit.error {
+            scratch.rival(lane, packet.triangle[lane]);
+        }
+        packet.t[lane] = hit.t;
+        packet.reach[lane] = hit.t + hit.error;
         packet.triangle[lane] = id;
     });
 }
 
 #[inline(always)]
-fn blocked_body(bvh: &Bvh, packet: &mut Packet, stack: &mut Vec<(u32, f32)>) {
-    walk(bvh, packet, stack, |packet, id, lane, _| {
-        if id != packet.triangle[lane] {
+fn blocked_body(bvh: &Bvh, packet: &mut Packet, scratch: &mut Scratch) {
+    walk(bvh, packet, scratch, |packet, scratch, id, lane, hit| {
+        if id == packet.triangle[lane] {
+            return;
+        }
+        if hit.t + hit.error < packet.t[lane] {
             packet.t[lane] = -1.0;
+            packet.reach[lane] = UNUSED;
+        } else {
+            scratch.rival(lane, id);
         }
     });
 }
@@ -75,10 +93,10 @@ fn blocked_body(bvh: &Bvh, packet: &mut Packet, stack: &mut Vec<(u32, f32)>) {
 fn walk(
     bvh: &Bvh,
     packet: &mut Packet,
-    stack: &mut Vec<(u32, f32)>,
-    hit: impl Fn(&mut Packet, u32, usize, f32) + Copy,
+    scratch: &mut Scratch,
+    hit: impl Fn(&mut Packet, &mut Scratch, u32, usize, Hit) + Copy,
 ) {
-    stack.clear();
+    scratch.stack.clear();
     let root = entry(&bvh.nodes[0], packet);
     if root == f32::INFINITY {
         return;
@@ -89,8 +107,8 @@ fn walk(
         if node.count > 0 {
             let first = node.first as usize;
             for corners in &bvh.triangles[first..first + node.count as usize] {
-                intersect(packet, corners, |packet, lane, t| {
-                    hit(packet, corners.id, lane, t);
+                intersect(packet, corners, |packet, lane, found| {
+                    hit(packet, scratch, corners.id, lane, found);
                 });
             }
         } else {
@@ -102,7 +120,7 @@ fn walk(
                 ((children[1], right), (children[0], left))
             };
             if far.1 < f32::INFINITY {
-                stack.push(far);
+                scratch.stack.push(far);
             }
             if near.1 < f32::INFINITY {
                 index = near.0;
@@ -111,11 +129,11 @@ fn walk(
         }
         // A node on the stack may have fallen behind what has been hit since.
         let end = packet
-            .t
+            .reach
             .iter()
             .fold(-1.0f32, |m, &t| if t > m { t } else { m });
         loop {
-            let Some((next, distance)) = stack.pop() else {
+            let Some((next, distance)) = scratch.stack.pop() else {
                 return;
             };
             if distance <= end {
@@ -141,7 +159,7 @@ fn entry(node: &Node, packet: &Packet) -> f32 {
             near = max(near, min(t0, t1));
             far = min(far, max(t0, t1));
         }
-        let far = min(far * FAR, packet.t[lane]);
+        let far = min(far * FAR, packet.reach[lane]);
         enter[lane] = if near <= far { near } else { f32::INFINITY };
     }
     reduce(enter, min)

@@ -9,13 +9,22 @@ use super::bvh::Corners;
 use super::packet::{LANES, Lanes, Packet, max, min};
 use glam::{DVec3, Vec3};
 
-/// Tests one triangle against all lanes. `accept(packet, lane, t)` is called for each lane that it
-/// hits with 0 < t < the lane's end.
+/// A meeting of a ray and a triangle.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Hit {
+    /// Ray parameter.
+    pub(super) t: f32,
+    /// Bound on the error of `t` against the triangle and the ray before they were rounded.
+    pub(super) error: f32,
+}
+
+/// Tests one triangle against all lanes. `accept(packet, lane, hit)` is called for each lane that it
+/// hits with 0 < t, and t less its error below the lane's reach.
 #[inline(always)]
 pub(super) fn intersect(
     packet: &mut Packet,
     corners: &Corners,
-    accept: impl Fn(&mut Packet, usize, f32),
+    mut accept: impl FnMut(&mut Packet, usize, Hit),
 ) {
     let [kx, ky, kz] = packet.axes.k;
     let [a, b, c] = corners.v.map(|v| {
@@ -63,10 +72,40 @@ pub(super) fn intersect(
             continue;
         }
         let t = scaled_t[lane] / det;
-        if t > 0.0 && t < packet.t[lane] {
-            accept(packet, lane, t);
+        if t > 0.0 {
+            let error = error_bound([a, b, c], packet, lane, det);
+            if t - error < packet.reach[lane] {
+                accept(packet, lane, Hit { t, error });
+            }
         }
     }
+}
+
+/// How far the parameter of a hit may be from that of the triangle and the ray before rounding.
+///
+/// Forward error analysis to first order (Higham: "Accuracy and Stability of Numerical Algorithms",
+/// 2nd ed., chapter 3). Vertices, origin and shear are rounded, so sheared coordinates are off by
+/// some epsilons of the distances; that and their own products make the error of an edge function;
+/// and the parameter, a mean of the corners' depths weighted by the edge functions, is off by the
+/// weights' errors times the spread of the depths. It never leaves that spread.
+fn error_bound(v: [Vec3; 3], packet: &Packet, lane: usize, det: f32) -> f32 {
+    let shear = packet.axes.shear.map(|s| s[lane]);
+    let (mut size, mut far) = (0.0f32, packet.farthest);
+    let (mut low, mut high) = (f32::INFINITY, f32::NEG_INFINITY);
+    for p in v {
+        let (x, y) = (p.x - shear[0] * p.z, p.y - shear[1] * p.z);
+        size = max(size, max(x.abs(), y.abs()));
+        far = max(far, p.abs().max_element());
+        (low, high) = (min(low, p.z), max(high, p.z));
+    }
+    let rounding = 2.0 * f32::EPSILON * far;
+    let sheared = rounding * (1.0 + 2.0 * (shear[0].abs() + shear[1].abs()));
+    let edge = 4.0 * size * (sheared + f32::EPSILON * size);
+    let spread = high - low;
+    // In this order an edge-on triangle's quotient is at worst infinite, and the lesser is taken.
+    let weighed = 3.0 * edge / det.abs() * spread;
+    let weighed = if weighed < spread { weighed } else { spread };
+    shear[2].abs() * (weighed + 4.0 * rounding)
 }
 
 /// The edge functions with f64 products, which are exact for f32 factors, where f32 gave a zero

@@ -21,7 +21,7 @@ pub struct Torso {
     pub width_mm: f64,
     /// From the back to the highest point of the front (along z), 20 to 2000 mm.
     pub depth_mm: f64,
-    /// How many triangles, 1000 to 4,000,000; met to a few per cent.
+    /// How many triangles, 1000 to 10,000,000; met to a few per cent.
     pub triangles: u32,
 }
 
@@ -39,7 +39,7 @@ impl Default for Torso {
 
 const SIDES_MM: RangeInclusive<f64> = 50.0..=5000.0;
 const DEPTH_MM: RangeInclusive<f64> = 20.0..=2000.0;
-const TRIANGLES: RangeInclusive<f64> = 1000.0..=4e6;
+const TRIANGLES: RangeInclusive<f64> = 1000.0..=1e7;
 
 impl Torso {
     /// Whether the parameters are in range.

@@ -1,0 +1,57 @@
+//! The shapes of a scene as what rays can meet: closed forms, or triangles.
+
+use crate::error::Result;
+use crate::geometry::{Mesh, Solid, shapes};
+use crate::profile::Shape;
+use glam::DVec2;
+use std::path::Path;
+
+/// The closed form of a shape, scaled; `None` for meshes.
+pub(super) fn solid(shape: &Shape, scale: f64) -> Option<Solid> {
+    Some(match *shape {
+        Shape::Plane { size_mm } => Solid::Plane {
+            half: size_mm.map_or(DVec2::INFINITY, |s| DVec2::from_array(s) * scale / 2.0),
+        },
+        Shape::Sphere { radius_mm } => Solid::Sphere {
+            radius: radius_mm * scale,
+        },
+        Shape::Cylinder {
+            radius_mm,
+            length_mm,
+        } => Solid::Cylinder {
+            radius: radius_mm * scale,
+            half_length: length_mm * scale / 2.0,
+        },
+        Shape::Frustum {
+            base_mm,
+            top_mm,
+            height_mm,
+        } => Solid::frustum(base_mm * scale, top_mm * scale, height_mm * scale),
+        Shape::Torso { .. } | Shape::Couch {} | Shape::Mesh { .. } => return None,
+    })
+}
+
+/// The triangles of a shape that has no closed form.
+pub(super) fn mesh(shape: &Shape, folder: &Path) -> Result<Mesh> {
+    match *shape {
+        Shape::Torso {
+            seed,
+            length_mm,
+            width_mm,
+            depth_mm,
+            triangles,
+        } => Ok(shapes::torso(&shapes::Torso {
+            seed,
+            length_mm,
+            width_mm,
+            depth_mm,
+            triangles,
+        })),
+        Shape::Couch {} => Ok(shapes::couch(&shapes::Couch::default())),
+        Shape::Mesh { ref file } => Mesh::read(&folder.join(file)),
+        Shape::Plane { .. }
+        | Shape::Sphere { .. }
+        | Shape::Cylinder { .. }
+        | Shape::Frustum { .. } => Ok(Mesh::default()),
+    }
+}

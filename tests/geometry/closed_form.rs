@@ -1,0 +1,168 @@
+//! A rig and two surfaces in closed form: from a camera's pixel to the projector's.
+
+use glam::{DVec2, DVec3};
+use phasma::profile::Profile;
+
+/// Camera at the origin along z; projector turned about y alone.
+pub struct Rig {
+    profile: Profile,
+    camera_focal_px: f64,
+    camera_principal_px: DVec2,
+    projector_focal_px: f64,
+    projector_principal_px: DVec2,
+    pupil: DVec3,
+    turn: f64,
+}
+
+/// A surface that a ray from the origin meets at one place.
+pub trait Surface: Sync {
+    /// Point and unit normal towards the camera, where a ray of direction z = 1 meets it.
+    fn meet(&self, ray: DVec3) -> Option<(DVec3, DVec3)>;
+    /// The scene with it, name and description aside.
+    fn toml(&self) -> String;
+    /// Factor on the reference path's bar of 1e-9 px, for places where the last bit of the input
+    /// moves the point further than that; `None` if the path is not held against it.
+    fn condition(&self, rig: &Rig, px: DVec2) -> Option<f64>;
+}
+
+/// Endless, through (0, 0, z), turned about y.
+pub struct Plane {
+    pub tilt_deg: f64,
+    pub z_mm: f64,
+}
+
+pub struct Sphere {
+    pub center_mm: DVec3,
+    pub radius_mm: f64,
+}
+
+impl Surface for Plane {
+    fn meet(&self, ray: DVec3) -> Option<(DVec3, DVec3)> {
+        let (sin, cos) = self.tilt_deg.to_radians().sin_cos();
+        // x sin + (z - z0) cos = 0 on the plane.
+        let speed = ray.x * sin + ray.z * cos;
+        let t = self.z_mm * cos / speed;
+        let towards = -speed.signum();
+        (t > 0.0 && t.is_finite()).then(|| (ray * t, DVec3::new(sin, 0.0, cos) * towards))
+    }
+
+    fn toml(&self) -> String {
+        format!(
+            "[[object]]\nshape = {{ kind = \"plane\" }}\nalbedo = 0.5\n\
+             position_mm = [0, 0, {:?}]\nrotation_deg = [0, {:?}, 0]\n",
+            self.z_mm, self.tilt_deg
+        )
+    }
+
+    fn condition(&self, rig: &Rig, px: DVec2) -> Option<f64> {
+        // Towards the horizon a pixel covers ever more of the slide.
+        Some(rig.footprint(self, px).max(1.0))
+    }
+}
+
+impl Surface for Sphere {
+    fn meet(&self, ray: DVec3) -> Option<(DVec3, DVec3)> {
+        let unit = ray.normalize();
+        let along = unit.dot(self.center_mm);
+        // Distance of the ray from the centre, as the area of a parallelogram over its side.
+        let off = unit.cross(self.center_mm).length();
+        let half = ((self.radius_mm - off) * (self.radius_mm + off)).sqrt();
+        let point = unit * (along - half);
+        half.is_finite()
+            .then(|| (point, (point - self.center_mm) / self.radius_mm))
+    }
+
+    fn toml(&self) -> String {
+        let c = self.center_mm;
+        format!(
+            "[[object]]\nshape = {{ kind = \"sphere\", radius_mm = {:?} }}\nalbedo = 0.5\n\
+             position_mm = [{:?}, {:?}, {:?}]\n",
+            self.radius_mm, c.x, c.y, c.z
+        )
+    }
+
+    fn condition(&self, rig: &Rig, px: DVec2) -> Option<f64> {
+        // At the limb, where the surface ends within a pixel, the point moves as a square root.
+        let footprint = rig.footprint(self, px);
+        Some(if footprint.is_finite() {
+            footprint.max(1.0)
+        } else {
+            1e4
+        })
+    }
+}
+
+impl Rig {
+    pub fn new(profile: &Profile) -> Self {
+        let (c, p) = (&profile.camera, &profile.projector);
+        let middle = |w: u32, h: u32| DVec2::new(f64::from(w) - 1.0, f64::from(h) - 1.0) / 2.0;
+        assert_eq!((p.rotation_deg[0], p.rotation_deg[2]), (0.0, 0.0));
+        Self {
+            camera_focal_px: c.focal_length_mm * f64::from(c.width_px) / c.sensor_width_mm,
+            camera_principal_px: middle(c.width_px, c.height_px),
+            projector_focal_px: p.throw_ratio * f64::from(p.width_px),
+            projector_principal_px: middle(p.width_px, p.height_px) + DVec2::from(p.lens_shift_px),
+            pupil: DVec3::from(p.position_mm),
+            turn: p.rotation_deg[1].to_radians(),
+            profile: profile.clone(),
+        }
+    }
+
+    fn ray(&self, px: DVec2) -> DVec3 {
+        if self.profile.camera.distortion == [0.0; 5] {
+            ((px - self.camera_principal_px) / self.camera_focal_px).extend(1.0)
+        } else {
+            self.profile.camera.view().lens.ray(px)
+        }
+    }
+
+    /// Projector pixel whose ray goes through the point that a pixel sees; NaN behind it.
+    pub fn lit_from(&self, surface: &(impl Surface + ?Sized), px: DVec2) -> Option<DVec2> {
+        let (point, _) = surface.meet(self.ray(px))?;
+        let way = point - self.pupil;
+        // Turned by -turn about y into the projector's frame.
+        let (sin, cos) = self.turn.sin_cos();
+        let local = DVec3::new(way.x * cos - way.z * sin, way.y, way.x * sin + way.z * cos);
+        if local.z <= 0.0 {
+            return Some(DVec2::NAN);
+        }
+        let mut ideal = local.truncate() / local.z;
+        let [k1, k2, p1, p2, k3] = self.profile.projector.distortion;
+        let r2 = ideal.length_squared();
+        let (x, y) = (ideal.x, ideal.y);
+        ideal = ideal * (1.0 + k1 * r2 + k2 * r2 * r2 + k3 * r2 * r2 * r2)
+            + DVec2::new(
+                2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x),
+                p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y,
+            );
+        Some(ideal * self.projector_focal_px + self.projector_principal_px)
+    }
+
+    pub fn in_field(&self, px: DVec2) -> bool {
+        let p = &self.profile.projector;
+        let (w, h) = (f64::from(p.width_px), f64::from(p.height_px));
+        px.x >= -0.5 && px.y >= -0.5 && px.x < w - 0.5 && px.y < h - 0.5
+    }
+
+    /// Whether the point that a pixel sees faces the projector.
+    pub fn faces(&self, surface: &(impl Surface + ?Sized), px: DVec2) -> bool {
+        surface
+            .meet(self.ray(px))
+            .is_some_and(|(point, normal)| normal.dot(self.pupil - point) > 0.0)
+    }
+
+    /// Side of a pixel's footprint in projector pixels, by central differences; infinite where the
+    /// surface ends within the pixel.
+    pub fn footprint(&self, surface: &(impl Surface + ?Sized), px: DVec2) -> f64 {
+        [DVec2::X, DVec2::Y]
+            .into_iter()
+            .map(|axis| {
+                let ends = [0.5, -0.5].map(|s| self.lit_from(surface, px + axis * s));
+                match ends {
+                    [Some(a), Some(b)] if (a - b).is_finite() => (a - b).length(),
+                    _ => f64::INFINITY,
+                }
+            })
+            .fold(0.0, f64::max)
+    }
+}

@@ -1,0 +1,62 @@
+//! Holds the reference path and the fast path against a surface's closed form, at every pixel.
+
+use super::closed_form::{Rig, Surface};
+use glam::DVec2;
+use phasma::emulator::Truth;
+use phasma::emulator::render::Renderer;
+use phasma::emulator::render::reference::Reference;
+use phasma::profile::{Profile, Scene};
+use rayon::prelude::*;
+
+pub fn bench() -> Profile {
+    let mut profile = Profile::load("pmp-bench").unwrap();
+    profile.projector.rotation_deg = [0.0, -3.0, 0.0];
+    profile
+}
+
+pub fn scene(surface: &dyn Surface) -> Scene {
+    let text = format!("name = \"s\"\ndescription = \"\"\n{}", surface.toml());
+    Scene::parse(&text, "s").unwrap()
+}
+
+/// The reference path within 1e-9 px, the fast path within the larger of 1e-3 px and 1e-4 of the
+/// footprint, at every pixel that the projector's field holds; what is seen and lit, everywhere.
+/// Counts the pixels that are held against the bars.
+pub fn hold(profile: &Profile, surface: &dyn Surface) -> usize {
+    let scene = scene(surface);
+    let rig = Rig::new(profile);
+    let truth = Renderer::new(profile, &scene, 1).unwrap().truth(&[]);
+    let reference = Reference::new(profile, &scene).unwrap();
+    let width = truth.width as usize;
+    let what = format!("{} {:?}", surface.toml(), profile.camera.distortion);
+    (0..truth.flags.len())
+        .into_par_iter()
+        .filter(|&i| {
+            let px = DVec2::new((i % width) as f64, (i / width) as f64);
+            let exact = rig.lit_from(surface, px);
+            let seen = truth.flags[i] & Truth::SEEN != 0;
+            assert_eq!(seen, exact.is_some(), "{what} {px}");
+            let Some(exact) = exact else { return false };
+            let lit = truth.flags[i] & Truth::LIT != 0;
+            if !rig.in_field(exact) {
+                assert!(!lit, "{what} {px}: lit from {exact}");
+                return false;
+            }
+            if let Some(times) = surface.condition(&rig, px) {
+                let found = reference.look(px).map_or(DVec2::NAN, |f| f.projector_px);
+                let error = (found - exact).abs().max_element();
+                assert!(
+                    error <= 1e-9 * times,
+                    "{what} {px}: reference off by {error:e}"
+                );
+            }
+            let fast = DVec2::new(truth.projector_x[i].into(), truth.projector_y[i].into());
+            let error = (fast - exact).abs().max_element();
+            let bar = 1e-3f64.max(1e-4 * rig.footprint(surface, px));
+            assert!(error <= bar, "{what} {px}: off by {error:e}, bar {bar:e}");
+            // Nothing shades these surfaces but themselves, where they face away.
+            assert_eq!(lit, rig.faces(surface, px), "{what} {px}: lit from {exact}");
+            true
+        })
+        .count()
+}
