@@ -36,7 +36,7 @@ fn controls_are_the_camera_s_and_know_their_bounds() {
     });
     assert_eq!(get(&mut host, uvc::request::GET_CUR), 70);
     // A period of 9 ms: an exposure is held to it. Then a sequence, in which nothing can be set.
-    let mut say = |host: &mut Host, settable_ns| {
+    let say = |host: &mut Host, settable_ns| {
         host.device.set_camera(CameraState {
             exposure_ns: 7_000_000,
             gain_db: 3.0,
