@@ -58,15 +58,52 @@ fn main() {
             },
         );
     }
+    frames(&bench, &profile, pixels);
     decode(&bench, &profile, pixels);
 }
 
-fn decode(bench: &Bench, profile: &Profile, pixels: usize) {
-    // A plane as large as the camera sees, lit all over: every pixel has to be decoded.
+/// Frames whose every pixel is lit, and black ones, where electrons are few.
+fn frames(bench: &Bench, profile: &Profile, pixels: usize) {
+    let mut setup = Setup::new(&lit_all_over(profile), "plane");
+    let count = setup.slides.len();
+    let mut id = 0;
+    bench.run("exposure + sensor, lit all over", count, pixels, 21, || {
+        for i in 0..count {
+            id += 1;
+            black_box(setup.renderer.expose(&setup.shot(id, i)));
+        }
+    });
+    // Light that leaves so many electrons, of the 10,500 that fill the well.
+    for electrons in [0.0, 8.0, 25.0] {
+        let name = format!("exposure + sensor, {electrons} electrons");
+        bench.run(&name, 8, pixels, 9, || {
+            for _ in 0..8 {
+                id += 1;
+                let mut shot = setup.shot(id, 0);
+                shot.slide = setup.slides.iter().rfind(|s| is_white(s)).cloned();
+                shot.light = electrons / 8000.0;
+                black_box(setup.renderer.expose(&shot));
+            }
+        });
+    }
+}
+
+fn is_white(slide: &Slide) -> bool {
+    matches!(slide, Slide::Uniform(level) if *level > 0)
+}
+
+/// A plane as large as the camera sees, lit all over.
+fn lit_all_over(profile: &Profile) -> Profile {
     let mut wide = profile.clone();
     wide.projector.throw_ratio = 0.5;
     wide.projector.lens_shift_px = [384.0, 0.0];
     wide.projector.radiant_intensity_w_sr = 1.1;
+    wide
+}
+
+fn decode(bench: &Bench, profile: &Profile, pixels: usize) {
+    // Lit all over, every pixel has to be decoded.
+    let wide = lit_all_over(profile);
     for (what, profile) in [
         ("scene a fifth lit", profile),
         ("scene lit all over", &wide),

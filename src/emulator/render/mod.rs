@@ -12,8 +12,6 @@ mod buffer;
 mod exposure;
 mod geometry;
 mod mixed;
-mod normal;
-mod philox;
 mod picture_table;
 mod plan;
 pub mod reference;

@@ -6,27 +6,49 @@
 
 use std::f32::consts::{LN_2, SQRT_2};
 
-/// The standard normal numbers of uniform words.
+/// The sign bit of a word or an f32.
+pub(super) const SIGN: u32 = 1 << 31;
+
+/// Uniform numbers by their smaller tails: the probability on that side, in (0, 1/2], and the sign
+/// bit of the normal number there.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Tails<const N: usize> {
+    pub(super) probability: [f32; N],
+    pub(super) sign: [u32; N],
+}
+
+impl<const N: usize> Tails<N> {
+    /// The tails of uniform words.
+    #[inline(always)]
+    pub(super) fn of_words(words: &[u32; N]) -> Self {
+        let mut probability = [0.0; N];
+        let mut sign = [0; N];
+        for i in 0..N {
+            // All ones in the upper half.
+            let upper = ((words[i] as i32) >> 31) as u32;
+            let tail = words[i] ^ upper;
+            // Through i32, which has a SIMD cast.
+            probability[i] = (tail as i32 as f32 + 0.5) * (1.0 / 4_294_967_296.0);
+            sign[i] = !words[i] & SIGN;
+        }
+        Self { probability, sign }
+    }
+}
+
+/// The standard normal numbers of uniform ones.
 #[inline(always)]
-pub(super) fn from_words<const N: usize>(words: &[u32; N]) -> [f32; N] {
-    let mut x = [0.0; N];
+pub(super) fn quantiles<const N: usize>(tails: &Tails<N>) -> [f32; N] {
+    let p = &tails.probability;
     let mut w = [0.0; N];
     let mut ratio = [0.0; N];
     let mut far = 0;
     for i in 0..N {
-        let tail = if words[i] >> 31 != 0 {
-            !words[i]
-        } else {
-            words[i]
-        };
-        // p in (0, 1/2), and 4 p (1 - p) without cancellation. Through i32, which has a SIMD cast.
-        let p = (tail as i32 as f32 + 0.5) * (1.0 / 4_294_967_296.0);
-        x[i] = 1.0 - 2.0 * p;
-        w[i] = -ln(4.0 * p * (1.0 - p));
+        // 1 - (1 - 2 p)^2 without cancellation.
+        w[i] = -ln(4.0 * p[i] * (1.0 - p[i]));
         ratio[i] = polynomial(&CENTRAL, w[i] - 2.5);
         far |= u32::from(w[i] >= CENTRAL_END);
     }
-    // One number in 300 lies in the tails: most blocks have none.
+    // One number in 300 lies in the tails: most groups have none.
     if far != 0 {
         for i in 0..N {
             let tail = polynomial(&TAIL, w[i].max(0.0).sqrt() - 3.0);
@@ -35,12 +57,8 @@ pub(super) fn from_words<const N: usize>(words: &[u32; N]) -> [f32; N] {
     }
     let mut normal = [0.0; N];
     for i in 0..N {
-        let magnitude = ratio[i] * x[i] * SQRT_2;
-        normal[i] = if words[i] >> 31 != 0 {
-            magnitude
-        } else {
-            -magnitude
-        };
+        let magnitude = ratio[i] * (1.0 - 2.0 * p[i]) * SQRT_2;
+        normal[i] = f32::from_bits(magnitude.to_bits() ^ tails.sign[i]);
     }
     normal
 }
@@ -83,7 +101,7 @@ fn polynomial(coefficients: &[f32; 9], at: f32) -> f32 {
 /// Natural logarithm of a normal positive number, to 2e-7 relative or absolute: exponent and a
 /// polynomial in s = (m - 1)/(m + 1), ln m = 2 (s + s^3/3 + s^5/5 + ...), m in [1/sqrt 2, sqrt 2).
 #[inline(always)]
-fn ln(x: f32) -> f32 {
+pub(super) fn ln(x: f32) -> f32 {
     // Moves the cut of the mantissa to 1/sqrt(2).
     let bits = x.to_bits().wrapping_sub(0x3f35_04f3);
     let exponent = (bits as i32) >> 23;
@@ -135,7 +153,7 @@ mod tests {
             let word = (f64::from(i) / 2000.0).powi(6) * 2_147_483_647.0;
             let word = word as u32;
             let p = (f64::from(word) + 0.5) / 4_294_967_296.0;
-            let [low, high] = from_words(&[word, !word]);
+            let [low, high] = quantiles(&Tails::of_words(&[word, !word]));
             let x = f64::from(low);
             let density = (-0.5 * x * x).exp() / std::f64::consts::TAU.sqrt();
             // Error of x, from the error of p.

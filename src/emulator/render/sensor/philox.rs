@@ -4,6 +4,8 @@
 //! is a function of key and counter alone, so a frame's noise is the same on any number of threads
 //! and in any order.
 
+use crate::simd::widest;
+
 /// Multipliers and Weyl constants of Philox4x32.
 const M: [u32; 2] = [0xD251_1F53, 0xCD9E_8D57];
 const W: [u32; 2] = [0x9E37_79B9, 0xBB67_AE85];
@@ -18,28 +20,49 @@ pub(super) const BLOCK: usize = 4 * WIDTH;
 /// `block_index * BLOCK + w * WIDTH + c` of the frame.
 ///
 /// `key` is the seed; the counter is (pixel counter, draw, low and high half of the shot's noise id).
+///
+/// Words live in lanes of 64 bits whose upper halves are left over from products: a SIMD multiply
+/// takes the lower halves and gives whole products, so that no lane ever moves.
 #[inline(always)]
-pub(super) fn block(key: u64, block_index: u32, draw: u32, frame: u64) -> [u32; BLOCK] {
-    let mut c0: [u32; WIDTH] = std::array::from_fn(|i| block_index * WIDTH as u32 + i as u32);
-    let mut c1 = [draw; WIDTH];
-    let mut c2 = [frame as u32; WIDTH];
-    let mut c3 = [(frame >> 32) as u32; WIDTH];
+fn block(key: u64, block_index: u32, draw: u32, frame: u64) -> [u32; BLOCK] {
+    const LOW: u64 = u32::MAX as u64;
+    let first = block_index.wrapping_mul(WIDTH as u32);
+    let mut c0: [u64; WIDTH] = std::array::from_fn(|i| u64::from(first.wrapping_add(i as u32)));
+    let mut c1 = [u64::from(draw); WIDTH];
+    let mut c2 = [frame & LOW; WIDTH];
+    let mut c3 = [frame >> 32; WIDTH];
     let mut k = [key as u32, (key >> 32) as u32];
     for _ in 0..ROUNDS {
         for i in 0..WIDTH {
-            let p0 = u64::from(M[0]) * u64::from(c0[i]);
-            let p1 = u64::from(M[1]) * u64::from(c2[i]);
-            let n0 = (p1 >> 32) as u32 ^ c1[i] ^ k[0];
-            let n2 = (p0 >> 32) as u32 ^ c3[i] ^ k[1];
-            (c0[i], c1[i], c2[i], c3[i]) = (n0, p1 as u32, n2, p0 as u32);
+            let p0 = u64::from(M[0]) * (c0[i] & LOW);
+            let p1 = u64::from(M[1]) * (c2[i] & LOW);
+            let n0 = (p1 >> 32) ^ c1[i] ^ u64::from(k[0]);
+            let n2 = (p0 >> 32) ^ c3[i] ^ u64::from(k[1]);
+            (c0[i], c1[i], c2[i], c3[i]) = (n0, p1, n2, p0);
         }
         k = [k[0].wrapping_add(W[0]), k[1].wrapping_add(W[1])];
     }
     let mut words = [0; BLOCK];
     for (chunk, c) in words.chunks_exact_mut(WIDTH).zip([c0, c1, c2, c3]) {
-        chunk.copy_from_slice(&c);
+        for i in 0..WIDTH {
+            chunk[i] = c[i] as u32;
+        }
     }
     words
+}
+
+widest! {
+    /// Fills `words` with the blocks from `first_block` on: see [`block`]. A pass of its own, so
+    /// that its lanes stay in registers.
+    pub(super) fn fill(key: [u64; 2], first_block: u32, draw: u32, words: &mut [[u32; BLOCK]])
+        => fill_body
+}
+
+#[inline(always)]
+fn fill_body([seed, frame]: [u64; 2], first_block: u32, draw: u32, words: &mut [[u32; BLOCK]]) {
+    for (i, words) in words.iter_mut().enumerate() {
+        *words = block(seed, first_block.wrapping_add(i as u32), draw, frame);
+    }
 }
 
 #[cfg(test)]
