@@ -34,6 +34,10 @@ impl Truth {
     pub const SQUARE: u8 = 4;
     /// The pixel's footprint meets more than one facet, object or shadow.
     pub const CREASE: u8 = 8;
+    /// The finest fringes of the sequence cannot be told there: the pixel's footprint spans one of
+    /// their periods or more, so that their contrast has vanished or inverted, or blur leaves
+    /// less than a twentieth of it.
+    pub const UNRESOLVED: u8 = 32;
 
     /// The float maps by name, in the order of the truth channel.
     pub fn maps(&self) -> [(&'static str, &[f32]); 5] {

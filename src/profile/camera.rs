@@ -1,7 +1,7 @@
 //! The camera of a profile: optics, timing, link.
 
-use super::Sensor;
 use super::check::{Check, distortion};
+use super::{Sensor, Vignetting, vignetting};
 use crate::error::Result;
 use crate::geometry::{Lens, Pose, View};
 use crate::pattern::manifest::MAX_SIDE_PX;
@@ -29,6 +29,9 @@ pub struct Camera {
     pub distortion: [f64; 5],
     /// Working f-number, for the light that reaches the sensor.
     pub f_number: f64,
+    /// Fall of light towards the edge of the image; none when absent.
+    #[serde(default)]
+    pub vignetting: Vignetting,
     /// Pixel format on the link at power-on.
     pub format: PixelFormat,
     /// Puts the embedded data line above each image, one row more on every link: see
@@ -92,6 +95,7 @@ pub(super) fn check(c: &Camera, check: &Check<'_>) -> Result<()> {
     }
     distortion(&c.view().lens, "camera.distortion", check)?;
     check.within("camera.f_number", c.f_number, 0.5..=128.0)?;
+    vignetting::check(&c.vignetting, &c.view().lens, "camera.vignetting", check)?;
     let [shortest, longest] = c.exposure_range_us;
     check.all_within("camera.exposure_range_us", &[shortest, longest], 0.1..=60e6)?;
     check.that(

@@ -1,6 +1,7 @@
 //! The projector of a profile: an inverse camera and its light.
 
 use super::check::{Check, distortion};
+use super::{Focus, Response, Vignetting, focus, response, vignetting};
 use crate::error::Result;
 use crate::geometry::{Lens, Pose, View};
 use crate::pattern::manifest::MAX_SIDE_PX;
@@ -30,13 +31,35 @@ pub struct Projector {
     pub distortion: [f64; 5],
     /// Bits of a displayed level, 1 to 8.
     pub bits: u32,
-    /// Radiant intensity of full white in watts per steradian, the same over the field.
+    /// Radiant intensity of full white in watts per steradian, the same over the field but for
+    /// `vignetting`.
     pub radiant_intensity_w_sr: f64,
     /// Wavelength of the light in nanometres.
     pub wavelength_nm: f64,
+    /// How light follows the level shown; linear when absent.
+    #[serde(default)]
+    pub response: Option<Response>,
+    /// Light of full white over that of full black (full on / full off, as data sheets state it);
+    /// black is dark when absent.
+    #[serde(default)]
+    pub contrast_ratio: Option<f64>,
+    /// Fall of light towards the edge of the field; none when absent.
+    #[serde(default)]
+    pub vignetting: Vignetting,
+    /// Focus and aperture; sharp everywhere when absent.
+    #[serde(default)]
+    pub focus: Option<Focus>,
 }
 
 impl Projector {
+    /// Light of a level from 0 to 2^bits - 1, relative to full white.
+    pub fn light(&self, level: u16) -> f64 {
+        let level = f64::from(level) / f64::from((1u32 << self.bits) - 1);
+        let shown = self.response.as_ref().map_or(level, |r| r.light(level));
+        let black = self.contrast_ratio.map_or(0.0, |ratio| 1.0 / ratio);
+        black + (1.0 - black) * shown
+    }
+
     /// Intrinsics and pose of the inverse camera.
     pub fn view(&self) -> View {
         View {
@@ -79,5 +102,20 @@ pub(super) fn check(p: &Projector, check: &Check<'_>) -> Result<()> {
         p.radiant_intensity_w_sr,
         0.0..=1e6,
     )?;
-    check.within("projector.wavelength_nm", p.wavelength_nm, 300.0..=1100.0)
+    check.within("projector.wavelength_nm", p.wavelength_nm, 300.0..=1100.0)?;
+    if let Some(curve) = &p.response {
+        response::check(curve, "projector.response", check)?;
+    }
+    if let Some(ratio) = p.contrast_ratio {
+        check.within("projector.contrast_ratio", ratio, 1.0..=1e9)?;
+    }
+    vignetting::check(
+        &p.vignetting,
+        &p.view().lens,
+        "projector.vignetting",
+        check,
+    )?;
+    p.focus
+        .iter()
+        .try_for_each(|f| focus::check(f, "projector.focus", check))
 }

@@ -1,5 +1,6 @@
 //! What the geometry pass leaves for the passes after it: one value a pixel and quantity.
 
+use super::light::{Blurred, Kernels};
 use super::world::Surface;
 use super::{Plan, Term};
 
@@ -25,6 +26,11 @@ pub(super) struct GeometryBuffer {
     pub(super) surface: Vec<u32>,
     /// Its unit normal on the camera's side.
     pub(super) normal: Vec<[f32; 3]>,
+    /// Standard deviation of the projector's blur in slide pixels; empty without defocus.
+    pub(super) blur: Vec<f32>,
+    /// Weights of the slide's columns (x) and rows (y) under blur: of each pixel, then of the
+    /// sixteen samples of each mixed one; `None` without defocus, or without slides that vary so.
+    pub(super) kernels: [Option<Kernels>; 2],
     /// `Truth::SEEN` and so on.
     pub(super) flags: Vec<u8>,
     /// Pixels whose footprint meets more than one surface, in order, and their samples.
@@ -44,6 +50,8 @@ pub(super) struct Mixed {
     pub(super) projected: [f32; 16],
     /// Electrons per second of ambient light, averaged.
     pub(super) ambient: f32,
+    /// Blur of each sample as in the maps; 0 without defocus.
+    pub(super) blur: [f32; 16],
 }
 
 /// Four rows of the maps, for one task.
@@ -58,6 +66,7 @@ pub(super) struct Band<'a> {
     pub(super) depth: &'a mut [f32],
     pub(super) surface: &'a mut [u32],
     pub(super) normal: &'a mut [[f32; 3]],
+    pub(super) blur: &'a mut [f32],
     pub(super) flags: &'a mut [u8],
 }
 
@@ -77,6 +86,9 @@ impl GeometryBuffer {
         self.depth.resize(n, f32::NAN);
         self.surface.resize(n, Surface::NONE.0);
         self.normal.resize(n, [0.0; 3]);
+        self.blur
+            .resize(if plan.has(Term::ProjectorDefocus) { n } else { 0 }, 0.0);
+        self.kernels = [None, None];
         self.flags.resize(n, 0);
         self.mixed.clear();
     }
@@ -91,6 +103,7 @@ impl GeometryBuffer {
         let mut depth = self.depth.chunks_mut(n);
         let mut surface = self.surface.chunks_mut(n);
         let mut normal = self.normal.chunks_mut(n);
+        let mut blur = self.blur.chunks_mut(n);
         let mut flags = self.flags.chunks_mut(n);
         let same = "all maps have one length";
         self.x
@@ -107,8 +120,50 @@ impl GeometryBuffer {
                 depth: depth.next().expect(same),
                 surface: surface.next().expect(same),
                 normal: normal.next().expect(same),
+                blur: blur.next().unwrap_or_default(),
                 flags: flags.next().expect(same),
             })
             .collect()
+    }
+}
+
+impl GeometryBuffer {
+    /// Works out the kernels that the plan asks for, on a slide of `size` columns and rows.
+    pub(super) fn blur_footprints(&mut self, size: [usize; 2], plan: &Plan) {
+        if !plan.has(Term::ProjectorDefocus) {
+            return;
+        }
+        let n = self.x.len();
+        let axes = [
+            (Term::FootprintX, &self.x, &self.x_slope),
+            (Term::FootprintY, &self.y, &self.y_slope),
+        ];
+        let of_mixed = |axis: usize, i: usize| {
+            let (mixed, k) = (&self.mixed[i / 16], i % 16);
+            let (x, slope) = match axis {
+                0 => (mixed.x[k], mixed.x_slope[k]),
+                _ => (mixed.y[k], mixed.y_slope[k]),
+            };
+            let lit = mixed.projected[k] > 0.0;
+            let sigma = if lit { mixed.blur[k] } else { 0.0 };
+            Blurred { x, slope, sigma }
+        };
+        let kernels = std::array::from_fn(|axis| {
+            let (term, x, slope) = axes[axis];
+            plan.has(term).then(|| {
+                Kernels::new(n + 16 * self.mixed.len(), size[axis], |i| {
+                    if i >= n {
+                        return of_mixed(axis, i - n);
+                    }
+                    let lit = self.projected[i] > 0.0;
+                    Blurred {
+                        x: x[i],
+                        slope: slope[i],
+                        sigma: if lit { self.blur[i] } else { 0.0 },
+                    }
+                })
+            })
+        });
+        self.kernels = kernels;
     }
 }

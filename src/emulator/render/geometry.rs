@@ -56,6 +56,9 @@ pub(super) fn run(
             }
         });
     mixed::run(world, optics, rays, plan, buffer);
+    let slide = &optics.projector.lens;
+    let size = [slide.width_px as usize, slide.height_px as usize];
+    buffer.blur_footprints(size, plan);
 }
 
 fn tile(
@@ -90,7 +93,7 @@ fn tile(
     );
     for lane in (0..LANES).filter(|&lane| used[lane]) {
         let (u, v) = place(lane);
-        write(band, v * width + u, &cast, lane);
+        write(band, v * width + u, optics, &cast, lane);
     }
 }
 
@@ -131,7 +134,7 @@ pub(super) fn cast(
 }
 
 #[inline(always)]
-fn write(band: &mut Band<'_>, i: usize, cast: &Cast, lane: usize) {
+fn write(band: &mut Band<'_>, i: usize, optics: &Optics, cast: &Cast, lane: usize) {
     let (hits, shaded, lit) = (&cast.hits, &cast.shaded, cast.lit[lane]);
     band.surface[i] = hits.surface[lane].0;
     if !hits.is_hit(lane) {
@@ -147,6 +150,9 @@ fn write(band: &mut Band<'_>, i: usize, cast: &Cast, lane: usize) {
     }
     if let Some(kept) = band.y_slope.get_mut(i) {
         *kept = slope(1);
+    }
+    if let Some(kept) = band.blur.get_mut(i) {
+        *kept = optics.blur_px(shaded, lane);
     }
     band.projected[i] = if lit {
         shaded.projected[lane] as f32

@@ -180,10 +180,13 @@ fn sample(
             .flatten()
             .any(|next| edges.edge(&places[lane], &places[next]))
     });
-    edge.then(|| gather(&cast, (row * edges.rays.width + column) as u32))
+    edge.then(|| {
+        let pixel = (row * edges.rays.width + column) as u32;
+        gather(optics, &cast, pixel)
+    })
 }
 
-fn gather(cast: &Cast, pixel: u32) -> Mixed {
+fn gather(optics: &Optics, cast: &Cast, pixel: u32) -> Mixed {
     let mut mixed = Mixed {
         pixel,
         x: [0.0; 16],
@@ -192,6 +195,7 @@ fn gather(cast: &Cast, pixel: u32) -> Mixed {
         y_slope: [[0.0; 2]; 16],
         projected: [0.0; 16],
         ambient: 0.0,
+        blur: [0.0; 16],
     };
     // A sample's own footprint is a quarter of the pixel's on each side.
     let quarter = |v: f64| (v / TILE as f64) as f32;
@@ -206,6 +210,7 @@ fn gather(cast: &Cast, pixel: u32) -> Mixed {
         mixed.x_slope[lane] = shaded.footprint[0].map(|by| quarter(by[lane]));
         mixed.y_slope[lane] = shaded.footprint[1].map(|by| quarter(by[lane]));
         mixed.projected[lane] = shaded.projected[lane] as f32;
+        mixed.blur[lane] = optics.blur_px(shaded, lane);
     }
     mixed
 }

@@ -2,21 +2,19 @@
 //!
 //! 1. `geometry`: once per camera and state of the scene; what each pixel sees, where on the
 //!    slide its light comes from, how much of it arrives. `mixed` samples pixels on edges.
-//! 2. `exposure`: per frame; the slide averaged over each pixel's footprint.
+//! 2. `light`: per frame; the slide averaged over each pixel's footprint.
 //! 3. `sensor`: per frame; electrons, noise, gain, converter.
 //!
 //! The second and third run fused over chunks of pixels that stay in cache. [`mod@reference`] is the
 //! slow f64 path that the tests hold them against.
 
 mod buffer;
-mod exposure;
 mod geometry;
+mod light;
 mod mixed;
-mod picture_table;
 mod plan;
 pub mod reference;
 mod renderer;
-mod row_table;
 mod sensor;
 mod shade;
 mod shape;

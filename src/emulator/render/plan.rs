@@ -7,7 +7,7 @@ use crate::pattern::Axis;
 use serde::Serialize;
 
 /// The terms that are computed.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Plan {
     /// A bit for each of [`Term::ALL`].
     terms: u64,
@@ -29,7 +29,7 @@ pub struct Decision {
 impl Plan {
     /// The terms that profile and scene need, before any slide is known.
     pub(super) fn new(needs: &Needs<'_>) -> Self {
-        let mut plan = Self { terms: 0 };
+        let mut plan = Self::default();
         for term in Term::ALL {
             plan.set(term, needs.decide(term).0);
         }

@@ -10,7 +10,7 @@ use crate::emulator::Slide;
 use crate::error::Result;
 use crate::geometry::{Pose, View};
 use crate::pattern::Axis;
-use crate::profile::{Profile, Scene, Shape};
+use crate::profile::{Profile, Response, Scene, Shape, Vignetting};
 use glam::{DVec2, DVec3};
 
 /// A scene as the reference path sees it.
@@ -138,7 +138,9 @@ impl Reference {
             .map(|i| {
                 let u = (f64::from(i) + 0.5) / f64::from(rays) - 0.5;
                 let v = (f64::from(i) * golden).fract() - 0.5;
-                self.irradiance(px + DVec2::new(u, v), slide)
+                // Two more directions of the lattice: roots of 2 and 3 share nothing with it.
+                let blur = [2f64, 3.0].map(|n| (f64::from(i) * n.sqrt() + 0.5).fract());
+                self.irradiance(px + DVec2::new(u, v), slide, blur)
             })
             .sum::<f64>()
             / f64::from(rays);
@@ -154,21 +156,57 @@ impl Reference {
         dn.min(f64::from((1u32 << sensor.bits) - 1))
     }
 
-    /// Albedo times irradiance of the surface at a point of the image, in W/m^2.
-    fn irradiance(&self, px: DVec2, slide: &Slide) -> f64 {
+    /// Albedo times irradiance of the surface at a point of the image, in W/m^2; the slide is
+    /// looked up at one place of the blur about the point, which two numbers of 0 to 1 choose.
+    fn irradiance(&self, px: DVec2, slide: &Slide, blur: [f64; 2]) -> f64 {
         let Some(found) = self.look(px) else {
             return 0.0;
         };
+        let projector = &self.profile.projector;
         let mut irradiance = self.ambient_w_m2;
         if found.lit {
             let way = self.projector.center() - found.point;
             let cos = found.normal.dot(way.normalize());
-            let level = level(slide, found.projector_px)
-                / f64::from((1u32 << self.profile.projector.bits) - 1);
-            irradiance += level * self.profile.projector.radiant_intensity_w_sr * cos
+            let level = level(slide, found.projector_px + self.blur(found.point, blur))
+                / f64::from((1u32 << projector.bits) - 1);
+            let shown = match &projector.response {
+                None => level,
+                Some(Response::Gamma(gamma)) => level.powf(*gamma),
+                Some(Response::Table(table)) => {
+                    let steps = (table.len() - 1) as f64;
+                    // Each value holds under a triangle as wide as two steps.
+                    let under = |(i, light): (usize, &f64)| {
+                        light * (1.0 - (level * steps - i as f64).abs()).max(0.0)
+                    };
+                    table.iter().enumerate().map(under).sum()
+                }
+            };
+            let ratio = projector.contrast_ratio.unwrap_or(f64::INFINITY);
+            let light = (1.0 - 1.0 / ratio).mul_add(shown, 1.0 / ratio);
+            let axis = self.projector.rig_from_view.direction(DVec3::Z);
+            let off_axis = -axis.dot(way.normalize());
+            let falloff = falloff(&projector.vignetting, &self.projector, off_axis, 1);
+            irradiance += light * falloff * projector.radiant_intensity_w_sr * cos
                 / (way.length_squared() * 1e-6);
         }
-        found.albedo * irradiance
+        let off_axis = self.camera.lens.ray(px).normalize().z;
+        let camera = &self.profile.camera;
+        found.albedo * irradiance * falloff(&camera.vignetting, &self.camera, off_axis, 4)
+    }
+
+    /// A draw of the projector's blur about a point, in slide pixels. The cone of light from the
+    /// aperture to a point of the focused plane is cut by the plane through the given point; what
+    /// it covers there, measured in the slide's pixels, is the blur's disc, of which a Gaussian of
+    /// a quarter of its diameter is drawn (Box and Muller 1958).
+    fn blur(&self, point: DVec3, [u, v]: [f64; 2]) -> DVec2 {
+        let Some(focus) = self.profile.projector.focus else {
+            return DVec2::ZERO;
+        };
+        let z = self.projector.rig_from_view.inverse().point(point).z;
+        let covered_mm = focus.aperture_mm * (z - focus.distance_mm).abs() / focus.distance_mm;
+        let pixel_mm = z / self.projector.lens.focal_px.x;
+        let radius = (-2.0 * (1.0 - u).ln()).sqrt() * covered_mm / pixel_mm / 4.0;
+        DVec2::from_angle(v * std::f64::consts::TAU) * radius
     }
 
     /// Nearest surface along a ray with a unit direction: distance, normal, albedo.
@@ -221,6 +259,20 @@ impl Primitive {
             }
         }
     }
+}
+
+/// What vignetting leaves at an angle of this cosine to the axis, `cosines` of the natural fall.
+fn falloff(vignetting: &Vignetting, view: &View, cos: f64, cosines: i32) -> f64 {
+    let lens = &view.lens;
+    let diagonal = f64::from(lens.width_px).hypot(f64::from(lens.height_px));
+    let r = cos.acos().tan() * lens.focal_px.x / (diagonal / 2.0);
+    let [a2, a4, a6] = vignetting.falloff;
+    let natural = if vignetting.natural {
+        cos.powi(cosines)
+    } else {
+        1.0
+    };
+    natural * (1.0 + a2 * r.powi(2) + a4 * r.powi(4) + a6 * r.powi(6))
 }
 
 fn quadratic(a: f64, b: f64, c: f64) -> impl Iterator<Item = f64> {

@@ -1,17 +1,17 @@
 //! One camera before one scene: runs the passes that a shot needs.
 
 use super::buffer::GeometryBuffer;
-use super::exposure::Table;
 use super::geometry::{self, Rays};
+use super::light::{self, Table};
 use super::sensor::Sensor;
 use super::shade::Optics;
 use super::term::Needs;
 use super::world::World;
-use super::{Decision, Plan, Term, exposure};
+use super::{Decision, Plan, Term};
 use crate::emulator::{Shot, Slide, Truth, truth};
 use crate::error::Result;
 use crate::pattern::manifest::MAX_FRAMES;
-use crate::pattern::{Pattern, finest_fringe};
+use crate::pattern::{Axis, Pattern, finest_fringe};
 use crate::profile::{Profile, Scene};
 use crate::protocol::Frame;
 use glam::DVec2;
@@ -91,6 +91,7 @@ impl Renderer {
         let table = || ideal_points(&self.optics);
         self.rays = self.plan.has(Term::CameraDistortion).then(table);
         self.geometry_done = false;
+        self.tables.clear();
     }
 
     /// Triangles in the scene.
@@ -205,7 +206,7 @@ impl Renderer {
         per_pixel: usize,
     ) {
         let seconds = (shot.exposure_ns as f64 * 1e-9) as f32;
-        let light = if shot.slide.is_some() {
+        let power = if shot.slide.is_some() {
             shot.light as f32
         } else {
             0.0
@@ -218,15 +219,15 @@ impl Renderer {
                 |electrons, (i, out)| {
                     let first = i * CHUNK;
                     let electrons = &mut electrons[..out.len() / per_pixel];
-                    exposure::run(map, table, seconds, light, first, electrons);
+                    light::run(map, table, seconds, power, first, electrons);
                     let from = map.mixed.partition_point(|m| (m.pixel as usize) < first);
                     let end = first + electrons.len();
-                    for pixel in &map.mixed[from..] {
+                    for (i, pixel) in map.mixed.iter().enumerate().skip(from) {
                         if pixel.pixel as usize >= end {
                             break;
                         }
                         electrons[pixel.pixel as usize - first] =
-                            exposure::mixed(pixel, table, seconds, light);
+                            light::mixed(map, i, table, seconds, power);
                     }
                     then(first, electrons, out);
                 },
@@ -241,7 +242,7 @@ impl Renderer {
         if let Some((_, table)) = self.tables.iter().find(|(s, _)| Arc::ptr_eq(s, slide)) {
             return table.clone();
         }
-        let table = Arc::new(Table::new(slide, self.profile.projector.bits));
+        let table = Arc::new(Table::new(slide, &self.profile.projector, &self.plan));
         self.tables.push((slide.clone(), table.clone()));
         let mut bytes: usize = self.tables.iter().map(|(_, table)| table.bytes()).sum();
         while bytes > TABLE_BYTES || self.tables.len() > MAX_FRAMES {
@@ -261,6 +262,7 @@ impl Renderer {
             .map(|(_, shot)| self.expected_dn(shot))
             .collect();
         let phases: Vec<_> = fringes.iter().map(|(phase, _)| *phase).collect();
+        let flags = self.flags(sequence);
         let map = &self.buffer;
         let (mean_dn, modulation_dn) = truth::harmonic(&phases, &signals, map.x.len());
         Truth {
@@ -269,10 +271,35 @@ impl Renderer {
             depth_mm: map.depth.clone(),
             projector_x: map.x.clone(),
             projector_y: map.y.clone(),
-            flags: map.flags.clone(),
+            flags,
             mean_dn,
             modulation_dn,
         }
+    }
+
+    /// The map's flags, and where the sequence's finest fringes are too fine.
+    fn flags(&self, sequence: &[(Pattern, Shot)]) -> Vec<u8> {
+        let map = &self.buffer;
+        let mut flags = map.flags.clone();
+        let Some((axis, period)) = finest_fringe(sequence.iter().map(|(pattern, _)| pattern))
+        else {
+            return flags;
+        };
+        let slope = match axis {
+            Axis::X => &map.x_slope,
+            Axis::Y => &map.y_slope,
+        };
+        let lit = |flags: u8| flags & Truth::LIT != 0;
+        for (i, flags) in flags.iter_mut().enumerate().filter(|(_, f)| lit(**f)) {
+            let blur = map.blur.get(i).copied().unwrap_or(0.0);
+            let resolved = slope
+                .get(i)
+                .is_none_or(|slope| light::is_resolved(*slope, blur, period));
+            if !resolved {
+                *flags |= Truth::UNRESOLVED;
+            }
+        }
+        flags
     }
 }
 

@@ -1,6 +1,7 @@
 //! Shading sixteen samples at once: where the projector's light for each comes from, and how much
 //! of it arrives. Structure of arrays in f64, so that the loops fill SIMD registers.
 
+use super::light::{Defocus, Falloff};
 use super::world::{Hits, World};
 use super::{Plan, Term};
 use crate::geometry::raycast::LANES;
@@ -26,6 +27,9 @@ pub(super) struct Optics {
     /// Radiant intensity of the projector's white in W/sr.
     intensity_w_sr: f64,
     ambient_w_m2: f64,
+    seen: Falloff,
+    shown: Falloff,
+    defocus: Defocus,
 }
 
 /// Samples of the surfaces that sixteen rays meet; lanes that meet none hold NaN and false.
@@ -62,7 +66,16 @@ impl Optics {
                 / (4.0 * camera.f_number.powi(2) * photon_j),
             intensity_w_sr: profile.projector.radiant_intensity_w_sr,
             ambient_w_m2: scene.ambient.irradiance_w_m2,
+            seen: Falloff::of_camera(camera),
+            shown: Falloff::of_projector(&profile.projector),
+            defocus: Defocus::new(&profile.projector),
         }
+    }
+
+    /// Standard deviation of the projector's blur at a sample, in slide pixels.
+    pub(super) fn blur_px(&self, shaded: &Shaded, lane: usize) -> f32 {
+        let point = DVec3::from_array(shaded.point.map(|axis| axis[lane]));
+        self.defocus.sigma_px(point) as f32
     }
 
     /// Shades what rays of the camera, `directions` with z = 1, have met. They start at `origin`, a
@@ -100,6 +113,12 @@ impl Optics {
             &slope,
             &mut shaded,
         );
+        if plan.has(Term::CameraVignetting) {
+            self.seen.dim_seen(directions, &mut shaded);
+        }
+        if plan.has(Term::ProjectorVignetting) {
+            self.shown.dim_projected(&mut shaded);
+        }
         if plan.has(Term::ProjectorDistortion) {
             distort(&self.projector.lens, &mut shaded);
         }

@@ -27,12 +27,22 @@ pub enum Term {
     CameraDistortion,
     /// Projector coordinates are distorted.
     ProjectorDistortion,
+    /// The camera's image darkens towards its edge.
+    CameraVignetting,
+    /// The projector's light falls towards the edge of its field.
+    ProjectorVignetting,
+    /// The projector is sharp at one distance: its slide is blurred over depth.
+    ProjectorDefocus,
     /// Shadow rays: some object may stand in another's light, or its own.
     Shadows,
     /// Footprints along x, over which slides that vary along x are averaged.
     FootprintX,
     /// Footprints along y.
     FootprintY,
+    /// Light follows the slide's levels by a curve.
+    ProjectorResponse,
+    /// The projector's black is not dark.
+    ContrastRatio,
     /// Shot and read noise: random numbers are drawn.
     Noise,
 }
@@ -53,12 +63,17 @@ pub(super) struct Needs<'a> {
 
 impl Term {
     /// All terms in the order of the passes.
-    pub const ALL: [Self; 6] = [
+    pub const ALL: [Self; 11] = [
         Self::CameraDistortion,
         Self::ProjectorDistortion,
+        Self::CameraVignetting,
+        Self::ProjectorVignetting,
+        Self::ProjectorDefocus,
         Self::Shadows,
         Self::FootprintX,
         Self::FootprintY,
+        Self::ProjectorResponse,
+        Self::ContrastRatio,
         Self::Noise,
     ];
 
@@ -67,9 +82,13 @@ impl Term {
         match self {
             Self::CameraDistortion
             | Self::ProjectorDistortion
+            | Self::CameraVignetting
+            | Self::ProjectorVignetting
+            | Self::ProjectorDefocus
             | Self::Shadows
             | Self::FootprintX
             | Self::FootprintY => Pass::Geometry,
+            Self::ProjectorResponse | Self::ContrastRatio => Pass::Exposure,
             Self::Noise => Pass::Sensor,
         }
     }
@@ -99,6 +118,24 @@ impl Needs<'_> {
                 "projector.distortion is not zero",
                 "projector.distortion is zero",
             ),
+            Term::CameraVignetting => choose(
+                !self.profile.camera.vignetting.is_none(),
+                "camera.vignetting is set",
+                "camera.vignetting is not set",
+            ),
+            Term::ProjectorVignetting => choose(
+                !self.profile.projector.vignetting.is_none(),
+                "projector.vignetting is set",
+                "projector.vignetting is not set",
+            ),
+            Term::ProjectorDefocus => choose(
+                self.profile
+                    .projector
+                    .focus
+                    .is_some_and(|focus| focus.aperture_mm > 0.0),
+                "projector.focus has an aperture",
+                "projector.focus is absent, or a pinhole's",
+            ),
             Term::Shadows => choose(
                 self.world.casts_shadows(),
                 "some surface may stand in another's light",
@@ -106,6 +143,16 @@ impl Needs<'_> {
             ),
             Term::FootprintX => (false, "no slide varies along x"),
             Term::FootprintY => (false, "no slide varies along y"),
+            Term::ProjectorResponse => choose(
+                self.profile.projector.response.is_some(),
+                "projector.response is set",
+                "projector.response is absent: light follows the levels",
+            ),
+            Term::ContrastRatio => choose(
+                self.profile.projector.contrast_ratio.is_some(),
+                "projector.contrast_ratio is set",
+                "projector.contrast_ratio is absent: black is dark",
+            ),
             Term::Noise => choose(
                 !self.profile.camera.sensor.noiseless,
                 "the sensor has shot and read noise",

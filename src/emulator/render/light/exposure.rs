@@ -1,50 +1,60 @@
 //! The exposure pass: the slide's light at each pixel, averaged over the pixel's footprint.
 //!
-//! A slide that varies along one axis is averaged exactly by its [`RowTable`]; a picture by its
-//! [`PictureTable`].
+//! A slide that varies along one axis is averaged exactly by its [`RowTable`], and where the
+//! projector is out of focus by kernels on its [`HeldRow`]; a picture by its [`PictureTable`].
 
-use super::buffer::{GeometryBuffer, Mixed};
+use super::super::{Plan, Term};
+use super::kernel::{HeldRow, Kernels};
+use super::levels::Curve;
 use super::picture_table::PictureTable;
+use super::super::buffer::GeometryBuffer;
 use super::row_table::{LANES, RowTable};
 use crate::emulator::Slide;
 use crate::pattern::Axis;
+use crate::profile::Projector;
 use crate::simd::widest;
 
 /// A slide prepared for averaging.
-pub(super) enum Table {
+pub(in super::super) enum Table {
     /// One level, relative to full white.
     Uniform(f32),
-    /// Levels along one axis.
-    Row(Axis, RowTable),
+    /// Levels along one axis, and the same for kernels where the projector has a focus.
+    Row(Axis, RowTable, Option<HeldRow>),
     /// Levels of each slide pixel.
     Picture(PictureTable),
 }
 
 impl Table {
-    /// Prepares a slide whose full level is 2^bits - 1.
-    pub(super) fn new(slide: &Slide, bits: u32) -> Self {
-        let scale = 1.0 / ((1u32 << bits) - 1) as f32;
+    /// Prepares a slide of the projector's, with the terms of the plan.
+    pub(in super::super) fn new(slide: &Slide, projector: &Projector, plan: &Plan) -> Self {
+        let curve = Curve::new(projector, plan);
         match slide {
-            Slide::Uniform(level) => Self::Uniform(f32::from(*level) * scale),
-            Slide::Row(axis, levels) => Self::Row(*axis, RowTable::new(levels, scale)),
+            Slide::Uniform(level) => Self::Uniform(curve.light(*level) as f32),
+            Slide::Row(axis, levels) => {
+                let held = plan.has(Term::ProjectorDefocus).then(|| {
+                    let light: Vec<_> = levels.iter().map(|&level| curve.light(level)).collect();
+                    HeldRow::new(&light)
+                });
+                let (integers, scale) = curve.integers(levels);
+                Self::Row(*axis, RowTable::new(&integers, scale), held)
+            }
             Slide::Picture {
                 width,
                 height,
                 levels,
-            } => Self::Picture(PictureTable::new(
-                *width as usize,
-                *height as usize,
-                levels,
-                scale,
-            )),
+            } => {
+                let (integers, scale) = curve.integers(levels);
+                let size = (*width as usize, *height as usize);
+                Self::Picture(PictureTable::new(size.0, size.1, &integers, scale))
+            }
         }
     }
 
     /// Memory that the table takes, in bytes.
-    pub(super) fn bytes(&self) -> usize {
+    pub(in super::super) fn bytes(&self) -> usize {
         match self {
             Self::Uniform(_) => 0,
-            Self::Row(_, row) => row.bytes(),
+            Self::Row(_, row, held) => row.bytes() + held.as_ref().map_or(0, HeldRow::bytes),
             Self::Picture(picture) => picture.bytes(),
         }
     }
@@ -54,7 +64,7 @@ impl Table {
 /// light plus the slide's.
 ///
 /// `seconds` is the exposure; `light` the projector's light relative to full, 0 when it is off.
-pub(super) fn run(
+pub(in super::super) fn run(
     map: &GeometryBuffer,
     table: &Table,
     seconds: f32,
@@ -64,19 +74,23 @@ pub(super) fn run(
 ) {
     match table {
         Table::Uniform(level) => uniform(map, *level, [seconds, light], first, electrons),
-        Table::Row(axis, row) => {
-            let (x, slope) = match axis {
-                Axis::X => (&map.x, &map.x_slope),
-                Axis::Y => (&map.y, &map.y_slope),
+        Table::Row(axis, row, held) => {
+            let (x, slope, kernels) = match axis {
+                Axis::X => (&map.x, &map.x_slope, &map.kernels[0]),
+                Axis::Y => (&map.y, &map.y_slope, &map.kernels[1]),
             };
             along_row(map, row, (x, slope), [seconds, light], first, electrons);
+            if let (Some(kernels), Some(held)) = (kernels, held) {
+                blurred(map, kernels, held, [seconds, light], first, electrons);
+            }
         }
         Table::Picture(picture) => {
             for (k, e) in electrons.iter_mut().enumerate() {
                 let i = first + k;
                 let lit = map.projected[i];
                 let level = if lit > 0.0 {
-                    picture.average(map.x[i], map.y[i], map.x_slope[i], map.y_slope[i])
+                    let blur = map.blur.get(i).copied().unwrap_or(0.0);
+                    picture.average([map.x[i], map.y[i]], map.x_slope[i], map.y_slope[i], blur)
                 } else {
                     0.0
                 };
@@ -86,22 +100,66 @@ pub(super) fn run(
     }
 }
 
-/// Mean electrons of a mixed pixel.
-pub(super) fn mixed(pixel: &Mixed, table: &Table, seconds: f32, light: f32) -> f32 {
-    let levels: [f32; 16] = match table {
+/// Mean electrons of a mixed pixel, the `index`th of the map.
+pub(in super::super) fn mixed(
+    map: &GeometryBuffer,
+    index: usize,
+    table: &Table,
+    seconds: f32,
+    light: f32,
+) -> f32 {
+    let pixel = &map.mixed[index];
+    let mut levels: [f32; 16] = match table {
         Table::Uniform(level) => [*level; 16],
-        Table::Row(Axis::X, row) => row.average_mixed(&pixel.x, &pixel.x_slope),
-        Table::Row(Axis::Y, row) => row.average_mixed(&pixel.y, &pixel.y_slope),
+        Table::Row(Axis::X, row, _) => row.average_mixed(&pixel.x, &pixel.x_slope),
+        Table::Row(Axis::Y, row, _) => row.average_mixed(&pixel.y, &pixel.y_slope),
         Table::Picture(picture) => std::array::from_fn(|k| {
-            picture.average(pixel.x[k], pixel.y[k], pixel.x_slope[k], pixel.y_slope[k])
+            let slopes = (pixel.x_slope[k], pixel.y_slope[k]);
+            picture.average([pixel.x[k], pixel.y[k]], slopes.0, slopes.1, pixel.blur[k])
         }),
     };
+    if let Table::Row(axis, _, Some(held)) = table
+        && let Some(kernels) = &map.kernels[usize::from(*axis == Axis::Y)]
+    {
+        let first = map.x.len() + 16 * index;
+        for (k, level) in levels.iter_mut().enumerate() {
+            if let Some(average) = kernels.average(first + k, held) {
+                *level = average;
+            }
+        }
+    }
     let sum: f32 = levels
         .iter()
         .zip(&pixel.projected)
         .map(|(l, p)| l * p)
         .sum();
     seconds * (pixel.ambient + light * sum / pixel.projected.len() as f32)
+}
+
+widest! {
+    fn blurred(
+        map: &GeometryBuffer, kernels: &Kernels, row: &HeldRow, exposure: [f32; 2], first: usize,
+        electrons: &mut [f32],
+    ) => blurred_body
+}
+/// Does again what `along_row` did, for the pixels that have a kernel.
+#[inline(always)]
+fn blurred_body(
+    map: &GeometryBuffer,
+    kernels: &Kernels,
+    row: &HeldRow,
+    [seconds, light]: [f32; 2],
+    first: usize,
+    electrons: &mut [f32],
+) {
+    let range = first..first + electrons.len();
+    let light = light * seconds;
+    let maps = map.ambient[range.clone()].iter().zip(&map.projected[range]);
+    for (k, (e, (ambient, projected))) in electrons.iter_mut().zip(maps).enumerate() {
+        if let Some(level) = kernels.average(first + k, row) {
+            *e = seconds * ambient + light * projected * level;
+        }
+    }
 }
 
 widest! {

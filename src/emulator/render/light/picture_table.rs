@@ -3,7 +3,7 @@
 use super::row_table::WIDEST;
 
 /// A picture as a summed-area table of (width + 1) x (height + 1) corners.
-pub(super) struct PictureTable {
+pub(in super::super) struct PictureTable {
     width: usize,
     height: usize,
     sums: Vec<f64>,
@@ -29,9 +29,18 @@ impl PictureTable {
         }
     }
 
-    /// Average level, 0 to 1, over the rectangle of the footprint's second moments.
-    pub(super) fn average(&self, x: f32, y: f32, x_slope: [f32; 2], y_slope: [f32; 2]) -> f32 {
-        let width = |s: [f32; 2]| f64::from(s[0].hypot(s[1]).clamp(1e-3, WIDEST));
+    /// Average level, 0 to 1, over the rectangle of the second moments of the footprint and of a
+    /// blur with standard deviation `blur`: an approximation, which means and widths survive, but
+    /// not the shape (a box of the same variance has sqrt(12) times the deviation for its width).
+    pub(super) fn average(
+        &self,
+        [x, y]: [f32; 2],
+        x_slope: [f32; 2],
+        y_slope: [f32; 2],
+        blur: f32,
+    ) -> f32 {
+        let blur = blur * 12f32.sqrt();
+        let width = |s: [f32; 2]| f64::from(s[0].hypot(s[1]).hypot(blur).clamp(1e-3, WIDEST));
         let (w, h) = (width(x_slope), width(y_slope));
         // From pixel centres to corners of the table.
         let (x, y) = (f64::from(x) + 0.5, f64::from(y) + 0.5);

@@ -1,0 +1,21 @@
+//! The exposure pass: the projector's light at each pixel.
+//!
+//! `exposure` runs it. `levels` is what a slide's levels are as light; `row_table` and
+//! `picture_table` average slides over footprints, `kernel` under `defocus` too. `vignetting` has
+//! its part in the geometry pass.
+
+mod bell;
+mod defocus;
+mod exposure;
+mod kernel;
+mod levels;
+mod picture_table;
+mod resolution;
+mod row_table;
+mod vignetting;
+
+pub(super) use defocus::Defocus;
+pub(super) use exposure::{Table, mixed, run};
+pub(super) use kernel::{Blurred, Kernels};
+pub(super) use resolution::is_resolved;
+pub(super) use vignetting::Falloff;
