@@ -31,7 +31,8 @@ pub(super) struct GeometryBuffer {
     pub(super) mixed: Vec<Mixed>,
 }
 
-/// Samples of a mixed pixel's footprint, a grid of 4 x 4.
+/// Sixteen samples of a mixed pixel's footprint. A pixel with more has several of these, one after
+/// the other, whose electrons add up.
 #[derive(Debug, Clone)]
 pub(super) struct Mixed {
     /// Row-major pixel index.
@@ -44,6 +45,21 @@ pub(super) struct Mixed {
     pub(super) projected: [f32; 16],
     /// Electrons per second of ambient light, averaged.
     pub(super) ambient: f32,
+}
+
+impl Mixed {
+    /// A pixel whose samples see nothing.
+    pub(super) fn new(pixel: u32) -> Self {
+        Self {
+            pixel,
+            x: [0.0; 16],
+            y: [0.0; 16],
+            x_slope: [[0.0; 2]; 16],
+            y_slope: [[0.0; 2]; 16],
+            projected: [0.0; 16],
+            ambient: 0.0,
+        }
+    }
 }
 
 /// Four rows of the maps, for one task.

@@ -1,24 +1,28 @@
 //! Rendering in three passes, each left out when a scene does not need it.
 //!
 //! 1. `geometry`: once per camera and state of the scene; what each pixel sees, where on the
-//!    slide its light comes from, how much of it arrives. `mixed` samples pixels on edges.
+//!    slide its light comes from, how much of it arrives. `mixed` samples pixels on edges,
+//!    `sampled` all of them.
 //! 2. `exposure`: per frame; the slide averaged over each pixel's footprint.
 //! 3. `sensor`: per frame; electrons, noise, gain, converter.
 //!
 //! The second and third run fused over chunks of pixels that stay in cache. [`mod@reference`] is the
 //! slow f64 path that the tests hold them against.
 
+mod aperture;
 mod buffer;
 mod exposure;
 mod geometry;
 mod mixed;
 mod normal;
+mod options;
 mod philox;
 mod picture_table;
 mod plan;
 pub mod reference;
 mod renderer;
 mod row_table;
+mod sampled;
 mod sensor;
 mod shade;
 mod shape;
@@ -26,6 +30,7 @@ mod term;
 mod triangle;
 mod world;
 
+pub use options::Options;
 pub use plan::{Decision, Plan};
 pub use renderer::Renderer;
 pub use term::{Pass, Term};
