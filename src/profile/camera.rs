@@ -27,11 +27,14 @@ pub struct Camera {
     /// OpenCV's k1 k2 p1 p2 k3.
     #[serde(default)]
     pub distortion: [f64; 5],
-    /// Working f-number, for the light that reaches the sensor.
+    /// Working f-number, for the light that reaches the sensor, and for the blur out of focus.
     pub f_number: f64,
     /// Fall of light towards the edge of the image; none when absent.
     #[serde(default)]
     pub vignetting: Vignetting,
+    /// Distance of the plane in focus from the pupil in millimetres; absent, all is in focus.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub focus_mm: Option<f64>,
     /// Pixel format on the link at power-on.
     pub format: PixelFormat,
     /// Puts the embedded data line above each image, one row more on every link: see
@@ -96,6 +99,9 @@ pub(super) fn check(c: &Camera, check: &Check<'_>) -> Result<()> {
     distortion(&c.view().lens, "camera.distortion", check)?;
     check.within("camera.f_number", c.f_number, 0.5..=128.0)?;
     vignetting::check(&c.vignetting, &c.view().lens, "camera.vignetting", check)?;
+    if let Some(focus) = c.focus_mm {
+        check.within("camera.focus_mm", focus, c.focal_length_mm..=1e9)?;
+    }
     let [shortest, longest] = c.exposure_range_us;
     check.all_within("camera.exposure_range_us", &[shortest, longest], 0.1..=60e6)?;
     check.that(

@@ -4,7 +4,7 @@
 //! `cargo bench` runs all; `cargo bench -- geometry` those whose name holds a word.
 
 use phasma::decode::{Decoded, Decoder, FrameStack, Options, Samples};
-use phasma::emulator::render::Renderer;
+use phasma::emulator::render::{Options as RenderOptions, Renderer};
 use phasma::emulator::{Shot, Slide};
 use phasma::profile::{Profile, Scene};
 use std::hint::black_box;
@@ -58,6 +58,7 @@ fn main() {
             },
         );
     }
+    samples(&bench, &profile, pixels);
     frames(&bench, &profile, pixels);
     decode(&bench, &profile, pixels);
 }
@@ -84,6 +85,25 @@ fn frames(bench: &Bench, profile: &Profile, pixels: usize) {
                 shot.light = electrons / 8000.0;
                 black_box(setup.renderer.expose(&shot));
             }
+        });
+    }
+}
+
+/// The geometry pass with more rays a pixel, and with rays through all of the pupil.
+fn samples(bench: &Bench, profile: &Profile, pixels: usize) {
+    let mut blurred = profile.clone();
+    blurred.camera.f_number = 4.0;
+    blurred.camera.focus_mm = Some(1000.0);
+    for (what, profile, samples) in [
+        ("4 samples", profile, 4),
+        ("16 samples", profile, 16),
+        ("16 samples, depth of field", &blurred, 16),
+    ] {
+        let mut setup = Setup::with_samples(profile, "torso", samples);
+        let name = format!("geometry, torso, {what}");
+        bench.run(&name, 1, pixels, 45 * samples as usize, || {
+            setup.renderer.invalidate();
+            setup.renderer.prepare();
         });
     }
 }
@@ -143,8 +163,13 @@ struct Setup {
 
 impl Setup {
     fn new(profile: &Profile, scene: &str) -> Self {
+        Self::with_samples(profile, scene, 1)
+    }
+
+    fn with_samples(profile: &Profile, scene: &str, samples: u32) -> Self {
         let scene = Scene::load(scene).expect("built in");
-        let mut renderer = Renderer::new(profile, &scene, 1).expect("built in");
+        let options = RenderOptions { samples };
+        let mut renderer = Renderer::with_options(profile, &scene, 1, options).expect("built in");
         let slide = |frame: &phasma::pattern::ManifestFrame| {
             let none = |_: &std::path::Path| unreachable!("no images");
             Arc::new(Slide::new(&frame.pattern, &profile.projector, &none).expect("has a formula"))

@@ -4,3 +4,4 @@ mod closed_form;
 mod exact;
 mod extremes;
 mod hold;
+mod samples;

@@ -6,6 +6,7 @@ use super::scan::capture;
 use super::step;
 use crate::decode::{Options, Summary as Decoding};
 use crate::emulator::Truth;
+use crate::emulator::render::Options as RenderOptions;
 use crate::error::{Error, Result};
 use crate::geometry::ply;
 use crate::host::{Capture, Captured, ScanOptions};
@@ -36,6 +37,10 @@ pub struct Args {
     /// Seed of the noise
     #[arg(long, default_value_t = 1)]
     seed: u64,
+    /// Rays a pixel: 1, 4, 16 or 64. More catch what is thinner than a pixel, and take as many times
+    /// as long, once for each scene
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    samples: u32,
     /// Leave the sensor's noise out
     #[arg(long)]
     no_noise: bool,
@@ -52,6 +57,10 @@ const CLOUD: &str = "cloud.ply";
 
 pub(super) fn run(args: &Args) -> Result<()> {
     let start = Instant::now();
+    RenderOptions {
+        samples: args.samples,
+    }
+    .checked()?;
     check_folder(&args.out)?;
     step("starting the device");
     let served = Served::start(&serve_arguments(args))?;
@@ -164,6 +173,8 @@ fn serve_arguments(args: &Args) -> Vec<String> {
         args.scene.clone(),
         "--seed".to_owned(),
         args.seed.to_string(),
+        "--samples".to_owned(),
+        args.samples.to_string(),
     ];
     if args.no_noise {
         arguments.push("--no-noise".to_owned());

@@ -57,6 +57,10 @@ pub(super) struct Args {
     /// Seed of the noise; of several devices the first one's, and one more for each that follows.
     #[arg(long, default_value_t = 0)]
     seed: u64,
+    /// Rays a pixel: 1, 4, 16 or 64. More catch what is thinner than a pixel, and take as many times
+    /// as long, once for each scene.
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    samples: u32,
     /// Leave the noise out.
     #[arg(long)]
     no_noise: bool,

@@ -2,6 +2,7 @@
 
 use super::video::open_video;
 use super::{Args, Pace};
+use crate::emulator::render::Options;
 use crate::emulator::{Clock, Firmware, PacedClock, Renderer, UserSequence, VirtualClock};
 use crate::error::{Error, Result};
 use crate::link::{Device, RunDir, UsbLink, serve};
@@ -44,9 +45,12 @@ impl Unit {
         };
         let id = &profile.identity;
         let seed = args.seed.wrapping_add(number as u64);
+        let options = Options {
+            samples: args.samples,
+        };
         let device = Device {
             firmware: Firmware::new(profile, &user)?,
-            renderer: Renderer::new(profile, scene, seed)?,
+            renderer: Renderer::with_options(profile, scene, seed, options)?,
             clock,
             name: format!(
                 "{},{},{},{}",

@@ -37,7 +37,8 @@ pub(super) struct GeometryBuffer {
     pub(super) mixed: Vec<Mixed>,
 }
 
-/// Samples of a mixed pixel's footprint, a grid of 4 x 4.
+/// Sixteen samples of a mixed pixel's footprint. A pixel with more has several of these, one after
+/// the other, whose electrons add up.
 #[derive(Debug, Clone)]
 pub(super) struct Mixed {
     /// Row-major pixel index.
@@ -52,6 +53,22 @@ pub(super) struct Mixed {
     pub(super) ambient: f32,
     /// Blur of each sample as in the maps; 0 without defocus.
     pub(super) blur: [f32; 16],
+}
+
+impl Mixed {
+    /// A pixel whose samples see nothing.
+    pub(super) fn new(pixel: u32) -> Self {
+        Self {
+            pixel,
+            x: [0.0; 16],
+            y: [0.0; 16],
+            x_slope: [[0.0; 2]; 16],
+            y_slope: [[0.0; 2]; 16],
+            projected: [0.0; 16],
+            ambient: 0.0,
+            blur: [0.0; 16],
+        }
+    }
 }
 
 /// Four rows of the maps, for one task.

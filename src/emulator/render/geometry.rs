@@ -1,13 +1,15 @@
 //! The geometry pass: once per camera and state of the scene, per pixel what it sees, where on the
 //! slide its light comes from, and how much of it arrives.
 
+use super::aperture::Aperture;
 use super::buffer::{Band, GeometryBuffer};
+use super::sampled::Sampler;
 use super::shade::{Optics, Shaded};
 use super::world::{Hits, Surface, World};
-use super::{Plan, Term, mixed};
+use super::{Options, Plan, Term, mixed};
 use crate::emulator::Truth;
 use crate::geometry::raycast::{LANES, Scratch};
-use glam::{DVec2, DVec3};
+use glam::{DMat2, DVec2, DVec3};
 use rayon::prelude::*;
 
 /// Side of the tile of pixels that one packet of rays covers.
@@ -30,18 +32,31 @@ impl Rays<'_> {
         }
     }
 
+    /// Derivatives of a direction with z = 1 by the pixel.
+    pub(super) fn slope(&self, direction: DVec3) -> DMat2 {
+        let lens = &self.optics.camera.lens;
+        let scale = DMat2::from_diagonal(1.0 / lens.focal_px);
+        match self.table {
+            Some(_) => lens.distort_jacobian(direction.truncate()).inverse() * scale,
+            None => scale,
+        }
+    }
+
     /// Direction with z = 1 through any point of the image.
     pub(super) fn through(&self, px: DVec2) -> DVec3 {
         self.optics.camera.lens.ray(px)
     }
 }
 
-/// Fills the buffer: first every pixel's centre, then the samples of mixed pixels.
+/// Fills the buffer: first every pixel's centre, then the samples of pixels that their centres do
+/// not stand for, which it flags as creases.
 pub(super) fn run(
     world: &World,
     optics: &Optics,
     rays: &Rays<'_>,
     plan: &Plan,
+    options: Options,
+    aperture: Aperture,
     buffer: &mut GeometryBuffer,
 ) {
     let lens = &optics.camera.lens;
@@ -55,7 +70,26 @@ pub(super) fn run(
                 tile(world, optics, rays, plan, &mut band, column, scratch);
             }
         });
-    mixed::run(world, optics, rays, plan, buffer);
+    let depth_of_field = plan.has(Term::DepthOfField) && aperture.radius_mm > 0.0;
+    let sampler = Sampler {
+        world,
+        optics,
+        rays,
+        plan,
+        aperture,
+        side: options.side(depth_of_field),
+    };
+    buffer.mixed = match sampler.side {
+        1 => mixed::run(world, optics, rays, plan, buffer, &[]),
+        2 => mixed::run(world, optics, rays, plan, buffer, &sampler.uneven(buffer)),
+        _ => sampler.gather(buffer),
+    };
+    for mixed in &buffer.mixed {
+        buffer.flags[mixed.pixel as usize] |= Truth::CREASE;
+    }
+    if plan.has(Term::DepthOfField) {
+        aperture.widen(buffer);
+    }
     let slide = &optics.projector.lens;
     let size = [slide.width_px as usize, slide.height_px as usize];
     buffer.blur_footprints(size, plan);
@@ -99,6 +133,8 @@ fn tile(
 
 /// Sixteen rays with all that is known of where they end.
 pub(super) struct Cast {
+    /// Where the rays start: a point of the camera's pupil.
+    pub(super) origin: DVec3,
     pub(super) hits: Hits,
     pub(super) shaded: Shaded,
     /// Lanes that the projector lights.
@@ -130,7 +166,19 @@ pub(super) fn cast(
             lit[lane] &= !blocked[lane];
         }
     }
-    Cast { hits, shaded, lit }
+    Cast {
+        origin,
+        hits,
+        shaded,
+        lit,
+    }
+}
+
+impl Cast {
+    /// Where a lane's ray ends, from its origin.
+    pub(super) fn point(&self, lane: usize) -> DVec3 {
+        DVec3::from_array(std::array::from_fn(|axis| self.shaded.point[axis][lane]))
+    }
 }
 
 #[inline(always)]
@@ -152,7 +200,7 @@ fn write(band: &mut Band<'_>, i: usize, optics: &Optics, cast: &Cast, lane: usiz
         *kept = slope(1);
     }
     if let Some(kept) = band.blur.get_mut(i) {
-        *kept = optics.blur_px(shaded, lane);
+        *kept = optics.blur_px(cast.origin + cast.point(lane));
     }
     band.projected[i] = if lit {
         shaded.projected[lane] as f32

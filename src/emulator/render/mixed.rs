@@ -2,7 +2,8 @@
 //! centre does not stand for them, so the light of 4 x 4 samples is averaged, as in life.
 //!
 //! Candidates are pixels that differ from one of their eight neighbours; their samples then decide.
-//! A sliver thinner than a pixel that touches no pixel's centre is missed.
+//! A sliver thinner than a pixel that touches no pixel's centre is missed, unless more samples a
+//! pixel are asked for.
 
 use super::Plan;
 use super::buffer::{GeometryBuffer, Mixed};
@@ -15,18 +16,19 @@ use glam::{DVec2, DVec3, Vec3};
 use rayon::prelude::*;
 
 /// Triangles of one mesh whose normals are closer than 15 degrees form one smooth surface.
-const COS_CREASE: f32 = 0.965_925_8;
+pub(super) const COS_CREASE: f32 = 0.965_925_8;
 
-/// Finds the mixed pixels of the maps, samples them, and flags them as creases.
+/// Finds the mixed pixels of the maps and samples them. Pixels that are known to be `uneven` are
+/// candidates too; it may be empty.
 pub(super) fn run(
     world: &World,
     optics: &Optics,
     rays: &Rays<'_>,
     plan: &Plan,
-    buffer: &mut GeometryBuffer,
-) {
+    view: &GeometryBuffer,
+    uneven: &[bool],
+) -> Vec<Mixed> {
     let found = {
-        let view = &*buffer;
         let edges = Edges {
             world,
             rays,
@@ -37,7 +39,8 @@ pub(super) fn run(
             .map_init(Scratch::default, |scratch, row| {
                 let mut samples = Vec::new();
                 for column in 0..view.width {
-                    if edges.touches(view, column, row) {
+                    let known = uneven.get(row * view.width + column) == Some(&true);
+                    if known || edges.touches(view, column, row) {
                         samples.extend(sample(&edges, optics, plan, column, row, scratch));
                     }
                 }
@@ -45,10 +48,7 @@ pub(super) fn run(
             })
             .collect::<Vec<_>>()
     };
-    buffer.mixed = found.into_iter().flatten().collect();
-    for mixed in &buffer.mixed {
-        buffer.flags[mixed.pixel as usize] |= Truth::CREASE;
-    }
+    found.into_iter().flatten().collect()
 }
 
 struct Edges<'a> {
@@ -187,16 +187,7 @@ fn sample(
 }
 
 fn gather(optics: &Optics, cast: &Cast, pixel: u32) -> Mixed {
-    let mut mixed = Mixed {
-        pixel,
-        x: [0.0; 16],
-        y: [0.0; 16],
-        x_slope: [[0.0; 2]; 16],
-        y_slope: [[0.0; 2]; 16],
-        projected: [0.0; 16],
-        ambient: 0.0,
-        blur: [0.0; 16],
-    };
+    let mut mixed = Mixed::new(pixel);
     // A sample's own footprint is a quarter of the pixel's on each side.
     let quarter = |v: f64| (v / TILE as f64) as f32;
     let shaded = &cast.shaded;
@@ -210,7 +201,7 @@ fn gather(optics: &Optics, cast: &Cast, pixel: u32) -> Mixed {
         mixed.x_slope[lane] = shaded.footprint[0].map(|by| quarter(by[lane]));
         mixed.y_slope[lane] = shaded.footprint[1].map(|by| quarter(by[lane]));
         mixed.projected[lane] = shaded.projected[lane] as f32;
-        mixed.blur[lane] = optics.blur_px(shaded, lane);
+        mixed.blur[lane] = optics.blur_px(cast.origin + cast.point(lane));
     }
     mixed
 }

@@ -1,20 +1,24 @@
 //! Rendering in three passes, each left out when a scene does not need it.
 //!
 //! 1. `geometry`: once per camera and state of the scene; what each pixel sees, where on the
-//!    slide its light comes from, how much of it arrives. `mixed` samples pixels on edges.
+//!    slide its light comes from, how much of it arrives. `mixed` samples pixels on edges,
+//!    `sampled` all of them.
 //! 2. `light`: per frame; the slide averaged over each pixel's footprint.
 //! 3. `sensor`: per frame; electrons, noise, gain, converter.
 //!
 //! The second and third run fused over chunks of pixels that stay in cache. [`mod@reference`] is the
 //! slow f64 path that the tests hold them against.
 
+mod aperture;
 mod buffer;
 mod geometry;
 mod light;
 mod mixed;
+mod options;
 mod plan;
 pub mod reference;
 mod renderer;
+mod sampled;
 mod sensor;
 mod shade;
 mod shape;
@@ -22,6 +26,7 @@ mod term;
 mod triangle;
 mod world;
 
+pub use options::Options;
 pub use plan::{Decision, Plan};
 pub use renderer::Renderer;
 pub use term::{Pass, Term};

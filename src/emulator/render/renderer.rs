@@ -1,5 +1,6 @@
 //! One camera before one scene: runs the passes that a shot needs.
 
+use super::aperture::Aperture;
 use super::buffer::GeometryBuffer;
 use super::geometry::{self, Rays};
 use super::light::{self, Table};
@@ -7,7 +8,7 @@ use super::sensor::Sensor;
 use super::shade::Optics;
 use super::term::Needs;
 use super::world::World;
-use super::{Decision, Plan, Term};
+use super::{Decision, Options, Plan, Term};
 use crate::emulator::{Shot, Slide, Truth, truth};
 use crate::error::Result;
 use crate::pattern::manifest::MAX_FRAMES;
@@ -28,6 +29,7 @@ pub struct Renderer {
     world: World,
     optics: Optics,
     plan: Plan,
+    options: Options,
     seed: u64,
     /// Ideal image points of the pixels, where the lens is distorted.
     rays: Option<Vec<DVec2>>,
@@ -42,11 +44,25 @@ pub struct Renderer {
 const TABLE_BYTES: usize = 256 << 20;
 
 impl Renderer {
-    /// Prepares a scene. `seed` keys the sensor's noise.
+    /// Prepares a scene, to be rendered by one ray a pixel. `seed` keys the sensor's noise.
     ///
     /// # Errors
     /// Mesh files that cannot be read, or too many triangles.
     pub fn new(profile: &Profile, scene: &Scene, seed: u64) -> Result<Self> {
+        Self::with_options(profile, scene, seed, Options::default())
+    }
+
+    /// The same with as many rays a pixel as the options say.
+    ///
+    /// # Errors
+    /// What [`Self::new`] and [`Options::checked`] refuse.
+    pub fn with_options(
+        profile: &Profile,
+        scene: &Scene,
+        seed: u64,
+        options: Options,
+    ) -> Result<Self> {
+        let options = options.checked()?;
         let world = World::new(scene)?;
         let optics = Optics::new(profile, scene);
         let plan = Plan::new(&Needs {
@@ -62,6 +78,7 @@ impl Renderer {
             world,
             optics,
             plan,
+            options,
             seed,
             rays,
             buffer: GeometryBuffer::default(),
@@ -123,6 +140,8 @@ impl Renderer {
             &self.optics,
             &rays,
             &self.plan,
+            self.options,
+            Aperture::new(&self.profile.camera),
             &mut self.buffer,
         );
         self.geometry_done = true;
@@ -222,12 +241,17 @@ impl Renderer {
                     light::run(map, table, seconds, power, first, electrons);
                     let from = map.mixed.partition_point(|m| (m.pixel as usize) < first);
                     let end = first + electrons.len();
+                    let mut former = None;
                     for (i, pixel) in map.mixed.iter().enumerate().skip(from) {
                         if pixel.pixel as usize >= end {
                             break;
                         }
-                        electrons[pixel.pixel as usize - first] =
-                            light::mixed(map, i, table, seconds, power);
+                        let here = &mut electrons[pixel.pixel as usize - first];
+                        if former != Some(pixel.pixel) {
+                            *here = 0.0;
+                        }
+                        *here += light::mixed(map, i, table, seconds, power);
+                        former = Some(pixel.pixel);
                     }
                     then(first, electrons, out);
                 },

@@ -72,9 +72,8 @@ impl Optics {
         }
     }
 
-    /// Standard deviation of the projector's blur at a sample, in slide pixels.
-    pub(super) fn blur_px(&self, shaded: &Shaded, lane: usize) -> f32 {
-        let point = DVec3::from_array(shaded.point.map(|axis| axis[lane]));
+    /// Standard deviation of the projector's blur at a point in the rig's frame, in slide pixels.
+    pub(super) fn blur_px(&self, point: DVec3) -> f32 {
         self.defocus.sigma_px(point) as f32
     }
 

@@ -35,6 +35,8 @@ pub enum Term {
     ProjectorDefocus,
     /// Shadow rays: some object may stand in another's light, or its own.
     Shadows,
+    /// The camera's pupil is a disc: what is out of focus is blurred.
+    DepthOfField,
     /// Footprints along x, over which slides that vary along x are averaged.
     FootprintX,
     /// Footprints along y.
@@ -63,13 +65,14 @@ pub(super) struct Needs<'a> {
 
 impl Term {
     /// All terms in the order of the passes.
-    pub const ALL: [Self; 11] = [
+    pub const ALL: [Self; 12] = [
         Self::CameraDistortion,
         Self::ProjectorDistortion,
         Self::CameraVignetting,
         Self::ProjectorVignetting,
         Self::ProjectorDefocus,
         Self::Shadows,
+        Self::DepthOfField,
         Self::FootprintX,
         Self::FootprintY,
         Self::ProjectorResponse,
@@ -86,6 +89,7 @@ impl Term {
             | Self::ProjectorVignetting
             | Self::ProjectorDefocus
             | Self::Shadows
+            | Self::DepthOfField
             | Self::FootprintX
             | Self::FootprintY => Pass::Geometry,
             Self::ProjectorResponse | Self::ContrastRatio => Pass::Exposure,
@@ -140,6 +144,11 @@ impl Needs<'_> {
                 self.world.casts_shadows(),
                 "some surface may stand in another's light",
                 "one convex solid at most: it shades itself by facing away",
+            ),
+            Term::DepthOfField => choose(
+                self.profile.camera.focus_mm.is_some(),
+                "camera.focus_mm is given",
+                "camera.focus_mm is absent: all is in focus",
             ),
             Term::FootprintX => (false, "no slide varies along x"),
             Term::FootprintY => (false, "no slide varies along y"),
