@@ -11,6 +11,7 @@ mod scene;
 mod sensor;
 mod sequence;
 mod source;
+mod surface;
 mod usb;
 
 pub use builtin::{profile_names, scene_names};
@@ -23,4 +24,5 @@ pub use scene::Scene;
 pub use sensor::Sensor;
 pub use sequence::Sequence;
 pub use source::TomlSource;
+pub use surface::Specular;
 pub use usb::{DsrUse, RtsUse, Speed, Transfer, Usb};

@@ -4,7 +4,7 @@
 use super::buffer::{Band, GeometryBuffer};
 use super::shade::{Optics, Shaded};
 use super::world::{Hits, Surface, World};
-use super::{Plan, Term, mixed};
+use super::{Plan, Term, look, mixed};
 use crate::emulator::Truth;
 use crate::geometry::raycast::LANES;
 use glam::{DVec2, DVec3};
@@ -104,7 +104,7 @@ pub(super) fn cast(
     stack: &mut Vec<(u32, f32)>,
 ) -> Cast {
     let hits = world.nearest(directions, used, stack);
-    let shaded = optics.shade(plan, directions, &hits, world);
+    let mut shaded = optics.shade(plan, directions, &hits, world);
     // Rays to points that the projector cannot light anyway are not traced.
     let mut lit: [bool; LANES] =
         std::array::from_fn(|lane| hits.is_hit(lane) && shaded.reachable[lane]);
@@ -117,6 +117,9 @@ pub(super) fn cast(
         for lane in 0..LANES {
             lit[lane] &= !blocked[lane];
         }
+    }
+    if look::is_needed(plan) {
+        look::apply(world, optics, plan, directions, &hits, &mut shaded);
     }
     Cast { hits, shaded, lit }
 }

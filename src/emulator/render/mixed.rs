@@ -15,7 +15,7 @@ use glam::{DVec2, DVec3, Vec3};
 use rayon::prelude::*;
 
 /// Triangles of one mesh whose normals are closer than 15 degrees form one smooth surface.
-const COS_CREASE: f32 = 0.965_925_8;
+pub(super) const COS_CREASE: f32 = 0.965_925_8;
 
 /// Finds the mixed pixels of the maps, samples them, and flags them as creases.
 pub(super) fn run(

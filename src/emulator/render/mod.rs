@@ -11,6 +11,7 @@
 mod buffer;
 mod exposure;
 mod geometry;
+mod look;
 mod mixed;
 mod normal;
 mod philox;

@@ -29,6 +29,8 @@ pub enum Term {
     ProjectorDistortion,
     /// Shadow rays: some object may stand in another's light, or its own.
     Shadows,
+    /// Specular lobes: highlights.
+    Specular,
     /// Footprints along x, over which slides that vary along x are averaged.
     FootprintX,
     /// Footprints along y.
@@ -53,10 +55,11 @@ pub(super) struct Needs<'a> {
 
 impl Term {
     /// All terms in the order of the passes.
-    pub const ALL: [Self; 6] = [
+    pub const ALL: [Self; 7] = [
         Self::CameraDistortion,
         Self::ProjectorDistortion,
         Self::Shadows,
+        Self::Specular,
         Self::FootprintX,
         Self::FootprintY,
         Self::Noise,
@@ -68,6 +71,7 @@ impl Term {
             Self::CameraDistortion
             | Self::ProjectorDistortion
             | Self::Shadows
+            | Self::Specular
             | Self::FootprintX
             | Self::FootprintY => Pass::Geometry,
             Self::Noise => Pass::Sensor,
@@ -103,6 +107,11 @@ impl Needs<'_> {
                 self.world.casts_shadows(),
                 "some surface may stand in another's light",
                 "one convex solid at most: it shades itself by facing away",
+            ),
+            Term::Specular => choose(
+                self.world.looks.any_specular(),
+                "some object has a specular lobe",
+                "no object has a specular lobe",
             ),
             Term::FootprintX => (false, "no slide varies along x"),
             Term::FootprintY => (false, "no slide varies along y"),
