@@ -13,6 +13,7 @@ mod scene;
 mod sensor;
 mod sequence;
 mod source;
+mod surface;
 mod usb;
 pub(crate) mod vignetting;
 
@@ -28,5 +29,6 @@ pub use scene::{RigPlace, Scene};
 pub use sensor::Sensor;
 pub use sequence::Sequence;
 pub use source::TomlSource;
+pub use surface::Specular;
 pub use usb::{DsrUse, RtsUse, Speed, Transfer, Usb};
 pub use vignetting::Vignetting;

@@ -1,6 +1,7 @@
 //! The objects of a scene: shapes, places, surfaces.
 
 use super::check::Check;
+use super::surface::{self, Specular};
 use crate::error::Result;
 use crate::geometry::{Pose, shapes};
 use glam::DVec3;
@@ -24,6 +25,9 @@ pub struct Object {
     pub scale: f64,
     /// Diffuse reflectance of its Lambertian surface, 0 to 1.
     pub albedo: f64,
+    /// A specular lobe above the diffuse body; none when absent.
+    #[serde(default)]
+    pub specular: Option<Specular>,
 }
 
 fn one() -> f64 {
@@ -118,6 +122,9 @@ pub(super) fn check(o: &Object, at: &str, check: &Check<'_>) -> Result<()> {
     check.all_within(&field("rotation_deg"), &o.rotation_deg, -360.0..=360.0)?;
     check.within(&field("scale"), o.scale, 1e-6..=1e6)?;
     check.within(&field("albedo"), o.albedo, 0.0..=1.0)?;
+    if let Some(specular) = &o.specular {
+        surface::check(specular, &field("specular"), check)?;
+    }
     let size = 1e-6..=1e9;
     let shape = |name: &str| format!("{at}.shape.{name}");
     match &o.shape {

@@ -6,7 +6,7 @@ use super::buffer::{Band, GeometryBuffer};
 use super::sampled::Sampler;
 use super::shade::{Optics, Shaded};
 use super::world::{Hits, Surface, World};
-use super::{Options, Plan, Term, mixed};
+use super::{Options, Plan, Term, look, mixed};
 use crate::emulator::Truth;
 use crate::geometry::raycast::{LANES, Scratch};
 use glam::{DMat2, DVec2, DVec3};
@@ -152,7 +152,7 @@ pub(super) fn cast(
     scratch: &mut Scratch,
 ) -> Cast {
     let hits = world.nearest(origin, directions, used, scratch);
-    let shaded = optics.shade(plan, origin, directions, &hits, world);
+    let mut shaded = optics.shade(plan, origin, directions, &hits, world);
     // Rays to points that the projector cannot light anyway are not traced.
     let mut lit: [bool; LANES] =
         std::array::from_fn(|lane| hits.is_hit(lane) && shaded.reachable[lane]);
@@ -165,6 +165,9 @@ pub(super) fn cast(
         for lane in 0..LANES {
             lit[lane] &= !blocked[lane];
         }
+    }
+    if look::is_needed(plan) {
+        look::apply(world, optics, plan, origin, directions, &hits, &mut shaded);
     }
     Cast {
         origin,

@@ -13,6 +13,7 @@ mod aperture;
 mod buffer;
 mod geometry;
 mod light;
+mod look;
 mod mixed;
 mod options;
 mod plan;

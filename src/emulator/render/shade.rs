@@ -90,7 +90,9 @@ impl Optics {
         let mut albedo = [0.0; LANES];
         for lane in 0..LANES {
             if hits.is_hit(lane) {
-                albedo[lane] = world.albedo(hits.surface[lane]);
+                albedo[lane] = world
+                    .looks
+                    .first_albedo(plan, world.object(hits.surface[lane]));
             }
         }
         let slope = self.ray_slopes(plan, directions);

@@ -37,6 +37,8 @@ pub enum Term {
     Shadows,
     /// The camera's pupil is a disc: what is out of focus is blurred.
     DepthOfField,
+    /// Specular lobes: highlights.
+    Specular,
     /// Footprints along x, over which slides that vary along x are averaged.
     FootprintX,
     /// Footprints along y.
@@ -65,7 +67,7 @@ pub(super) struct Needs<'a> {
 
 impl Term {
     /// All terms in the order of the passes.
-    pub const ALL: [Self; 12] = [
+    pub const ALL: [Self; 13] = [
         Self::CameraDistortion,
         Self::ProjectorDistortion,
         Self::CameraVignetting,
@@ -73,6 +75,7 @@ impl Term {
         Self::ProjectorDefocus,
         Self::Shadows,
         Self::DepthOfField,
+        Self::Specular,
         Self::FootprintX,
         Self::FootprintY,
         Self::ProjectorResponse,
@@ -90,6 +93,7 @@ impl Term {
             | Self::ProjectorDefocus
             | Self::Shadows
             | Self::DepthOfField
+            | Self::Specular
             | Self::FootprintX
             | Self::FootprintY => Pass::Geometry,
             Self::ProjectorResponse | Self::ContrastRatio => Pass::Exposure,
@@ -149,6 +153,11 @@ impl Needs<'_> {
                 self.profile.camera.focus_mm.is_some(),
                 "camera.focus_mm is given",
                 "camera.focus_mm is absent: all is in focus",
+            ),
+            Term::Specular => choose(
+                self.world.looks.any_specular(),
+                "some object has a specular lobe",
+                "no object has a specular lobe",
             ),
             Term::FootprintX => (false, "no slide varies along x"),
             Term::FootprintY => (false, "no slide varies along y"),

@@ -1,6 +1,7 @@
 //! A scene made ready for rays: closed-form solids, and all meshes in one hierarchy, in the rig's
 //! frame.
 
+use super::look::Looks;
 use super::shade::Wide;
 use super::shape::{mesh, solid};
 use super::triangle::Triangle;
@@ -92,7 +93,8 @@ pub(super) struct World {
     owner: Vec<u16>,
     bvh: Bvh,
     solids: Vec<Placed>,
-    albedo: Vec<f64>,
+    /// What the objects' surfaces look like.
+    pub(super) looks: Looks,
 }
 
 impl World {
@@ -103,7 +105,7 @@ impl World {
             owner: Vec::new(),
             bvh: Bvh::default(),
             solids: Vec::new(),
-            albedo: scene.object.iter().map(|o| o.albedo).collect(),
+            looks: Looks::new(scene),
         };
         for (i, object) in scene.object.iter().enumerate() {
             world.add(scene, object, i as u16)?;
@@ -138,6 +140,9 @@ impl World {
                 self.vertices.extend(placed);
                 let shifted = mesh.triangles.iter().map(|t| t.map(|i| i + first));
                 self.triangles.extend(shifted);
+                let range = self.triangles.len() - mesh.triangles.len()..self.triangles.len();
+                self.looks
+                    .mesh(index, range, &self.vertices, &self.triangles);
                 self.owner.resize(self.triangles.len(), index);
             }
         }
@@ -169,8 +174,10 @@ impl World {
         }
     }
 
-    pub(super) fn albedo(&self, surface: Surface) -> f64 {
-        self.albedo[usize::from(self.object(surface))]
+    /// The corners of a surface that is a triangle.
+    pub(super) fn corners(&self, surface: Surface) -> Option<[DVec3; 3]> {
+        let triangle = self.triangles.get(surface.0 as usize)?;
+        Some(triangle.map(|i| self.vertices[i as usize]))
     }
 
     fn solid_of(&self, surface: Surface) -> usize {

@@ -28,9 +28,7 @@ impl Bell {
                 p * h * h,
             ]
         };
-        let pieces = (0..nodes)
-            .map(|i| hermite(node(i), node(i + 1)))
-            .collect();
+        let pieces = (0..nodes).map(|i| hermite(node(i), node(i + 1))).collect();
         Self { pieces }
     }
 

@@ -172,7 +172,10 @@ impl HeldRow {
 
     /// Memory that the row takes, in bytes.
     pub(super) fn bytes(&self) -> usize {
-        self.groupings.iter().map(|g| size_of_val(g.as_slice())).sum()
+        self.groupings
+            .iter()
+            .map(|g| size_of_val(g.as_slice()))
+            .sum()
     }
 }
 
@@ -232,7 +235,13 @@ mod tests {
         for row in [stripes, edge] {
             let held = HeldRow::new(&row);
             for sigma in [0.02, 0.3, 0.57, 0.86, 2.5, 17.0, 48.1, 100.0] {
-                for slope in [[0.02, 0.0], [0.4, 0.3], [4.35, 0.0], [4.35, -4.0], [1.0, 30.0]] {
+                for slope in [
+                    [0.02, 0.0],
+                    [0.4, 0.3],
+                    [4.35, 0.0],
+                    [4.35, -4.0],
+                    [1.0, 30.0],
+                ] {
                     for x in [0.2, 127.9, 130.3, 130.5, 131.7, 255.0] {
                         let footprint = Blurred { x, slope, sigma };
                         let kernels = Kernels::new(1, row.len(), |_| footprint);
@@ -261,7 +270,9 @@ mod tests {
         for sigma in [0.4, 1.7, 3.0, 5.0] {
             let slope = [3.1, 1.2];
             let spread = f64::from(sigma);
-            let contrast = sinc(1.0) * sinc(f64::from(slope[0])) * sinc(f64::from(slope[1]))
+            let contrast = sinc(1.0)
+                * sinc(f64::from(slope[0]))
+                * sinc(f64::from(slope[1]))
                 * (-0.5 * (phase(spread)).powi(2)).exp();
             let mut sums = [0.0; 3];
             for i in 0..240 {
@@ -273,7 +284,11 @@ mod tests {
                 sums[2] += level * phase(x.into()).sin() / 120.0;
             }
             assert!((sums[0] - 0.5).abs() < 1e-5, "{}", sums[0]);
-            assert!((sums[1] - 0.5 * contrast).abs() < 1e-5, "{sigma} {}", sums[1]);
+            assert!(
+                (sums[1] - 0.5 * contrast).abs() < 1e-5,
+                "{sigma} {}",
+                sums[1]
+            );
             assert!(sums[2].abs() < 1e-5);
         }
     }
@@ -292,7 +307,11 @@ mod tests {
         }
         for sigma in [0.0, 1e-5, f32::NAN] {
             let slope = [1.0, 0.2];
-            let kernels = Kernels::new(1, 77, |_| Blurred { x: 3.0, slope, sigma });
+            let kernels = Kernels::new(1, 77, |_| Blurred {
+                x: 3.0,
+                slope,
+                sigma,
+            });
             assert!(kernels.average(0, &held).is_none());
         }
     }

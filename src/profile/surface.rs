@@ -1,0 +1,24 @@
+//! What the surface of an object does besides reflecting a constant part of the light in all
+//! directions.
+
+use super::check::Check;
+use crate::error::Result;
+use serde::{Deserialize, Serialize};
+
+/// A specular lobe over the diffuse body: GGX microfacets. The body reflects `albedo` of what the
+/// lobe lets in. A highlight narrower than a pixel is sampled at the pixel's centre.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Specular {
+    /// Reflectance at normal incidence, 0 to 1: ((n - 1)/(n + 1))^2 of a dielectric, so 0.04 for
+    /// plastics and glass (n = 1.5) and 0.028 for skin (n = 1.4).
+    pub f0: f64,
+    /// Perceptual roughness, 0.05 to 1; GGX's alpha is its square (Burley, "Physically Based
+    /// Shading at Disney", SIGGRAPH 2012).
+    pub roughness: f64,
+}
+
+pub(super) fn check(specular: &Specular, at: &str, check: &Check<'_>) -> Result<()> {
+    check.within(&format!("{at}.f0"), specular.f0, 0.0..=1.0)?;
+    check.within(&format!("{at}.roughness"), specular.roughness, 0.05..=1.0)
+}
