@@ -64,7 +64,7 @@ fn a_highlight_on_a_plane_is_the_microfacet_formula() {
         let light = way.normalize();
         let half = (light + view).normalize();
         // Walter et al. 2007 equation 33, Heitz 2014 equations 72 and 99, Schlick 1994.
-        let a2 = f64::from(roughness).powi(4);
+        let a2 = roughness.powi(4);
         let tan2 = |c: f64| (1.0 - c * c) / (c * c);
         let c = normal.dot(half);
         let d = a2 / (PI * c.powi(4) * (a2 + tan2(c)).powi(2));

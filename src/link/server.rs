@@ -145,7 +145,8 @@ struct Server {
     camera: FrameSocket,
     video: Option<VideoOutput>,
     usb: Option<Binding>,
-    /// The last command came over USB, and so the replies go there.
+    /// The last command came over USB, and so the replies go there; the end of a connection of the
+    /// port's other end is none of that one's business.
     reply_to_usb: bool,
     pace: Pace,
     notice: fn(&str),
@@ -203,9 +204,12 @@ impl Server {
                     self.camera.accept(self.firmware.next_id());
                     let now = self.clock.now_ns(wall());
                     self.firmware.set_streaming(self.attended(), now);
-                    self.reply_to_usb = false;
                     match event? {
-                        Event::Data(bytes) => self.firmware.receive(&bytes, now),
+                        Event::Data(bytes) => {
+                            self.reply_to_usb = false;
+                            self.firmware.receive(&bytes, now);
+                        }
+                        Event::HungUp if self.reply_to_usb => continue,
                         Event::HungUp => self.firmware.hang_up(),
                     }
                     self.stall = self.firmware.inside_block().then(|| Instant::now() + STALL);
@@ -230,20 +234,29 @@ impl Server {
             || self.usb.as_ref().is_some_and(Binding::attended)
     }
 
+    /// Whether somebody is there for whom a free-running camera's frame is worth its rendering.
+    fn keeps_up(&self) -> bool {
+        self.video.is_some()
+            || self.camera.attended()
+            || self.usb.as_ref().is_some_and(Binding::keeps_up)
+    }
+
     /// What a USB host has done.
     fn work_off_usb(&mut self, now_ns: u64) {
         let Some(usb) = &mut self.usb else {
             return;
         };
         for event in usb.work_off(&mut self.firmware, now_ns) {
-            self.reply_to_usb = true;
             match event {
                 PortEvent::Data(bytes) => {
+                    self.reply_to_usb = true;
                     let streaming = self.attended();
                     self.firmware.set_streaming(streaming, now_ns);
                     self.firmware.receive(&bytes, now_ns);
                 }
-                PortEvent::HungUp => self.firmware.hang_up(),
+                // Whoever speaks at the other end of the port is not concerned.
+                PortEvent::HungUp if self.reply_to_usb => self.firmware.hang_up(),
+                PortEvent::HungUp => continue,
             }
             self.stall = self.firmware.inside_block().then(|| Instant::now() + STALL);
         }
@@ -282,7 +295,12 @@ impl Server {
     fn dispatch(&mut self, wall: Duration) {
         for exposure in self.firmware.take_exposures() {
             let free = exposure.shot.pattern_index.is_none();
-            if !self.attended() || free && self.optics.backlog() >= MAX_FREE_BACKLOG {
+            let wanted = if free {
+                self.keeps_up() && self.optics.backlog() < MAX_FREE_BACKLOG
+            } else {
+                self.attended()
+            };
+            if !wanted {
                 self.firmware.delivered(1);
             } else {
                 self.optics.expose(exposure);

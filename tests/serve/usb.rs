@@ -3,7 +3,7 @@
 
 use crate::served::{LONG, Served, phasma, text};
 use phasma::host::usb::{Client, UsbAddress, UsbCamera, UsbDevice, UsbPort};
-use phasma::host::{Camera, CommandPort, Instrument};
+use phasma::host::{Camera, CommandPort, Instrument, SerialPort};
 use phasma::protocol::service;
 use phasma::protocol::usb::cdc::LineCoding;
 use std::collections::BTreeMap;
@@ -143,7 +143,7 @@ fn addresses_ports_and_devices_that_cannot_be_had() {
     refusal(
         &mut second(&host),
         1,
-        &format!("{host}: Address already in use"),
+        &format!("{host}: something else listens there"),
     );
     // An address of RFC 5737 that no machine has.
     refusal(&mut second("192.0.2.1:3240"), 1, "192.0.2.1:3240");
@@ -336,13 +336,18 @@ fn nothing_is_rendered_for_a_camera_that_nobody_reads() {
 }
 
 /// Sends a line over a port and gives the line that comes back.
-fn ask(port: &mut UsbPort, line: &str) -> String {
-    port.send(format!("{line}\n").as_bytes(), LONG).unwrap();
+fn ask(port: &mut impl CommandPort, words: &str) -> String {
+    port.send(format!("{words}\n").as_bytes(), LONG).unwrap();
+    line(port)
+}
+
+/// The next line that comes over a port.
+fn line(port: &mut impl CommandPort) -> String {
     let mut answer = Vec::new();
     while answer.last() != Some(&b'\n') {
         let mut buffer = [0; 256];
         let len = port.receive(&mut buffer, LONG).unwrap();
-        assert!(len > 0, "no answer to {line}: {}", answer.escape_ascii());
+        assert!(len > 0, "no answer: {}", answer.escape_ascii());
         answer.extend_from_slice(&buffer[..len]);
     }
     String::from_utf8(answer).unwrap().trim_end().to_owned()
@@ -407,4 +412,28 @@ fn line_coding_breaks_and_lines_reach_the_firmware() {
     }
     assert_eq!(ask(&mut port, "SYST:ERR:COUN?"), "0");
     assert!(port.wait_for_lines(|lines| !lines.dsr, LONG).unwrap());
+}
+
+/// The pty and the USB port are two ends of one: who closes the one does not disturb whoever speaks
+/// at the other.
+#[test]
+fn an_end_of_the_port_that_closes_leaves_the_other_alone() {
+    let dir = tempfile::tempdir().unwrap();
+    let profile = profile(dir.path(), "webcam-grey", AS_IT_IS, "");
+    let mut command = serve_usb(&profile);
+    let served = Served::spawn_as_it_is(command.args(["--clock", "real"]));
+    let address = UsbAddress::parse(&served.at.camera, "device.json").unwrap();
+    let slow = "TRIG:SOUR BUS;MODE SEQ;:INIT;*TRG;*OPC?\n";
+
+    let mut pty = SerialPort::open(served.at.control.to_str().unwrap()).unwrap();
+    pty.send(slow.as_bytes(), LONG).unwrap();
+    let device = Arc::new(UsbDevice::open(&address, LONG).unwrap());
+    drop(UsbPort::open(&device).unwrap());
+    assert_eq!(line(&mut pty), "1", "the answer came, and to the pty");
+
+    let mut usb = UsbPort::open(&device).unwrap();
+    usb.send(slow.as_bytes(), LONG).unwrap();
+    drop(pty);
+    assert_eq!(line(&mut usb), "1", "the answer came, and over USB");
+    assert_eq!(ask(&mut usb, "SYST:ERR:COUN?"), "0");
 }

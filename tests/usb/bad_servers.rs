@@ -2,7 +2,7 @@
 
 use phasma::host::usb::{Client, UsbAddress, UsbDevice};
 use phasma::protocol::usb::usbip::{
-    BUS_ID_LEN, DeviceInfo, HEADER_LEN, OPERATION_LEN, Operation, Reply, status,
+    BUS_ID_LEN, DeviceInfo, HEADER_LEN, OPERATION_LEN, Operation, Outcome, Reply, status,
 };
 use phasma::protocol::usb::{Setup, request};
 use std::io::{Read, Write};
@@ -46,7 +46,11 @@ fn take<const N: usize>(stream: &mut TcpStream) -> Option<[u8; N]> {
 fn grant(stream: &mut TcpStream) -> Option<()> {
     take::<OPERATION_LEN>(stream)?;
     take::<BUS_ID_LEN>(stream)?;
-    let granted = [&Operation::Import.reply(true)[..], &info("1-1").encode()].concat();
+    let granted = [
+        &Operation::Import.reply(Outcome::Done)[..],
+        &info("1-1").encode(),
+    ]
+    .concat();
     stream.write_all(&granted).ok()
 }
 
@@ -97,9 +101,9 @@ fn lists_that_are_none() {
         assert!(error.contains(&host), "{error}");
         error
     };
-    let granted = Operation::List.reply(true);
+    let granted = Operation::List.reply(Outcome::Done);
     assert!(reply(b"HTTP/1.1 400".to_vec()).contains("no USB/IP server"));
-    assert!(reply(Operation::List.reply(false).to_vec()).contains("refuses"));
+    assert!(reply(Operation::List.reply(Outcome::Refused(1)).to_vec()).contains("refuses"));
     assert!(reply(vec![]).contains("closed"));
     assert!(reply(granted.to_vec()).contains("closed"));
     let huge = [&granted[..], &u32::MAX.to_be_bytes()].concat();
@@ -115,7 +119,7 @@ fn one_that_is_silent_or_drips() {
         drop(stream);
     });
     let dripping = server(|mut stream| {
-        for byte in Operation::List.reply(true) {
+        for byte in Operation::List.reply(Outcome::Done) {
             let _ = stream.write_all(&[byte]);
             std::thread::sleep(TIMEOUT / 3);
         }
@@ -133,7 +137,7 @@ fn no_device_several_devices_and_another_device() {
     let exports = |names: &'static [&str]| {
         server(move |mut stream| {
             let _ = take::<OPERATION_LEN>(&mut stream);
-            let mut bytes = Operation::List.reply(true).to_vec();
+            let mut bytes = Operation::List.reply(Outcome::Done).to_vec();
             bytes.extend((names.len() as u32).to_be_bytes());
             bytes.extend(names.iter().flat_map(|name| info(name).encode()));
             let _ = stream.write_all(&bytes);

@@ -51,6 +51,7 @@ pub(super) struct Args {
         long,
         value_name = "IP:PORT",
         default_value = "127.0.0.1:3240",
+        value_parser = usb::listen_address,
         requires = "usb"
     )]
     usb_listen: SocketAddr,
@@ -143,7 +144,7 @@ fn check(args: &Args) -> Result<()> {
 
 async fn serve(args: &Args, profiles: &[Profile], mut units: Vec<Unit>) -> Result<()> {
     // Before anything is made that would have to be removed.
-    let shutdown = Shutdown::watch(args.while_stdin)?;
+    let mut shutdown = Shutdown::watch(args.while_stdin)?;
     let dirs = run_dirs::run_dirs(args, profiles)?;
     let _holder = run_dirs::Holder::make(&dirs, args.run_dir.is_some())?;
     let dirs: Vec<_> = dirs
@@ -158,7 +159,10 @@ async fn serve(args: &Args, profiles: &[Profile], mut units: Vec<Unit>) -> Resul
     }
     if let Some(how) = args.usb {
         let devices = profiles.iter().zip(units.iter().map(Unit::firmware));
-        let links = usb::serve_usb(how, args.usb_listen, devices, clock).await?;
+        let links = tokio::select! {
+            links = usb::serve_usb(how, args.usb_listen, devices, clock) => links?,
+            () = shutdown.wait() => return Ok(()),
+        };
         for (unit, link) in units.iter_mut().zip(links) {
             unit.set_usb(link);
         }
@@ -171,7 +175,7 @@ async fn serve(args: &Args, profiles: &[Profile], mut units: Vec<Unit>) -> Resul
 async fn supervise(
     units: Vec<(Unit, RunDir)>,
     clock: impl Fn() -> Duration + Clone + Send + 'static,
-    shutdown: Shutdown,
+    mut shutdown: Shutdown,
 ) -> Result<()> {
     let (stop, _) = watch::channel(false);
     let (tell, mut news) = mpsc::unbounded_channel();

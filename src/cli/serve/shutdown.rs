@@ -29,12 +29,12 @@ impl Shutdown {
     }
 
     /// Waits for the first of them.
-    pub(super) async fn wait(mut self) {
+    pub(super) async fn wait(&mut self) {
         tokio::select! {
             _ = self.interrupt.recv() => {}
             _ = self.terminate.recv() => {}
             _ = self.hang_up.recv() => {}
-            () = gone(self.parent) => {}
+            () = gone(self.parent.as_mut()) => {}
         }
     }
 }
@@ -50,10 +50,12 @@ fn end_of_input() -> oneshot::Receiver<()> {
     wait
 }
 
-async fn gone(parent: Option<oneshot::Receiver<()>>) {
+async fn gone(parent: Option<&mut oneshot::Receiver<()>>) {
     match parent {
         // The thread sends, or dies: both are the end.
-        Some(wait) => drop(wait.await),
+        Some(wait) => {
+            let _ = wait.await;
+        }
         None => std::future::pending().await,
     }
 }

@@ -3,9 +3,10 @@
 use crate::emulator::Firmware;
 use crate::error::{Error, Result};
 use crate::link::UsbLink;
-use crate::link::usb::{Attachment, Binding, Nodes, UsbServer, attach};
+use crate::link::usb::{Binding, Nodes, Port, UsbServer, attach};
 use crate::profile::Profile;
-use std::net::SocketAddr;
+use crate::protocol::usb::usbip::PORT;
+use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr};
 use std::time::Duration;
 
 /// `--usb`.
@@ -15,6 +16,12 @@ pub(super) enum UsbHow {
     Export,
     /// To this machine's own kernel as well.
     Attach,
+}
+
+/// `--usb-listen`.
+pub(super) fn listen_address(text: &str) -> std::result::Result<SocketAddr, &'static str> {
+    let allowed = "allowed: the IP address of one of this machine's interfaces and a port, such as 127.0.0.1:3240 or [::1]:0";
+    text.parse().map_err(|_| allowed)
 }
 
 /// How long drivers may take to make their nodes of a device that was attached.
@@ -71,54 +78,99 @@ pub(super) async fn serve_usb(
             "phasma: USB/IP has no authentication: whoever reaches {listen} can take the device"
         );
     }
-    let mut links = Vec::new();
-    for binding in bindings {
+    tokio::spawn(server.run(clock.clone()));
+    let nodes = match how {
+        UsbHow::Export => vec![Nodes::default(); bindings.len()],
+        UsbHow::Attach => attached(&bindings, clock).await?,
+    };
+    let links = bindings.into_iter().zip(nodes).map(|(binding, nodes)| {
         let bus_id = &binding.device().info().bus_id;
-        let address = format!("usb:{listen}/{bus_id}");
-        let (nodes, words) = match how {
-            UsbHow::Export => (
-                Nodes::default(),
-                format!("a host takes it with usbip attach -r HOST -b {bus_id}"),
-            ),
-            UsbHow::Attach => attached(attach(binding.device().clone())?, clock.clone()).await,
+        let words = match how {
+            UsbHow::Export => how_to_attach(listen, bus_id),
+            UsbHow::Attach => what_is_attached(&nodes),
         };
+        let address = format!("usb:{}/{bus_id}", reachable(listen));
         let link = UsbLink {
             binding,
             address,
             nodes,
         };
-        links.push((link, words));
-    }
-    tokio::spawn(server.run(clock));
-    Ok(links)
+        (link, words)
+    });
+    Ok(links.collect())
 }
 
-/// Serves the kernel, and waits for the nodes that its drivers make.
+/// Hands all devices to this machine's kernel, serves it, and waits for the nodes that its drivers
+/// make.
 async fn attached(
-    attachment: Attachment,
-    clock: impl Fn() -> Duration + Send + 'static,
-) -> (Nodes, String) {
-    let port = attachment.port().clone();
-    let served = tokio::spawn(async move {
-        // The kernel lets go, or breaks off: the device can be taken again either way.
-        let _ = attachment.run(clock).await;
-    });
+    bindings: &[Binding],
+    clock: impl Fn() -> Duration + Clone + Send + 'static,
+) -> Result<Vec<Nodes>> {
+    let mut ports = Vec::new();
+    for binding in bindings {
+        let attachment = attach(binding.device().clone())?;
+        ports.push(attachment.port().clone());
+        let clock = clock.clone();
+        tokio::spawn(async move {
+            // The kernel lets go, or breaks off: the device can be taken again either way.
+            let _ = attachment.run(clock).await;
+        });
+    }
+    let complete = || ports.iter().all(|port| port.nodes().is_complete());
     let waited = tokio::time::timeout(NODES, async {
-        while !port.nodes().is_complete() && !served.is_finished() {
+        while !complete() {
             tokio::time::sleep(POLL).await;
         }
     });
     // Whether in time or not, what is there counts.
     let _ = waited.await;
-    let nodes = port.nodes();
-    let words = match (&nodes.camera, &nodes.tty) {
-        (Some(_), Some(_)) => "attached to this machine's kernel",
-        (None, _) => {
-            "attached to this machine's kernel, which has made no camera of it: is there uvcvideo? run phasma doctor"
-        }
-        (_, None) => {
-            "attached to this machine's kernel, which has made no port of it: is there cdc_acm? run phasma doctor"
-        }
+    Ok(ports.iter().map(Port::nodes).collect())
+}
+
+fn what_is_attached(nodes: &Nodes) -> String {
+    let lacks = match (&nodes.camera, &nodes.tty) {
+        (Some(_), Some(_)) => "",
+        (None, _) => ", which has made no camera of it: is there uvcvideo? run phasma doctor",
+        (_, None) => ", which has made no port of it: is there cdc_acm? run phasma doctor",
     };
-    (nodes, words.to_owned())
+    format!("attached to this machine's kernel{lacks}")
+}
+
+/// The command by which a host takes a device.
+fn how_to_attach(listen: SocketAddr, bus_id: &str) -> String {
+    let port = match listen.port() {
+        PORT => String::new(),
+        port => format!("--tcp-port {port} "),
+    };
+    let host = match listen.ip() {
+        ip if ip.is_unspecified() => "HOST".to_owned(),
+        ip => ip.to_string(),
+    };
+    format!("a host takes it with usbip {port}attach -r {host} -b {bus_id}")
+}
+
+/// An address by which this machine reaches a server that listens on all of them.
+fn reachable(listen: SocketAddr) -> SocketAddr {
+    let loopback = match listen.ip() {
+        ip if !ip.is_unspecified() => ip,
+        IpAddr::V4(_) => Ipv4Addr::LOCALHOST.into(),
+        IpAddr::V6(_) => Ipv6Addr::LOCALHOST.into(),
+    };
+    SocketAddr::new(loopback, listen.port())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn commands_and_addresses_can_be_used_as_they_are_printed() {
+        let said = |address: &str| how_to_attach(address.parse().unwrap(), "1-2");
+        assert!(said("127.0.0.1:3240").ends_with("usbip attach -r 127.0.0.1 -b 1-2"));
+        assert!(said("0.0.0.0:99").ends_with("usbip --tcp-port 99 attach -r HOST -b 1-2"));
+        let address = |address: &str| reachable(address.parse().unwrap()).to_string();
+        assert_eq!(address("0.0.0.0:7"), "127.0.0.1:7");
+        assert_eq!(address("[::]:7"), "[::1]:7");
+        assert_eq!(address("10.0.0.1:7"), "10.0.0.1:7");
+    }
 }

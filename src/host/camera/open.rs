@@ -6,7 +6,8 @@ use crate::error::{Error, Result};
 use std::time::Duration;
 
 /// What addresses there are.
-const ALLOWED: &str = "/dev/videoN, socket:PATH or tcp:HOST:PORT";
+const ALLOWED: &str = "/dev/videoN, socket:PATH or tcp:HOST:PORT; \
+     a USB device is camera and port at once: --device usb:HOST:PORT";
 
 /// How the frames of a V4L2 device are captured.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]

@@ -4,7 +4,7 @@ use super::connection::left;
 use crate::error::{Error, Result};
 use crate::host::tcp;
 use crate::protocol::printable;
-use crate::protocol::usb::usbip::{DeviceInfo, OPERATION_LEN, Operation};
+use crate::protocol::usb::usbip::{DeviceInfo, OPERATION_LEN, Operation, Outcome};
 use std::io::{ErrorKind, Read, Write};
 use std::net::TcpStream;
 use std::time::{Duration, Instant};
@@ -44,14 +44,17 @@ impl Talk {
             .write_all(&bytes)
             .map_err(|e| Error::io(&self.place, e))?;
         let header = self.read::<OPERATION_LEN>()?;
-        let granted = operation
+        let outcome = operation
             .decode_reply(header)
             .map_err(|e| e.at(&self.place))?;
-        if granted {
-            return Ok(());
-        }
+        let why = match outcome {
+            Outcome::Done => return Ok(()),
+            Outcome::Busy => "another host has the device".to_owned(),
+            Outcome::NoDevice => "it has no such device".to_owned(),
+            Outcome::Refused(code) => format!("status {code}"),
+        };
         Err(Error::device(format!(
-            "{}: the server refuses: it has no such device, or somebody else has imported it",
+            "{}: the server refuses: {why}",
             self.place
         )))
     }

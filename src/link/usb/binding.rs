@@ -61,6 +61,11 @@ impl Binding {
         self.device.is_streaming()
     }
 
+    /// Whether a host would get another frame of a free-running camera before long.
+    pub(in crate::link) fn keeps_up(&self) -> bool {
+        self.device.is_streaming() && !self.device.is_crowded()
+    }
+
     /// Hands a frame on; one of another format than the stream's is nobody's.
     pub(in crate::link) fn put(&self, frame: &Arc<Frame>, now: Duration) {
         self.device.put(frame.clone(), now);

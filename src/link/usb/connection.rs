@@ -50,8 +50,10 @@ pub(super) async fn run(
     let mut outgoing = Outgoing::default();
     let io = |e| Error::io("USB/IP", e);
     loop {
-        // A host that does not read its replies is not listened to.
+        // A host that does not read its replies is not listened to, nor one that does more than the
+        // firmware gets round to.
         while outgoing.len() < MAX_OUTGOING
+            && !device.is_behind()
             && let Some((command, data, packets)) = input.next()?
         {
             device.with(|session| {
@@ -68,6 +70,7 @@ pub(super) async fn run(
         if unplugged {
             return Ok(());
         }
+        let listening = outgoing.len() < MAX_OUTGOING && !device.is_behind();
         let mut slices = [IoSlice::new(&[]); SLICES];
         let count = outgoing.slices(&mut slices);
         let delay = due.map(|due| due.saturating_sub(clock()));
@@ -80,7 +83,7 @@ pub(super) async fn run(
                 }
                 outgoing.advance(written);
             }
-            read = reader.read(input.space()), if outgoing.len() < MAX_OUTGOING => {
+            read = reader.read(input.space()), if listening => {
                 let read = read.map_err(io)?;
                 if read == 0 {
                     return Ok(());

@@ -2,13 +2,13 @@
 //!
 //! Only the last of several settings of one kind counts, and bytes of the serial port join those
 //! before them. All else is kept in order, triggers on RTS among it: a host that does more of it
-//! than is kept here has to go.
+//! than is kept here has to wait.
 
 use super::Event;
 use std::collections::VecDeque;
 
-/// Events that wait before a host has done too much; the firmware takes them many times a second.
-pub(super) const MAX_EVENTS: usize = 1024;
+/// Events that wait before no more commands are read; the firmware takes them many times a second.
+const MAX_EVENTS: usize = 1024;
 
 /// Events in the order in which they happened.
 #[derive(Default)]

@@ -4,7 +4,7 @@
 use super::descriptors::{
     Descriptors, INTERFACES, Mode, NOTIFY_IN, SERIAL_IN, SERIAL_OUT, VIDEO_IN,
 };
-use super::events::{Events, MAX_EVENTS};
+use super::events::Events;
 use super::function::{Answer, Function};
 use super::outgoing::Outgoing;
 use super::serial::Serial;
@@ -105,11 +105,6 @@ impl Session {
             Command::Submit(submit) => self.submit(submit, data, packets, now)?,
         }
         self.pump(now);
-        if self.events.is_full() {
-            return Err(Error::device(format!(
-                "USB: the host has done {MAX_EVENTS} things that the firmware has not taken"
-            )));
-        }
         Ok(())
     }
 
@@ -350,7 +345,12 @@ impl UsbDevice {
         value
     }
 
-    /// Waits until the connection has something to send.
+    /// Whether the firmware is so far behind that hosts have to wait.
+    pub(super) fn is_behind(&self) -> bool {
+        self.session().events.is_full()
+    }
+
+    /// Waits until the connection has something to send, or may listen again.
     pub(super) async fn outward(&self) {
         self.shared.outward.notified().await;
     }
@@ -362,17 +362,28 @@ impl UsbDevice {
 
     /// What hosts have done since the last call.
     pub fn take_events(&self) -> Vec<Event> {
-        self.with(|session| {
+        let (events, was_full) = self.with(|session| {
+            let was_full = session.events.is_full();
             let events = session.events.take();
             // Data that waited for these to be taken may come now.
             session.pump_serial();
-            events
-        })
+            (events, was_full)
+        });
+        if was_full {
+            // The host is listened to again.
+            self.shared.outward.notify_one();
+        }
+        events
     }
 
     /// Whether a host reads frames.
     pub fn is_streaming(&self) -> bool {
         self.session().video.started
+    }
+
+    /// Whether as many frames of a free-running camera wait as are kept for a host.
+    pub fn is_crowded(&self) -> bool {
+        self.session().video.is_crowded()
     }
 
     /// Hands a frame on, at a time of the connection's clock; `false` when nobody reads, the stream

@@ -11,6 +11,8 @@ use std::time::Duration;
 
 /// Frames that wait for the host; a device's memory is not endless.
 const MAX_FRAMES: usize = 1024;
+/// Frames of a free-running camera that wait: a host that is slower sees the newest.
+const MAX_FREE_FRAMES: usize = 8;
 /// Bytes of frames that wait for the host.
 const MAX_BYTES: usize = 256 << 20;
 /// Time of an isochronous packet: a microframe.
@@ -93,9 +95,23 @@ impl Video {
         }
     }
 
-    /// Takes a frame; `false` when memory is full and it is lost.
+    /// Whether as many frames of a free-running camera wait as are kept.
+    pub(super) fn is_crowded(&self) -> bool {
+        self.frames.len() >= MAX_FREE_FRAMES
+    }
+
+    /// Takes a frame; `false` when memory is full and it is lost. Of a free-running camera the
+    /// oldest go where too many wait: those are no loss.
     pub(super) fn put(&mut self, frame: Arc<Frame>) -> bool {
         let len = frame.data.len();
+        let is_free = |frame: &Frame| frame.pattern_index.is_none();
+        if is_free(&frame)
+            && self.is_crowded()
+            && let Some(oldest) = self.frames.iter().position(|waiting| is_free(waiting))
+            && let Some(gone) = self.frames.remove(oldest)
+        {
+            self.bytes -= gone.data.len();
+        }
         if self.frames.len() >= MAX_FRAMES || self.bytes + len > MAX_BYTES {
             return false;
         }

@@ -12,7 +12,7 @@ use phasma::host::{Camera, CommandPort};
 use phasma::link::usb::{Event, UsbDevice as Emulated};
 use phasma::profile::{Speed, Transfer};
 use phasma::protocol::PixelFormat;
-use phasma::protocol::usb::usbip::{BUS_ID_LEN, OPERATION_LEN, Operation};
+use phasma::protocol::usb::usbip::{BUS_ID_LEN, OPERATION_LEN, Operation, Outcome};
 use phasma::{Error, Result};
 use std::io::{Read, Write};
 use std::net::{TcpListener, TcpStream};
@@ -151,7 +151,7 @@ fn serve(stream: &mut TcpStream, device: &Emulated, choices: &mut Choices<'_>) -
     let mut operation = [0; OPERATION_LEN];
     stream.read_exact(&mut operation).ok()?;
     let operation = Operation::decode(operation).ok()?;
-    let mut reply = operation.reply(true).to_vec();
+    let mut reply = operation.reply(Outcome::Done).to_vec();
     if operation == Operation::List {
         reply.extend(1u32.to_be_bytes());
         reply.extend(device.info().encode());

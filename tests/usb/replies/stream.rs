@@ -4,8 +4,11 @@ use super::{Host, frame};
 use crate::fuzz::sample::{HEIGHT, WIDTH};
 use phasma::link::usb::Event;
 use phasma::profile::{Speed, Transfer};
+use phasma::protocol::Frame;
 use phasma::protocol::usb::usbip::{Reply, status};
 use phasma::protocol::usb::uvc::payload;
+use std::sync::Arc;
+use std::time::Duration;
 
 #[test]
 fn frames_go_out_whole_and_in_order_in_bulk() {
@@ -70,14 +73,36 @@ fn a_transfer_without_room_for_a_header_overflows_and_loses_nothing() {
 }
 
 #[test]
-fn frames_that_find_no_room_are_counted() {
+fn a_slow_host_gets_the_newest_of_a_free_camera() {
     let mut host = Host::new(Speed::High, Transfer::Bulk);
     assert!(!host.put(0), "nobody reads");
     let agreed = host.start();
-    let first = host.read(1, agreed.max_payload);
-    assert_eq!(host.device.lost(), 0, "a frame for nobody is not lost");
-    let taken = (1..5000).take_while(|&id| host.put(id)).count();
-    assert!((100..4999).contains(&taken), "{taken} frames wait");
+    host.read(1, agreed.max_payload);
+    assert!((1..=100).all(|id| host.put(id)));
+    assert!(host.device.is_crowded());
+    host.replies();
+    let frames = host.stream(101..102, agreed.max_payload);
+    let newest: Vec<_> = frames.iter().rev().take(8).map(|(data, _)| data).collect();
+    for (data, id) in newest.into_iter().zip((94..=101).rev()) {
+        assert_eq!(*data, frame(id).data);
+    }
+    assert!(frames.len() < 12, "the others are gone: {}", frames.len());
+    assert_eq!(host.device.lost(), 0, "and are no loss");
+}
+
+#[test]
+fn triggered_frames_wait_and_those_that_find_no_room_are_counted() {
+    let mut host = Host::new(Speed::High, Transfer::Bulk);
+    let agreed = host.start();
+    host.read(1, agreed.max_payload);
+    let put = |id: u32| {
+        let frame = Frame {
+            pattern_index: Some(id),
+            ..frame(id.into()).as_ref().clone()
+        };
+        host.device.put(Arc::new(frame), Duration::ZERO)
+    };
+    let taken = (1..5000).take_while(|&id| put(id)).count();
+    assert!((1024..1030).contains(&taken), "{taken} frames wait");
     assert_eq!(host.device.lost(), 1);
-    assert!(!host.replies().is_empty(), "{first} was answered");
 }

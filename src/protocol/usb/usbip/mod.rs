@@ -17,7 +17,7 @@ mod words;
 
 pub use command::{Command, Submit};
 pub use device::{BUS_ID_LEN, DEVICE_LEN, DeviceInfo, bus_id_bytes, text};
-pub use operation::{OPERATION_LEN, Operation};
+pub use operation::{OPERATION_LEN, Operation, Outcome};
 pub use packet::{PACKET_LEN, Packet};
 pub use reply::Reply;
 

@@ -17,6 +17,39 @@ pub enum Operation {
     Import,
 }
 
+/// What becomes of a request (the `ST_` numbers of the kernel's `usbip_common.h`).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Outcome {
+    /// It is met.
+    Done,
+    /// Another host has the device.
+    Busy,
+    /// There is no such device.
+    NoDevice,
+    /// Something else is in the way, by its number.
+    Refused(u32),
+}
+
+impl Outcome {
+    const fn code(self) -> u32 {
+        match self {
+            Self::Done => 0,
+            Self::Busy => 2,
+            Self::NoDevice => 4,
+            Self::Refused(code) => code,
+        }
+    }
+
+    const fn of(code: u32) -> Self {
+        match code {
+            0 => Self::Done,
+            2 => Self::Busy,
+            4 => Self::NoDevice,
+            code => Self::Refused(code),
+        }
+    }
+}
+
 impl Operation {
     const fn request(self) -> u16 {
         match self {
@@ -47,23 +80,23 @@ impl Operation {
             })
     }
 
-    /// The reply's header; `found` is whether the request can be met.
-    pub fn reply(self, found: bool) -> [u8; OPERATION_LEN] {
-        operation(self.request() & 0x7FFF, u32::from(!found))
+    /// The reply's header.
+    pub fn reply(self, outcome: Outcome) -> [u8; OPERATION_LEN] {
+        operation(self.request() & 0x7FFF, outcome.code())
     }
 
-    /// Reads the reply's header: whether the request can be met.
+    /// Reads the reply's header.
     ///
     /// # Errors
     /// Another protocol, version or operation.
-    pub fn decode_reply(self, bytes: [u8; OPERATION_LEN]) -> Result<bool> {
+    pub fn decode_reply(self, bytes: [u8; OPERATION_LEN]) -> Result<Outcome> {
         let (version, code) = (u16_at(&bytes, 0), u16_at(&bytes, 2));
         if (version, code) != (VERSION, self.request() & 0x7FFF) {
             return Err(Error::device(format!(
                 "USB/IP: the answer is version {version:#06x}, operation {code:#06x}: this is no USB/IP server"
             )));
         }
-        Ok(u32_at(&bytes, 4) == 0)
+        Ok(Outcome::of(u32_at(&bytes, 4)))
     }
 }
 

@@ -77,11 +77,16 @@ fn other_protocols_and_sizes_are_refused() {
     assert!(Operation::decode(*b"GET / HT").is_err());
     assert_eq!(Operation::decode(list).unwrap(), Operation::List);
     assert!(Operation::List.decode_reply(list).is_err());
-    assert!(
-        !Operation::Import
-            .decode_reply(Operation::Import.reply(false))
-            .unwrap()
-    );
+    for (outcome, code) in [
+        (Outcome::Done, 0),
+        (Outcome::Busy, 2),
+        (Outcome::NoDevice, 4),
+        (Outcome::Refused(1), 1),
+    ] {
+        let reply = Operation::Import.reply(outcome);
+        assert_eq!(reply[4..], [0, 0, 0, code]);
+        assert_eq!(Operation::Import.decode_reply(reply).unwrap(), outcome);
+    }
     let mut huge = Command::Submit(Submit {
         seqnum: 1,
         device: 2,
