@@ -175,7 +175,7 @@ fn addresses_ports_and_devices_that_cannot_be_had() {
 
     // One host at a time; the next one when that has left.
     let first = Client::import(&host, None, LONG).unwrap();
-    refusal(&mut scan(&served.at.camera, &out), 1, "somebody else");
+    refusal(&mut scan(&served.at.camera, &out), 1, "another host");
     assert!(!out.exists(), "refused before anything is captured");
     drop(first);
     scan_when_free(&served.at.camera, &out);
@@ -194,7 +194,7 @@ fn scan_when_free(address: &str, out: &Path) -> Output {
         }
         let words = text(&scanned);
         assert!(
-            words.contains("somebody else") && Instant::now() < end,
+            words.contains("another host") && Instant::now() < end,
             "{words}"
         );
         std::thread::sleep(Duration::from_millis(10));

@@ -170,7 +170,7 @@ fn a_device_has_one_host_at_a_time() {
     let taken = Client::import(&served.host, Some("1-1"), TIMEOUT)
         .err()
         .unwrap();
-    assert!(taken.to_string().contains("somebody else"), "{taken}");
+    assert!(taken.to_string().contains("another host"), "{taken}");
     Client::import(&served.host, Some("1-2"), TIMEOUT).unwrap();
     let unknown = Client::import(&served.host, Some("9-9"), TIMEOUT)
         .err()

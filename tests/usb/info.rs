@@ -80,7 +80,7 @@ fn what_is_no_usb_device_is_one_clear_error() {
     let taken = served.open();
     let done = info(&[&format!("usb:{}/1-1", served.host), "--timeout", "2"]);
     assert_eq!(done.status.code(), Some(1));
-    assert!(text(done.stderr).contains("somebody else"));
+    assert!(text(done.stderr).contains("another host"));
     assert!(done.stdout.is_empty());
     drop(taken);
 }

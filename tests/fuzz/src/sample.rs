@@ -33,7 +33,7 @@ pub fn frame(id: u64, format: PixelFormat) -> Frame {
     data[..8].copy_from_slice(&id.to_le_bytes());
     Frame {
         id,
-        pattern_index: None,
+        pattern_index: Some(0),
         width: WIDTH,
         height: HEIGHT,
         format,
