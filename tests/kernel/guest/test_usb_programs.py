@@ -5,7 +5,7 @@ import sys
 
 from lab import photographs
 from lab.data_line import Line
-from lab.device import Control, reference_scan
+from lab.device import Control, reference, reference_scan
 from lab.failure import expect, limit
 from lab.guest import LANE, wait_until
 from lab.profiles import GREY
@@ -30,7 +30,7 @@ def expect_decoded(scratch, folder, wanted):
 def recorded(scratch, *command):
     """A sequence that is triggered by the USB port while a program records, in the middle of the
     free-running camera's frames."""
-    wanted = reference_scan(scratch, GREY)
+    rendered, wanted = reference(scratch, GREY), reference_scan(scratch, GREY)
     device = plugged(scratch, GREY)
     saved, folder = scratch.dir / "saved", scratch.dir / "photographs"
     port = Control(device.port)
@@ -46,7 +46,10 @@ def recorded(scratch, *command):
     expect("frames", len(frames), COUNT)
     ids = [Line(frame, GREY).id for frame in frames]
     expect("ids in order and never twice", ids, sorted(set(ids)))
-    photographs.save(folder, photographs.triggered(frames, GREY), manifest, calibration)
+    images = photographs.triggered(frames, GREY)
+    differ = {i: sum(map(int.__ne__, a, b)) for i, (a, b) in enumerate(zip(images, rendered)) if a != b}
+    expect("pixels that are not as rendered, by frame", differ, {})
+    photographs.save(folder, images, manifest, calibration)
     expect_decoded(scratch, folder, wanted)
     device.stop()
 
@@ -56,9 +59,10 @@ def test_v4l2_ctl_records_a_scan(scratch):
 
 
 def test_ffmpeg_records_a_scan(scratch):
+    # The camera offers YUYV as well, which ffmpeg would take, and stretch its luma to full range.
     recorded(
-        scratch, "ffmpeg", "-nostdin", "-loglevel", "error", "-f", "v4l2", "-i", "NODE", "-frames:v", COUNT,
-        "-vsync", "passthrough", "-f", "rawvideo", "-pix_fmt", "gray", "SAVED")
+        scratch, "ffmpeg", "-nostdin", "-loglevel", "error", "-f", "v4l2", "-input_format", "gray", "-i", "NODE",
+        "-frames:v", COUNT, "-vsync", "passthrough", "-f", "rawvideo", "-pix_fmt", "gray", "SAVED")
 
 
 def test_gstreamer_records_a_scan(scratch):
