@@ -1,7 +1,7 @@
 """Runs the tests of the kernel lane, in the guest: every function `test_*` of the files `test_*.py`.
 
 One line a test, `ok TOPIC.NAME (s)` or `FAILED TOPIC.NAME: reason`; exits 0 when all passed. Each
-test has a time limit, and a message of the kernel that it broke something fails it too.
+test has a time limit, and what the kernel logs while it runs fails it too where it is a complaint.
 """
 
 import importlib
@@ -12,6 +12,7 @@ import traceback
 
 from lab import guest
 from lab.failure import Failure
+from lab.kernel_log import KernelLog
 
 FILTERS = pathlib.Path("/mnt/out/filters")
 # Names the test at work, for a guest that does not come back.
@@ -36,6 +37,7 @@ def run(name, function):
     reason = None
     with guest.Scratch(name) as scratch:
         broken = guest.kernel_state()
+        log = KernelLog()
         try:
             with guest.time_limit(getattr(function, "limit_s", 90)):
                 function(scratch)
@@ -46,6 +48,11 @@ def run(name, function):
             reason = f"{type(error).__name__}: {error}"
         left = scratch.end()
         reason = reason or left
+        with scratch.log("kernel.log") as keep:
+            complaints = log.complaints(keep)
+        log.close()
+        if complaints:
+            reason = f"the kernel logs {complaints[:5]} ({reason or 'the test passed'})"
         if guest.kernel_state() != broken:
             reason = f"the kernel complains, see console.log ({reason or 'the test passed'})"
     return reason

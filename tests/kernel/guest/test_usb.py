@@ -4,7 +4,6 @@ import json
 import pathlib
 import re
 import signal
-import sys
 import time
 
 import serial
@@ -13,18 +12,13 @@ from lab import usb
 from lab.data_line import Line
 from lab.device import FrameSocket, expect_scan, reference_scan
 from lab.failure import expect, expect_in, expect_true, limit
-from lab.guest import LANE, PHASMA, wait_until
+from lab.guest import PHASMA, wait_until
 from lab.profiles import GREY, SCENE, Y12, YUYV, replace
 from lab.streams import split
-from lab.usb import UsbDevice, UsbVariation
+from lab.usb import UsbDevice, UsbVariation, plugged
 
-
-def plugged(scratch, variation, *options):
-    device = UsbDevice(scratch, variation, *options).ready()
-    told = device.camera, device.endpoints.get("control_usb")
-    device.plugged()
-    expect("nodes that the device tells of", told, (device.node, device.port))
-    return device
+# Cycles of plugging in and out until a server has what it goes on with.
+WARM_UP = 10
 
 
 def test_both_drivers_bind_and_lsusb_reads_it(scratch):
@@ -40,23 +34,6 @@ def test_both_drivers_bind_and_lsusb_reads_it(scratch):
     for wrong in ("error", "unknown", "Warning", "can't get", "INVALID"):
         expect(f"lsusb -v says {wrong}", [l for l in said.splitlines() if wrong in l], [])
     device.stop()
-    usb.expect_no_complaints(scratch)
-
-
-def test_v4l2_compliance_finds_nothing(scratch):
-    device = plugged(scratch, GREY)
-    said = scratch.run("v4l2-compliance", "-d", device.node, seconds=60).ok().out
-    total = re.search(r"Total for uvcvideo device .*: (\d+), Succeeded: (\d+), Failed: (\d+)", said)
-    expect_true(f"a total in {said[-300:]}", total)
-    expect("failures", total[3], "0")
-    expect_true("at least 46 tests", int(total[1]) >= 46)
-    # Streaming: uvcvideo answers EBUSY where EINVAL is asked for, whatever the camera.
-    said = scratch.run("v4l2-compliance", "-d", device.node, "-s", "10", seconds=80).out
-    reasons = {line.strip() for line in said.splitlines() if "fail:" in line}
-    expect("reasons of failures", reasons,
-           {"fail: v4l2-test-buffers.cpp(1345): node->streamon(q.g_type()) != EINVAL"})
-    expect_in("streaming", "test USERPTR (select): OK", said)
-    device.stop()
 
 
 @limit(240)
@@ -69,7 +46,6 @@ def test_a_scan_gives_the_frames_of_the_frame_socket(scratch):
         device.scan_usb(name).ok()
         expect_scan(f"{name} over USB", scratch.dir / name, wanted)
         device.stop()
-        wait_until("the camera is gone", lambda: usb.video_node() is None)
 
 
 def test_isochronous_frames_come_whole(scratch):
@@ -133,40 +109,6 @@ def test_a_thousand_frames_without_loss(scratch):
         expect(f"steps from {what} to {what}", steps, {wanted})
     expect("ids", lines[-1].id - lines[0].id, len(lines) - 1)
     device.stop()
-    usb.expect_no_complaints(scratch)
-
-
-def test_viewers_see_the_camera(scratch):
-    device = plugged(scratch, GREY, "--no-noise")
-    saved = scratch.dir / "saved"
-    for command in (
-        ["ffmpeg", "-nostdin", "-loglevel", "error", "-f", "v4l2", "-i", device.node, "-frames:v", 6,
-         "-vsync", "passthrough", "-f", "rawvideo", "-pix_fmt", "gray", "-y", saved],
-        ["gst-launch-1.0", "-q", "v4l2src", f"device={device.node}", "num-buffers=6", "!",
-         "video/x-raw,format=GRAY8", "!", "filesink", f"location={saved}"],
-    ):
-        scratch.run(*command).ok()
-        frames = split(saved.read_bytes(), GREY)
-        expect(f"frames of {command[0]}", len(frames), 6)
-        ids = [Line(frame, GREY).id for frame in frames]
-        expect(f"ids of {command[0]} in order", ids, sorted(set(ids)))
-    device.stop()
-
-
-@limit(180)
-def test_a_scan_in_python_gives_the_same_points(scratch):
-    wanted = reference_scan(scratch, GREY)
-    device = plugged(scratch, GREY)
-    folder, decoded = scratch.dir / "photographs", scratch.dir / "decoded"
-    scratch.run(
-        sys.executable, "-s", LANE / "guest/opencv_scan.py", device.node, device.port, folder, seconds=150,
-    ).ok()
-    scratch.phasma(
-        "decode", "--manifest", folder / "sequence.toml", "--calibration", folder / "calibration.toml",
-        "--out", decoded,
-    ).ok()
-    expect("cloud.ply as of `phasma scan`", (decoded / "cloud.ply").read_bytes() == wanted["cloud.ply"], True)
-    device.stop()
 
 
 def test_rts_triggers_and_dsr_tells(scratch):
@@ -208,27 +150,28 @@ def test_unplugged_in_a_scan_and_plugged_in_again(scratch):
     device.scan_usb("next").ok()
     expect_scan("the next scan", scratch.dir / "next", wanted)
     device.stop()
-    wait_until("the camera is gone", lambda: usb.video_node() is None)
 
 
 @limit(400)
 def test_fifty_times_in_and_out(scratch):
     device = UsbDevice(scratch, GREY, how="export").ready()
-    before = None
-    for cycle in range(50):
-        usb.plug(scratch)
-        device.plugged()
-        if cycle % 10 == 0:
-            scratch.run("v4l2-ctl", "-d", device.node, "--stream-mmap", "--stream-count=2").ok()
-        usb.pull()
-        if cycle == 4:
-            before = device.resources()
-    time.sleep(0.5)
-    descriptors, kilobytes = device.resources()
-    expect("descriptors", descriptors, before[0])
-    expect_true(f"memory grew from {before[1]} to {kilobytes} kB", kilobytes < before[1] + 8192)
+    after = []
+    with scratch.log("resources") as log:
+        for cycle in range(50):
+            usb.plug(scratch)
+            device.plugged()
+            if cycle % 2 == 0:
+                scratch.run("v4l2-ctl", "-d", device.node, "--stream-mmap", "--stream-count=2").ok()
+            usb.pull()
+            after.append(device.resources())
+            log.write(f"cycle {cycle}: descriptors, resident kB: {after[-1]}\n")
+    warm = after[:WARM_UP]
+    # A connection may outlive its plug by a moment.
+    least = min(descriptors for descriptors, _ in warm)
+    wait_until(f"{least} descriptors", lambda: device.resources()[0] == least)
+    before, now = max(resident for _, resident in warm), device.resources()[1]
+    expect_true(f"memory grew from {before} to {now} kB", now <= before + 1024)
     device.stop()
-    usb.expect_no_complaints(scratch)
 
 
 def test_two_devices_of_one_server(scratch):
@@ -261,7 +204,6 @@ def test_two_devices_of_one_server(scratch):
     job.send(signal.SIGTERM)
     job.wait(20).ok()
     wait_until("the cameras are gone", lambda: usb.video_node() is None)
-    usb.expect_no_complaints(scratch)
 
 
 def test_killed_while_attached(scratch):

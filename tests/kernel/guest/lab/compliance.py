@@ -1,4 +1,4 @@
-"""v4l2-compliance, and the failures that are v4l2loopback's own."""
+"""v4l2-compliance, and the failures that are v4l2loopback's and uvcvideo's own."""
 
 import re
 
@@ -21,6 +21,16 @@ MODULES_OWN_STREAMING = MODULES_OWN | {
     "MMAP (epoll)": "as MMAP (no poll)",
 }
 
+# Tests that uvcvideo of Linux 6.1 fails whatever camera it drives, all where it streams: STREAMON of a
+# handle that has given back its buffers, and with them its claim to the stream, is answered with
+# EBUSY, where EINVAL is wanted. The rest of these tests is not reached; USERPTR's streams.
+NOT_EINVAL = "node->streamon(q.g_type()) != EINVAL"
+DRIVERS_OWN_STREAMING = {
+    "MMAP (no poll)": NOT_EINVAL,
+    "MMAP (select)": NOT_EINVAL,
+    "MMAP (epoll)": NOT_EINVAL,
+}
+
 
 def failures(text):
     """Names of the tests that v4l2-compliance says have failed."""
@@ -28,6 +38,11 @@ def failures(text):
     tests = re.findall(r"^\s*test (?:for )?(.*): (?:OK|FAIL)", text, re.MULTILINE)
     expect("tests in the report, at least 40", len(tests) >= 40, True)
     return set(failed)
+
+
+def reasons(text):
+    """What v4l2-compliance found untrue where it failed, without places in its source."""
+    return set(re.findall(r"^\s*fail: \S+\(\d+\): (.*)$", text, re.MULTILINE))
 
 
 def expect_no_other_failure(what, text, known):

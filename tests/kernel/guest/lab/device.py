@@ -27,14 +27,32 @@ class Control:
     def tell(self, line):
         os.write(self.fd, line.encode() + b"\n")
 
-    def ask(self, line, seconds=20):
+    def ask(self, line):
         self.tell(line)
         answer = b""
         while not answer.endswith(b"\n"):
-            if not select.select([self.fd], [], [], seconds)[0]:
-                raise Failure(f"{line}: no answer within {seconds} s")
-            answer += os.read(self.fd, 4096)
+            answer += self.some(line)
         return answer.decode().strip()
+
+    def block(self, line):
+        """Asks for what is answered as a block: #, a digit, that many digits of the length, text."""
+        self.tell(line)
+        digits = self.exactly(2, line)
+        expect(f"{line}: the answer begins with", digits[:1], b"#")
+        length = int(self.exactly(int(digits[1:]), line))
+        return self.exactly(length + 1, line)[:-1].decode()
+
+    def exactly(self, count, line):
+        answer = b""
+        while len(answer) < count:
+            answer += self.some(line, count - len(answer))
+        return answer
+
+    def some(self, line, most=4096, seconds=20):
+        """Bytes of an answer, at least one."""
+        if not select.select([self.fd], [], [], seconds)[0]:
+            raise Failure(f"{line}: no answer within {seconds} s")
+        return os.read(self.fd, most)
 
     def order(self, line):
         """Tells, and asks whether there was an error."""

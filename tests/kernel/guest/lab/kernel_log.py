@@ -1,0 +1,47 @@
+"""The kernel's log while a test runs, and what in it is a complaint."""
+
+import os
+import re
+
+# Levels of the kernel's messages: 4 is a warning, 3 an error, lower is worse.
+WARNING = 4
+USB = re.compile(r"(usb|hub|vhci|usbip|uvcvideo|cdc_acm|videodev|media)")
+# Words of complaints that drivers write at a level of mere information.
+WORDS = re.compile(
+    r"cannot find a urb|unlink.*(lost|fail)|WARNING:|BUG:|Call Trace|not accepting address"
+    r"|descriptor read.*error|unable to (read|enumerate)|config.*invalid|Failed to (query|set|initialize)")
+
+
+class KernelLog:
+    """What the kernel logs from now on."""
+
+    def __init__(self):
+        self.records = os.open("/dev/kmsg", os.O_RDONLY | os.O_NONBLOCK)
+        os.lseek(self.records, 0, os.SEEK_END)
+
+    def close(self):
+        os.close(self.records)
+
+    def complaints(self, keep):
+        """Complaints in what was logged since this was last asked. All of it is written to `keep`."""
+        found = []
+        for level, text in self.lines():
+            keep.write(f"<{level}> {text}\n")
+            if WORDS.search(text) or (level <= WARNING and USB.match(text)):
+                found.append(text)
+        return found
+
+    def lines(self):
+        """Level and text of each message of the kernel itself; daemons may log here too."""
+        while True:
+            try:
+                # One message a read: "level and facility,number,time,flags;text", then lines of tags.
+                head, _, text = os.read(self.records, 8192).decode(errors="replace").partition(";")
+            except BlockingIOError:
+                return
+            except BrokenPipeError:
+                yield 0, "BUG: of this test: the log has run over, and part of it was not read"
+                continue
+            priority = int(head.split(",")[0])
+            if priority < 8:
+                yield priority, text.split("\n")[0]
