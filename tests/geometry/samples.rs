@@ -4,10 +4,12 @@ use super::closed_form::Rig;
 use super::exact::plane;
 use super::hold::{bench, scene};
 use glam::DVec2;
+use phasma::emulator::render::reference::Reference;
 use phasma::emulator::render::{Options, Renderer, Term};
 use phasma::emulator::{Shot, Slide, Truth};
 use phasma::pattern::{Axis, Pattern};
 use phasma::profile::{Profile, Scene};
+use rayon::prelude::*;
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
 
@@ -248,5 +250,69 @@ fn a_fringe_on_a_plane_out_of_focus_loses_the_disc_s_contrast() {
             );
         }
         assert!(compared > 500);
+    }
+}
+
+#[test]
+fn a_scene_in_depth_is_blurred_as_the_reference_has_it() {
+    let profile = blurred(960.0);
+    let object = |shape: &str, place: &str| {
+        format!("[[object]]\nshape = {{ {shape} }}\n{place}\nalbedo = 0.7\n")
+    };
+    let text = [
+        "name = \"s\"\ndescription = \"\"\nambient = { irradiance_w_m2 = 0.05 }\n".to_string(),
+        object(
+            "kind = \"plane\"",
+            "position_mm = [0, 0, 1100]\nrotation_deg = [4, -7, 2]",
+        ),
+        object(
+            "kind = \"cylinder\", radius_mm = 60.0, length_mm = 220.0",
+            "position_mm = [-60, 10, 960]\nrotation_deg = [10, 0, 35]",
+        ),
+        object(
+            "kind = \"frustum\", base_mm = 160.0, top_mm = 60.0, height_mm = 90.0",
+            "position_mm = [120, 20, 930]\nrotation_deg = [0, 0, 30]",
+        ),
+    ];
+    let scene = Scene::parse(&text.concat(), "s").unwrap();
+    let reference = Reference::new(&profile, &scene).unwrap();
+    let fringe = Pattern::Fringe {
+        axis: Axis::X,
+        period_px: 64.0,
+        phase_rad: 0.4,
+    };
+    let slide = Slide::new(&fringe, &profile.projector, &|_| unreachable!()).unwrap();
+    let mut renderer = renderer(&profile, &scene, 64);
+    let fast = renderer.expected_dn(&shot(slide.clone(), 1.0));
+    let flags = renderer.truth(&[]).flags;
+    let full = fast.iter().fold(0.0f32, |m, &v| m.max(v));
+    assert!((20.0..255.0).contains(&full), "{full}");
+    for crease in [false, true] {
+        let wanted = Truth::LIT | if crease { Truth::CREASE } else { 0 };
+        let pixels: Vec<usize> = (0..flags.len())
+            .filter(|&i| flags[i] & (Truth::LIT | Truth::CREASE) == wanted)
+            .collect();
+        assert!(pixels.len() > 1000, "{}", pixels.len());
+        let errors: Vec<f64> = pixels
+            .par_iter()
+            .step_by(pixels.len() / 150)
+            .map(|&i| {
+                let px = DVec2::new((i % 1138) as f64, (i / 1138) as f64);
+                let exact = reference.signal_dn(px, &slide, 8e-3, 10_000);
+                (f64::from(fast[i]) - exact) / f64::from(full)
+            })
+            .collect();
+        let count = errors.len() as f64;
+        let rms = (errors.iter().map(|e| e * e).sum::<f64>() / count).sqrt();
+        let mean = errors.iter().sum::<f64>() / count;
+        let (most, bias) = if crease {
+            (0.02, 0.004)
+        } else {
+            (0.004, 0.001)
+        };
+        assert!(
+            rms < most && mean.abs() < bias,
+            "crease {crease}: rms {rms}, mean {mean} of the whole"
+        );
     }
 }
