@@ -78,6 +78,7 @@ fn a_sliver_that_no_centre_sees_is_found_by_more_samples() {
 fn where_the_closed_form_stands_more_samples_change_nothing() {
     for distortion in [[0.0; 5], [-0.12, 0.05, 8e-4, -5e-4, -0.004]] {
         let mut profile = bench();
+        profile.camera.height_px = 121;
         profile.camera.distortion = distortion;
         let scene = scene(&plane(20.0, 1000.0));
         let fringe = Pattern::Fringe {
@@ -121,6 +122,7 @@ fn numbers_of_samples_that_make_no_grid_are_refused() {
 /// A lens that blurs a lot: a pupil of 20 mm / 2 = 10 mm.
 fn blurred(focus_mm: f64) -> Profile {
     let mut profile = bench();
+    profile.camera.height_px = 201;
     profile.camera.f_number = 2.0;
     profile.camera.sensor.full_well_e = 1e9;
     profile.camera.sensor.gain_dn_per_e = 1e-4;
@@ -170,7 +172,7 @@ fn the_edge_of_a_plate_out_of_focus_spreads_as_the_disc_has_it() {
                     .map(|s| segment((edge - (column as f64 + s)) / radius))
                     .sum::<f64>()
                     / f64::from(n);
-                let errors: Vec<_> = (0..489).map(|row| level(column, row) - exact).collect();
+                let errors: Vec<_> = (0..201).map(|row| level(column, row) - exact).collect();
                 let mean = errors.iter().sum::<f64>() / errors.len() as f64;
                 bias = bias.max(mean.abs());
                 worst = errors.iter().fold(worst, |m, e| m.max(e.abs()));
@@ -249,7 +251,7 @@ fn a_fringe_on_a_plane_out_of_focus_loses_the_disc_s_contrast() {
                 "{px}, period {period_px}: {found} {exact}"
             );
         }
-        assert!(compared > 500);
+        assert!(compared > 200, "{compared}");
     }
 }
 
