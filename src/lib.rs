@@ -47,6 +47,11 @@
 //!   trapezoid as exactly as first differences do under a box, so `exposure` does that.
 //! - Rays are cast in packets of sixteen with one origin, so shadow rays start at the projector's
 //!   pupil and end at the surface, and the hierarchy's traversal is ours; obvhs builds it.
+//! - A hit in f32 carries a bound on its error, and hits whose order the bounds leave open are put
+//!   in order in f64, shadows too: no margin has to fit all sizes of triangles and scenes.
+//! - Samples of a pixel only decide whether the closed form of its footprint stands for it; their
+//!   mean counts where it does not. Depth of field widens that footprint by two boxes with the
+//!   disc's moments, so that it costs a frame nothing.
 //! - STL, OBJ, PLY and `.npy` are read and written here: the crates lose the line of an error, f64
 //!   vertices, or bounds on memory.
 //! - Ambient light, radiometry and the sensor work in SI units and electrons from the start, so that

@@ -101,6 +101,11 @@ fn impossible_profiles_are_refused_with_line_and_range() {
             vec!["camera.f_number", "0.5 to 128"],
         ),
         (
+            "f_number = 16.0",
+            "focus_mm = 5.0\nf_number = 16.0",
+            vec!["camera.focus_mm", "20 to 1000000000"],
+        ),
+        (
             "full_well_e = 10500.0",
             "full_well_e = inf",
             vec!["full_well_e", "inf"],
@@ -184,6 +189,16 @@ fn impossible_scenes_are_refused_with_line_and_range() {
             vec!["ambient.irradiance_w_m2"],
         ),
         ("[0.0, 0.0, 940.0]", "[0.0, 0.0]", vec!["file.toml"]),
+        (
+            "name = \"sphere\"",
+            "rig = { position_mm = [0.0, 2e9, 0.0] }\nname = \"sphere\"",
+            vec!["rig.position_mm", "-1000000000 to 1000000000"],
+        ),
+        (
+            "name = \"sphere\"",
+            "rig = { rotation_deg = [0.0, 0.0, nan] }\nname = \"sphere\"",
+            vec!["rig.rotation_deg", "-360 to 360"],
+        ),
         (
             "[0.0, 0.0, 940.0]",
             "[0.0, 0.0, inf]",

@@ -175,3 +175,12 @@ fn a_killed_demo_leaves_no_device_behind() {
         "the device goes and takes its folder along"
     );
 }
+
+#[test]
+fn samples_that_make_no_grid_are_refused_before_anything_is_started() {
+    let folder = tempdir().unwrap();
+    let output = demo(folder.path(), &["--scene", "plane", "--samples", "5"]);
+    let words = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(2), "{words}");
+    assert!(words.contains("1, 4, 16 or 64"), "{words}");
+}

@@ -39,7 +39,7 @@ fn dn_per_irradiance(profile: &Profile, exposure_s: f64) -> f64 {
 #[test]
 fn a_highlight_on_a_plane_is_the_microfacet_formula() {
     let profile = Profile::load("pmp-bench").unwrap();
-    let (f0, roughness) = (0.06, 0.35);
+    let (f0, roughness) = (0.06, 0.35_f64);
     let scene = scene(
         &format!(
             "[[object]]\nshape = {{ kind = \"plane\" }}\nposition_mm = [0, 0, 1000]\n\

@@ -38,7 +38,7 @@ pub struct Camera {
     /// Pixel format on the link at power-on.
     pub format: PixelFormat,
     /// Puts the embedded data line above each image, one row more on every link: see
-    /// [`data_line`](crate::protocol::data_line).
+    /// [`data_line`].
     #[serde(default)]
     pub data_line: bool,
     /// Exposure at power-on in microseconds.

@@ -4,10 +4,12 @@ use super::closed_form::Rig;
 use super::exact::plane;
 use super::hold::{bench, scene};
 use glam::DVec2;
+use phasma::emulator::render::reference::Reference;
 use phasma::emulator::render::{Options, Renderer, Term};
 use phasma::emulator::{Shot, Slide, Truth};
 use phasma::pattern::{Axis, Pattern};
 use phasma::profile::{Profile, Scene};
+use rayon::prelude::*;
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
 
@@ -56,26 +58,32 @@ fn a_sliver_that_no_centre_sees_is_found_by_more_samples() {
     let profile = bench();
     // A fifth of column 600, right of its centre.
     let scene = plate(&profile, 600.204, 600.396, [990.0, 1000.0]);
-    let share = |samples: u32, row: usize| {
+    let shares = |samples: u32| {
         let signal = ambient(&profile, &scene, samples);
-        let (wall, seen) = (signal[row * 1138 + 300], signal[row * 1138 + 600]);
-        // The plate is four times as bright.
-        (seen - wall) / (3.0 * (wall - profile.camera.sensor.black_level_dn))
+        [3, 200, 480].map(|row| {
+            let (wall, seen) = (signal[row * 1138 + 300], signal[row * 1138 + 600]);
+            // The plate is four times as bright.
+            (seen - wall) / (3.0 * (wall - profile.camera.sensor.black_level_dn))
+        })
     };
-    for row in [3, 200, 480] {
-        assert_eq!(share(1, row), 0.0);
-        for samples in [4, 16] {
-            let found = share(samples, row);
-            assert!((found - 3.0 / 16.0).abs() < 1e-4, "{samples}: {found}");
-        }
-        assert!((share(64, row) - 0.192).abs() < 0.01);
+    assert_eq!(shares(1), [0.0; 3]);
+    for samples in [4, 16] {
+        let found = shares(samples);
+        let met = found.iter().all(|f| (f - 3.0 / 16.0).abs() < 1e-4);
+        assert!(met, "{samples}: {found:?}");
     }
+    let found = shares(64);
+    assert!(
+        found.iter().all(|f| (f - 0.192).abs() < 0.01),
+        "64: {found:?}"
+    );
 }
 
 #[test]
 fn where_the_closed_form_stands_more_samples_change_nothing() {
     for distortion in [[0.0; 5], [-0.12, 0.05, 8e-4, -5e-4, -0.004]] {
         let mut profile = bench();
+        profile.camera.height_px = 121;
         profile.camera.distortion = distortion;
         let scene = scene(&plane(20.0, 1000.0));
         let fringe = Pattern::Fringe {
@@ -119,6 +127,7 @@ fn numbers_of_samples_that_make_no_grid_are_refused() {
 /// A lens that blurs a lot: a pupil of 20 mm / 2 = 10 mm.
 fn blurred(focus_mm: f64) -> Profile {
     let mut profile = bench();
+    profile.camera.height_px = 201;
     profile.camera.f_number = 2.0;
     profile.camera.sensor.full_well_e = 1e9;
     profile.camera.sensor.gain_dn_per_e = 1e-4;
@@ -168,7 +177,7 @@ fn the_edge_of_a_plate_out_of_focus_spreads_as_the_disc_has_it() {
                     .map(|s| segment((edge - (column as f64 + s)) / radius))
                     .sum::<f64>()
                     / f64::from(n);
-                let errors: Vec<_> = (0..489).map(|row| level(column, row) - exact).collect();
+                let errors: Vec<_> = (0..201).map(|row| level(column, row) - exact).collect();
                 let mean = errors.iter().sum::<f64>() / errors.len() as f64;
                 bias = bias.max(mean.abs());
                 worst = errors.iter().fold(worst, |m, e| m.max(e.abs()));
@@ -247,6 +256,70 @@ fn a_fringe_on_a_plane_out_of_focus_loses_the_disc_s_contrast() {
                 "{px}, period {period_px}: {found} {exact}"
             );
         }
-        assert!(compared > 500);
+        assert!(compared > 200, "{compared}");
+    }
+}
+
+#[test]
+fn a_scene_in_depth_is_blurred_as_the_reference_has_it() {
+    let profile = blurred(960.0);
+    let object = |shape: &str, place: &str| {
+        format!("[[object]]\nshape = {{ {shape} }}\n{place}\nalbedo = 0.7\n")
+    };
+    let text = [
+        "name = \"s\"\ndescription = \"\"\nambient = { irradiance_w_m2 = 0.05 }\n".to_string(),
+        object(
+            "kind = \"plane\"",
+            "position_mm = [0, 0, 1100]\nrotation_deg = [4, -7, 2]",
+        ),
+        object(
+            "kind = \"cylinder\", radius_mm = 60.0, length_mm = 220.0",
+            "position_mm = [-60, 10, 960]\nrotation_deg = [10, 0, 35]",
+        ),
+        object(
+            "kind = \"frustum\", base_mm = 160.0, top_mm = 60.0, height_mm = 90.0",
+            "position_mm = [120, 20, 930]\nrotation_deg = [0, 0, 30]",
+        ),
+    ];
+    let scene = Scene::parse(&text.concat(), "s").unwrap();
+    let reference = Reference::new(&profile, &scene).unwrap();
+    let fringe = Pattern::Fringe {
+        axis: Axis::X,
+        period_px: 64.0,
+        phase_rad: 0.4,
+    };
+    let slide = Slide::new(&fringe, &profile.projector, &|_| unreachable!()).unwrap();
+    let mut renderer = renderer(&profile, &scene, 64);
+    let fast = renderer.expected_dn(&shot(slide.clone(), 1.0));
+    let flags = renderer.truth(&[]).flags;
+    let full = fast.iter().fold(0.0f32, |m, &v| m.max(v));
+    assert!((20.0..255.0).contains(&full), "{full}");
+    for crease in [false, true] {
+        let wanted = Truth::LIT | if crease { Truth::CREASE } else { 0 };
+        let pixels: Vec<usize> = (0..flags.len())
+            .filter(|&i| flags[i] & (Truth::LIT | Truth::CREASE) == wanted)
+            .collect();
+        assert!(pixels.len() > 1000, "{}", pixels.len());
+        let errors: Vec<f64> = pixels
+            .par_iter()
+            .step_by(pixels.len() / 150)
+            .map(|&i| {
+                let px = DVec2::new((i % 1138) as f64, (i / 1138) as f64);
+                let exact = reference.signal_dn(px, &slide, 8e-3, 10_000);
+                (f64::from(fast[i]) - exact) / f64::from(full)
+            })
+            .collect();
+        let count = errors.len() as f64;
+        let rms = (errors.iter().map(|e| e * e).sum::<f64>() / count).sqrt();
+        let mean = errors.iter().sum::<f64>() / count;
+        let (most, bias) = if crease {
+            (0.02, 0.004)
+        } else {
+            (0.004, 0.001)
+        };
+        assert!(
+            rms < most && mean.abs() < bias,
+            "crease {crease}: rms {rms}, mean {mean} of the whole"
+        );
     }
 }

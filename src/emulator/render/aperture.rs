@@ -11,6 +11,8 @@ use rayon::prelude::*;
 
 /// Discs of a smaller radius in pixels blur nothing.
 const SHARP_PX: f64 = 1e-3;
+/// Larger discs count as this large: what touches the pupil has no end of a disc.
+const LARGEST_PX: f64 = 1e6;
 /// Angle between one point of a disc and the next, as florets have it (Vogel: "A better way to
 /// construct the sunflower head", Mathematical Biosciences 44, 1979): pi (3 - sqrt 5).
 const GOLDEN: f64 = 2.399_963_229_728_653;
@@ -38,9 +40,16 @@ impl Aperture {
         }
     }
 
-    /// Radius in pixels of the disc that a point at a depth in millimetres is imaged to.
+    /// Radius in pixels of the disc that a point at a depth in millimetres is imaged to; NaN or 0
+    /// where nothing is seen.
     pub(super) fn blur_px(&self, depth_mm: f64) -> f64 {
-        self.focal_px * self.radius_mm * (1.0 / depth_mm - self.focus).abs()
+        let radius = self.focal_px * self.radius_mm * (1.0 / depth_mm - self.focus).abs();
+        // NaN stays.
+        if radius > LARGEST_PX {
+            LARGEST_PX
+        } else {
+            radius
+        }
     }
 
     /// One of `count` points spread evenly over the pupil, the spread turned by an angle.

@@ -4,7 +4,8 @@
 //! Every ray is tested against every triangle (Moller and Trumbore 1997) and every solid by a
 //! second method (a frustum as twelve triangles, quadrics by the plain quadratic formula). A
 //! pixel's signal is the mean over rays through its whole area, each of which looks up one held
-//! pixel of the slide: no footprints, no derivatives, no sums of the slide.
+//! pixel of the slide: no footprints, no derivatives, no sums of the slide. With a focus they also
+//! go through its whole pupil.
 
 use crate::emulator::Slide;
 use crate::error::Result;
@@ -103,8 +104,11 @@ impl Reference {
 
     /// What the ray through a point of the image finds; `None` if it leaves the scene.
     pub fn look(&self, px: DVec2) -> Option<Found> {
-        let origin = self.camera.center();
-        let direction = self.camera.ray(px).normalize();
+        self.follow(self.camera.center(), self.camera.ray(px).normalize())
+    }
+
+    /// What a ray with a unit direction finds.
+    fn follow(&self, origin: DVec3, direction: DVec3) -> Option<Found> {
         let (t, normal, albedo) = self.first(origin, direction, 0.0)?;
         let point = origin + direction * t;
         let normal = if normal.dot(direction) > 0.0 {
@@ -138,9 +142,10 @@ impl Reference {
             .map(|i| {
                 let u = (f64::from(i) + 0.5) / f64::from(rays) - 0.5;
                 let v = (f64::from(i) * golden).fract() - 0.5;
-                // Two more directions of the lattice: roots of 2 and 3 share nothing with it.
-                let blur = [2f64, 3.0].map(|n| (f64::from(i) * n.sqrt() + 0.5).fract());
-                self.irradiance(px + DVec2::new(u, v), slide, blur)
+                // More directions of the lattice: roots of primes share nothing with it.
+                let root = |n: f64| (f64::from(i) * n.sqrt() + 0.5).fract();
+                let (blur, pupil) = ([2.0, 3.0].map(root), [7.0, 11.0].map(root));
+                self.irradiance(px + DVec2::new(u, v), pupil, slide, blur)
             })
             .sum::<f64>()
             / f64::from(rays);
@@ -156,10 +161,27 @@ impl Reference {
         dn.min(f64::from((1u32 << sensor.bits) - 1))
     }
 
-    /// Albedo times irradiance of the surface at a point of the image, in W/m^2; the slide is
-    /// looked up at one place of the blur about the point, which two numbers of 0 to 1 choose.
-    fn irradiance(&self, px: DVec2, slide: &Slide, blur: [f64; 2]) -> f64 {
-        let Some(found) = self.look(px) else {
+    /// The ray through a point of the image and a place of the pupil, two numbers from 0 to 1: with
+    /// a focus it leaves that place for the point that the pinhole's ray has in the plane in focus.
+    fn sight(&self, px: DVec2, [share, turn]: [f64; 2]) -> (DVec3, DVec3) {
+        let (center, ray) = (self.camera.center(), self.camera.ray(px));
+        let camera = &self.profile.camera;
+        let Some(focus) = camera.focus_mm else {
+            return (center, ray.normalize());
+        };
+        let radius = camera.focal_length_mm / camera.f_number / 2.0;
+        // Areas, not radii, are even.
+        let place = DVec2::from_angle(turn * std::f64::consts::TAU) * radius * share.sqrt();
+        let from = center + place.extend(0.0);
+        (from, (center + ray * focus - from).normalize())
+    }
+
+    /// Albedo times irradiance of the surface at a point of the image seen from a place of the
+    /// pupil, in W/m^2; the slide is looked up at one place of the blur about the point, which two
+    /// numbers of 0 to 1 choose.
+    fn irradiance(&self, px: DVec2, pupil: [f64; 2], slide: &Slide, blur: [f64; 2]) -> f64 {
+        let (origin, direction) = self.sight(px, pupil);
+        let Some(found) = self.follow(origin, direction) else {
             return 0.0;
         };
         let projector = &self.profile.projector;
