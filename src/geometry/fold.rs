@@ -100,8 +100,7 @@ impl Lens {
             let mut part = 1.0;
             let down = |part: f64| {
                 let next = p + step * part;
-                next.length() < reach
-                    && height(next) <= height(p) + 1e-4 * part * slope.dot(step)
+                next.length() < reach && height(next) <= height(p) + 1e-4 * part * slope.dot(step)
             };
             // Close to the end heights differ by rounding only, and full steps converge.
             let close = step.length() <= 1e-6 * (1.0 + p.length());
@@ -199,7 +198,9 @@ mod tests {
     fn draws(seed: u64) -> impl FnMut() -> f64 {
         let mut state = seed;
         move || {
-            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+            state = state
+                .wrapping_mul(6_364_136_223_846_793_005)
+                .wrapping_add(1);
             (state >> 33) as f64 / f64::from(1u32 << 30) - 1.0
         }
     }

@@ -109,12 +109,7 @@ pub(super) fn check(p: &Projector, check: &Check<'_>) -> Result<()> {
     if let Some(ratio) = p.contrast_ratio {
         check.within("projector.contrast_ratio", ratio, 1.0..=1e9)?;
     }
-    vignetting::check(
-        &p.vignetting,
-        &p.view().lens,
-        "projector.vignetting",
-        check,
-    )?;
+    vignetting::check(&p.vignetting, &p.view().lens, "projector.vignetting", check)?;
     p.focus
         .iter()
         .try_for_each(|f| focus::check(f, "projector.focus", check))

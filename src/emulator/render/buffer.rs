@@ -86,8 +86,14 @@ impl GeometryBuffer {
         self.depth.resize(n, f32::NAN);
         self.surface.resize(n, Surface::NONE.0);
         self.normal.resize(n, [0.0; 3]);
-        self.blur
-            .resize(if plan.has(Term::ProjectorDefocus) { n } else { 0 }, 0.0);
+        self.blur.resize(
+            if plan.has(Term::ProjectorDefocus) {
+                n
+            } else {
+                0
+            },
+            0.0,
+        );
         self.kernels = [None, None];
         self.flags.resize(n, 0);
         self.mixed.clear();

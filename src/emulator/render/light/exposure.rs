@@ -3,11 +3,11 @@
 //! A slide that varies along one axis is averaged exactly by its [`RowTable`], and where the
 //! projector is out of focus by kernels on its [`HeldRow`]; a picture by its [`PictureTable`].
 
+use super::super::buffer::GeometryBuffer;
 use super::super::{Plan, Term};
 use super::kernel::{HeldRow, Kernels};
 use super::levels::Curve;
 use super::picture_table::PictureTable;
-use super::super::buffer::GeometryBuffer;
 use super::row_table::{LANES, RowTable};
 use crate::emulator::Slide;
 use crate::pattern::Axis;

@@ -17,6 +17,7 @@
 
 use super::bell::Bell;
 use super::row_table::WIDEST;
+use super::soft::Soft;
 use rayon::prelude::*;
 
 /// Products are summed in this many lanes; weights come in whole multiples of it.
@@ -24,7 +25,7 @@ const LANES: usize = 8;
 /// Pixels that one task fills, and one lookup finds.
 const BLOCK: usize = 2048;
 /// Kernels reach this many standard deviations beyond the footprint; the rest, 6e-5, is the last
-/// pixel's on either side.
+/// pixel's.
 const REACH: f64 = 4.0;
 /// Blur narrower than this part of the footprint changes a level by less than 0.05 of 255.
 const SHARP: f64 = 2e-4;
@@ -109,31 +110,30 @@ impl Block {
             self.runs.push(Run::default());
             return;
         }
-        // Far below the blur a box's width no longer matters, but differences would cancel.
-        let wide = a.max(b).max(1e-3 * sigma);
-        let narrow = a.min(b).max(1e-3 * sigma).max(1e-6 * wide).min(wide);
-        let (outer, inner) = ((wide + narrow) / 2.0, (wide - narrow) / 2.0);
-        let q = |e: f64| bell.at(e / sigma);
-        let left_of = |e: f64| {
-            let second = (q(e + outer) - q(e + inner)) - (q(e - inner) - q(e - outer));
-            (second * sigma * sigma / (wide * narrow)) as f32
-        };
+        let soft = Soft::new(bell, [a, b], sigma);
         let grouping = ((sigma / 48.0).log2().max(0.0) as usize).min(GROUPINGS - 1);
         let group = (1usize << grouping) as f64;
         let last = (len.div_ceil(1 << grouping) - 1) as f64;
-        // From the slide's left end; what reaches beyond its ends is its last pixels'.
+        // From the slide's left end. Of what reaches beyond its ends the geometry pass knows; the
+        // kernel is the mean over the part on the slide.
         let middle = f64::from(footprint.x) + 0.5;
-        let reach = outer + REACH * sigma;
+        let reach = soft.outer() + REACH * sigma;
         let low = ((middle - reach) / group).floor().clamp(0.0, last);
         let high = ((middle + reach) / group).floor().clamp(0.0, last);
         let from = self.weights.len();
-        let mut before = 0.0;
+        let (start, end) = (soft.left_of(-middle), soft.left_of(len as f64 - middle));
+        // Nothing of a kernel far beyond an end is left: all is the last pixel's.
+        let part = (end - start).max(1e-9);
+        let mut before = start;
         for i in low as usize..high as usize {
-            let left = left_of((i + 1) as f64 * group - middle);
-            self.weights.push(left - before);
+            let left = soft
+                .left_of((i + 1) as f64 * group - middle)
+                .clamp(start, end);
+            self.weights.push(((left - before) / part) as f32);
             before = left;
         }
-        self.weights.push(1.0 - before);
+        let rest: f32 = self.weights[from..].iter().sum();
+        self.weights.push(1.0 - rest);
         let count = (self.weights.len() - from).next_multiple_of(LANES);
         self.weights.resize(from + count, 0.0);
         self.runs.push(Run {
@@ -172,7 +172,10 @@ impl HeldRow {
 
     /// Memory that the row takes, in bytes.
     pub(super) fn bytes(&self) -> usize {
-        self.groupings.iter().map(|g| size_of_val(g.as_slice())).sum()
+        self.groupings
+            .iter()
+            .map(|g| size_of_val(g.as_slice()))
+            .sum()
     }
 }
 
@@ -194,7 +197,8 @@ mod tests {
     use super::*;
 
     /// The mean of a blurred row over the footprint: at each of many places under the trapezoid
-    /// (midpoint rule), the sum over held pixels of the normal distribution between their borders.
+    /// (midpoint rule), the sum over held pixels of the normal distribution between their borders;
+    /// over the part that is on the slide.
     fn integrated(levels: &[f64], footprint: Blurred) -> f64 {
         let [a, b] = footprint.slope.map(|s| f64::from(s.abs()));
         let sigma = f64::from(footprint.sigma);
@@ -208,18 +212,15 @@ mod tests {
             let x = f64::from(footprint.x) + offset;
             let near = |p: f64| (p.max(0.0) as usize).min(levels.len() - 1);
             let (low, high) = (near(x - 7.0 * sigma), near(x + 7.0 * sigma + 1.0));
-            let (mut mean, mut before) = (0.0, 0.0);
+            let border = |j: usize| distribution((j as f64 - 0.5 - x) / sigma);
+            let (mut mean, mut before) = (0.0, border(low));
             for (j, level) in levels.iter().enumerate().take(high + 1).skip(low) {
-                let left = if j == high {
-                    1.0
-                } else {
-                    distribution((j as f64 + 0.5 - x) / sigma)
-                };
+                let left = border(j + 1);
                 mean += level * (left - before);
+                total += weight * (left - before);
                 before = left;
             }
             sum += weight * mean;
-            total += weight;
         }
         sum / total
     }
@@ -232,7 +233,13 @@ mod tests {
         for row in [stripes, edge] {
             let held = HeldRow::new(&row);
             for sigma in [0.02, 0.3, 0.57, 0.86, 2.5, 17.0, 48.1, 100.0] {
-                for slope in [[0.02, 0.0], [0.4, 0.3], [4.35, 0.0], [4.35, -4.0], [1.0, 30.0]] {
+                for slope in [
+                    [0.02, 0.0],
+                    [0.4, 0.3],
+                    [4.35, 0.0],
+                    [4.35, -4.0],
+                    [1.0, 30.0],
+                ] {
                     for x in [0.2, 127.9, 130.3, 130.5, 131.7, 255.0] {
                         let footprint = Blurred { x, slope, sigma };
                         let kernels = Kernels::new(1, row.len(), |_| footprint);
@@ -261,7 +268,9 @@ mod tests {
         for sigma in [0.4, 1.7, 3.0, 5.0] {
             let slope = [3.1, 1.2];
             let spread = f64::from(sigma);
-            let contrast = sinc(1.0) * sinc(f64::from(slope[0])) * sinc(f64::from(slope[1]))
+            let contrast = sinc(1.0)
+                * sinc(f64::from(slope[0]))
+                * sinc(f64::from(slope[1]))
                 * (-0.5 * (phase(spread)).powi(2)).exp();
             let mut sums = [0.0; 3];
             for i in 0..240 {
@@ -273,7 +282,11 @@ mod tests {
                 sums[2] += level * phase(x.into()).sin() / 120.0;
             }
             assert!((sums[0] - 0.5).abs() < 1e-5, "{}", sums[0]);
-            assert!((sums[1] - 0.5 * contrast).abs() < 1e-5, "{sigma} {}", sums[1]);
+            assert!(
+                (sums[1] - 0.5 * contrast).abs() < 1e-5,
+                "{sigma} {}",
+                sums[1]
+            );
             assert!(sums[2].abs() < 1e-5);
         }
     }
@@ -292,7 +305,11 @@ mod tests {
         }
         for sigma in [0.0, 1e-5, f32::NAN] {
             let slope = [1.0, 0.2];
-            let kernels = Kernels::new(1, 77, |_| Blurred { x: 3.0, slope, sigma });
+            let kernels = Kernels::new(1, 77, |_| Blurred {
+                x: 3.0,
+                slope,
+                sigma,
+            });
             assert!(kernels.average(0, &held).is_none());
         }
     }

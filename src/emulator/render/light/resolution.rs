@@ -13,7 +13,13 @@ const LEAST: f64 = 0.05;
 pub(in super::super) fn is_resolved(slope: [f32; 2], sigma: f32, period: f64) -> bool {
     let [a, b] = slope.map(|s| f64::from(s.abs()) / period);
     let sigma = f64::from(sigma) / period;
-    let sinc = |w: f64| if w > 0.0 { (PI * w).sin() / (PI * w) } else { 1.0 };
+    let sinc = |w: f64| {
+        if w > 0.0 {
+            (PI * w).sin() / (PI * w)
+        } else {
+            1.0
+        }
+    };
     let left = sinc(a) * sinc(b) * (-2.0 * (PI * sigma).powi(2)).exp();
     a < 1.0 && b < 1.0 && left >= LEAST
 }
@@ -27,7 +33,10 @@ mod tests {
         assert!(is_resolved([4.35, 0.0], 0.0, 16.0));
         assert!(is_resolved([-7.6, 0.0], 0.0, 16.0), "2.1 px a period");
         assert!(!is_resolved([16.0, 0.0], 0.0, 16.0) && !is_resolved([0.0, 22.9], 0.0, 16.0));
-        assert!(!is_resolved([0.0, 40.0], 0.0, 16.0), "contrast is back, upright");
+        assert!(
+            !is_resolved([0.0, 40.0], 0.0, 16.0),
+            "contrast is back, upright"
+        );
         // exp(-2 pi^2 (6.24/16)^2) = 0.0497.
         assert!(is_resolved([0.1, 0.0], 6.2, 16.0) && !is_resolved([0.1, 0.0], 6.24, 16.0));
         assert!(!is_resolved([f32::NAN, 0.0], 0.0, 16.0));

@@ -46,7 +46,11 @@ impl Falloff {
             1.0
         };
         // Below 0 only where no pixel is.
-        natural * self.vignetting.falloff_at(tangent2.sqrt() / self.unit).max(0.0)
+        natural
+            * self
+                .vignetting
+                .falloff_at(tangent2.sqrt() / self.unit)
+                .max(0.0)
     }
 
     /// Dims all light on its way to the camera; `directions` with z = 1.
