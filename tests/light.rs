@@ -114,8 +114,14 @@ fn each_term_agrees_with_the_reference_path() {
                     ..shot(&slide)
                 });
                 let truth = renderer.truth(&[]);
+                // Sixteen samples may miss an edge that cuts off a corner.
+                let even = |i: usize| {
+                    let flags = truth.flags.get(i).copied().unwrap_or(0);
+                    flags & (Truth::LIT | Truth::CREASE) == Truth::LIT
+                };
+                let near = |i: usize| [i.wrapping_sub(1138), i.wrapping_sub(1), i, i + 1, i + 1138];
                 let lit: Vec<_> = (0..fast.len())
-                    .filter(|&i| truth.flags[i] & (Truth::LIT | Truth::CREASE) == Truth::LIT)
+                    .filter(|&i| near(i).into_iter().all(even))
                     .step_by(step)
                     .collect();
                 assert!(lit.len() > 15, "{}", lit.len());

@@ -30,7 +30,8 @@ pub struct Options {
     pub min_modulation_dn: f32,
     /// Least modulation B over half of white minus black, where the sequence has both. A pixel that
     /// spans more than a period sees the fringe inverted, half a period off, with at most
-    /// max |sin(pi w) / (pi w)| = 0.217 of its contrast for w > 1; so less is not told.
+    /// max |sin(pi w) / (pi w)| = 0.217 of its contrast for w > 1; so that much, and a little for
+    /// noise, is not told.
     pub min_contrast: f32,
     /// Largest standard deviation of a set's phase in radians: beyond it a phase is hardly known.
     pub max_phase_sigma_rad: f32,
@@ -44,7 +45,7 @@ impl Default for Options {
             keep_mixed: false,
             unwrap_spatial: false,
             min_modulation_dn: 2.0,
-            min_contrast: 0.22,
+            min_contrast: 0.25,
             max_phase_sigma_rad: 0.15,
             noise: None,
         }
