@@ -135,6 +135,41 @@ fn impossible_profiles_are_refused_with_line_and_range() {
             "distortion = [-5.0, 0.0, 0.0, 0.0, 0.0]",
             vec!["projector.distortion", "folds over"],
         ),
+        (
+            "data_line = true",
+            "distortion = [-9.15, -12.78, 0.0, 0.0, 285.2]",
+            vec!["camera.distortion", "folds over"],
+        ),
+        (
+            "lens_shift_px = [1100.5, 0.0]",
+            "contrast_ratio = 0.5",
+            vec!["projector.contrast_ratio", "1 to 1"],
+        ),
+        (
+            "lens_shift_px = [1100.5, 0.0]",
+            "response = { gamma = 0.0 }",
+            vec!["projector.response.gamma", "0.1 to 10"],
+        ),
+        (
+            "lens_shift_px = [1100.5, 0.0]",
+            "response = { table = [0.0, 0.3, 0.9] }",
+            vec!["projector.response.table", "0.9 at full white"],
+        ),
+        (
+            "lens_shift_px = [1100.5, 0.0]",
+            "response = { table = [1.0] }",
+            vec!["projector.response.table", "2 to 4096"],
+        ),
+        (
+            "lens_shift_px = [1100.5, 0.0]",
+            "vignetting = { falloff = [-1.2, 0.0, 0.0] }",
+            vec!["projector.vignetting.falloff", "half diagonals"],
+        ),
+        (
+            "lens_shift_px = [1100.5, 0.0]",
+            "focus = { distance_mm = 0.0, aperture_mm = 5.0 }",
+            vec!["projector.focus.distance_mm", "1 to 10000000"],
+        ),
     ] {
         let (message, line) = broken(BENCH, from, to, Profile::parse);
         for needle in needles {

@@ -2,7 +2,7 @@
 //! is too fine, against closed forms and the slow f64 reference path.
 
 use glam::{DVec2, DVec3};
-use phasma::decode::{Decoder, FrameStack, Options, Samples, Verdict};
+use phasma::decode::{Decoder, FrameStack, Options, Samples};
 use phasma::emulator::render::reference::Reference;
 use phasma::emulator::render::{Renderer, Term};
 use phasma::emulator::{Shot, Slide, Truth};
@@ -114,8 +114,14 @@ fn each_term_agrees_with_the_reference_path() {
                     ..shot(&slide)
                 });
                 let truth = renderer.truth(&[]);
+                // Sixteen samples may miss an edge that cuts off a corner.
+                let even = |i: usize| {
+                    let flags = truth.flags.get(i).copied().unwrap_or(0);
+                    flags & (Truth::LIT | Truth::CREASE) == Truth::LIT
+                };
+                let near = |i: usize| [i.wrapping_sub(1138), i.wrapping_sub(1), i, i + 1, i + 1138];
                 let lit: Vec<_> = (0..fast.len())
-                    .filter(|&i| truth.flags[i] & (Truth::LIT | Truth::CREASE) == Truth::LIT)
+                    .filter(|&i| near(i).into_iter().all(even))
                     .step_by(step)
                     .collect();
                 assert!(lit.len() > 15, "{}", lit.len());
@@ -348,7 +354,7 @@ fn fringes_finer_than_pixels_or_blur_are_unresolved_and_not_valid() {
         (bench(), 0.4 * width, true),
         (soft, 16.0, true),
     ] {
-        let manifest = sequence(period, &profile);
+        let manifest = &sequence(period, &profile);
         let mut renderer = Renderer::new(&profile, &wall(1000.0, 0.02), 1).unwrap();
         let shots: Vec<_> = (0..)
             .zip(&manifest.frame)
@@ -363,7 +369,7 @@ fn fringes_finer_than_pixels_or_blur_are_unresolved_and_not_valid() {
         let samples = frames.iter().map(|f| Samples::U8(f)).collect();
         let stack = FrameStack::new(1138, 489, samples).unwrap();
         let rig = profile.nominal_rig();
-        let decoder = Decoder::new(&manifest, 1138, 489, Some(&rig), Options::default()).unwrap();
+        let decoder = Decoder::new(manifest, 1138, 489, Some(&rig), Options::default()).unwrap();
         let decoded = decoder.decode(&stack).unwrap();
         let lit = |i: &usize| truth.flags[*i] & (Truth::LIT | Truth::CREASE) == Truth::LIT;
         let lit: Vec<_> = (0..truth.flags.len()).filter(lit).collect();
@@ -378,12 +384,8 @@ fn fringes_finer_than_pixels_or_blur_are_unresolved_and_not_valid() {
         for &i in &lit {
             counts[map.verdict[i] as usize] += 1;
         }
-        println!("{period:.2} px: {counts:?} of {:?}", Verdict::ALL);
-        let off = |i: &&usize| (map.coordinate[**i] - truth.projector_x[**i]).abs() > 1.0;
-        let valid = |i: &&usize| map.verdict[**i] == Verdict::Valid;
-        println!("{} off", lit.iter().filter(valid).filter(off).count());
         if unresolved {
-            //assert_eq!(counts[0], 0, "{period} px: {counts:?}");
+            assert_eq!(counts[0], 0, "{period} px: {counts:?}");
         } else {
             assert!(counts[0] > lit.len() * 9 / 10, "{period} px: {counts:?}");
         }

@@ -6,6 +6,10 @@
 //! lies on at least one side's; the tolerance follows the noise, the curvature of the side that
 //! extrapolates, and, where both sides meet in a crease, the change of slope. Nothing is smoothed:
 //! a pixel is kept as it is, or not at all.
+//!
+//! Where the coordinate changes by a fringe's period or more from pixel to pixel, a pixel averages
+//! over all of the fringe: its contrast is lost, and beyond comes back inverted, half a period off.
+//! Such a pixel is not told, however bright its modulation.
 
 use super::turns::nearest;
 
@@ -16,6 +20,11 @@ pub(super) const MIXED: u8 = 1;
 /// No neighbours to compare with.
 pub(super) const STRAY: u8 = 2;
 
+/// So steep that a pixel spans a period of the finest fringe.
+pub(super) const FINE: u8 = 3;
+
+/// Part of the finest period that a pixel may span: there a tenth of the contrast is left.
+const SPAN: f32 = 0.9;
 /// Deviations of noise: a linear extrapolation carries sqrt(6) times the noise of one pixel, and 5
 /// times that is not noise.
 const NOISE: f32 = 12.25;
@@ -30,9 +39,11 @@ pub(super) struct Around<'a> {
     pub(super) padded: &'a [f32],
     /// Standard deviations of row v.
     pub(super) sigma: &'a [f32],
+    /// The finest fringe's period in projector pixels, infinite without fringes.
+    pub(super) finest: f32,
 }
 
-/// Writes [`MIXED`] or [`STRAY`] into `flags` where the row deserves it and they hold [`KEEP`];
+/// Writes [`MIXED`], [`FINE`] or [`STRAY`] into `flags` where the row deserves it and they hold [`KEEP`];
 /// `period` is the one that coordinates are known by, or 0.
 #[inline(always)]
 pub(super) fn judge_row(around: &Around<'_>, period: f32, flags: &mut [u8]) {
@@ -50,6 +61,7 @@ fn judge<const WRAPPED: bool>(around: &Around<'_>, period: f32, flags: &mut [u8]
     let (l3, l2, l1, r1, r2, r3) = (h(0), h(1), h(2), h(4), h(5), h(6));
     let v = around.rows.map(|row| &row[..n]);
     let sigma = &around.sigma[..n];
+    let span = SPAN * around.finest;
     for i in 0..n {
         let x = v[3][i];
         let base = NOISE * sigma[i] + FLOOR_PX;
@@ -68,7 +80,14 @@ fn judge<const WRAPPED: bool>(around: &Around<'_>, period: f32, flags: &mut [u8]
             period,
         );
         let stray = if row_has | col_has { KEEP } else { STRAY };
-        let verdict = if row_bad | col_bad { MIXED } else { stray };
+        // The gentler of both sides, so that a depth step is not taken for a slope.
+        let step = |a: f32, b: f32| {
+            let (a, b) = (less::<WRAPPED>(x, a, period), less::<WRAPPED>(x, b, period));
+            a.abs().min(b.abs())
+        };
+        let fine = (step(l1[i], r1[i]) >= span) | (step(v[2][i], v[4][i]) >= span);
+        let even = if fine { FINE } else { stray };
+        let verdict = if row_bad | col_bad { MIXED } else { even };
         flags[i] = if (flags[i] == KEEP) & !x.is_nan() {
             verdict
         } else {
@@ -133,6 +152,10 @@ mod tests {
     use super::*;
 
     fn flags(x: &[f32], sigma: f32, period: f32) -> Vec<u8> {
+        flags_with(x, sigma, period, f32::INFINITY)
+    }
+
+    fn flags_with(x: &[f32], sigma: f32, period: f32, finest: f32) -> Vec<u8> {
         let nan = vec![f32::NAN; x.len()];
         let mut padded = vec![f32::NAN; 3];
         padded.extend(x);
@@ -142,6 +165,7 @@ mod tests {
             rows: [&nan, &nan, &nan, x, &nan, &nan, &nan],
             padded: &padded,
             sigma: &sigma,
+            finest,
         };
         let mut flags = vec![KEEP; x.len()];
         judge_row(&around, period, &mut flags);
@@ -191,6 +215,16 @@ mod tests {
             flags(&[n, 5.0, n, 1.0, n], 0.02, 0.0),
             [0, STRAY, 0, STRAY, 0]
         );
+    }
+
+    #[test]
+    fn a_period_a_pixel_is_too_fine_and_a_step_is_not() {
+        let steep: Vec<f32> = (0..9).map(|i| 17.0 * i as f32).collect();
+        assert_eq!(flags_with(&steep, 0.02, 0.0, 16.0), [FINE; 9]);
+        let less: Vec<f32> = (0..9).map(|i| 14.0 * i as f32).collect();
+        assert_eq!(flags_with(&less, 0.02, 0.0, 16.0), [KEEP; 9]);
+        let step = [4.0, 8.0, 12.0, 16.0, 80.0, 84.0, 88.0, 92.0];
+        assert_eq!(flags_with(&step, 0.02, 0.0, 16.0), [KEEP; 8]);
     }
 
     #[test]

@@ -12,9 +12,10 @@ pub enum Verdict {
     Valid,
     /// A fringe frame is saturated there.
     Saturated,
-    /// Too little modulation, absolutely or against the noise.
+    /// Too little modulation: absolutely, against the noise, or against white minus black.
     Dim,
-    /// The order of its period is not certain, or beyond the projector.
+    /// The order of its period is not certain, or beyond the projector, or the pixel spans a
+    /// period of the finest fringe.
     Uncertain,
     /// It reads two surfaces at once, or disagrees with both neighbourhoods.
     Mixed,

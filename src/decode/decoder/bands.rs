@@ -26,6 +26,7 @@ impl Decoder {
             saturation,
             range,
             min_modulation: self.options.min_modulation_dn,
+            min_contrast: self.options.min_contrast,
             max_phase_sigma: self.options.max_phase_sigma_rad,
             width: self.width,
         };

@@ -28,6 +28,11 @@ pub struct Options {
     pub unwrap_spatial: bool,
     /// Least modulation B in DN.
     pub min_modulation_dn: f32,
+    /// Least modulation B over half of white minus black, where the sequence has both. A pixel that
+    /// spans more than a period sees the fringe inverted, half a period off, with at most
+    /// max |sin(pi w) / (pi w)| = 0.217 of its contrast for w > 1; so that much, and a little for
+    /// noise, is not told.
+    pub min_contrast: f32,
     /// Largest standard deviation of a set's phase in radians: beyond it a phase is hardly known.
     pub max_phase_sigma_rad: f32,
     /// The camera's noise; comes before the rig's, and both before an estimate from the frames.
@@ -40,6 +45,7 @@ impl Default for Options {
             keep_mixed: false,
             unwrap_spatial: false,
             min_modulation_dn: 2.0,
+            min_contrast: 0.25,
             max_phase_sigma_rad: 0.15,
             noise: None,
         }
@@ -238,7 +244,11 @@ impl Decoder {
     /// Passes 2 and 3: what needs neighbours, then depth.
     fn finish(&self, light: LightNoise, out: &mut Decoded) {
         if !self.options.keep_mixed {
-            neighbours::clean(out, light);
+            let finest = [Axis::X, Axis::Y].map(|axis| {
+                let set = self.plan.axis(axis).and_then(|plan| plan.sets.first());
+                set.map_or(f32::INFINITY, |set| set.period_px as f32)
+            });
+            neighbours::clean(out, light, finest);
         }
         for (axis, map) in [(Axis::X, &mut out.x), (Axis::Y, &mut out.y)] {
             let Some(map) = map else { continue };

@@ -9,26 +9,29 @@ use rayon::prelude::*;
 
 /// Takes out what reads two surfaces at once or stands alone, then what borders on it and is not
 /// trusted.
-pub(super) fn clean(out: &mut Decoded, light: LightNoise) {
+///
+/// `finest` is the period of each axis' finest fringe, x first; infinite without.
+pub(super) fn clean(out: &mut Decoded, light: LightNoise, finest: [f32; 2]) {
     let mut flags = vec![KEEP; out.width * out.height];
-    flag_edges(out, &mut flags);
+    flag_edges(out, finest, &mut flags);
     apply(out, &flags);
     flag_borders(out, light, &mut flags);
     apply(out, &flags);
 }
 
 /// Flags of pixels that disagree with their neighbours on any axis.
-fn flag_edges(out: &Decoded, flags: &mut [u8]) {
+fn flag_edges(out: &Decoded, finest: [f32; 2], flags: &mut [u8]) {
     let width = out.width;
     let nan = vec![f32::NAN; width];
     let scratch = || vec![f32::NAN; width + 6];
     each_row(width, flags, scratch, |padded, v, flags| {
-        for (_, map) in out.axes() {
+        for (axis, map) in out.axes() {
             let rows = rows_around(&map.coordinate, &nan, v);
             let around = Around {
                 padded: pad(padded, rows[3]),
                 rows,
                 sigma: &map.sigma[v * width..(v + 1) * width],
+                finest: finest[axis as usize],
             };
             judge_row(&around, period(map), flags);
         }

@@ -94,9 +94,10 @@ pub(super) fn axis_row<'f, T: Sample>(
     }
     for (set, k) in sets.iter().zip(&kernel.sets) {
         let worst = k.variance_of_phase(job.max_phase_sigma);
-        let (b, var) = (&set.modulation[..n], &set.variance[..n]);
+        let (b, var, half) = (&set.modulation[..n], &set.variance[..n], &half[..n]);
         for i in 0..n {
-            let dim = (b[i] < job.min_modulation) | (var[i] > worst);
+            let least = job.min_modulation.max(job.min_contrast * half[i]);
+            let dim = (b[i] < least) | (var[i] > worst);
             let was = verdict[i];
             verdict[i] = if dim & (was as u8 != Verdict::Saturated as u8) {
                 Verdict::Dim

@@ -29,6 +29,8 @@ pub(super) struct Job<'a, T> {
     /// From black to saturation.
     pub(super) range: f32,
     pub(super) min_modulation: f32,
+    /// Of half of white minus black.
+    pub(super) min_contrast: f32,
     pub(super) max_phase_sigma: f32,
     pub(super) width: usize,
 }
@@ -109,10 +111,10 @@ fn apply_body(out: AxisOut<'_>, flags: &[u8]) {
     let (x, sigma) = (&mut out.coordinate[..n], &mut out.sigma[..n]);
     let verdict = &mut out.verdict[..n];
     for i in 0..n {
-        let reason = if flags[i] == edges::MIXED {
-            Verdict::Mixed
-        } else {
-            Verdict::Stray
+        let reason = match flags[i] {
+            edges::MIXED => Verdict::Mixed,
+            edges::FINE => Verdict::Uncertain,
+            _ => Verdict::Stray,
         };
         let goes = (flags[i] != edges::KEEP) & (verdict[i] as u8 == Verdict::Valid as u8);
         verdict[i] = if goes { reason } else { verdict[i] };

@@ -57,6 +57,7 @@ fn both_instruction_sets_give_the_same_bits() {
         saturation: 255.0,
         range: 252.0,
         min_modulation: 2.0,
+        min_contrast: 0.25,
         max_phase_sigma: 0.15,
         width,
     };

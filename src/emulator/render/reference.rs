@@ -189,8 +189,9 @@ impl Reference {
         if found.lit {
             let way = self.projector.center() - found.point;
             let cos = found.normal.dot(way.normalize());
-            let level = level(slide, found.projector_px + self.blur(found.point, blur))
-                / f64::from((1u32 << projector.bits) - 1);
+            let px = found.projector_px + self.blur(found.point, blur);
+            let on_slide = self.projector.lens.contains(px);
+            let level = level(slide, px) / f64::from((1u32 << projector.bits) - 1);
             let shown = match &projector.response {
                 None => level,
                 Some(Response::Gamma(gamma)) => level.powf(*gamma),
@@ -204,7 +205,11 @@ impl Reference {
                 }
             };
             let ratio = projector.contrast_ratio.unwrap_or(f64::INFINITY);
-            let light = (1.0 - 1.0 / ratio).mul_add(shown, 1.0 / ratio);
+            let light = if on_slide {
+                (1.0 - 1.0 / ratio).mul_add(shown, 1.0 / ratio)
+            } else {
+                0.0
+            };
             let axis = self.projector.rig_from_view.direction(DVec3::Z);
             let off_axis = -axis.dot(way.normalize());
             let falloff = falloff(&projector.vignetting, &self.projector, off_axis, 1);

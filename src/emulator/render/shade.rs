@@ -124,6 +124,9 @@ impl Optics {
             distort(&self.projector.lens, &mut shaded);
         }
         self.in_field(&mut shaded);
+        if plan.has(Term::ProjectorDefocus) {
+            self.defocus.dim_border(&mut shaded);
+        }
         shaded
     }
 

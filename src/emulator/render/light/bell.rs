@@ -71,6 +71,9 @@ fn density(z: f64) -> f64 {
 /// Phi by its series of positive terms (Abramowitz and Stegun 26.2.11).
 pub(super) fn distribution(z: f64) -> f64 {
     let x = z.abs();
+    if x > 9.0 {
+        return if z < 0.0 { 0.0 } else { 1.0 };
+    }
     let (mut term, mut sum) = (x, x);
     let mut odd = 1.0;
     while term > 1e-18 * sum {

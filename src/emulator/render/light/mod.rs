@@ -12,6 +12,7 @@ mod levels;
 mod picture_table;
 mod resolution;
 mod row_table;
+mod soft;
 mod vignetting;
 
 pub(super) use defocus::Defocus;
