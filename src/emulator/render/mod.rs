@@ -11,6 +11,7 @@
 mod buffer;
 mod exposure;
 mod geometry;
+mod glare;
 mod mixed;
 mod picture_table;
 mod plan;

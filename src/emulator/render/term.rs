@@ -33,8 +33,18 @@ pub enum Term {
     FootprintX,
     /// Footprints along y.
     FootprintY,
+    /// Veiling glare: light scattered over the whole image.
+    Glare,
+    /// Electrons that gather without light.
+    DarkCurrent,
+    /// PRNU and DSNU: a sensitivity and an offset of each pixel.
+    FixedPattern,
+    /// Charge beyond the full well spills along the column.
+    Blooming,
     /// Shot and read noise: random numbers are drawn.
     Noise,
+    /// The response bends the converter's numbers.
+    Response,
 }
 
 impl fmt::Display for Term {
@@ -53,13 +63,18 @@ pub(super) struct Needs<'a> {
 
 impl Term {
     /// All terms in the order of the passes.
-    pub const ALL: [Self; 6] = [
+    pub const ALL: [Self; 11] = [
         Self::CameraDistortion,
         Self::ProjectorDistortion,
         Self::Shadows,
         Self::FootprintX,
         Self::FootprintY,
+        Self::Glare,
+        Self::DarkCurrent,
+        Self::FixedPattern,
+        Self::Blooming,
         Self::Noise,
+        Self::Response,
     ];
 
     /// The pass that computes it.
@@ -70,7 +85,12 @@ impl Term {
             | Self::Shadows
             | Self::FootprintX
             | Self::FootprintY => Pass::Geometry,
-            Self::Noise => Pass::Sensor,
+            Self::Glare => Pass::Exposure,
+            Self::DarkCurrent
+            | Self::FixedPattern
+            | Self::Blooming
+            | Self::Noise
+            | Self::Response => Pass::Sensor,
         }
     }
 
@@ -88,6 +108,7 @@ impl Needs<'_> {
     /// Whether profile and scene need a term, and why or why not.
     pub(super) fn decide(&self, term: Term) -> (bool, &'static str) {
         let choose = |needed, why, why_not| (needed, if needed { why } else { why_not });
+        let sensor = &self.profile.camera.sensor;
         match term {
             Term::CameraDistortion => choose(
                 self.optics.camera.lens.is_distorted(),
@@ -106,8 +127,33 @@ impl Needs<'_> {
             ),
             Term::FootprintX => (false, "no slide varies along x"),
             Term::FootprintY => (false, "no slide varies along y"),
+            Term::Glare => choose(
+                self.profile.camera.glare.is_some_and(|g| g.percent > 0.0),
+                "camera.glare scatters light",
+                "no camera.glare",
+            ),
+            Term::DarkCurrent => choose(
+                sensor.dark_current_e_s > 0.0,
+                "camera.sensor.dark_current_e_s is above 0",
+                "camera.sensor.dark_current_e_s is 0",
+            ),
+            Term::FixedPattern => choose(
+                sensor.prnu_percent > 0.0 || sensor.dsnu_e > 0.0,
+                "camera.sensor has PRNU or DSNU",
+                "camera.sensor has neither PRNU nor DSNU",
+            ),
+            Term::Blooming => choose(
+                sensor.blooming_percent > 0.0,
+                "camera.sensor.blooming_percent is above 0",
+                "camera.sensor.blooming_percent is 0",
+            ),
+            Term::Response => choose(
+                sensor.response.is_bent(),
+                "camera.sensor.response is bent",
+                "camera.sensor.response is linear",
+            ),
             Term::Noise => choose(
-                !self.profile.camera.sensor.noiseless,
+                !sensor.noiseless,
                 "the sensor has shot and read noise",
                 "left out by --no-noise",
             ),
