@@ -108,7 +108,7 @@ fn impossible_profiles_are_refused_with_line_and_range() {
         (
             "f_number = 16.0",
             "glare = { percent = 5, sigma_px = 3 }\nf_number = 16.0",
-            vec!["camera.glare.sigma_px", "16 to 32768"],
+            vec!["camera.glare.sigma_px", "32 to 32768"],
         ),
         (
             "width_px = 1138",

@@ -18,5 +18,5 @@ pub struct Glare {
 
 pub(super) fn check(glare: Glare, check: &Check<'_>) -> Result<()> {
     check.within("camera.glare.percent", glare.percent, 0.0..=100.0)?;
-    check.within("camera.glare.sigma_px", glare.sigma_px, 16.0..=32768.0)
+    check.within("camera.glare.sigma_px", glare.sigma_px, 32.0..=32768.0)
 }
