@@ -77,32 +77,32 @@ fn impossible_profiles_are_refused_with_line_and_range() {
         ("width_px = 1138", "width_px = 11.5", vec!["11.5"]),
         (
             "read_noise_e = 2.3",
-            "read_noise_e = 2.3\ndark_current_e_s = -1",
+            "dark_current_e_s = -1\nread_noise_e = 2.3",
             vec!["camera.sensor.dark_current_e_s", "-1", "0 to 10000000"],
         ),
         (
             "read_noise_e = 2.3",
-            "read_noise_e = 2.3\nprnu_percent = 51",
+            "prnu_percent = 51\nread_noise_e = 2.3",
             vec!["camera.sensor.prnu_percent", "51", "0 to 50"],
         ),
         (
             "read_noise_e = 2.3",
-            "read_noise_e = 2.3\ndsnu_e = nan",
+            "dsnu_e = nan\nread_noise_e = 2.3",
             vec!["camera.sensor.dsnu_e", "NaN"],
         ),
         (
             "read_noise_e = 2.3",
-            "read_noise_e = 2.3\nblooming_percent = 101",
+            "blooming_percent = 101\nread_noise_e = 2.3",
             vec!["camera.sensor.blooming_percent", "101", "0 to 100"],
         ),
         (
             "read_noise_e = 2.3",
-            "read_noise_e = 2.3\nresponse = { kind = \"gamma\", gamma = 0 }",
+            "response = { kind = \"gamma\", gamma = 0 }\nread_noise_e = 2.3",
             vec!["camera.sensor.response.gamma", "0.25 to 4"],
         ),
         (
             "read_noise_e = 2.3",
-            "read_noise_e = 2.3\nresponse = { kind = \"linear\", gamma = 2.2 }",
+            "response = { kind = \"linear\", gamma = 2.2 }\nread_noise_e = 2.3",
             vec!["unknown field"],
         ),
         (

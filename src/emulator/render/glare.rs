@@ -46,61 +46,57 @@ fn sum(values: &[f32]) -> f64 {
     values.iter().map(|&e| f64::from(e)).sum()
 }
 
-/// Means over square cells.
+/// Means over cells, as many whole ones as fit the image.
 struct Grid {
     width: usize,
     height: usize,
-    cell: usize,
+    /// Width and height of a cell in pixels, not whole.
+    pitch: [f64; 2],
     values: Vec<f32>,
 }
 
 impl Grid {
     fn new(electrons: &[f32], width: usize, cell: usize) -> Self {
-        let columns = width.div_ceil(cell);
-        let values: Vec<f32> = electrons
-            .par_chunks(width * cell)
-            .flat_map_iter(|rows| {
-                let mut sums = vec![0.0; columns];
-                for row in rows.chunks(width) {
-                    for (sum, cell) in sums.iter_mut().zip(row.chunks(cell)) {
-                        *sum += cell.iter().sum::<f32>();
+        let height = electrons.len() / width;
+        let [columns, rows] = [width, height].map(|side| side.div_ceil(cell));
+        let pitch = [width as f64 / columns as f64, height as f64 / rows as f64];
+        let covered: Vec<_> = (0..columns).map(|c| cover(c, pitch[0], width)).collect();
+        let values: Vec<f32> = (0..rows)
+            .into_par_iter()
+            .flat_map_iter(|row| {
+                let mut means = vec![0.0; columns];
+                let (from, weights) = cover(row, pitch[1], height);
+                let lines = electrons[from * width..].chunks(width);
+                for (line, weight) in lines.zip(weights) {
+                    for (mean, (from, weights)) in means.iter_mut().zip(&covered) {
+                        let cell = line[*from..].iter().zip(weights);
+                        *mean += weight * cell.map(|(e, w)| e * w).sum::<f32>();
                     }
                 }
-                let height = rows.len() / width;
-                sums.into_iter().enumerate().map(move |(i, sum)| {
-                    let wide = cell.min(width - i * cell);
-                    sum / (wide * height) as f32
-                })
+                means
             })
             .collect();
         Self {
             width: columns,
-            height: values.len() / columns,
-            cell,
+            height: rows,
+            pitch,
             values,
         }
     }
 
-    fn blurred(&self, sigma_px: f64) -> Self {
-        let variance = (sigma_px / self.cell as f64).powi(2) - 1.0 / 12.0 - 1.0 / 6.0;
-        // Beyond the image's own size, reflections make it even anyway.
-        let most = 2.0 * self.width.max(self.height) as f64;
-        let sigma = variance.sqrt().min(most);
-        let reach = (REACH * sigma).ceil() as usize;
-        let kernel: Vec<f64> = (0..=2 * reach)
-            .map(|k| (-0.5 * ((k as f64 - reach as f64) / sigma).powi(2)).exp())
-            .collect();
-        let across = self.along(&kernel, self.width, 1, self.height, self.width);
-        Self {
-            values: across,
-            ..*self
-        }
-        .columns(&kernel)
-    }
-
-    fn columns(&self, kernel: &[f64]) -> Self {
-        let values = self.along(kernel, self.height, self.width, self.width, 1);
-        Self { values, ..*self }
+    fn blurred(mut self, sigma_px: f64) -> Self {
+        let [across, down] = self.pitch.map(|pitch| {
+            let variance = (sigma_px / pitch).powi(2) - 1.0 / 12.0 - 1.0 / 6.0;
+            // Beyond the image's own size, reflections make it even anyway.
+            let most = 2.0 * self.width.max(self.height) as f64;
+            let sigma = variance.sqrt().min(most);
+            let reach = (REACH * sigma).ceil() as usize;
+            let bell = |k| (-0.5 * ((k as f64 - reach as f64) / sigma).powi(2)).exp();
+            (0..=2 * reach).map(bell).collect::<Vec<f64>>()
+        });
+        self.values = self.along(&across, self.width, 1, self.height, self.width);
+        self.values = self.along(&down, self.height, self.width, self.width, 1);
+        self
     }
 
     /// Convolves lines of `length` values `step` apart; `lines` of them start `next` apart.
@@ -139,7 +135,7 @@ impl Grid {
 
     /// A row of pixels, interpolated between the cells' centres.
     fn row(&self, row: usize, width: usize) -> Vec<f32> {
-        let (top, bottom, down) = between(row, self.cell, self.height);
+        let (top, bottom, down) = between(row, self.pitch[1], self.height);
         let line = |r: usize| &self.values[r * self.width..(r + 1) * self.width];
         let mixed: Vec<f32> = line(top)
             .iter()
@@ -148,16 +144,27 @@ impl Grid {
             .collect();
         (0..width)
             .map(|column| {
-                let (left, right, over) = between(column, self.cell, self.width);
+                let (left, right, over) = between(column, self.pitch[0], self.width);
                 mixed[left] + over * (mixed[right] - mixed[left])
             })
             .collect()
     }
 }
 
+/// The first pixel that a cell covers, and the share of the cell that it and the next ones are.
+fn cover(cell: usize, pitch: f64, pixels: usize) -> (usize, Vec<f32>) {
+    let [from, to] = [cell, cell + 1].map(|c| (c as f64 * pitch).min(pixels as f64));
+    let shares = (from as usize..to.ceil() as usize).map(|pixel| {
+        let low = from.max(pixel as f64);
+        let high = to.min(pixel as f64 + 1.0);
+        ((high - low) / (to - from)) as f32
+    });
+    (from as usize, shares.collect())
+}
+
 /// The cells on both sides of a pixel, and how far it is from the first to the second.
-fn between(pixel: usize, cell: usize, cells: usize) -> (usize, usize, f32) {
-    let at = (pixel as f32 + 0.5) / cell as f32 - 0.5;
+fn between(pixel: usize, pitch: f64, cells: usize) -> (usize, usize, f32) {
+    let at = ((pixel as f64 + 0.5) / pitch - 0.5) as f32;
     let at = at.max(0.0);
     let first = (at as usize).min(cells - 1);
     (first, (first + 1).min(cells - 1), at - first as f32)
