@@ -4,7 +4,7 @@
 
 use phasma::emulator::render::{Renderer, Term};
 use phasma::emulator::{Shot, Slide};
-use phasma::profile::{Glare, Profile, Response, Scene};
+use phasma::profile::{CameraResponse, Glare, Profile, Scene};
 use phasma::protocol::PixelFormat;
 use std::sync::Arc;
 
@@ -43,7 +43,7 @@ impl Bench {
         let mut linear = Profile { ..profile.clone() };
         let s = &mut linear.camera.sensor;
         (s.dark_current_e_s, s.prnu_percent, s.dsnu_e) = (0.0, 0.0, 0.0);
-        s.response = Response::default();
+        s.response = CameraResponse::default();
         let dn = renderer(&linear).expected_dn(&shot(1e-4, 0))[1000];
         let s = &linear.camera.sensor;
         let rate = (f64::from(dn) - s.black_level_dn) / s.gain_dn_per_e / 1e-4;
@@ -236,7 +236,7 @@ fn the_fixed_pattern_is_the_devices_own() {
 
 #[test]
 fn a_gamma_response_is_its_formula_and_its_inverse_gives_light_back() {
-    let gamma = Response::Gamma { gamma: 2.2 };
+    let gamma = CameraResponse::Gamma { gamma: 2.2 };
     let mut bench = Bench::new(camera(|p| p.camera.sensor.response = gamma));
     let mut flat = Bench::new(camera(|_| ()));
     for fill in [0.0, 0.02, 0.3, 0.9] {
@@ -322,7 +322,7 @@ fn extremes_are_numbers_and_the_same_on_any_number_of_threads() {
         s.prnu_percent = 1.0;
         s.dsnu_e = 2.0;
         s.blooming_percent = 50.0;
-        s.response = Response::Gamma { gamma: 2.2 };
+        s.response = CameraResponse::Gamma { gamma: 2.2 };
     });
     let scene = Scene::load("trapezoid").unwrap();
     let frames = |profile: &Profile, threads: usize| {
@@ -372,7 +372,7 @@ fn a_term_that_does_nothing_changes_no_byte() {
         Term::DarkCurrent,
         Term::FixedPattern,
         Term::Blooming,
-        Term::Response,
+        Term::CameraResponse,
     ] {
         assert!(!lean.plan().has(term), "{term}");
         lean.force(term, true);

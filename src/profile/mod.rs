@@ -2,13 +2,13 @@
 
 mod builtin;
 mod camera;
+mod camera_response;
 mod check;
 mod device;
 mod glare;
 mod light;
 mod object;
 mod projector;
-mod response;
 mod scene;
 mod sensor;
 mod sequence;
@@ -17,12 +17,12 @@ mod usb;
 
 pub use builtin::{profile_names, scene_names};
 pub use camera::Camera;
+pub use camera_response::CameraResponse;
 pub use device::{Identity, Profile};
 pub use glare::Glare;
 pub use light::Ambient;
 pub use object::{Object, Shape};
 pub use projector::Projector;
-pub use response::Response;
 pub use scene::Scene;
 pub use sensor::Sensor;
 pub use sequence::Sequence;

@@ -1,6 +1,6 @@
 //! The sensor of a profile, in the terms of EMVA 1288.
 
-use super::Response;
+use super::CameraResponse;
 use super::check::Check;
 use crate::error::Result;
 use crate::geometry::NoiseModel;
@@ -46,7 +46,7 @@ pub struct Sensor {
     pub blooming_percent: f64,
     /// From the converter's linear numbers to the numbers in the frame.
     #[serde(default)]
-    pub response: Response,
+    pub response: CameraResponse,
     /// Leaves shot and read noise out: chosen at run time, not a property of a model.
     #[serde(skip)]
     pub noiseless: bool,
@@ -101,8 +101,8 @@ impl Sensor {
         let dark_variance = gain.powi(2) * (self.read_noise_e.powi(2) + dark_e);
         let (gain, dark_variance) = match self.response {
             _ if self.noiseless => (0.0, 0.0),
-            Response::Linear {} => (gain, dark_variance),
-            Response::Gamma { .. } => self.response.line(
+            CameraResponse::Linear {} => (gain, dark_variance),
+            CameraResponse::Gamma { .. } => self.response.line(
                 |dn| dark_variance + gain * (dn - black).max(0.0),
                 [black, saturation],
                 full_scale,
@@ -137,7 +137,7 @@ pub(super) fn check(s: &Sensor, format: PixelFormat, check: &Check<'_>) -> Resul
         s.blooming_percent,
         0.0..=100.0,
     )?;
-    super::response::check(s.response, check)?;
+    super::camera_response::check(s.response, check)?;
     check.within("camera.sensor.gain_dn_per_e", s.gain_dn_per_e, 1e-6..=1e4)?;
     let bits = match format {
         PixelFormat::Grey | PixelFormat::Yuyv => 8..=8,

@@ -44,7 +44,7 @@ pub enum Term {
     /// Shot and read noise: random numbers are drawn.
     Noise,
     /// The response bends the converter's numbers.
-    Response,
+    CameraResponse,
 }
 
 impl fmt::Display for Term {
@@ -74,7 +74,7 @@ impl Term {
         Self::FixedPattern,
         Self::Blooming,
         Self::Noise,
-        Self::Response,
+        Self::CameraResponse,
     ];
 
     /// The pass that computes it.
@@ -90,7 +90,7 @@ impl Term {
             | Self::FixedPattern
             | Self::Blooming
             | Self::Noise
-            | Self::Response => Pass::Sensor,
+            | Self::CameraResponse => Pass::Sensor,
         }
     }
 
@@ -147,7 +147,7 @@ impl Needs<'_> {
                 "camera.sensor.blooming_percent is above 0",
                 "camera.sensor.blooming_percent is 0",
             ),
-            Term::Response => choose(
+            Term::CameraResponse => choose(
                 sensor.response.is_bent(),
                 "camera.sensor.response is bent",
                 "camera.sensor.response is linear",

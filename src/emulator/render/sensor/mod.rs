@@ -76,7 +76,7 @@ impl<'a> Sensor<'a> {
             fixed,
             noise,
             response: plan
-                .has(Term::Response)
+                .has(Term::CameraResponse)
                 .then(|| Response::new(&sensor.response, full_scale)),
         }
     }

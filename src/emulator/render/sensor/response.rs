@@ -1,4 +1,4 @@
-//! The response of [`profile::Response`](crate::profile::Response) in f32, over lanes.
+//! The response of [`profile::CameraResponse`](crate::profile::CameraResponse) in f32, over lanes.
 
 use super::elementary::{exp_negative, ln};
 use crate::profile;
@@ -11,12 +11,12 @@ pub(super) struct Response {
 }
 
 impl Response {
-    pub(super) fn new(response: &profile::Response, full_scale_dn: f64) -> Self {
+    pub(super) fn new(response: &profile::CameraResponse, full_scale_dn: f64) -> Self {
         Self {
             full_scale_dn: full_scale_dn as f32,
             exponent: match response {
-                profile::Response::Linear {} => 1.0,
-                profile::Response::Gamma { gamma } => (1.0 / gamma) as f32,
+                profile::CameraResponse::Linear {} => 1.0,
+                profile::CameraResponse::Gamma { gamma } => (1.0 / gamma) as f32,
             },
         }
     }
@@ -47,7 +47,7 @@ mod tests {
     #[test]
     fn follows_the_curve_and_its_inverse_returns() {
         for gamma in [0.25, 0.45, 2.2, 4.0] {
-            let curve = profile::Response::Gamma { gamma };
+            let curve = profile::CameraResponse::Gamma { gamma };
             for full in [255.0, 65535.0] {
                 let response = Response::new(&curve, full);
                 for k in 0..=20_000 {
@@ -66,7 +66,7 @@ mod tests {
 
     #[test]
     fn a_gamma_of_one_changes_nothing() {
-        let response = Response::new(&profile::Response::Gamma { gamma: 1.0 }, 255.0);
+        let response = Response::new(&profile::CameraResponse::Gamma { gamma: 1.0 }, 255.0);
         for dn in [0.0, 1e-8, 0.3, 17.2, 255.0] {
             assert_eq!(response.bend(dn), dn);
         }

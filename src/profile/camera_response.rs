@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 /// The curve from the converter's linear numbers to the numbers in the frame.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
-pub enum Response {
+pub enum CameraResponse {
     /// The linear numbers themselves.
     Linear {},
     /// DN = full (linear / full)^(1 / gamma), full the converter's largest number and the black
@@ -20,13 +20,13 @@ pub enum Response {
     },
 }
 
-impl Default for Response {
+impl Default for CameraResponse {
     fn default() -> Self {
         Self::Linear {}
     }
 }
 
-impl Response {
+impl CameraResponse {
     /// Whether the curve is any other than the straight line.
     pub fn is_bent(&self) -> bool {
         !matches!(self, Self::Linear {} | Self::Gamma { gamma: 1.0 })
@@ -85,10 +85,10 @@ impl Response {
     }
 }
 
-pub(super) fn check(response: Response, check: &Check<'_>) -> Result<()> {
+pub(super) fn check(response: CameraResponse, check: &Check<'_>) -> Result<()> {
     match response {
-        Response::Linear {} => Ok(()),
-        Response::Gamma { gamma } => {
+        CameraResponse::Linear {} => Ok(()),
+        CameraResponse::Gamma { gamma } => {
             check.within("camera.sensor.response.gamma", gamma, 0.25..=4.0)
         }
     }
