@@ -76,6 +76,41 @@ fn impossible_profiles_are_refused_with_line_and_range() {
         ),
         ("width_px = 1138", "width_px = 11.5", vec!["11.5"]),
         (
+            "read_noise_e = 2.3",
+            "dark_current_e_s = -1\nread_noise_e = 2.3",
+            vec!["camera.sensor.dark_current_e_s", "-1", "0 to 10000000"],
+        ),
+        (
+            "read_noise_e = 2.3",
+            "prnu_percent = 51\nread_noise_e = 2.3",
+            vec!["camera.sensor.prnu_percent", "51", "0 to 50"],
+        ),
+        (
+            "read_noise_e = 2.3",
+            "dsnu_e = nan\nread_noise_e = 2.3",
+            vec!["camera.sensor.dsnu_e", "NaN"],
+        ),
+        (
+            "read_noise_e = 2.3",
+            "blooming_percent = 101\nread_noise_e = 2.3",
+            vec!["camera.sensor.blooming_percent", "101", "0 to 100"],
+        ),
+        (
+            "read_noise_e = 2.3",
+            "response = { kind = \"gamma\", gamma = 0 }\nread_noise_e = 2.3",
+            vec!["camera.sensor.response.gamma", "0.25 to 4"],
+        ),
+        (
+            "read_noise_e = 2.3",
+            "response = { kind = \"linear\", gamma = 2.2 }\nread_noise_e = 2.3",
+            vec!["unknown field"],
+        ),
+        (
+            "f_number = 16.0",
+            "glare = { percent = 5, sigma_px = 3 }\nf_number = 16.0",
+            vec!["camera.glare.sigma_px", "32 to 32768"],
+        ),
+        (
             "width_px = 1138",
             "wdith_px = 1138",
             vec!["wdith_px", "unknown field"],

@@ -1,7 +1,7 @@
 //! The camera of a profile: optics, timing, link.
 
 use super::check::{Check, distortion};
-use super::{Sensor, Vignetting, vignetting};
+use super::{Glare, Sensor, Vignetting, vignetting};
 use crate::error::Result;
 use crate::geometry::{Lens, Pose, View};
 use crate::pattern::manifest::MAX_SIDE_PX;
@@ -49,6 +49,9 @@ pub struct Camera {
     pub max_gain_db: f64,
     /// Interval of free-running frames in microseconds.
     pub frame_interval_us: f64,
+    /// Veiling glare of the lens.
+    #[serde(default)]
+    pub glare: Option<Glare>,
     /// The sensor.
     pub sensor: Sensor,
 }
@@ -137,6 +140,9 @@ pub(super) fn check(c: &Camera, check: &Check<'_>) -> Result<()> {
             format!("a line, and exposures of up to {longest} us"),
             format!("false, or exposures of up to {longest_told_us} us: the line tells no longer"),
         )?;
+    }
+    if let Some(glare) = c.glare {
+        super::glare::check(glare, check)?;
     }
     super::sensor::check(&c.sensor, c.format, check)
 }

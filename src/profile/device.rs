@@ -88,7 +88,11 @@ impl Profile {
         Rig {
             camera: self.camera.view(),
             projector: self.projector.view(),
-            noise: Some(self.camera.sensor.noise_model(0.0)),
+            noise: Some(
+                self.camera
+                    .sensor
+                    .noise_model(0.0, self.camera.exposure_us * 1e-6),
+            ),
         }
     }
 }

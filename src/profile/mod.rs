@@ -2,9 +2,11 @@
 
 mod builtin;
 mod camera;
+mod camera_response;
 mod check;
 mod device;
 mod focus;
+mod glare;
 mod light;
 mod object;
 mod projector;
@@ -19,8 +21,10 @@ pub(crate) mod vignetting;
 
 pub use builtin::{profile_names, scene_names};
 pub use camera::Camera;
+pub use camera_response::CameraResponse;
 pub use device::{Identity, Profile};
 pub use focus::Focus;
+pub use glare::Glare;
 pub use light::Ambient;
 pub use object::{Object, Shape};
 pub use projector::Projector;

@@ -1,5 +1,6 @@
 //! The sensor of a profile, in the terms of EMVA 1288.
 
+use super::CameraResponse;
 use super::check::Check;
 use crate::error::Result;
 use crate::geometry::NoiseModel;
@@ -22,6 +23,30 @@ pub struct Sensor {
     pub black_level_dn: f64,
     /// Bits of the converter, 8 to 16.
     pub bits: u32,
+    /// Electrons that gather in a pixel in a second without light, at the sensor's temperature
+    /// (EMVA 1288 release 4.0, section 2: the mean dark signal grows linearly with the exposure, and
+    /// its electrons make shot noise as those of light do). 0 leaves it out.
+    #[serde(default)]
+    pub dark_current_e_s: f64,
+    /// Photo response non-uniformity, PRNU1288: standard deviation of the pixels' sensitivities in
+    /// per cent of their mean (EMVA 1288 release 4.0, section 4). 0 leaves it out.
+    #[serde(default)]
+    pub prnu_percent: f64,
+    /// Dark signal non-uniformity, DSNU1288: standard deviation in electrons of the pixels' offsets
+    /// from the mean dark signal (EMVA 1288 release 4.0, section 4). 0 leaves it out.
+    #[serde(default)]
+    pub dsnu_e: f64,
+    /// Which device of the model it is: the seed of its fixed pattern, whatever the seed of the
+    /// noise.
+    #[serde(default)]
+    pub pattern_seed: u64,
+    /// Per cent of the charge beyond the full well that spills along the column, half of it each
+    /// way, into pixels that have room; an anti-blooming drain takes the rest. 0 leaves it out.
+    #[serde(default)]
+    pub blooming_percent: f64,
+    /// From the converter's linear numbers to the numbers in the frame.
+    #[serde(default)]
+    pub response: CameraResponse,
     /// Leaves shot and read noise out: chosen at run time, not a property of a model.
     #[serde(skip)]
     pub noiseless: bool,
@@ -56,19 +81,38 @@ impl Sensor {
         self.gain_dn_per_e * 10f64.powf(gain_db / 20.0)
     }
 
-    /// The noise that a host may expect at a gain in decibels.
-    pub fn noise_model(&self, gain_db: f64) -> NoiseModel {
+    /// Mean electrons that gather without light in an exposure in seconds.
+    pub fn dark_e(&self, exposure_s: f64) -> f64 {
+        self.dark_current_e_s * exposure_s
+    }
+
+    /// The noise that a host may expect at a gain in decibels and an exposure in seconds. Electrons
+    /// of the dark current belong to the dark signal: to its mean, and as shot noise to its noise.
+    ///
+    /// The fixed pattern is in every frame alike and no noise. With a bent response the model is the
+    /// straight line of variance over mean that fits it best from the dark to saturation.
+    pub fn noise_model(&self, gain_db: f64, exposure_s: f64) -> NoiseModel {
         let gain = self.gain_at(gain_db);
+        let dark_e = self.dark_e(exposure_s);
+        let full_scale = self.full_scale_dn();
+        let black = (self.black_level_dn + gain * dark_e).min(full_scale);
         let full_well_dn = self.black_level_dn + gain * self.full_well_e;
+        let saturation = full_well_dn.min(full_scale);
+        let dark_variance = gain.powi(2) * (self.read_noise_e.powi(2) + dark_e);
+        let (gain, dark_variance) = match self.response {
+            _ if self.noiseless => (0.0, 0.0),
+            CameraResponse::Linear {} => (gain, dark_variance),
+            CameraResponse::Gamma { .. } => self.response.line(
+                |dn| dark_variance + gain * (dn - black).max(0.0),
+                [black, saturation],
+                full_scale,
+            ),
+        };
         NoiseModel {
-            gain_dn_per_e: if self.noiseless { 0.0 } else { gain },
-            read_noise_dn: if self.noiseless {
-                0.0
-            } else {
-                gain * self.read_noise_e
-            },
-            black_level_dn: self.black_level_dn,
-            saturation_dn: full_well_dn.min(self.full_scale_dn()).floor(),
+            gain_dn_per_e: gain,
+            read_noise_dn: dark_variance.sqrt(),
+            black_level_dn: self.response.apply(black, full_scale),
+            saturation_dn: self.response.apply(saturation, full_scale).floor(),
         }
     }
 }
@@ -81,6 +125,19 @@ pub(super) fn check(s: &Sensor, format: PixelFormat, check: &Check<'_>) -> Resul
     )?;
     check.within("camera.sensor.full_well_e", s.full_well_e, 100.0..=1e7)?;
     check.within("camera.sensor.read_noise_e", s.read_noise_e, 0.0..=1e4)?;
+    check.within(
+        "camera.sensor.dark_current_e_s",
+        s.dark_current_e_s,
+        0.0..=1e7,
+    )?;
+    check.within("camera.sensor.prnu_percent", s.prnu_percent, 0.0..=50.0)?;
+    check.within("camera.sensor.dsnu_e", s.dsnu_e, 0.0..=1e5)?;
+    check.within(
+        "camera.sensor.blooming_percent",
+        s.blooming_percent,
+        0.0..=100.0,
+    )?;
+    super::camera_response::check(s.response, check)?;
     check.within("camera.sensor.gain_dn_per_e", s.gain_dn_per_e, 1e-6..=1e4)?;
     let bits = match format {
         PixelFormat::Grey | PixelFormat::Yuyv => 8..=8,

@@ -12,6 +12,7 @@
 mod aperture;
 mod buffer;
 mod geometry;
+mod glare;
 mod light;
 mod look;
 mod mixed;

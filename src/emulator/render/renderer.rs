@@ -4,11 +4,11 @@ use super::aperture::Aperture;
 use super::buffer::GeometryBuffer;
 use super::geometry::{self, Rays};
 use super::light::{self, Table};
-use super::sensor::Sensor;
+use super::sensor::{FixedPattern, Sensor, bloom};
 use super::shade::Optics;
 use super::term::Needs;
 use super::world::World;
-use super::{Decision, Options, Plan, Term};
+use super::{Decision, Options, Plan, Term, glare};
 use crate::emulator::{Shot, Slide, Truth, truth};
 use crate::error::Result;
 use crate::pattern::manifest::MAX_FRAMES;
@@ -36,6 +36,8 @@ pub struct Renderer {
     buffer: GeometryBuffer,
     /// Whether the buffer holds this state of the scene under this plan.
     geometry_done: bool,
+    /// Sensitivities and offsets of the pixels, where the plan has them.
+    fixed: Option<FixedPattern>,
     /// Tables of the slides seen so far.
     tables: Vec<(Arc<Slide>, Arc<Table>)>,
 }
@@ -73,6 +75,7 @@ impl Renderer {
         let rays = plan
             .has(Term::CameraDistortion)
             .then(|| ideal_points(&optics));
+        let fixed = fixed_pattern(&plan, profile);
         Ok(Self {
             profile: profile.clone(),
             world,
@@ -83,6 +86,7 @@ impl Renderer {
             rays,
             buffer: GeometryBuffer::default(),
             geometry_done: false,
+            fixed,
             tables: Vec::new(),
         })
     }
@@ -107,6 +111,7 @@ impl Renderer {
         self.plan.set(term, included);
         let table = || ideal_points(&self.optics);
         self.rays = self.plan.has(Term::CameraDistortion).then(table);
+        self.fixed = fixed_pattern(&self.plan, &self.profile);
         self.geometry_done = false;
         self.tables.clear();
     }
@@ -161,20 +166,15 @@ impl Renderer {
         }
         self.prepare();
         let table = self.table(shot);
-        let noise = self
-            .plan
-            .has(Term::Noise)
-            .then_some((self.seed, shot.noise_id));
+        let sensor = self.sensor(shot);
         let camera = &self.profile.camera;
-        let sensor = Sensor::new(&camera.sensor, shot.gain_db, noise);
         let bytes = camera.sensor.native_format().bytes_per_pixel();
         let mut data = vec![0; self.buffer.x.len() * bytes];
-        self.electrons(
+        self.pixels(
             shot,
             &table,
-            |first, electrons, out| {
-                sensor.run(first, electrons, out);
-            },
+            &sensor,
+            |first, electrons, out| sensor.read(first, electrons, out),
             &mut data,
             bytes,
         );
@@ -197,21 +197,77 @@ impl Renderer {
         }
         self.prepare();
         let table = self.table(shot);
-        let camera = &self.profile.camera;
-        let sensor = Sensor::new(&camera.sensor, shot.gain_db, None);
+        let sensor = self.sensor(shot);
         let mut out = vec![0.0f32; self.buffer.x.len()];
-        self.electrons(
+        self.pixels(
             shot,
             &table,
-            |_, electrons, out| {
-                for (dn, &e) in out.iter_mut().zip(electrons.iter()) {
-                    *dn = sensor.signal_dn(e);
-                }
-            },
+            &sensor,
+            |first, electrons, out| sensor.expect(first, electrons, out),
             &mut out,
             1,
         );
         out
+    }
+
+    fn sensor(&self, shot: &Shot) -> Sensor<'_> {
+        Sensor::new(
+            &self.profile.camera.sensor,
+            &self.plan,
+            (shot.gain_db, shot.exposure_ns as f64 * 1e-9),
+            (self.seed, shot.noise_id),
+            self.fixed.as_ref(),
+        )
+    }
+
+    /// Exposes and gathers the electrons of chunks of pixels in parallel and reads each out, into
+    /// the `per_pixel` elements of `out` that belong to each pixel. A term that carries light or
+    /// charge from pixel to pixel needs the whole frame between its stages; without one, a chunk
+    /// goes through all of them while it is in the cache.
+    fn pixels<T: Send>(
+        &self,
+        shot: &Shot,
+        table: &Table,
+        sensor: &Sensor<'_>,
+        read: impl Fn(usize, &mut [f32], &mut [T]) + Sync,
+        out: &mut [T],
+        per_pixel: usize,
+    ) {
+        let gather = |first, electrons: &mut [f32], out: &mut [T]| {
+            sensor.gather(first, electrons);
+            read(first, electrons, out);
+        };
+        if !self.plan.has(Term::Glare) && !self.plan.has(Term::Blooming) {
+            self.electrons(shot, table, gather, out, per_pixel);
+            return;
+        }
+        let mut frame = vec![0.0; self.buffer.x.len()];
+        let keep = |_, electrons: &mut [f32], out: &mut [f32]| out.copy_from_slice(electrons);
+        self.electrons(shot, table, keep, &mut frame, 1);
+        let camera = &self.profile.camera;
+        if self.plan.has(Term::Glare)
+            && let Some(glare) = &camera.glare
+        {
+            glare::spread(&mut frame, self.buffer.width, glare);
+        }
+        frame
+            .par_chunks_mut(CHUNK)
+            .enumerate()
+            .for_each(|(i, electrons)| sensor.gather(i * CHUNK, electrons));
+        if self.plan.has(Term::Blooming) {
+            let share = camera.sensor.blooming_percent / 100.0;
+            bloom::spill(
+                &mut frame,
+                self.buffer.width,
+                sensor.full_well_e(),
+                share as f32,
+            );
+        }
+        frame
+            .par_chunks_mut(CHUNK)
+            .zip(out.par_chunks_mut(CHUNK * per_pixel))
+            .enumerate()
+            .for_each(|(i, (electrons, out))| read(i * CHUNK, electrons, out));
     }
 
     /// Runs the exposure pass over chunks of pixels in parallel and hands each chunk's electrons
@@ -341,6 +397,14 @@ fn finest_fringes(sequence: &[(Pattern, Shot)]) -> Vec<(f64, &Shot)> {
             _ => None,
         })
         .collect()
+}
+
+/// The pattern of the profile's sensor, if the plan has it.
+fn fixed_pattern(plan: &Plan, profile: &Profile) -> Option<FixedPattern> {
+    let camera = &profile.camera;
+    let pixels = camera.width_px as usize * camera.height_px as usize;
+    plan.has(Term::FixedPattern)
+        .then(|| FixedPattern::new(&camera.sensor, pixels))
 }
 
 fn ideal_points(optics: &Optics) -> Vec<DVec2> {

@@ -47,8 +47,18 @@ pub enum Term {
     ProjectorResponse,
     /// The projector's black is not dark.
     ContrastRatio,
+    /// Veiling glare: light scattered over the whole image.
+    Glare,
+    /// Electrons that gather without light.
+    DarkCurrent,
+    /// PRNU and DSNU: a sensitivity and an offset of each pixel.
+    FixedPattern,
+    /// Charge beyond the full well spills along the column.
+    Blooming,
     /// Shot and read noise: random numbers are drawn.
     Noise,
+    /// The response bends the converter's numbers.
+    CameraResponse,
 }
 
 impl fmt::Display for Term {
@@ -67,7 +77,7 @@ pub(super) struct Needs<'a> {
 
 impl Term {
     /// All terms in the order of the passes.
-    pub const ALL: [Self; 13] = [
+    pub const ALL: [Self; 18] = [
         Self::CameraDistortion,
         Self::ProjectorDistortion,
         Self::CameraVignetting,
@@ -80,7 +90,12 @@ impl Term {
         Self::FootprintY,
         Self::ProjectorResponse,
         Self::ContrastRatio,
+        Self::Glare,
+        Self::DarkCurrent,
+        Self::FixedPattern,
+        Self::Blooming,
         Self::Noise,
+        Self::CameraResponse,
     ];
 
     /// The pass that computes it.
@@ -96,8 +111,12 @@ impl Term {
             | Self::Specular
             | Self::FootprintX
             | Self::FootprintY => Pass::Geometry,
-            Self::ProjectorResponse | Self::ContrastRatio => Pass::Exposure,
-            Self::Noise => Pass::Sensor,
+            Self::ProjectorResponse | Self::ContrastRatio | Self::Glare => Pass::Exposure,
+            Self::DarkCurrent
+            | Self::FixedPattern
+            | Self::Blooming
+            | Self::Noise
+            | Self::CameraResponse => Pass::Sensor,
         }
     }
 
@@ -115,6 +134,7 @@ impl Needs<'_> {
     /// Whether profile and scene need a term, and why or why not.
     pub(super) fn decide(&self, term: Term) -> (bool, &'static str) {
         let choose = |needed, why, why_not| (needed, if needed { why } else { why_not });
+        let sensor = &self.profile.camera.sensor;
         match term {
             Term::CameraDistortion => choose(
                 self.optics.camera.lens.is_distorted(),
@@ -171,8 +191,33 @@ impl Needs<'_> {
                 "projector.contrast_ratio is set",
                 "projector.contrast_ratio is absent: black is dark",
             ),
+            Term::Glare => choose(
+                self.profile.camera.glare.is_some_and(|g| g.percent > 0.0),
+                "camera.glare scatters light",
+                "no camera.glare",
+            ),
+            Term::DarkCurrent => choose(
+                sensor.dark_current_e_s > 0.0,
+                "camera.sensor.dark_current_e_s is above 0",
+                "camera.sensor.dark_current_e_s is 0",
+            ),
+            Term::FixedPattern => choose(
+                sensor.prnu_percent > 0.0 || sensor.dsnu_e > 0.0,
+                "camera.sensor has PRNU or DSNU",
+                "camera.sensor has neither PRNU nor DSNU",
+            ),
+            Term::Blooming => choose(
+                sensor.blooming_percent > 0.0,
+                "camera.sensor.blooming_percent is above 0",
+                "camera.sensor.blooming_percent is 0",
+            ),
+            Term::CameraResponse => choose(
+                sensor.response.is_bent(),
+                "camera.sensor.response is bent",
+                "camera.sensor.response is linear",
+            ),
             Term::Noise => choose(
-                !self.profile.camera.sensor.noiseless,
+                !sensor.noiseless,
                 "the sensor has shot and read noise",
                 "left out by --no-noise",
             ),

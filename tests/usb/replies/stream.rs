@@ -102,9 +102,7 @@ fn triggered_frames_wait_and_those_that_find_no_room_are_counted() {
     let mut host = Host::new(Speed::High, Transfer::Bulk);
     let agreed = host.start();
     host.read(1, agreed.max_payload);
-    let put = |id: u32| {
-        host.device.put(frame(id.into()), Duration::ZERO)
-    };
+    let put = |id: u32| host.device.put(frame(id.into()), Duration::ZERO);
     let taken = (1..5000).take_while(|&id| put(id)).count();
     assert!((1024..1030).contains(&taken), "{taken} frames wait");
     assert_eq!(host.device.lost(), 1);

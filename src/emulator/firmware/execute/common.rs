@@ -72,7 +72,8 @@ impl Firmware {
             Command::Calibration => {
                 let mut rig = self.settings.roi.rig(self.profile.nominal_rig());
                 let sensor = &self.profile.camera.sensor;
-                rig.noise = Some(sensor.noise_model(self.settings.gain_db));
+                let exposure_s = self.settings.exposure_ns as f64 * 1e-9;
+                rig.noise = Some(sensor.noise_model(self.settings.gain_db, exposure_s));
                 return Ok(Some(encode_block(rig.to_toml().as_bytes())));
             }
             _ => return say(self.next_id),

@@ -28,7 +28,10 @@ fn calibration_and_manifest_come_as_blocks_that_read_back() {
         b.principal_px - a.principal_px,
         glam::DVec2::new(100.0, 50.0)
     );
-    assert_eq!(cropped.noise, Some(profile.camera.sensor.noise_model(6.0)));
+    assert_eq!(
+        cropped.noise,
+        Some(profile.camera.sensor.noise_model(6.0, 8e-3))
+    );
 }
 
 fn png(width: u32, height: u32) -> Vec<u8> {

@@ -4,7 +4,8 @@
 //! function", GPU Computing Gems Jade, 2011). The word's smaller tail is used and its sign put
 //! back, so that both tails reach as far as 32 bits allow: 6.3 standard deviations.
 
-use std::f32::consts::{LN_2, SQRT_2};
+use super::elementary::ln;
+use std::f32::consts::SQRT_2;
 
 /// The sign bit of a word or an f32.
 pub(super) const SIGN: u32 = 1 << 31;
@@ -98,33 +99,9 @@ fn polynomial(coefficients: &[f32; 9], at: f32) -> f32 {
     value
 }
 
-/// Natural logarithm of a normal positive number, to 2e-7 relative or absolute: exponent and a
-/// polynomial in s = (m - 1)/(m + 1), ln m = 2 (s + s^3/3 + s^5/5 + ...), m in [1/sqrt 2, sqrt 2).
-#[inline(always)]
-pub(super) fn ln(x: f32) -> f32 {
-    // Moves the cut of the mantissa to 1/sqrt(2).
-    let bits = x.to_bits().wrapping_sub(0x3f35_04f3);
-    let exponent = (bits as i32) >> 23;
-    let m = f32::from_bits((bits & 0x007f_ffff).wrapping_add(0x3f35_04f3));
-    let s = (m - 1.0) / (m + 1.0);
-    let z = s * s;
-    let series = 1.0 / 3.0 + z * (1.0 / 5.0 + z * (1.0 / 7.0 + z * (1.0 / 9.0)));
-    exponent as f32 * LN_2 + 2.0 * (s + s * z * series)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn logarithm_against_f64() {
-        for i in 1..200_000u32 {
-            let x = (f64::from(i) / 200_000.0).powi(5) as f32;
-            let exact = f64::from(x).ln();
-            let error = (f64::from(ln(x)) - exact).abs() / exact.abs().max(1.0);
-            assert!(error < 2.5e-7, "{x}: {error:e}");
-        }
-    }
 
     /// Standard normal distribution function by the continued fraction of its tail (Abramowitz and
     /// Stegun 26.2.14) and, near zero, its series (26.2.10).

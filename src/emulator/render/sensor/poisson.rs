@@ -5,9 +5,9 @@
 //! step it lies is again a uniform number, independent of n: the read noise is drawn from that, so
 //! that a dark pixel takes one random word as a bright one does.
 
+use super::elementary::exp_negative;
 use super::normal::{SIGN, Tails};
 use super::philox::BLOCK;
-use std::f32::consts::LOG2_E;
 
 /// Means from here on are drawn by [`super::noise`] from a normal number.
 pub(super) const BELOW: f32 = 32.0;
@@ -127,38 +127,9 @@ fn exactly(mean: f32, word: u32) -> f32 {
     n as f32
 }
 
-/// exp(-x) of x from 0 to [`BELOW`], to 4e-7 relative: 2^k times the series of what is left, half an
-/// octave to each side.
-#[inline(always)]
-fn exp_negative(x: f32) -> f32 {
-    /// Adding it leaves the nearest whole number in the low bits, of either sign.
-    const WHOLE: f32 = (3u32 << 22) as f32;
-    let shifted = x * -LOG2_E + WHOLE;
-    let whole = shifted - WHOLE;
-    // ln 2 in two parts, the first with zeros at its end, so that its product is exact (Cody and
-    // Waite 1980).
-    let rest = (-x - whole * 0.693_359_4) + whole * 2.121_944_4e-4;
-    let mut series = 1.0 + rest * (1.0 / 7.0);
-    for k in [6.0, 5.0, 4.0, 3.0, 2.0, 1.0f32] {
-        series = 1.0 + series * rest * (1.0 / k);
-    }
-    let exponent = shifted.to_bits().wrapping_add(127) << 23;
-    series * f32::from_bits(exponent)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn exponential_against_f64() {
-        for i in 0..=320_000u32 {
-            let x = i as f32 * 1e-4;
-            let exact = (-f64::from(x)).exp();
-            let error = (f64::from(exp_negative(x)) / exact - 1.0).abs();
-            assert!(error < 4e-7, "{x}: {error:e}");
-        }
-    }
 
     /// Lanes against sums in f64: the same number, but for words at the very border of two.
     #[test]
