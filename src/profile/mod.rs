@@ -17,7 +17,7 @@ mod usb;
 pub use builtin::{profile_names, scene_names};
 pub use camera::Camera;
 pub use device::{Identity, Profile};
-pub use light::Ambient;
+pub use light::{Ambient, Flicker, Light};
 pub use object::{Object, Shape};
 pub use projector::Projector;
 pub use scene::Scene;

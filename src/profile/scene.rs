@@ -2,12 +2,12 @@
 //! projector's.
 
 use super::check::{Check, name};
-use super::{Ambient, Object, TomlSource, builtin, light, object};
+use super::{Ambient, Light, Object, TomlSource, builtin, light, object};
 use crate::error::Result;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
-/// Objects and ambient light.
+/// Objects and light.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Scene {
@@ -18,6 +18,9 @@ pub struct Scene {
     /// Light from everywhere.
     #[serde(default)]
     pub ambient: Ambient,
+    /// Lamps.
+    #[serde(default)]
+    pub light: Vec<Light>,
     /// What can be seen; later objects win nothing over earlier ones.
     #[serde(default)]
     pub object: Vec<Object>,
@@ -55,7 +58,7 @@ impl Scene {
 
 fn check(s: &Scene, check: &Check<'_>) -> Result<()> {
     name(&s.name, "name", check)?;
-    light::check(&s.ambient, check)?;
+    light::check(&s.ambient, &s.light, check)?;
     check.that(
         s.object.len() <= 4096,
         "object",

@@ -19,6 +19,10 @@ pub(super) struct GeometryBuffer {
     pub(super) projected: Vec<f32>,
     /// Electrons per second of ambient light.
     pub(super) ambient: Vec<f32>,
+    /// Electrons per second by which the ambient light swings; empty when all is steady.
+    pub(super) flickering: Vec<f32>,
+    /// A bit for each lamp that lights the pixel's centre; empty without lamps.
+    pub(super) lamps: Vec<u32>,
     /// Depth z in the camera's frame in millimetres; NaN where nothing is seen.
     pub(super) depth: Vec<f32>,
     /// Surface that the pixel's centre sees.
@@ -44,6 +48,8 @@ pub(super) struct Mixed {
     pub(super) projected: [f32; 16],
     /// Electrons per second of ambient light, averaged.
     pub(super) ambient: f32,
+    /// Its swing, averaged.
+    pub(super) flickering: f32,
 }
 
 /// Four rows of the maps, for one task.
@@ -55,6 +61,8 @@ pub(super) struct Band<'a> {
     pub(super) y_slope: &'a mut [[f32; 2]],
     pub(super) projected: &'a mut [f32],
     pub(super) ambient: &'a mut [f32],
+    pub(super) flickering: &'a mut [f32],
+    pub(super) lamps: &'a mut [u32],
     pub(super) depth: &'a mut [f32],
     pub(super) surface: &'a mut [u32],
     pub(super) normal: &'a mut [[f32; 3]],
@@ -74,6 +82,10 @@ impl GeometryBuffer {
             .resize(if plan.has(Term::FootprintY) { n } else { 0 }, [0.0; 2]);
         self.projected.resize(n, 0.0);
         self.ambient.resize(n, 0.0);
+        self.flickering
+            .resize(if plan.has(Term::Flicker) { n } else { 0 }, 0.0);
+        self.lamps
+            .resize(if plan.has(Term::Lights) { n } else { 0 }, 0);
         self.depth.resize(n, f32::NAN);
         self.surface.resize(n, Surface::NONE.0);
         self.normal.resize(n, [0.0; 3]);
@@ -88,6 +100,8 @@ impl GeometryBuffer {
         let mut y = self.y.chunks_mut(n);
         let mut projected = self.projected.chunks_mut(n);
         let mut ambient = self.ambient.chunks_mut(n);
+        let mut flickering = self.flickering.chunks_mut(n);
+        let mut lamps = self.lamps.chunks_mut(n);
         let mut depth = self.depth.chunks_mut(n);
         let mut surface = self.surface.chunks_mut(n);
         let mut normal = self.normal.chunks_mut(n);
@@ -104,6 +118,8 @@ impl GeometryBuffer {
                 y_slope: ys.next().unwrap_or_default(),
                 projected: projected.next().expect(same),
                 ambient: ambient.next().expect(same),
+                flickering: flickering.next().unwrap_or_default(),
+                lamps: lamps.next().unwrap_or_default(),
                 depth: depth.next().expect(same),
                 surface: surface.next().expect(same),
                 normal: normal.next().expect(same),

@@ -119,7 +119,7 @@ pub(super) fn cast(
         }
     }
     if look::is_needed(plan) {
-        look::apply(world, optics, plan, directions, &hits, &mut shaded);
+        look::apply(world, optics, plan, directions, &hits, &mut shaded, stack);
     }
     Cast { hits, shaded, lit }
 }
@@ -131,6 +131,12 @@ fn write(band: &mut Band<'_>, i: usize, cast: &Cast, lane: usize) {
     if !hits.is_hit(lane) {
         (band.x[i], band.y[i], band.depth[i]) = (f32::NAN, f32::NAN, f32::NAN);
         (band.projected[i], band.ambient[i], band.flags[i]) = (0.0, 0.0, 0);
+        if let Some(kept) = band.flickering.get_mut(i) {
+            *kept = 0.0;
+        }
+        if let Some(kept) = band.lamps.get_mut(i) {
+            *kept = 0;
+        }
         return;
     }
     let slope = |axis: usize| shaded.footprint[axis].map(|by| by[lane] as f32);
@@ -148,6 +154,12 @@ fn write(band: &mut Band<'_>, i: usize, cast: &Cast, lane: usize) {
         0.0
     };
     band.ambient[i] = shaded.ambient[lane] as f32;
+    if let Some(kept) = band.flickering.get_mut(i) {
+        *kept = shaded.flickering[lane] as f32;
+    }
+    if let Some(kept) = band.lamps.get_mut(i) {
+        *kept = shaded.lamps[lane];
+    }
     band.depth[i] = shaded.point[2][lane] as f32;
     band.normal[i] = hits.normal.map(|axis| axis[lane] as f32);
     band.flags[i] = Truth::SEEN

@@ -4,11 +4,11 @@
 //! Candidates are pixels that differ from one of their eight neighbours; their samples then decide.
 //! A sliver thinner than a pixel that touches no pixel's centre is missed.
 
-use super::Plan;
 use super::buffer::{GeometryBuffer, Mixed};
 use super::geometry::{Cast, Rays, TILE, cast};
 use super::shade::Optics;
 use super::world::{Surface, World};
+use super::{Plan, Term};
 use crate::emulator::Truth;
 use crate::geometry::raycast::LANES;
 use glam::{DVec2, DVec3, Vec3};
@@ -37,7 +37,12 @@ pub(super) fn run(
             .map_init(Vec::new, |stack, row| {
                 let mut samples = Vec::new();
                 for column in 0..view.width {
-                    if edges.touches(view, column, row) {
+                    let touches = if plan.has(Term::Lights) {
+                        edges.touches::<true>(view, column, row)
+                    } else {
+                        edges.touches::<false>(view, column, row)
+                    };
+                    if touches {
                         samples.extend(sample(&edges, optics, plan, column, row, stack));
                     }
                 }
@@ -63,6 +68,8 @@ struct Edges<'a> {
 struct Place {
     surface: Surface,
     lit: bool,
+    /// A bit for each lamp that lights it.
+    lamps: u32,
     normal: Vec3,
     direction: Vec3,
     depth: f32,
@@ -72,14 +79,18 @@ impl Edges<'_> {
     /// Whether a pixel differs from one of its neighbours. Most pixels share triangle and light
     /// with all of them, which two integer maps tell.
     #[inline(always)]
-    fn touches(&self, map: &GeometryBuffer, column: usize, row: usize) -> bool {
+    fn touches<const LAMPS: bool>(&self, map: &GeometryBuffer, column: usize, row: usize) -> bool {
         let here = row * map.width + column;
         let lit = |i: usize| map.flags[i] & Truth::LIT;
+        let lamps = |i: usize| if LAMPS { map.lamps[i] } else { 0 };
         let (first, last) = (column.saturating_sub(1), (column + 1).min(map.width - 1));
         for v in row.saturating_sub(1)..=(row + 1).min(map.height - 1) {
             for u in first..=last {
                 let there = v * map.width + u;
-                if map.surface[there] == map.surface[here] && lit(there) == lit(here) {
+                if map.surface[there] == map.surface[here]
+                    && lit(there) == lit(here)
+                    && lamps(there) == lamps(here)
+                {
                     continue;
                 }
                 if self.edge(&self.place(map, column, row), &self.place(map, u, v)) {
@@ -96,6 +107,7 @@ impl Edges<'_> {
         Place {
             surface: Surface(map.surface[i]),
             lit: map.flags[i] & Truth::LIT != 0,
+            lamps: map.lamps.get(i).copied().unwrap_or(0),
             normal: Vec3::from_array(map.normal[i]),
             direction: self.rays.center(column, row).as_vec3(),
             depth: map.depth[i],
@@ -105,7 +117,7 @@ impl Edges<'_> {
     /// Whether an edge of the surface or of its light runs between two places.
     #[inline(always)]
     fn edge(&self, a: &Place, b: &Place) -> bool {
-        if a.lit != b.lit {
+        if a.lit != b.lit || a.lamps != b.lamps {
             return true;
         }
         if a.surface == b.surface {
@@ -165,6 +177,7 @@ fn sample(
     let place = |lane: usize| Place {
         surface: cast.hits.surface[lane],
         lit: cast.lit[lane],
+        lamps: cast.shaded.lamps[lane],
         normal: cast.hits.normal(lane).as_vec3(),
         direction: directions[lane].as_vec3(),
         depth: cast.shaded.point[2][lane] as f32,
@@ -191,12 +204,14 @@ fn gather(cast: &Cast, pixel: u32) -> Mixed {
         y_slope: [[0.0; 2]; 16],
         projected: [0.0; 16],
         ambient: 0.0,
+        flickering: 0.0,
     };
     // A sample's own footprint is a quarter of the pixel's on each side.
     let quarter = |v: f64| (v / TILE as f64) as f32;
     let shaded = &cast.shaded;
     for lane in (0..LANES).filter(|&lane| cast.hits.is_hit(lane)) {
         mixed.ambient += shaded.ambient[lane] as f32 / LANES as f32;
+        mixed.flickering += shaded.flickering[lane] as f32 / LANES as f32;
         if !cast.lit[lane] {
             continue;
         }

@@ -10,7 +10,9 @@
 
 mod buffer;
 mod exposure;
+mod flicker;
 mod geometry;
+mod lights;
 mod look;
 mod mixed;
 mod normal;

@@ -10,15 +10,16 @@ use crate::emulator::Slide;
 use crate::error::Result;
 use crate::geometry::{Pose, View};
 use crate::pattern::Axis;
-use crate::profile::{Profile, Scene, Shape};
+use crate::profile::{Light, Profile, Scene, Shape};
 use glam::{DVec2, DVec3};
 
-/// A scene as the reference path sees it.
+/// A scene as the reference path sees it: Lambertian surfaces, lamps at their mean.
 pub struct Reference {
     camera: View,
     projector: View,
     profile: Profile,
     ambient_w_m2: f64,
+    lights: Vec<Light>,
     parts: Vec<Part>,
 }
 
@@ -97,6 +98,7 @@ impl Reference {
             projector: profile.projector.view(),
             profile: profile.clone(),
             ambient_w_m2: scene.ambient.irradiance_w_m2,
+            lights: scene.light.clone(),
             parts,
         })
     }
@@ -168,7 +170,39 @@ impl Reference {
             irradiance += level * self.profile.projector.radiant_intensity_w_sr * cos
                 / (way.length_squared() * 1e-6);
         }
+        for light in &self.lights {
+            irradiance += self.lamp(light, &found);
+        }
         found.albedo * irradiance
+    }
+
+    /// Irradiance in W/m^2 that a lamp gives a point.
+    fn lamp(&self, light: &Light, found: &Found) -> f64 {
+        let (way, facing) = match *light {
+            Light::Point {
+                position_mm,
+                intensity_w_sr,
+                ..
+            } => {
+                let way = DVec3::from(position_mm) - found.point;
+                (way, intensity_w_sr / (way.length_squared() * 1e-6))
+            }
+            Light::Directional {
+                direction,
+                irradiance_w_m2,
+                ..
+            } => (DVec3::from(direction).normalize() * -1e12, irradiance_w_m2),
+        };
+        let cos = found.normal.dot(way.normalize());
+        let near = found.point.length() * 1e-5;
+        let shaded = self
+            .first(found.point, way.normalize(), near)
+            .is_some_and(|(t, ..)| t < way.length());
+        if cos > 0.0 && !shaded {
+            facing * cos
+        } else {
+            0.0
+        }
     }
 
     /// Nearest surface along a ray with a unit direction: distance, normal, albedo.

@@ -7,7 +7,7 @@ use super::sensor::Sensor;
 use super::shade::Optics;
 use super::term::Needs;
 use super::world::World;
-use super::{Decision, Plan, Term, exposure};
+use super::{Decision, Plan, Term, exposure, flicker};
 use crate::emulator::{Shot, Slide, Truth, truth};
 use crate::error::Result;
 use crate::pattern::manifest::MAX_FRAMES;
@@ -210,6 +210,10 @@ impl Renderer {
         } else {
             0.0
         };
+        let swing = self.plan.has(Term::Flicker).then(|| {
+            let flicker = self.optics.flicker;
+            flicker.map_or(0.0, |f| f.swing(shot.start_ns, shot.exposure_ns)) as f32 * seconds
+        });
         let map = &self.buffer;
         out.par_chunks_mut(CHUNK * per_pixel)
             .enumerate()
@@ -219,6 +223,9 @@ impl Renderer {
                     let first = i * CHUNK;
                     let electrons = &mut electrons[..out.len() / per_pixel];
                     exposure::run(map, table, seconds, light, first, electrons);
+                    if let Some(swing) = swing {
+                        flicker::add(map, swing, first, electrons);
+                    }
                     let from = map.mixed.partition_point(|m| (m.pixel as usize) < first);
                     let end = first + electrons.len();
                     for pixel in &map.mixed[from..] {
@@ -226,7 +233,8 @@ impl Renderer {
                             break;
                         }
                         electrons[pixel.pixel as usize - first] =
-                            exposure::mixed(pixel, table, seconds, light);
+                            exposure::mixed(pixel, table, seconds, light)
+                                + swing.map_or(0.0, |swing| swing * pixel.flickering);
                     }
                     then(first, electrons, out);
                 },

@@ -1,11 +1,13 @@
 //! Shading sixteen samples at once: where the projector's light for each comes from, and how much
 //! of it arrives. Structure of arrays in f64, so that the loops fill SIMD registers.
 
+use super::flicker::Flicker;
+use super::lights::Lamp;
 use super::world::{Hits, World};
 use super::{Plan, Term};
 use crate::geometry::raycast::LANES;
 use crate::geometry::{Lens, View};
-use crate::profile::{Profile, Scene};
+use crate::profile::{self, Profile, Scene};
 use crate::simd::widest;
 use glam::{DMat2, DVec2, DVec3};
 
@@ -22,10 +24,15 @@ pub(super) struct Optics {
     pub(super) camera: View,
     pub(super) projector: View,
     /// Electrons per second of a pixel that looks at a white surface under 1 W/m^2.
-    electrons_per_irradiance: f64,
+    pub(super) electrons_per_irradiance: f64,
     /// Radiant intensity of the projector's white in W/sr.
     intensity_w_sr: f64,
     ambient_w_m2: f64,
+    /// Amplitude of the ambient light's flicker relative to its mean.
+    pub(super) ambient_depth: f64,
+    pub(super) lamps: Vec<Lamp>,
+    /// The pulse of all light that flickers.
+    pub(super) flicker: Option<Flicker>,
 }
 
 /// Samples of the surfaces that sixteen rays meet; lanes that meet none hold NaN and false.
@@ -40,6 +47,10 @@ pub(super) struct Shaded {
     pub(super) projected: Wide,
     /// Electrons per second of ambient light.
     pub(super) ambient: Wide,
+    /// Electrons per second by which ambient light and lamps swing about their mean.
+    pub(super) flickering: Wide,
+    /// A bit for each lamp that lights it.
+    pub(super) lamps: [u32; LANES],
     /// The projector can light it, shadow aside: in its field and on its side.
     pub(super) reachable: [bool; LANES],
     /// Both rays strike within 80 degrees of the normal.
@@ -54,6 +65,8 @@ impl Optics {
     pub(super) fn new(profile: &Profile, scene: &Scene) -> Self {
         let camera = &profile.camera;
         let pixel_m2 = (camera.pixel_pitch_mm() * 1e-3).powi(2);
+        let of_lamps = scene.light.iter().find_map(profile::Light::flicker);
+        let mains = scene.ambient.flicker.or(of_lamps);
         let photon_j = HC / (profile.projector.wavelength_nm * 1e-9);
         Self {
             camera: camera.view(),
@@ -62,6 +75,9 @@ impl Optics {
                 / (4.0 * camera.f_number.powi(2) * photon_j),
             intensity_w_sr: profile.projector.radiant_intensity_w_sr,
             ambient_w_m2: scene.ambient.irradiance_w_m2,
+            ambient_depth: scene.ambient.flicker.map_or(0.0, |f| f.depth),
+            lamps: Lamp::all(scene),
+            flicker: mains.as_ref().map(Flicker::new),
         }
     }
 
@@ -88,6 +104,8 @@ impl Optics {
             footprint: [[[0.0; LANES]; 2]; 2],
             projected: [0.0; LANES],
             ambient: [0.0; LANES],
+            flickering: [0.0; LANES],
+            lamps: [0; LANES],
             reachable: [false; LANES],
             square: [false; LANES],
         };

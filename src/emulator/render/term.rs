@@ -31,10 +31,14 @@ pub enum Term {
     Shadows,
     /// Specular lobes: highlights.
     Specular,
+    /// Lamps beside the projector.
+    Lights,
     /// Footprints along x, over which slides that vary along x are averaged.
     FootprintX,
     /// Footprints along y.
     FootprintY,
+    /// Mains flicker of ambient light and lamps.
+    Flicker,
     /// Shot and read noise: random numbers are drawn.
     Noise,
 }
@@ -55,13 +59,15 @@ pub(super) struct Needs<'a> {
 
 impl Term {
     /// All terms in the order of the passes.
-    pub const ALL: [Self; 7] = [
+    pub const ALL: [Self; 9] = [
         Self::CameraDistortion,
         Self::ProjectorDistortion,
         Self::Shadows,
         Self::Specular,
+        Self::Lights,
         Self::FootprintX,
         Self::FootprintY,
+        Self::Flicker,
         Self::Noise,
     ];
 
@@ -72,8 +78,10 @@ impl Term {
             | Self::ProjectorDistortion
             | Self::Shadows
             | Self::Specular
+            | Self::Lights
             | Self::FootprintX
             | Self::FootprintY => Pass::Geometry,
+            Self::Flicker => Pass::Exposure,
             Self::Noise => Pass::Sensor,
         }
     }
@@ -113,8 +121,18 @@ impl Needs<'_> {
                 "some object has a specular lobe",
                 "no object has a specular lobe",
             ),
+            Term::Lights => choose(
+                !self.optics.lamps.is_empty(),
+                "the scene has lamps",
+                "the scene has no [[light]]",
+            ),
             Term::FootprintX => (false, "no slide varies along x"),
             Term::FootprintY => (false, "no slide varies along y"),
+            Term::Flicker => choose(
+                self.optics.flicker.is_some(),
+                "some light flickers with the mains",
+                "all light is steady",
+            ),
             Term::Noise => choose(
                 !self.profile.camera.sensor.noiseless,
                 "the sensor has shot and read noise",

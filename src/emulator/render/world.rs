@@ -4,7 +4,7 @@
 use super::look::Looks;
 use super::shade::Wide;
 use crate::error::{Error, Result};
-use crate::geometry::raycast::{Bvh, LANES, NO_TRIANGLE, Packet};
+use crate::geometry::raycast::{Bvh, LANES, NO_TRIANGLE, Packet, Parallel};
 use crate::geometry::{Mesh, Pose, Solid, shapes};
 use crate::profile::{Object, Scene, Shape};
 use glam::{DVec2, DVec3, Vec3};
@@ -274,6 +274,45 @@ impl World {
                     .solid
                     .intersect(origin, direction, 0.0)
                     .is_some_and(|hit| hit.t < SHADOW_END_SOLID);
+            }
+        }
+        blocked
+    }
+}
+
+impl World {
+    /// Whether something stands between each point and a light far away; lanes with no point are
+    /// not asked. Rays start as far from their surface as [`SHADOW_END`] ends them.
+    pub(super) fn blocked_along(
+        &self,
+        towards: DVec3,
+        points: &[Option<(DVec3, Surface)>; LANES],
+        stack: &mut Vec<(u32, f32)>,
+    ) -> [bool; LANES] {
+        let mut blocked = if self.bvh.is_empty() {
+            [false; LANES]
+        } else {
+            let rays = points.map(|lane| {
+                let (point, surface) = lane?;
+                let start = point.length() as f32 * (1.0 - SHADOW_END);
+                Some((point.as_vec3(), start, surface.0))
+            });
+            let rays = Parallel::new(towards.as_vec3(), &rays);
+            self.bvh.blocked_along(rays, stack)
+        };
+        for placed in &self.solids {
+            let direction = placed.solid_from_rig.direction(towards);
+            for lane in 0..LANES {
+                let Some((point, surface)) = points[lane] else {
+                    continue;
+                };
+                let own = self.object(surface) == placed.object && !placed.around_camera;
+                if blocked[lane] || own {
+                    continue;
+                }
+                let origin = placed.solid_from_rig.point(point);
+                let start = point.length() * (1.0 - SHADOW_END_SOLID);
+                blocked[lane] = placed.solid.intersect(origin, direction, start).is_some();
             }
         }
         blocked

@@ -6,7 +6,7 @@ mod normals;
 
 use super::shade::{Optics, Shaded};
 use super::world::{Hits, Surface, World};
-use super::{Plan, Term};
+use super::{Plan, Term, lights};
 use crate::geometry::raycast::LANES;
 use crate::profile::Scene;
 use ggx::Ggx;
@@ -82,10 +82,68 @@ impl Looks {
 
 /// Whether the plan has a term that [`apply`] computes.
 pub(super) fn is_needed(plan: &Plan) -> bool {
-    plan.has(Term::Specular)
+    [Term::Specular, Term::Lights, Term::Flicker]
+        .into_iter()
+        .any(|term| plan.has(term))
 }
 
-/// Reflects the light of lanes whose surfaces are more than one albedo.
+/// A point of a surface as light finds it.
+pub(super) struct Local<'a> {
+    /// In the rig's frame in millimetres.
+    pub(super) point: DVec3,
+    /// Normal of the surface itself, on the camera's side.
+    flat: DVec3,
+    /// Normal that its light follows.
+    normal: DVec3,
+    /// Unit vector to the camera.
+    view: DVec3,
+    albedo: f64,
+    specular: Option<&'a Ggx>,
+}
+
+impl<'a> Local<'a> {
+    fn new(
+        world: &'a World,
+        plan: &Plan,
+        direction: DVec3,
+        hits: &Hits,
+        shaded: &Shaded,
+        lane: usize,
+    ) -> Self {
+        let surface = hits.surface[lane];
+        let look = &world.looks.of[usize::from(world.object(surface))];
+        let specular = look.specular.as_deref();
+        let specular = specular.filter(|_| plan.has(Term::Specular));
+        let point = DVec3::from_array(shaded.point.map(|axis| axis[lane]));
+        let flat = hits.normal(lane);
+        Self {
+            point,
+            flat,
+            normal: match specular {
+                Some(_) => look.normal(world, surface, point, flat),
+                None => flat,
+            },
+            view: -direction.normalize(),
+            albedo: look.albedo,
+            specular,
+        }
+    }
+
+    /// What the surface makes of 1 W/m^2 from a direction, relative to a white Lambertian one that
+    /// faces it: reflectance times cosine, 0 from behind.
+    pub(super) fn reflected(&self, towards: DVec3) -> f64 {
+        if !(self.flat.dot(towards) > 0.0) {
+            return 0.0;
+        }
+        let cos = self.normal.dot(towards).max(0.0);
+        match self.specular {
+            Some(ggx) => cos * ggx.reflectance(self.albedo, self.normal, towards, self.view),
+            None => cos * self.albedo,
+        }
+    }
+}
+
+/// Reflects the light of lanes whose surfaces are more than one albedo, and adds the lamps'.
 pub(super) fn apply(
     world: &World,
     optics: &Optics,
@@ -93,29 +151,41 @@ pub(super) fn apply(
     directions: &[DVec3; LANES],
     hits: &Hits,
     shaded: &mut Shaded,
+    stack: &mut Vec<(u32, f32)>,
 ) {
-    for lane in (0..LANES).filter(|&lane| hits.is_hit(lane)) {
-        let look = &world.looks.of[usize::from(world.object(hits.surface[lane]))];
-        let Some(ggx) = look
-            .specular
-            .as_deref()
-            .filter(|_| plan.has(Term::Specular))
-        else {
-            continue;
-        };
-        let point = DVec3::from_array(shaded.point.map(|axis| axis[lane]));
-        let flat = hits.normal(lane);
-        let normal = look.normal(world, hits.surface[lane], point, flat);
-        let view = -directions[lane].normalize();
-        let light = (optics.projector.center() - point).normalize();
-        // The irradiance of the smooth surface rather than the facet's.
-        let cos = flat.dot(light);
+    let locals: [Option<Local<'_>>; LANES] = std::array::from_fn(|lane| {
+        let hit = hits.is_hit(lane);
+        hit.then(|| Local::new(world, plan, directions[lane], hits, shaded, lane))
+    });
+    for lane in 0..LANES {
+        let Some(local) = &locals[lane] else { continue };
+        let Some(ggx) = local.specular else { continue };
+        // Lit as white so far, by the cosine at the facet.
+        let light = (optics.projector.center() - local.point).normalize();
+        let cos = local.flat.dot(light);
         shaded.projected[lane] *= if cos > 0.0 {
-            ggx.reflectance(look.albedo, normal, light, view) * normal.dot(light).max(0.0) / cos
+            local.reflected(light) / cos
         } else {
             0.0
         };
-        shaded.ambient[lane] *= ggx.under_even_light(look.albedo, normal.dot(view));
+        let cos_view = local.normal.dot(local.view);
+        shaded.ambient[lane] *= ggx.under_even_light(local.albedo, cos_view);
+    }
+    if plan.has(Term::Flicker) {
+        shaded.flickering = shaded.ambient.map(|a| a * optics.ambient_depth);
+    }
+    if plan.has(Term::Lights) {
+        let scale = optics.electrons_per_irradiance;
+        lights::add(
+            &optics.lamps,
+            scale,
+            world,
+            plan,
+            hits,
+            &locals,
+            shaded,
+            stack,
+        );
     }
 }
 
