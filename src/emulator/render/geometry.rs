@@ -79,7 +79,7 @@ fn tile(
         // Lanes beyond the image repeat a pixel, so that the packet stays narrow.
         rays.center(u.min(width - 1), band.first_row + v.min(rows - 1))
     });
-    let cast = cast(world, optics, plan, &directions, &used, stack);
+    let cast = cast(world, optics, plan, &directions, &used, 1.0, stack);
     for lane in (0..LANES).filter(|&lane| used[lane]) {
         let (u, v) = place(lane);
         write(band, v * width + u, &cast, lane);
@@ -94,13 +94,15 @@ pub(super) struct Cast {
     pub(super) lit: [bool; LANES],
 }
 
-/// Casts sixteen rays of the camera, and the shadow rays that matter.
+/// Casts sixteen rays of the camera, and the shadow rays that matter; each stands for a square of
+/// `cell` pixels a side.
 pub(super) fn cast(
     world: &World,
     optics: &Optics,
     plan: &Plan,
     directions: &[DVec3; LANES],
     used: &[bool; LANES],
+    cell: f64,
     stack: &mut Vec<(u32, f32)>,
 ) -> Cast {
     let hits = world.nearest(directions, used, stack);
@@ -119,7 +121,15 @@ pub(super) fn cast(
         }
     }
     if look::is_needed(plan) {
-        look::apply(world, optics, plan, directions, &hits, &mut shaded, stack);
+        let rays = look::Rays {
+            world,
+            optics,
+            plan,
+            directions,
+            hits: &hits,
+            cell,
+        };
+        look::apply(&rays, &mut shaded, stack);
     }
     Cast { hits, shaded, lit }
 }

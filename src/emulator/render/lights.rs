@@ -1,9 +1,9 @@
 //! Lamps: light that no slide changes, so the geometry pass sums it into the ambient light.
 
-use super::look::Local;
+use super::Term;
+use super::look::{Local, Rays};
 use super::shade::Shaded;
-use super::world::{Hits, Surface, World};
-use super::{Plan, Term};
+use super::world::{Surface, World};
 use crate::geometry::raycast::LANES;
 use crate::profile::{self, Scene};
 use glam::DVec3;
@@ -89,18 +89,14 @@ impl Lamp {
 }
 
 /// Adds the light of all lamps; sets a bit in `Shaded::lamps` for each that lights a lane.
-/// `scale` is electrons per second under 1 W/m^2.
 pub(super) fn add(
-    lamps: &[Lamp],
-    scale: f64,
-    world: &World,
-    plan: &Plan,
-    hits: &Hits,
+    rays: &Rays<'_>,
     locals: &[Option<Local<'_>>; LANES],
     shaded: &mut Shaded,
     stack: &mut Vec<(u32, f32)>,
 ) {
-    for (i, lamp) in lamps.iter().enumerate() {
+    let scale = rays.optics.electrons_per_irradiance;
+    for (i, lamp) in rays.optics.lamps.iter().enumerate() {
         let mut reflected = [0.0; LANES];
         let mut points = [None; LANES];
         for lane in 0..LANES {
@@ -109,14 +105,14 @@ pub(super) fn add(
             let light = scale * irradiance * local.reflected(towards);
             if light > 0.0 {
                 reflected[lane] = light;
-                points[lane] = Some((local.point, hits.surface[lane]));
+                points[lane] = Some((local.point, rays.hits.surface[lane]));
             }
         }
         if points.iter().all(Option::is_none) {
             continue;
         }
-        if plan.has(Term::Shadows) {
-            let blocked = lamp.blocked(world, &points, stack);
+        if rays.plan.has(Term::Shadows) {
+            let blocked = lamp.blocked(rays.world, &points, stack);
             for lane in (0..LANES).filter(|&lane| blocked[lane]) {
                 points[lane] = None;
             }

@@ -172,6 +172,7 @@ fn sample(
         plan,
         &directions,
         &[true; LANES],
+        1.0 / TILE as f64,
         stack,
     );
     let place = |lane: usize| Place {

@@ -125,7 +125,7 @@ impl Optics {
     }
 
     /// Derivatives of the rays (z = 1) by the camera's pixel, `[component][camera axis]`.
-    fn ray_slopes(&self, plan: &Plan, directions: &[DVec3; LANES]) -> [[Wide; 2]; 2] {
+    pub(super) fn ray_slopes(&self, plan: &Plan, directions: &[DVec3; LANES]) -> [[Wide; 2]; 2] {
         let lens = &self.camera.lens;
         let scale = DMat2::from_diagonal(1.0 / lens.focal_px);
         let mut slopes = [

@@ -29,6 +29,8 @@ pub enum Term {
     ProjectorDistortion,
     /// Shadow rays: some object may stand in another's light, or its own.
     Shadows,
+    /// Vertex colours and textures.
+    AlbedoMaps,
     /// Specular lobes: highlights.
     Specular,
     /// Lamps beside the projector.
@@ -59,10 +61,11 @@ pub(super) struct Needs<'a> {
 
 impl Term {
     /// All terms in the order of the passes.
-    pub const ALL: [Self; 9] = [
+    pub const ALL: [Self; 10] = [
         Self::CameraDistortion,
         Self::ProjectorDistortion,
         Self::Shadows,
+        Self::AlbedoMaps,
         Self::Specular,
         Self::Lights,
         Self::FootprintX,
@@ -77,6 +80,7 @@ impl Term {
             Self::CameraDistortion
             | Self::ProjectorDistortion
             | Self::Shadows
+            | Self::AlbedoMaps
             | Self::Specular
             | Self::Lights
             | Self::FootprintX
@@ -115,6 +119,11 @@ impl Needs<'_> {
                 self.world.casts_shadows(),
                 "some surface may stand in another's light",
                 "one convex solid at most: it shades itself by facing away",
+            ),
+            Term::AlbedoMaps => choose(
+                self.world.looks.any_map(),
+                "some object has vertex colours or a texture",
+                "each object has one albedo",
             ),
             Term::Specular => choose(
                 self.world.looks.any_specular(),

@@ -99,7 +99,7 @@ impl World {
             owner: Vec::new(),
             bvh: Bvh::default(),
             solids: Vec::new(),
-            looks: Looks::new(scene),
+            looks: Looks::new(scene)?,
         };
         for (i, object) in scene.object.iter().enumerate() {
             world.add(object, i as u16, &scene.folder)?;
@@ -136,7 +136,8 @@ impl World {
                 self.triangles.extend(shifted);
                 let range = self.triangles.len() - mesh.triangles.len()..self.triangles.len();
                 self.looks
-                    .mesh(index, range, &self.vertices, &self.triangles);
+                    .mesh(index, range, &mesh, &self.vertices, &self.triangles)
+                    .map_err(|e| e.at(format!("scene, object[{index}]")))?;
                 self.owner.resize(self.triangles.len(), index);
             }
         }
