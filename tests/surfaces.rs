@@ -64,7 +64,7 @@ fn a_highlight_on_a_plane_is_the_microfacet_formula() {
         let light = way.normalize();
         let half = (light + view).normalize();
         // Walter et al. 2007 equation 33, Heitz 2014 equations 72 and 99, Schlick 1994.
-        let a2 = f64::from(roughness).powi(4);
+        let a2 = f64::powi(roughness, 4);
         let tan2 = |c: f64| (1.0 - c * c) / (c * c);
         let c = normal.dot(half);
         let d = a2 / (PI * c.powi(4) * (a2 + tan2(c)).powi(2));
@@ -181,7 +181,7 @@ fn a_mirror_of_a_surface_saturates_and_stays_a_number() {
 
 /// A checkerboard of `n` x `n` texels as a PNG.
 fn checkerboard(path: &Path, n: u32) {
-    let texel = |x: u32, y: u32| image::Luma([if (x + y) % 2 == 0 { 0 } else { 255u8 }]);
+    let texel = |x: u32, y: u32| image::Luma([if (x + y).is_multiple_of(2) { 0 } else { 255u8 }]);
     image::GrayImage::from_fn(n, n, texel).save(path).unwrap();
 }
 
