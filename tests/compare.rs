@@ -166,6 +166,7 @@ fn a_cloud_far_from_the_truth_cannot_be_aligned() {
     let mesh = Mesh {
         vertices: vec![DVec3::ZERO, DVec3::X, DVec3::Y],
         triangles: vec![[0, 1, 2]],
+        ..Mesh::default()
     };
     ply::write_mesh(&dir.join("truth.ply"), &mesh).unwrap();
     let cloud = Cloud {

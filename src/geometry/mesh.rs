@@ -16,6 +16,11 @@ pub struct Mesh {
     pub vertices: Vec<DVec3>,
     /// Three indices into `vertices` a triangle.
     pub triangles: Vec<[u32; 3]>,
+    /// Reflectance at each vertex, 0 to 1, by the luminance of its colour; empty without colours.
+    pub colours: Vec<f32>,
+    /// Texture coordinates at the corners of each triangle, u to the right and v up in units of
+    /// the picture; empty without any.
+    pub uv: Vec<[[f32; 2]; 3]>,
 }
 
 impl Mesh {
@@ -56,6 +61,39 @@ impl Mesh {
             check_vertex(vertex, index, place)?;
         }
         let count = self.vertices.len();
+        if !self.colours.is_empty() && self.colours.len() != count {
+            return Err(Error::input(
+                place,
+                format!("{} colours of {count} vertices", self.colours.len()),
+                "a colour for each vertex, or none",
+            ));
+        }
+        if !self.uv.is_empty() && self.uv.len() != self.triangles.len() {
+            let (found, triangles) = (self.uv.len(), self.triangles.len());
+            return Err(Error::input(
+                place,
+                format!("texture coordinates of {found} among {triangles} triangles"),
+                "those of each triangle, or none",
+            ));
+        }
+        for (index, &colour) in self.colours.iter().enumerate() {
+            if !(0.0..=1.0).contains(&colour) {
+                return Err(Error::input(
+                    format!("{place}: vertex {index}"),
+                    format!("a reflectance of {colour}"),
+                    "colours that reflect 0 to 1",
+                ));
+            }
+        }
+        for (index, corners) in self.uv.iter().enumerate() {
+            if let Some(bad) = corners.as_flattened().iter().find(|c| !(c.abs() <= 1e6)) {
+                return Err(Error::input(
+                    format!("{place}: triangle {index}"),
+                    format!("a texture coordinate of {bad}"),
+                    "numbers within 1e6",
+                ));
+            }
+        }
         for (index, triangle) in self.triangles.iter().enumerate() {
             if let Some(bad) = triangle.iter().find(|&&i| i as usize >= count) {
                 return Err(Error::input(
@@ -117,6 +155,7 @@ mod tests {
         let good = Mesh {
             vertices: vec![DVec3::ZERO, DVec3::X, DVec3::Y],
             triangles: vec![[0, 1, 2], [0, 0, 0], [0, 1, 2]],
+            ..Mesh::default()
         };
         good.clone().checked("m.stl").unwrap();
         let mut nan = good.clone();
@@ -125,6 +164,19 @@ mod tests {
         let mut far = good.clone();
         far.triangles[1] = [0, 3, 1];
         assert!(complaint(far).contains("triangle 1: vertex 3; allowed: vertices 0 to 2"));
+        let mut dark = good.clone();
+        dark.colours = vec![0.5, f32::NAN, 0.5];
+        assert!(complaint(dark).contains("vertex 1: a reflectance of NaN"));
+        let mut few = good.clone();
+        few.colours = vec![0.5];
+        assert!(complaint(few).contains("1 colours of 3 vertices"));
+        let mut wild = good.clone();
+        wild.uv = vec![
+            [[0.0; 2]; 3],
+            [[0.0, 1e7], [0.0; 2], [0.0; 2]],
+            [[0.0; 2]; 3],
+        ];
+        assert!(complaint(wild).contains("triangle 1: a texture coordinate of 10000000"));
         assert!(complaint(Mesh::default()).contains("no triangle"));
     }
 

@@ -2,6 +2,7 @@
 
 mod closest;
 mod cloud;
+pub(crate) mod colour;
 pub(crate) mod file;
 mod fold;
 mod lens;

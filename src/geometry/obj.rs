@@ -1,6 +1,8 @@
-//! Wavefront OBJ: vertices and faces; everything else in the file is passed over.
+//! Wavefront OBJ: vertices, with colours where they have them (`v x y z r g b`, sRGB, 0 to 1),
+//! texture coordinates and faces; everything else in the file is passed over.
 
 use super::Mesh;
+use super::colour;
 use super::file::{next_line, number, quoted, words};
 use crate::error::{Error, Result};
 use glam::DVec3;
@@ -13,6 +15,7 @@ pub(super) fn parse(bytes: &[u8], place: &str) -> Result<Mesh> {
     let mut line_number = 0_usize;
     // A face may name a vertex that comes later, so range is judged at the end.
     let mut highest = (0_u32, 0_usize);
+    let mut coordinates = Coordinates::default();
     let mut joined = Vec::new();
     while let Some(first) = next_line(&mut rest) {
         line_number += 1;
@@ -44,9 +47,46 @@ pub(super) fn parse(bytes: &[u8], place: &str) -> Result<Mesh> {
                         )
                     })?;
                 }
+                let found = vertex_colour(words).map_err(|word| {
+                    Error::input(
+                        format!("{place}:{start}"),
+                        format!("a colour of {}", quoted(&word)),
+                        "red, green and blue from 0 to 1",
+                    )
+                })?;
+                if found.is_some() || !mesh.colours.is_empty() {
+                    // Vertices without a colour are white.
+                    mesh.colours.resize(mesh.vertices.len(), 1.0);
+                    mesh.colours.push(found.unwrap_or(1.0));
+                }
                 mesh.vertices.push(DVec3::from_array(xyz));
             }
-            Some(b"f") => face(&mut mesh, words, &mut highest, start, place)?,
+            Some(b"vt") => {
+                // The second may be left out, and is 0 then.
+                let mut uv = [0.0; 2];
+                for (i, value) in uv.iter_mut().enumerate() {
+                    let word = match words.next() {
+                        None if i == 1 => break,
+                        word => word.unwrap_or_default(),
+                    };
+                    *value = number(word).ok_or_else(|| {
+                        Error::input(
+                            format!("{place}:{start}"),
+                            quoted(word),
+                            "vt and one or two numbers",
+                        )
+                    })?;
+                }
+                coordinates.of.push(uv);
+            }
+            Some(b"f") => face(
+                &mut mesh,
+                &mut coordinates,
+                words,
+                &mut highest,
+                start,
+                place,
+            )?,
             _ => {}
         }
     }
@@ -58,11 +98,86 @@ pub(super) fn parse(bytes: &[u8], place: &str) -> Result<Mesh> {
             format!("vertices 1 to {}", mesh.vertices.len()),
         ));
     }
+    mesh.uv = coordinates.of_triangles(place)?;
     mesh.checked(place)
+}
+
+/// The reflectance of the three numbers that may follow a vertex; other words, such as a weight or
+/// a comment, are none. `Err` holds a number beyond 0 to 1.
+fn vertex_colour<'a>(words: impl Iterator<Item = &'a [u8]>) -> Result<Option<f32>, Vec<u8>> {
+    let mut rgb = [0.0; 3];
+    let mut count = 0;
+    let mut outside = None;
+    for (value, word) in rgb.iter_mut().zip(words) {
+        let Some(component) = number::<f64>(word) else {
+            break;
+        };
+        if !(0.0..=1.0).contains(&component) {
+            outside = outside.or(Some(word.to_vec()));
+        }
+        *value = component;
+        count += 1;
+    }
+    match (count, outside) {
+        (3, Some(word)) => Err(word),
+        (3, None) => Ok(Some(colour::reflectance(rgb))),
+        _ => Ok(None),
+    }
+}
+
+/// Texture coordinates, and which of them the corners name.
+#[derive(Default)]
+struct Coordinates {
+    of: Vec<[f32; 2]>,
+    /// Indices from 1 at the corners of each triangle, 0 for a corner without.
+    corners: Vec<[u32; 3]>,
+    /// The highest index, and its line.
+    highest: (u32, usize),
+}
+
+impl Coordinates {
+    /// A corner's index from 1: the second of its words; 0 without one, or for what is none.
+    fn index(&mut self, corner: &[u8], line: usize) -> u32 {
+        let word = corner.split(|&b| b == b'/').nth(1).unwrap_or_default();
+        let count = self.of.len() as i64;
+        let index = match number::<i64>(word) {
+            Some(i @ 1..=0x7fff_ffff) => i as u32,
+            Some(i) if i < 0 && i.checked_add(count).is_some_and(|at| at >= 0) => {
+                (i + count + 1) as u32
+            }
+            _ => 0,
+        };
+        if index > self.highest.0 {
+            self.highest = (index, line);
+        }
+        index
+    }
+
+    /// The coordinates of all triangles; those of corners without are 0. Files without any `vt`
+    /// have none, whatever their faces say.
+    fn of_triangles(self, place: &str) -> Result<Vec<[[f32; 2]; 3]>> {
+        let (highest, line) = self.highest;
+        if self.of.is_empty() || highest == 0 {
+            return Ok(Vec::new());
+        }
+        if highest as usize > self.of.len() {
+            return Err(Error::input(
+                format!("{place}:{line}"),
+                format!("texture coordinate {highest}"),
+                format!("texture coordinates 1 to {}", self.of.len()),
+            ));
+        }
+        let at = |i: u32| match i {
+            0 => [0.0; 2],
+            i => self.of[i as usize - 1],
+        };
+        Ok(self.corners.iter().map(|c| c.map(at)).collect())
+    }
 }
 
 fn face<'a>(
     mesh: &mut Mesh,
+    coordinates: &mut Coordinates,
     corners: impl Iterator<Item = &'a [u8]>,
     highest: &mut (u32, usize),
     line: usize,
@@ -75,7 +190,7 @@ fn face<'a>(
         if corner.starts_with(b"#") {
             break;
         }
-        // position/texture/normal, of which the first counts.
+        // position/texture/normal, of which the first two count.
         let word = corner.split(|&b| b == b'/').next().unwrap_or_default();
         let index = match number::<i64>(word) {
             Some(i @ 1..=0x7fff_ffff) => i,
@@ -92,13 +207,14 @@ fn face<'a>(
         if index > highest.0 {
             *highest = (index, line);
         }
-        let index = index - 1;
+        let index = (index - 1, coordinates.index(corner, line));
         seen += 1;
         match (first, last) {
             (None, _) => first = Some(index),
             (Some(_), None) => last = Some(index),
             (Some(a), Some(b)) => {
-                mesh.triangles.push([a, b, index]);
+                mesh.triangles.push([a.0, b.0, index.0]);
+                coordinates.corners.push([a.1, b.1, index.1]);
                 last = Some(index);
             }
         }
@@ -129,6 +245,37 @@ mod tests {
     }
 
     #[test]
+    fn colours_and_texture_coordinates_where_there_are_any() {
+        let plain = parse(SQUARE.as_bytes(), "m.obj").unwrap();
+        assert_eq!(plain.colours.len(), 4, "one vertex has a colour");
+        assert_eq!(plain.colours[..3], [1.0; 3]);
+        assert!((plain.colours[3] - 0.2140).abs() < 1e-4, "sRGB 0.5");
+        assert!(plain.uv.is_empty(), "no vt");
+        let text = format!("vt 0.25 0.75\nvt 1\n{SQUARE}").replace("-4 -3", "-4/-1 -3/-2");
+        let mesh = parse(text.as_bytes(), "m.obj").unwrap();
+        let (first, second) = ([0.25, 0.75], [1.0, 0.0]);
+        assert_eq!(mesh.uv[0], [first, [0.0; 2], second]);
+        assert_eq!(mesh.uv[1], [first, second, [0.0; 2]]);
+        assert_eq!(mesh.uv[2], [second, first, [0.0; 2]]);
+        for (from, to, says) in [
+            (
+                "3/2",
+                "3/3",
+                "m.obj:10: texture coordinate 3; allowed: texture coordinates 1 to 2",
+            ),
+            ("vt 1\n", "vt one\n", "m.obj:2: `one`"),
+            (
+                "0.5 0.5 0.5",
+                "0.5 1.5 0.5",
+                "m.obj:9: a colour of `1.5`; allowed: red",
+            ),
+        ] {
+            let error = parse(text.replace(from, to).as_bytes(), "m.obj").unwrap_err();
+            assert!(error.to_string().contains(says), "{error}");
+        }
+    }
+
+    #[test]
     fn complaints_name_the_line() {
         for (from, to, says) in [
             ("3/2", "0", "m.obj:8: `0`"),
@@ -151,7 +298,7 @@ mod tests {
         #![proptest_config(ProptestConfig::with_cases(256))]
 
         #[test]
-        fn any_text_never_panics(text in "[vf0-9 /.\\-\\\\\n#e]{0,200}") {
+        fn any_text_never_panics(text in "[vft0-9 /.\\-\\\\\n#e]{0,200}") {
             let _ = parse(text.as_bytes(), "m.obj");
         }
 

@@ -193,6 +193,7 @@ mod tests {
             .map(|(x, y)| DVec3::new(x, y, z))
             .to_vec(),
             triangles: vec![[0, 1, 2], [0, 2, 3]],
+            ..Mesh::default()
         }
     }
 

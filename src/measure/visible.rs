@@ -105,6 +105,7 @@ pub(super) mod tests {
         Mesh {
             vertices: corners.map(DVec3::from_array).to_vec(),
             triangles: vec![[0, 1, 2], [0, 2, 3]],
+            ..Mesh::default()
         }
     }
 

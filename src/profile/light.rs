@@ -4,18 +4,150 @@ use super::check::Check;
 use crate::error::Result;
 use serde::{Deserialize, Serialize};
 
+/// Most lamps in a scene: a shadow's edge is found by a bit for each.
+const MAX_LIGHTS: usize = 32;
+
 /// Constant light that falls on every surface alike.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Ambient {
     /// Irradiance in W/m^2 at the projector's wavelength.
     pub irradiance_w_m2: f64,
+    /// How it pulsates with the mains; steady when absent.
+    #[serde(default)]
+    pub flicker: Option<Flicker>,
 }
 
-pub(super) fn check(ambient: &Ambient, check: &Check<'_>) -> Result<()> {
+/// A lamp that casts shadows. Its light joins the ambient light: the projector's slides do not
+/// change it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "lowercase", deny_unknown_fields)]
+pub enum Light {
+    /// A lamp that is small against its distance, alike in all directions; it cannot be seen.
+    Point {
+        /// Place in the scene's frame in millimetres.
+        position_mm: [f64; 3],
+        /// Radiant intensity in W/sr at the projector's wavelength.
+        intensity_w_sr: f64,
+        /// How it pulsates with the mains; steady when absent.
+        #[serde(default)]
+        flicker: Option<Flicker>,
+    },
+    /// Light from one direction, as the sun's.
+    Directional {
+        /// Where it goes, in the scene's frame, of any length.
+        direction: [f64; 3],
+        /// Irradiance in W/m^2 of a surface that faces it, at the projector's wavelength.
+        irradiance_w_m2: f64,
+        /// How it pulsates with the mains; steady when absent.
+        #[serde(default)]
+        flicker: Option<Flicker>,
+    },
+}
+
+/// Light that follows the mains' power, 1 + depth cos(2 pi f t + phase) of its mean, t the time of
+/// the device: the modulation of IEEE Std 1789-2015 (`depth` is its modulation percentage over
+/// 100). All that flickers in a scene hangs on one mains: frequency and phase are the same.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Flicker {
+    /// Twice the mains' frequency: 100 or 120 Hz.
+    pub frequency_hz: u32,
+    /// Amplitude relative to the mean, 0 to 1.
+    pub depth: f64,
+    /// Phase at time 0 of the device in degrees.
+    #[serde(default)]
+    pub phase_deg: f64,
+}
+
+impl Light {
+    /// How it pulsates.
+    pub fn flicker(&self) -> Option<Flicker> {
+        match *self {
+            Self::Point { flicker, .. } | Self::Directional { flicker, .. } => flicker,
+        }
+    }
+}
+
+pub(super) fn check(ambient: &Ambient, lights: &[Light], check: &Check<'_>) -> Result<()> {
+    let power = 0.0..=1e6;
     check.within(
         "ambient.irradiance_w_m2",
         ambient.irradiance_w_m2,
-        0.0..=1e6,
+        power.clone(),
+    )?;
+    check.that(
+        lights.len() <= MAX_LIGHTS,
+        "light",
+        format!("{} lights", lights.len()),
+        format!("up to {MAX_LIGHTS} lights"),
+    )?;
+    let mut mains = None;
+    flicker(ambient.flicker, "ambient", &mut mains, check)?;
+    for (i, light) in lights.iter().enumerate() {
+        let at = format!("light[{i}]");
+        match light {
+            Light::Point {
+                position_mm,
+                intensity_w_sr,
+                ..
+            } => {
+                let field = format!("{at}.position_mm");
+                check.all_within(&field, position_mm, -1e9..=1e9)?;
+                let field = format!("{at}.intensity_w_sr");
+                check.within(&field, *intensity_w_sr, power.clone())?;
+            }
+            Light::Directional {
+                direction,
+                irradiance_w_m2,
+                ..
+            } => {
+                let field = format!("{at}.direction");
+                check.all_within(&field, direction, -1e9..=1e9)?;
+                check.that(
+                    direction.iter().any(|d| d.abs() >= 1e-9),
+                    &field,
+                    "no direction",
+                    "three numbers, one of them at least 1e-9",
+                )?;
+                let field = format!("{at}.irradiance_w_m2");
+                check.within(&field, *irradiance_w_m2, power.clone())?;
+            }
+        }
+        flicker(light.flicker(), &at, &mut mains, check)?;
+    }
+    Ok(())
+}
+
+fn flicker(
+    flicker: Option<Flicker>,
+    at: &str,
+    mains: &mut Option<Flicker>,
+    check: &Check<'_>,
+) -> Result<()> {
+    let Some(flicker) = flicker else {
+        return Ok(());
+    };
+    let field = |name: &str| format!("{at}.flicker.{name}");
+    check.that(
+        matches!(flicker.frequency_hz, 100 | 120),
+        &field("frequency_hz"),
+        flicker.frequency_hz,
+        "100 or 120",
+    )?;
+    check.within(&field("depth"), flicker.depth, 0.0..=1.0)?;
+    check.within(&field("phase_deg"), flicker.phase_deg, -360.0..=360.0)?;
+    let first = mains.get_or_insert(flicker);
+    check.that(
+        (first.frequency_hz, first.phase_deg) == (flicker.frequency_hz, flicker.phase_deg),
+        &format!("{at}.flicker"),
+        format!(
+            "{} Hz at {} degrees",
+            flicker.frequency_hz, flicker.phase_deg
+        ),
+        format!(
+            "{} Hz at {} degrees, as what flickers before it",
+            first.frequency_hz, first.phase_deg
+        ),
     )
 }

@@ -25,7 +25,7 @@ pub use camera_response::CameraResponse;
 pub use device::{Identity, Profile};
 pub use focus::Focus;
 pub use glare::Glare;
-pub use light::Ambient;
+pub use light::{Ambient, Flicker, Light};
 pub use object::{Object, Shape};
 pub use projector::Projector;
 pub use response::Response;

@@ -25,6 +25,20 @@ pub struct Object {
     pub scale: f64,
     /// Diffuse reflectance of its Lambertian surface, 0 to 1.
     pub albedo: f64,
+    /// Whether the albedo varies with the colours of the mesh's vertices: it is multiplied by
+    /// their reflectance, interpolated, which is the luminance of sRGB at any wavelength.
+    #[serde(default)]
+    pub vertex_colours: bool,
+    /// A picture (PNG, BMP, TIFF or JPEG, at most 4096 pixels a side, relative to the scene file)
+    /// that the albedo is multiplied by: the luminance of its sRGB at any wavelength. Its pixels
+    /// are held squares, and it repeats without end.
+    #[serde(default)]
+    pub texture: Option<PathBuf>,
+    /// Width and height of the picture laid over the shape, in millimetres of its own frame after
+    /// scaling: about a sphere by longitude and latitude, about a cylinder by its angle and y, over
+    /// anything else along x and y. When absent, a mesh has it by its own texture coordinates.
+    #[serde(default)]
+    pub texture_size_mm: Option<[f64; 2]>,
     /// A specular lobe above the diffuse body; none when absent.
     #[serde(default)]
     pub specular: Option<Specular>,
@@ -122,6 +136,38 @@ pub(super) fn check(o: &Object, at: &str, check: &Check<'_>) -> Result<()> {
     check.all_within(&field("rotation_deg"), &o.rotation_deg, -360.0..=360.0)?;
     check.within(&field("scale"), o.scale, 1e-6..=1e6)?;
     check.within(&field("albedo"), o.albedo, 0.0..=1.0)?;
+    let is_mesh = matches!(o.shape, Shape::Mesh { .. });
+    check.that(
+        is_mesh || !o.vertex_colours,
+        &field("vertex_colours"),
+        "true for a shape without them",
+        "true for a mesh from a file whose vertices have colours, else false",
+    )?;
+    if let Some(sides) = &o.texture_size_mm {
+        check.all_within(&field("texture_size_mm"), sides, 1e-6..=1e9)?;
+    }
+    match &o.texture {
+        None => check.that(
+            o.texture_size_mm.is_none(),
+            &field("texture_size_mm"),
+            "the size of no texture",
+            "a texture beside it",
+        )?,
+        Some(file) => {
+            check.that(
+                !file.as_os_str().is_empty(),
+                &field("texture"),
+                "an empty path",
+                "the path of a PNG, BMP, TIFF or JPEG file",
+            )?;
+            check.that(
+                is_mesh || o.texture_size_mm.is_some(),
+                &field("texture"),
+                "a texture of no size",
+                "texture_size_mm beside it, width and height in millimetres",
+            )?;
+        }
+    }
     if let Some(specular) = &o.specular {
         surface::check(specular, &field("specular"), check)?;
     }

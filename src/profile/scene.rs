@@ -2,14 +2,14 @@
 //! projector's. Without a `[rig]` the scene's frame is the rig's.
 
 use super::check::{Check, name};
-use super::{Ambient, Object, TomlSource, builtin, light, object};
+use super::{Ambient, Light, Object, TomlSource, builtin, light, object};
 use crate::error::Result;
 use crate::geometry::Pose;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
-/// Objects and ambient light.
+/// Objects and light.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Scene {
@@ -23,6 +23,9 @@ pub struct Scene {
     /// Light from everywhere.
     #[serde(default)]
     pub ambient: Ambient,
+    /// Lamps.
+    #[serde(default)]
+    pub light: Vec<Light>,
     /// What can be seen; later objects win nothing over earlier ones.
     #[serde(default)]
     pub object: Vec<Object>,
@@ -88,7 +91,7 @@ fn check(s: &Scene, check: &Check<'_>) -> Result<()> {
     name(&s.name, "name", check)?;
     check.all_within("rig.position_mm", &s.rig.position_mm, -1e9..=1e9)?;
     check.all_within("rig.rotation_deg", &s.rig.rotation_deg, -360.0..=360.0)?;
-    light::check(&s.ambient, check)?;
+    light::check(&s.ambient, &s.light, check)?;
     check.that(
         s.object.len() <= 4096,
         "object",

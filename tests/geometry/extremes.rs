@@ -122,6 +122,7 @@ fn giants() -> Mesh {
     Mesh {
         vertices: corners(HALF_MM).to_vec(),
         triangles: vec![[0, 1, 2], [0, 2, 3]],
+        ..Mesh::default()
     }
 }
 
@@ -142,6 +143,7 @@ fn from_nanometres_to_kilometres() -> Mesh {
     Mesh {
         vertices,
         triangles,
+        ..Mesh::default()
     }
 }
 

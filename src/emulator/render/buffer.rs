@@ -20,6 +20,10 @@ pub(super) struct GeometryBuffer {
     pub(super) projected: Vec<f32>,
     /// Electrons per second of ambient light.
     pub(super) ambient: Vec<f32>,
+    /// Electrons per second by which the ambient light swings; empty when all is steady.
+    pub(super) flickering: Vec<f32>,
+    /// A bit for each lamp that lights the pixel's centre; empty without lamps.
+    pub(super) lamps: Vec<u32>,
     /// Depth z in the camera's frame in millimetres; NaN where nothing is seen.
     pub(super) depth: Vec<f32>,
     /// Surface that the pixel's centre sees.
@@ -51,6 +55,8 @@ pub(super) struct Mixed {
     pub(super) projected: [f32; 16],
     /// Electrons per second of ambient light, averaged.
     pub(super) ambient: f32,
+    /// Electrons per second by which the ambient light swings, averaged.
+    pub(super) flickering: f32,
     /// Blur of each sample as in the maps; 0 without defocus.
     pub(super) blur: [f32; 16],
 }
@@ -66,6 +72,7 @@ impl Mixed {
             y_slope: [[0.0; 2]; 16],
             projected: [0.0; 16],
             ambient: 0.0,
+            flickering: 0.0,
             blur: [0.0; 16],
         }
     }
@@ -80,6 +87,8 @@ pub(super) struct Band<'a> {
     pub(super) y_slope: &'a mut [[f32; 2]],
     pub(super) projected: &'a mut [f32],
     pub(super) ambient: &'a mut [f32],
+    pub(super) flickering: &'a mut [f32],
+    pub(super) lamps: &'a mut [u32],
     pub(super) depth: &'a mut [f32],
     pub(super) surface: &'a mut [u32],
     pub(super) normal: &'a mut [[f32; 3]],
@@ -100,6 +109,10 @@ impl GeometryBuffer {
             .resize(if plan.has(Term::FootprintY) { n } else { 0 }, [0.0; 2]);
         self.projected.resize(n, 0.0);
         self.ambient.resize(n, 0.0);
+        self.flickering
+            .resize(if plan.has(Term::Flicker) { n } else { 0 }, 0.0);
+        self.lamps
+            .resize(if plan.has(Term::Lights) { n } else { 0 }, 0);
         self.depth.resize(n, f32::NAN);
         self.surface.resize(n, Surface::NONE.0);
         self.normal.resize(n, [0.0; 3]);
@@ -123,6 +136,8 @@ impl GeometryBuffer {
         let mut y = self.y.chunks_mut(n);
         let mut projected = self.projected.chunks_mut(n);
         let mut ambient = self.ambient.chunks_mut(n);
+        let mut flickering = self.flickering.chunks_mut(n);
+        let mut lamps = self.lamps.chunks_mut(n);
         let mut depth = self.depth.chunks_mut(n);
         let mut surface = self.surface.chunks_mut(n);
         let mut normal = self.normal.chunks_mut(n);
@@ -140,6 +155,8 @@ impl GeometryBuffer {
                 y_slope: ys.next().unwrap_or_default(),
                 projected: projected.next().expect(same),
                 ambient: ambient.next().expect(same),
+                flickering: flickering.next().unwrap_or_default(),
+                lamps: lamps.next().unwrap_or_default(),
                 depth: depth.next().expect(same),
                 surface: surface.next().expect(same),
                 normal: normal.next().expect(same),

@@ -111,24 +111,33 @@ fn tile(
         let (u, v) = place(lane);
         u < width && v < rows
     });
-    let directions: [DVec3; LANES] = std::array::from_fn(|lane| {
+    let directions = std::array::from_fn(|lane| {
         let (u, v) = place(lane);
         // Lanes beyond the image repeat a pixel, so that the packet stays narrow.
         rays.center(u.min(width - 1), band.first_row + v.min(rows - 1))
     });
-    let cast = cast(
-        world,
-        optics,
-        plan,
-        DVec3::ZERO,
-        &directions,
-        &used,
-        scratch,
-    );
+    let bundle = Bundle {
+        origin: DVec3::ZERO,
+        directions,
+        used,
+        cell: 1.0,
+    };
+    let cast = cast(world, optics, plan, &bundle, scratch);
     for lane in (0..LANES).filter(|&lane| used[lane]) {
         let (u, v) = place(lane);
         write(band, v * width + u, optics, &cast, lane);
     }
+}
+
+/// Sixteen rays of the camera, to be cast.
+pub(super) struct Bundle {
+    /// Where they start: a point of the camera's pupil.
+    pub(super) origin: DVec3,
+    /// With z = 1.
+    pub(super) directions: [DVec3; LANES],
+    pub(super) used: [bool; LANES],
+    /// Side in pixels of the square that each ray stands for.
+    pub(super) cell: f64,
 }
 
 /// Sixteen rays with all that is known of where they end.
@@ -141,17 +150,16 @@ pub(super) struct Cast {
     pub(super) lit: [bool; LANES],
 }
 
-/// Casts sixteen rays of the camera from a point of its pupil, and the shadow rays that matter.
+/// Casts sixteen rays of the camera, and the shadow rays that matter.
 pub(super) fn cast(
     world: &World,
     optics: &Optics,
     plan: &Plan,
-    origin: DVec3,
-    directions: &[DVec3; LANES],
-    used: &[bool; LANES],
+    bundle: &Bundle,
     scratch: &mut Scratch,
 ) -> Cast {
-    let hits = world.nearest(origin, directions, used, scratch);
+    let (origin, directions) = (bundle.origin, &bundle.directions);
+    let hits = world.nearest(origin, directions, &bundle.used, scratch);
     let mut shaded = optics.shade(plan, origin, directions, &hits, world);
     // Rays to points that the projector cannot light anyway are not traced.
     let mut lit: [bool; LANES] =
@@ -167,7 +175,17 @@ pub(super) fn cast(
         }
     }
     if look::is_needed(plan) {
-        look::apply(world, optics, plan, origin, directions, &hits, &mut shaded);
+        let rays = look::Rays {
+            world,
+            optics,
+            plan,
+            bundle,
+            hits: &hits,
+        };
+        look::apply(&rays, &mut shaded, scratch);
+    }
+    if plan.has(Term::CameraVignetting) {
+        optics.dim_seen(directions, &mut shaded);
     }
     Cast {
         origin,
@@ -191,6 +209,12 @@ fn write(band: &mut Band<'_>, i: usize, optics: &Optics, cast: &Cast, lane: usiz
     if !hits.is_hit(lane) {
         (band.x[i], band.y[i], band.depth[i]) = (f32::NAN, f32::NAN, f32::NAN);
         (band.projected[i], band.ambient[i], band.flags[i]) = (0.0, 0.0, 0);
+        if let Some(kept) = band.flickering.get_mut(i) {
+            *kept = 0.0;
+        }
+        if let Some(kept) = band.lamps.get_mut(i) {
+            *kept = 0;
+        }
         return;
     }
     let slope = |axis: usize| shaded.footprint[axis].map(|by| by[lane] as f32);
@@ -211,6 +235,12 @@ fn write(band: &mut Band<'_>, i: usize, optics: &Optics, cast: &Cast, lane: usiz
         0.0
     };
     band.ambient[i] = shaded.ambient[lane] as f32;
+    if let Some(kept) = band.flickering.get_mut(i) {
+        *kept = shaded.flickering[lane] as f32;
+    }
+    if let Some(kept) = band.lamps.get_mut(i) {
+        *kept = shaded.lamps[lane];
+    }
     band.depth[i] = shaded.point[2][lane] as f32;
     band.normal[i] = hits.normal.map(|axis| axis[lane] as f32);
     band.flags[i] = Truth::SEEN

@@ -5,11 +5,11 @@
 //! A sliver thinner than a pixel that touches no pixel's centre is missed, unless more samples a
 //! pixel are asked for.
 
-use super::Plan;
 use super::buffer::{GeometryBuffer, Mixed};
-use super::geometry::{Cast, Rays, TILE, cast};
+use super::geometry::{Bundle, Cast, Rays, TILE, cast};
 use super::shade::Optics;
 use super::world::{Surface, World};
+use super::{Plan, Term};
 use crate::emulator::Truth;
 use crate::geometry::raycast::{LANES, Scratch};
 use glam::{DVec2, DVec3, Vec3};
@@ -40,7 +40,11 @@ pub(super) fn run(
                 let mut samples = Vec::new();
                 for column in 0..view.width {
                     let known = uneven.get(row * view.width + column) == Some(&true);
-                    if known || edges.touches(view, column, row) {
+                    let touches = || match plan.has(Term::Lights) {
+                        true => edges.touches::<true>(view, column, row),
+                        false => edges.touches::<false>(view, column, row),
+                    };
+                    if known || touches() {
                         samples.extend(sample(&edges, optics, plan, column, row, scratch));
                     }
                 }
@@ -63,6 +67,8 @@ struct Edges<'a> {
 struct Place {
     surface: Surface,
     lit: bool,
+    /// A bit for each lamp that lights it.
+    lamps: u32,
     normal: Vec3,
     direction: Vec3,
     depth: f32,
@@ -72,14 +78,18 @@ impl Edges<'_> {
     /// Whether a pixel differs from one of its neighbours. Most pixels share triangle and light
     /// with all of them, which two integer maps tell.
     #[inline(always)]
-    fn touches(&self, map: &GeometryBuffer, column: usize, row: usize) -> bool {
+    fn touches<const LAMPS: bool>(&self, map: &GeometryBuffer, column: usize, row: usize) -> bool {
         let here = row * map.width + column;
         let lit = |i: usize| map.flags[i] & Truth::LIT;
+        let lamps = |i: usize| if LAMPS { map.lamps[i] } else { 0 };
         let (first, last) = (column.saturating_sub(1), (column + 1).min(map.width - 1));
         for v in row.saturating_sub(1)..=(row + 1).min(map.height - 1) {
             for u in first..=last {
                 let there = v * map.width + u;
-                if map.surface[there] == map.surface[here] && lit(there) == lit(here) {
+                if map.surface[there] == map.surface[here]
+                    && lit(there) == lit(here)
+                    && lamps(there) == lamps(here)
+                {
                     continue;
                 }
                 if self.edge(&self.place(map, column, row), &self.place(map, u, v)) {
@@ -96,6 +106,7 @@ impl Edges<'_> {
         Place {
             surface: Surface(map.surface[i]),
             lit: map.flags[i] & Truth::LIT != 0,
+            lamps: map.lamps.get(i).copied().unwrap_or(0),
             normal: Vec3::from_array(map.normal[i]),
             direction: self.rays.center(column, row).as_vec3(),
             depth: map.depth[i],
@@ -105,7 +116,7 @@ impl Edges<'_> {
     /// Whether an edge of the surface or of its light runs between two places.
     #[inline(always)]
     fn edge(&self, a: &Place, b: &Place) -> bool {
-        if a.lit != b.lit {
+        if a.lit != b.lit || a.lamps != b.lamps {
             return true;
         }
         if a.surface == b.surface {
@@ -139,7 +150,7 @@ fn sample(
     row: usize,
     scratch: &mut Scratch,
 ) -> Option<Mixed> {
-    let directions: [DVec3; LANES] = std::array::from_fn(|lane| {
+    let directions = std::array::from_fn(|lane| {
         // One sample a cell of the grid, sheared so that all sixteen differ in column and in row
         // (Chiu, Shirley, Wang: "Multi-Jittered Sampling", Graphics Gems IV, 1994): an edge along
         // the pixels is met at sixteen places rather than four.
@@ -154,18 +165,17 @@ fn sample(
         );
         edges.rays.through(px)
     });
-    let cast = cast(
-        edges.world,
-        optics,
-        plan,
-        DVec3::ZERO,
-        &directions,
-        &[true; LANES],
-        scratch,
-    );
+    let bundle = Bundle {
+        origin: DVec3::ZERO,
+        directions,
+        used: [true; LANES],
+        cell: 1.0 / TILE as f64,
+    };
+    let cast = cast(edges.world, optics, plan, &bundle, scratch);
     let place = |lane: usize| Place {
         surface: cast.hits.surface[lane],
         lit: cast.lit[lane],
+        lamps: cast.shaded.lamps[lane],
         normal: cast.hits.normal(lane).as_vec3(),
         direction: directions[lane].as_vec3(),
         depth: cast.shaded.point[2][lane] as f32,
@@ -193,6 +203,7 @@ fn gather(optics: &Optics, cast: &Cast, pixel: u32) -> Mixed {
     let shaded = &cast.shaded;
     for lane in (0..LANES).filter(|&lane| cast.hits.is_hit(lane)) {
         mixed.ambient += shaded.ambient[lane] as f32 / LANES as f32;
+        mixed.flickering += shaded.flickering[lane] as f32 / LANES as f32;
         if !cast.lit[lane] {
             continue;
         }

@@ -13,6 +13,7 @@ mod aperture;
 mod buffer;
 mod geometry;
 mod glare;
+mod lamps;
 mod light;
 mod look;
 mod mixed;

@@ -11,15 +11,17 @@ use crate::emulator::Slide;
 use crate::error::Result;
 use crate::geometry::{Pose, View};
 use crate::pattern::Axis;
-use crate::profile::{Profile, Response, Scene, Shape, Vignetting};
+use crate::profile::{Light, Profile, Response, Scene, Shape, Vignetting};
 use glam::{DVec2, DVec3};
 
-/// A scene as the reference path sees it.
+/// A scene as the reference path sees it: Lambertian surfaces, lamps at their mean.
 pub struct Reference {
     camera: View,
     projector: View,
     profile: Profile,
     ambient_w_m2: f64,
+    lights: Vec<Light>,
+    rig_from_scene: Pose,
     parts: Vec<Part>,
 }
 
@@ -98,6 +100,8 @@ impl Reference {
             projector: profile.projector.view(),
             profile: profile.clone(),
             ambient_w_m2: scene.ambient.irradiance_w_m2,
+            lights: scene.light.clone(),
+            rig_from_scene: scene.rig_from_scene(),
             parts,
         })
     }
@@ -216,6 +220,9 @@ impl Reference {
             irradiance += light * falloff * projector.radiant_intensity_w_sr * cos
                 / (way.length_squared() * 1e-6);
         }
+        for light in &self.lights {
+            irradiance += self.lamp(light, &found);
+        }
         let off_axis = self.camera.lens.ray(px).normalize().z;
         let camera = &self.profile.camera;
         found.albedo * irradiance * falloff(&camera.vignetting, &self.camera, off_axis, 4)
@@ -234,6 +241,39 @@ impl Reference {
         let pixel_mm = z / self.projector.lens.focal_px.x;
         let radius = (-2.0 * (1.0 - u).ln()).sqrt() * covered_mm / pixel_mm / 4.0;
         DVec2::from_angle(v * std::f64::consts::TAU) * radius
+    }
+
+    /// Irradiance in W/m^2 that a lamp gives a point.
+    fn lamp(&self, light: &Light, found: &Found) -> f64 {
+        let (way, facing) = match *light {
+            Light::Point {
+                position_mm,
+                intensity_w_sr,
+                ..
+            } => {
+                let at = self.rig_from_scene.point(DVec3::from(position_mm));
+                let way = at - found.point;
+                (way, intensity_w_sr / (way.length_squared() * 1e-6))
+            }
+            Light::Directional {
+                direction,
+                irradiance_w_m2,
+                ..
+            } => {
+                let along = self.rig_from_scene.direction(DVec3::from(direction));
+                (along.normalize() * -1e12, irradiance_w_m2)
+            }
+        };
+        let cos = found.normal.dot(way.normalize());
+        let near = found.point.length() * 1e-5;
+        let shaded = self
+            .first(found.point, way.normalize(), near)
+            .is_some_and(|(t, ..)| t < way.length());
+        if cos > 0.0 && !shaded {
+            facing * cos
+        } else {
+            0.0
+        }
     }
 
     /// Nearest surface along a ray with a unit direction: distance, normal, albedo.

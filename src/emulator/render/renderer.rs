@@ -286,6 +286,11 @@ impl Renderer {
         } else {
             0.0
         };
+        // Forced in where nothing flickers, it swings by nothing.
+        let swing = self.plan.has(Term::Flicker).then(|| {
+            let flicker = self.optics.flicker;
+            flicker.map_or(0.0, |f| f.swing(shot.start_ns, shot.exposure_ns)) as f32 * seconds
+        });
         let map = &self.buffer;
         out.par_chunks_mut(CHUNK * per_pixel)
             .enumerate()
@@ -294,7 +299,7 @@ impl Renderer {
                 |electrons, (i, out)| {
                     let first = i * CHUNK;
                     let electrons = &mut electrons[..out.len() / per_pixel];
-                    light::run(map, table, seconds, power, first, electrons);
+                    light::run(map, table, [seconds, power], swing, first, electrons);
                     let from = map.mixed.partition_point(|m| (m.pixel as usize) < first);
                     let end = first + electrons.len();
                     let mut former = None;
@@ -306,7 +311,7 @@ impl Renderer {
                         if former != Some(pixel.pixel) {
                             *here = 0.0;
                         }
-                        *here += light::mixed(map, i, table, seconds, power);
+                        *here += light::mixed(map, i, table, [seconds, power], swing);
                         former = Some(pixel.pixel);
                     }
                     then(first, electrons, out);

@@ -5,13 +5,13 @@
 //! evenly lit, the closed form of its footprint stands for them, and is better than their mean;
 //! where not, they are kept.
 
-use super::Plan;
 use super::aperture::{Aperture, widened};
 use super::buffer::{GeometryBuffer, Mixed};
-use super::geometry::{Cast, Rays, TILE, cast};
+use super::geometry::{Bundle, Cast, Rays, TILE, cast};
 use super::mixed::COS_CREASE;
 use super::shade::Optics;
 use super::world::{Surface, World};
+use super::{Plan, Term};
 use crate::emulator::Truth;
 use crate::geometry::raycast::{LANES, Scratch};
 use glam::{DMat2, DVec2, DVec3, Vec3};
@@ -96,19 +96,17 @@ impl Sampler<'_> {
         for k in 0..count {
             let offset = self.offset(k);
             let origin = self.aperture.point(k * STEP % count, count, tile.turn);
-            let directions: [DVec3; LANES] = std::array::from_fn(|lane| {
+            let directions = std::array::from_fn(|lane| {
                 let middle = tile.center[lane] + (tile.by_px[lane] * offset).extend(0.0);
                 self.aperture.through(origin, middle)
             });
-            casts.push(cast(
-                self.world,
-                self.optics,
-                self.plan,
+            let bundle = Bundle {
                 origin,
-                &directions,
-                &tile.used,
-                scratch,
-            ));
+                directions,
+                used: tile.used,
+                cell: 1.0 / self.side as f64,
+            };
+            casts.push(cast(self.world, self.optics, self.plan, &bundle, scratch));
         }
     }
 
@@ -127,11 +125,14 @@ impl Sampler<'_> {
         let pixel = tile.pixel(map.width, lane);
         let here = Surface(map.surface[pixel]);
         let lit = map.flags[pixel] & Truth::LIT != 0;
+        let lamps = map.lamps.get(pixel).copied().unwrap_or(0);
         let same = |cast: &Cast| {
             let there = cast.hits.surface[lane];
-            cast.lit[lane] == lit && (there == here || self.smooth(map, pixel, lane, cast))
+            cast.lit[lane] == lit
+                && cast.shaded.lamps[lane] == lamps
+                && (there == here || self.smooth(map, pixel, lane, cast))
         };
-        if !casts.iter().all(same) {
+        if !casts.iter().all(same) || self.blurs_albedo(here) {
             return false;
         }
         if !lit {
@@ -154,6 +155,15 @@ impl Sampler<'_> {
                 (cast.shaded.px[axis][lane] - predicted).abs() <= bar
             })
         })
+    }
+
+    /// Whether depth of field blurs an albedo that varies over the surface: the closed form averages
+    /// it over the footprint alone.
+    fn blurs_albedo(&self, surface: Surface) -> bool {
+        self.aperture.radius_mm > 0.0
+            && self.plan.has(Term::AlbedoMaps)
+            && surface != Surface::NONE
+            && self.world.looks.vary(self.world.object(surface))
     }
 
     /// Whether another triangle of the centre's mesh goes on without a crease.
@@ -180,6 +190,7 @@ impl Sampler<'_> {
             }
             let shaded = &cast.shaded;
             mixed.ambient += (shaded.ambient[lane] * weight) as f32 / LANES as f32;
+            mixed.flickering += (shaded.flickering[lane] * weight) as f32 / LANES as f32;
             if !cast.lit[lane] {
                 continue;
             }

@@ -1,12 +1,13 @@
 //! Shading sixteen samples at once: where the projector's light for each comes from, and how much
 //! of it arrives. Structure of arrays in f64, so that the loops fill SIMD registers.
 
-use super::light::{Defocus, Falloff};
+use super::lamps::Lamp;
+use super::light::{Defocus, Falloff, Flicker};
 use super::world::{Hits, World};
 use super::{Plan, Term};
 use crate::geometry::raycast::LANES;
 use crate::geometry::{Lens, View};
-use crate::profile::{Profile, Scene};
+use crate::profile::{self, Profile, Scene};
 use crate::simd::widest;
 use glam::{DMat2, DVec2, DVec3};
 
@@ -23,13 +24,18 @@ pub(super) struct Optics {
     pub(super) camera: View,
     pub(super) projector: View,
     /// Electrons per second of a pixel that looks at a white surface under 1 W/m^2.
-    electrons_per_irradiance: f64,
+    pub(super) electrons_per_irradiance: f64,
     /// Radiant intensity of the projector's white in W/sr.
     intensity_w_sr: f64,
     ambient_w_m2: f64,
     seen: Falloff,
     shown: Falloff,
     defocus: Defocus,
+    /// Amplitude of the ambient light's flicker relative to its mean.
+    pub(super) ambient_depth: f64,
+    pub(super) lamps: Vec<Lamp>,
+    /// The pulse of all light that flickers.
+    pub(super) flicker: Option<Flicker>,
 }
 
 /// Samples of the surfaces that sixteen rays meet; lanes that meet none hold NaN and false.
@@ -44,6 +50,10 @@ pub(super) struct Shaded {
     pub(super) projected: Wide,
     /// Electrons per second of ambient light.
     pub(super) ambient: Wide,
+    /// Electrons per second by which ambient light and lamps swing about their mean.
+    pub(super) flickering: Wide,
+    /// A bit for each lamp that lights it.
+    pub(super) lamps: [u32; LANES],
     /// The projector can light it, shadow aside: in its field and on its side.
     pub(super) reachable: [bool; LANES],
     /// Both rays strike within 80 degrees of the normal.
@@ -58,6 +68,8 @@ impl Optics {
     pub(super) fn new(profile: &Profile, scene: &Scene) -> Self {
         let camera = &profile.camera;
         let pixel_m2 = (camera.pixel_pitch_mm() * 1e-3).powi(2);
+        let of_lamps = scene.light.iter().find_map(profile::Light::flicker);
+        let mains = scene.ambient.flicker.or(of_lamps);
         let photon_j = HC / (profile.projector.wavelength_nm * 1e-9);
         Self {
             camera: camera.view(),
@@ -69,12 +81,20 @@ impl Optics {
             seen: Falloff::of_camera(camera),
             shown: Falloff::of_projector(&profile.projector),
             defocus: Defocus::new(&profile.projector),
+            ambient_depth: scene.ambient.flicker.map_or(0.0, |f| f.depth),
+            lamps: Lamp::all(scene),
+            flicker: mains.as_ref().map(Flicker::new),
         }
     }
 
     /// Standard deviation of the projector's blur at a point in the rig's frame, in slide pixels.
     pub(super) fn blur_px(&self, point: DVec3) -> f32 {
         self.defocus.sigma_px(point) as f32
+    }
+
+    /// Dims what has been shaded, and lit by lamps, on its way to the camera's sensor.
+    pub(super) fn dim_seen(&self, directions: &[DVec3; LANES], shaded: &mut Shaded) {
+        self.seen.dim_seen(directions, shaded);
     }
 
     /// Shades what rays of the camera, `directions` with z = 1, have met. They start at `origin`, a
@@ -102,6 +122,8 @@ impl Optics {
             footprint: [[[0.0; LANES]; 2]; 2],
             projected: [0.0; LANES],
             ambient: [0.0; LANES],
+            flickering: [0.0; LANES],
+            lamps: [0; LANES],
             reachable: [false; LANES],
             square: [false; LANES],
         };
@@ -114,9 +136,6 @@ impl Optics {
             &slope,
             &mut shaded,
         );
-        if plan.has(Term::CameraVignetting) {
-            self.seen.dim_seen(directions, &mut shaded);
-        }
         if plan.has(Term::ProjectorVignetting) {
             self.shown.dim_projected(&mut shaded);
         }
@@ -131,7 +150,7 @@ impl Optics {
     }
 
     /// Derivatives of the rays (z = 1) by the camera's pixel, `[component][camera axis]`.
-    fn ray_slopes(&self, plan: &Plan, directions: &[DVec3; LANES]) -> [[Wide; 2]; 2] {
+    pub(super) fn ray_slopes(&self, plan: &Plan, directions: &[DVec3; LANES]) -> [[Wide; 2]; 2] {
         let lens = &self.camera.lens;
         let scale = DMat2::from_diagonal(1.0 / lens.focal_px);
         let mut slopes = [

@@ -37,8 +37,12 @@ pub enum Term {
     Shadows,
     /// The camera's pupil is a disc: what is out of focus is blurred.
     DepthOfField,
+    /// Vertex colours and textures.
+    AlbedoMaps,
     /// Specular lobes: highlights.
     Specular,
+    /// Lamps beside the projector.
+    Lights,
     /// Footprints along x, over which slides that vary along x are averaged.
     FootprintX,
     /// Footprints along y.
@@ -47,6 +51,8 @@ pub enum Term {
     ProjectorResponse,
     /// The projector's black is not dark.
     ContrastRatio,
+    /// Mains flicker of ambient light and lamps.
+    Flicker,
     /// Veiling glare: light scattered over the whole image.
     Glare,
     /// Electrons that gather without light.
@@ -77,7 +83,7 @@ pub(super) struct Needs<'a> {
 
 impl Term {
     /// All terms in the order of the passes.
-    pub const ALL: [Self; 18] = [
+    pub const ALL: [Self; 21] = [
         Self::CameraDistortion,
         Self::ProjectorDistortion,
         Self::CameraVignetting,
@@ -85,11 +91,14 @@ impl Term {
         Self::ProjectorDefocus,
         Self::Shadows,
         Self::DepthOfField,
+        Self::AlbedoMaps,
         Self::Specular,
+        Self::Lights,
         Self::FootprintX,
         Self::FootprintY,
         Self::ProjectorResponse,
         Self::ContrastRatio,
+        Self::Flicker,
         Self::Glare,
         Self::DarkCurrent,
         Self::FixedPattern,
@@ -108,10 +117,14 @@ impl Term {
             | Self::ProjectorDefocus
             | Self::Shadows
             | Self::DepthOfField
+            | Self::AlbedoMaps
             | Self::Specular
+            | Self::Lights
             | Self::FootprintX
             | Self::FootprintY => Pass::Geometry,
-            Self::ProjectorResponse | Self::ContrastRatio | Self::Glare => Pass::Exposure,
+            Self::ProjectorResponse | Self::ContrastRatio | Self::Flicker | Self::Glare => {
+                Pass::Exposure
+            }
             Self::DarkCurrent
             | Self::FixedPattern
             | Self::Blooming
@@ -174,10 +187,20 @@ impl Needs<'_> {
                 "camera.focus_mm is given",
                 "camera.focus_mm is absent: all is in focus",
             ),
+            Term::AlbedoMaps => choose(
+                self.world.looks.any_map(),
+                "some object has vertex colours or a texture",
+                "each object has one albedo",
+            ),
             Term::Specular => choose(
                 self.world.looks.any_specular(),
                 "some object has a specular lobe",
                 "no object has a specular lobe",
+            ),
+            Term::Lights => choose(
+                !self.optics.lamps.is_empty(),
+                "the scene has lamps",
+                "the scene has no [[light]]",
             ),
             Term::FootprintX => (false, "no slide varies along x"),
             Term::FootprintY => (false, "no slide varies along y"),
@@ -190,6 +213,11 @@ impl Needs<'_> {
                 self.profile.projector.contrast_ratio.is_some(),
                 "projector.contrast_ratio is set",
                 "projector.contrast_ratio is absent: black is dark",
+            ),
+            Term::Flicker => choose(
+                self.optics.flicker.is_some(),
+                "some light flickers with the mains",
+                "all light is steady",
             ),
             Term::Glare => choose(
                 self.profile.camera.glare.is_some_and(|g| g.percent > 0.0),

@@ -6,7 +6,7 @@ use super::shade::Wide;
 use super::shape::{mesh, solid};
 use super::triangle::Triangle;
 use crate::error::{Error, Result};
-use crate::geometry::raycast::{Bvh, LANES, NO_TRIANGLE, Packet, Scratch};
+use crate::geometry::raycast::{Bvh, LANES, NO_TRIANGLE, Packet, Parallel, Scratch};
 use crate::geometry::{Pose, Solid};
 use crate::profile::{Object, Scene};
 use glam::{DVec3, Vec3};
@@ -14,6 +14,9 @@ use glam::{DVec3, Vec3};
 /// What stands this fraction before a point's end of a shadow ray touches the point rather than
 /// shades it: 1 nm at 1 m, far above the error of f64.
 pub(super) const SHADOW_END: f64 = 1.0 - 1e-9;
+/// Where parallel rays start, relative to their point's distance from the rig, so that the f32
+/// error of a neighbouring triangle (some 1e-7 of it) does not shade the point: 10 um at 1 m.
+const OFF_POINT: f32 = 1e-5;
 /// Most triangles of a scene: some 10 GiB with their hierarchy.
 const MAX_TRIANGLES: usize = 50_000_000;
 /// Facets that a solid may have.
@@ -105,7 +108,7 @@ impl World {
             owner: Vec::new(),
             bvh: Bvh::default(),
             solids: Vec::new(),
-            looks: Looks::new(scene),
+            looks: Looks::new(scene)?,
         };
         for (i, object) in scene.object.iter().enumerate() {
             world.add(scene, object, i as u16)?;
@@ -142,7 +145,8 @@ impl World {
                 self.triangles.extend(shifted);
                 let range = self.triangles.len() - mesh.triangles.len()..self.triangles.len();
                 self.looks
-                    .mesh(index, range, &self.vertices, &self.triangles);
+                    .mesh(index, range, &mesh, &self.vertices, &self.triangles)
+                    .map_err(|e| e.at(format!("scene, object[{index}]")))?;
                 self.owner.resize(self.triangles.len(), index);
             }
         }
@@ -277,6 +281,43 @@ impl World {
                     .solid
                     .intersect(origin, direction, 0.0)
                     .is_some_and(|hit| hit.t < SHADOW_END);
+            }
+        }
+        blocked
+    }
+
+    /// Whether something stands between each point and a light far away; lanes with no point are
+    /// not asked. What stands closer than [`OFF_POINT`] touches the point rather than shades it.
+    pub(super) fn blocked_along(
+        &self,
+        towards: DVec3,
+        points: &[Option<(DVec3, Surface)>; LANES],
+        scratch: &mut Scratch,
+    ) -> [bool; LANES] {
+        let mut blocked = if self.bvh.is_empty() {
+            [false; LANES]
+        } else {
+            let rays = points.map(|lane| {
+                let (point, surface) = lane?;
+                let start = point.length() as f32 * OFF_POINT;
+                Some((point.as_vec3(), start, surface.0))
+            });
+            let rays = Parallel::new(towards.as_vec3(), &rays);
+            self.bvh.blocked_along(rays, scratch)
+        };
+        for placed in &self.solids {
+            let direction = placed.solid_from_rig.direction(towards);
+            for lane in 0..LANES {
+                let Some((point, surface)) = points[lane] else {
+                    continue;
+                };
+                let own = self.object(surface) == placed.object && !placed.around_camera;
+                if blocked[lane] || own {
+                    continue;
+                }
+                let origin = placed.solid_from_rig.point(point);
+                let start = point.length() * (1.0 - SHADOW_END);
+                blocked[lane] = placed.solid.intersect(origin, direction, start).is_some();
             }
         }
         blocked

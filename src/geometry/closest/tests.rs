@@ -40,6 +40,7 @@ fn soup(triangles: usize, seed: u64) -> Mesh {
             })
             .collect(),
         vertices,
+        ..Mesh::default()
     }
 }
 
@@ -67,6 +68,7 @@ fn ten_thousand_coincident_triangles() {
     let mesh = Mesh {
         vertices: vec![DVec3::ZERO, DVec3::X, DVec3::Y],
         triangles: vec![[0, 1, 2]; 10_000],
+        ..Mesh::default()
     };
     let found = MeshTree::new(&mesh)
         .closest(DVec3::new(0.2, 0.2, 3.0))
@@ -110,6 +112,7 @@ fn a_wall_blocks_what_crosses_it() {
             DVec3::new(-1.0, 1.0, 5.0),
         ],
         triangles: vec![[0, 1, 2], [0, 2, 3]],
+        ..Mesh::default()
     };
     let tree = MeshTree::new(&mesh);
     let blocks = |x, y, z| tree.blocks(DVec3::ZERO, DVec3::new(x, y, z), 1e-6);

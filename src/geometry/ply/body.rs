@@ -3,6 +3,7 @@
 
 use super::header::{Element, Encoding, Header, Kind, Scalar};
 use crate::error::{Error, Result};
+use crate::geometry::colour;
 use crate::geometry::file::{number, quoted};
 use glam::DVec3;
 
@@ -13,6 +14,10 @@ pub(super) struct Content {
     pub(super) normals: Option<Vec<[f32; 3]>>,
     pub(super) intensity: Option<Vec<f32>>,
     pub(super) triangles: Vec<[u32; 3]>,
+    /// Reflectance at each vertex; empty without colours.
+    pub(super) colours: Vec<f32>,
+    /// Texture coordinates at each vertex; empty without any.
+    pub(super) uv: Vec<[f32; 2]>,
 }
 
 /// Reads all elements of a body.
@@ -79,6 +84,25 @@ fn vertices(
     let intensity = ["intensity", "scalar_intensity", "scalar_Intensity"]
         .iter()
         .find_map(|name| element.scalar(name));
+    let rgb = match ["red", "green", "blue"].map(|name| element.scalar(name)) {
+        [Some(r), Some(g), Some(b)] => Some([r, g, b]),
+        _ => None,
+    };
+    let st = [
+        ["s", "t"],
+        ["u", "v"],
+        ["texture_u", "texture_v"],
+        ["texture_s", "texture_t"],
+    ]
+    .iter()
+    .find_map(|names| match names.map(|name| element.scalar(name)) {
+        [Some(s), Some(t)] => Some([s, t]),
+        _ => None,
+    });
+    let scale = |column: usize| match element.properties[column].kind {
+        Kind::One(scalar) => scalar.full_scale().unwrap_or(1.0),
+        Kind::List { .. } => 1.0,
+    };
     let rows = element.rows as usize;
     content.vertices = Vec::with_capacity(rows);
     content.normals = normal.map(|_| Vec::with_capacity(rows));
@@ -97,6 +121,20 @@ fn vertices(
             }
         }
         content.vertices.push(DVec3::new(row[x], row[y], row[z]));
+        if let Some(columns) = rgb {
+            let srgb = columns.map(|c| row[c] / scale(c));
+            if let Some(bad) = srgb.iter().find(|c| !(0.0..=1.0).contains(*c)) {
+                return Err(Error::input(
+                    at(),
+                    format!("a colour of {bad}"),
+                    "red, green and blue from 0 to 1, or unsigned whole numbers of 8 or 16 bits",
+                ));
+            }
+            content.colours.push(colour::reflectance(srgb));
+        }
+        if let Some(columns) = st {
+            content.uv.push(columns.map(|c| row[c] as f32));
+        }
         if let (Some(all), Some(columns)) = (&mut content.normals, normal) {
             all.push(columns.map(|c| row[c] as f32));
         }

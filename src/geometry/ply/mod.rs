@@ -118,12 +118,23 @@ fn preamble(out: &mut impl Write, vertices: usize) -> std::io::Result<()> {
 
 /// Reads the bytes of a PLY file that must hold a mesh.
 pub(super) fn parse_mesh(bytes: &[u8], place: &str) -> Result<Mesh> {
-    let content = content(bytes, place)?;
+    mesh(content(bytes, place)?).checked(place)
+}
+
+fn mesh(content: body::Content) -> Mesh {
+    // An index out of range is named by the mesh's check.
+    let uv = |i: u32| content.uv.get(i as usize).copied().unwrap_or_default();
+    let triangles = if content.uv.is_empty() {
+        &[]
+    } else {
+        content.triangles.as_slice()
+    };
     Mesh {
+        uv: triangles.iter().map(|t| t.map(uv)).collect(),
         vertices: content.vertices,
         triangles: content.triangles,
+        colours: content.colours,
     }
-    .checked(place)
 }
 
 fn parse(bytes: &[u8], place: &str) -> Result<Ply> {
@@ -131,12 +142,7 @@ fn parse(bytes: &[u8], place: &str) -> Result<Ply> {
     if content.triangles.is_empty() {
         return cloud(content, place).map(Ply::Cloud);
     }
-    Mesh {
-        vertices: content.vertices,
-        triangles: content.triangles,
-    }
-    .checked(place)
-    .map(Ply::Mesh)
+    mesh(content).checked(place).map(Ply::Mesh)
 }
 
 fn content(bytes: &[u8], place: &str) -> Result<body::Content> {

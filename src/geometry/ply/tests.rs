@@ -185,6 +185,7 @@ proptest! {
             vertices: raw.chunks_exact(3).map(|c| DVec3::new(f64::from(c[0]) / 3.0,
                 f64::from(c[1]), f64::from(c[2]))).collect(),
             triangles: vec![[0, 1, 2], [2, 1, 0], [1, 1, 1]],
+            ..Mesh::default()
         };
         write_mesh(&path, &mesh).unwrap();
         prop_assert_eq!(read(&path).unwrap(), Ply::Mesh(mesh));

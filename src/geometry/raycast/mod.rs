@@ -1,5 +1,7 @@
 //! Ray casting: packets of rays with one origin against triangles in a bounding volume hierarchy.
 //!
+//! Light from far away has rays of one direction instead: [`Parallel`].
+//!
 //! A packet holds [`LANES`] rays that start at one point: the camera's pupil for primary rays, the
 //! projector's for shadow rays. Neighbouring pixels visit the same nodes, so a node is loaded once
 //! for all of them, and every lane does the same arithmetic in SIMD registers. The triangle test is
@@ -9,6 +11,7 @@
 
 mod bvh;
 mod packet;
+mod parallel;
 #[cfg(test)]
 mod tests;
 mod traverse;
@@ -16,3 +19,4 @@ mod triangle;
 
 pub use bvh::{Bvh, NO_TRIANGLE};
 pub use packet::{LANES, Packet, Scratch};
+pub use parallel::Parallel;

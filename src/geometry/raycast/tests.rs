@@ -1,6 +1,6 @@
 //! The packet traversal against brute force in f64, and rays that must not slip through.
 
-use super::{Bvh, LANES, NO_TRIANGLE, Packet, Scratch};
+use super::{Bvh, LANES, NO_TRIANGLE, Packet, Parallel, Scratch};
 use crate::geometry::{Mesh, shapes};
 use glam::{DVec3, Vec3};
 
@@ -58,6 +58,7 @@ fn a_soup_of_triangles_agrees_with_brute_force() {
             .map(|i| vector(i / 3) * 100.0 + vector(i + 5000) * 8.0)
             .collect(),
         triangles: (0..300).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect(),
+        ..Mesh::default()
     };
     let bvh = Bvh::build(&mesh.vertices, &mesh.triangles);
     for k in 0..20 {
@@ -116,6 +117,7 @@ fn shadow_rays_stop_before_their_end_and_skip_their_own_triangle() {
             .map(DVec3::from)
             .to_vec(),
         triangles: vec![[0, 1, 2]],
+        ..Mesh::default()
     };
     let bvh = Bvh::build(&mesh.vertices, &mesh.triangles);
     let blocked = |end: f32, own: u32| {
@@ -145,6 +147,7 @@ fn degenerate_and_coincident_triangles_do_no_harm() {
             .chain([[3, 3, 4]])
             .chain(std::iter::repeat_n([3, 4, 5], 1000))
             .collect(),
+        ..Mesh::default()
     };
     let bvh = Bvh::build(&mesh.vertices, &mesh.triangles);
     let (triangle, t) = cast(&bvh, DVec3::ZERO, &[DVec3::Z])[0];
@@ -165,6 +168,7 @@ fn the_nearest_of_close_surfaces_is_among_those_handed_out() {
     let mesh = Mesh {
         vertices: (0..16).flat_map(layer).collect(),
         triangles: (0..16).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect(),
+        ..Mesh::default()
     };
     let bvh = Bvh::build(&mesh.vertices, &mesh.triangles);
     let mut scratch = Scratch::default();
@@ -184,4 +188,48 @@ fn the_nearest_of_close_surfaces_is_among_those_handed_out() {
         }
     }
     assert!(misled > 10, "f32 was enough: {misled}");
+}
+
+#[test]
+fn parallel_rays_agree_with_brute_force() {
+    let mesh = Mesh {
+        vertices: (0..900)
+            .map(|i| vector(i / 3) * 100.0 + vector(i + 5000) * 40.0)
+            .collect(),
+        triangles: (0..300).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect(),
+        ..Mesh::default()
+    };
+    let bvh = Bvh::build(&mesh.vertices, &mesh.triangles);
+    let mut scratch = Scratch::default();
+    let (mut blocked, mut own) = (0, 0);
+    for k in 0..60 {
+        let direction = match k {
+            0 => DVec3::X,
+            1 => DVec3::NEG_Y,
+            _ => vector(20_000 + k).normalize(),
+        };
+        let origins: [DVec3; LANES] =
+            std::array::from_fn(|i| vector(30_000 + 100 * k + i as u64) * 110.0);
+        let found: [_; LANES] = std::array::from_fn(|i| brute(&mesh, origins[i], direction));
+        let ask = |of: &dyn Fn(usize) -> u32, scratch: &mut Scratch| {
+            let lanes = std::array::from_fn(|i| {
+                let ray = (origins[i].as_vec3(), 1e-3, of(i));
+                (i != 3).then_some(ray)
+            });
+            bvh.blocked_along(Parallel::new(direction.as_vec3(), &lanes), scratch)
+        };
+        let all = ask(&|_| NO_TRIANGLE, &mut scratch);
+        // With the nearest one taken out, what is behind it decides.
+        let but_nearest = ask(
+            &|i| found[i].map_or(NO_TRIANGLE, |f| f.0 as u32),
+            &mut scratch,
+        );
+        for i in 0..LANES {
+            let exact = found[i].is_some() && i != 3;
+            assert_eq!(all[i], exact, "{direction} lane {i}");
+            blocked += usize::from(exact);
+            own += usize::from(exact && !but_nearest[i]);
+        }
+    }
+    assert!(blocked > 200 && own > 50, "{blocked} {own}");
 }

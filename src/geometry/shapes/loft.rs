@@ -36,6 +36,7 @@ pub(super) fn loft(rings: usize, points: usize, at: impl Fn(usize, usize) -> DVe
     Mesh {
         vertices,
         triangles,
+        ..Mesh::default()
     }
 }
 

@@ -5,6 +5,7 @@
 
 use super::super::buffer::GeometryBuffer;
 use super::super::{Plan, Term};
+use super::flicker;
 use super::kernel::{HeldRow, Kernels};
 use super::levels::Curve;
 use super::picture_table::PictureTable;
@@ -63,12 +64,27 @@ impl Table {
 /// Mean electrons of the pixels from `first` on, mixed pixels excepted: exposure time times ambient
 /// light plus the slide's.
 ///
-/// `seconds` is the exposure; `light` the projector's light relative to full, 0 when it is off.
+/// `seconds` is the exposure; `light` the projector's light relative to full, 0 when it is off;
+/// `swing` the exposure times the mean over it of the pulse of what flickers, where something does.
 pub(in super::super) fn run(
     map: &GeometryBuffer,
     table: &Table,
-    seconds: f32,
-    light: f32,
+    [seconds, light]: [f32; 2],
+    swing: Option<f32>,
+    first: usize,
+    electrons: &mut [f32],
+) {
+    average(map, table, [seconds, light], first, electrons);
+    if let Some(swing) = swing {
+        flicker::add(map, swing, first, electrons);
+    }
+}
+
+/// Mean electrons of steady light.
+fn average(
+    map: &GeometryBuffer,
+    table: &Table,
+    [seconds, light]: [f32; 2],
     first: usize,
     electrons: &mut [f32],
 ) {
@@ -105,8 +121,8 @@ pub(in super::super) fn mixed(
     map: &GeometryBuffer,
     index: usize,
     table: &Table,
-    seconds: f32,
-    light: f32,
+    [seconds, light]: [f32; 2],
+    swing: Option<f32>,
 ) -> f32 {
     let pixel = &map.mixed[index];
     let mut levels: [f32; 16] = match table {
@@ -133,7 +149,10 @@ pub(in super::super) fn mixed(
         .zip(&pixel.projected)
         .map(|(l, p)| l * p)
         .sum();
-    seconds * (pixel.ambient + light * sum / pixel.projected.len() as f32)
+    let steady = seconds * (pixel.ambient + light * sum / pixel.projected.len() as f32);
+    swing.map_or(steady, |swing| {
+        flicker::with(steady, swing, pixel.flickering)
+    })
 }
 
 widest! {

@@ -59,6 +59,7 @@ impl Falloff {
             let factor = self.at(directions[lane].truncate());
             shaded.projected[lane] *= factor;
             shaded.ambient[lane] *= factor;
+            shaded.flickering[lane] *= factor;
         }
     }
 

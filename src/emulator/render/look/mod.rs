@@ -2,17 +2,26 @@
 //! [`shade`](super::shade) has lit all of them as white or as Lambertian surfaces.
 
 mod ggx;
+mod lay;
+mod map;
 mod normals;
+mod texture;
 
+use super::geometry::Bundle;
 use super::shade::{Optics, Shaded};
 use super::world::{Hits, Surface, World};
-use super::{Plan, Term};
-use crate::geometry::raycast::LANES;
-use crate::profile::Scene;
+use super::{Plan, Term, lamps};
+use crate::error::{Error, Result};
+use crate::geometry::Mesh;
+use crate::geometry::raycast::{LANES, Scratch};
+use crate::profile::{Object, Scene, Specular};
 use ggx::Ggx;
 use glam::{DVec3, Vec3};
+use map::Map;
 use std::ops::Range;
+use std::path::PathBuf;
 use std::sync::Arc;
+use texture::Texture;
 
 /// The looks of all objects.
 pub(super) struct Looks {
@@ -22,46 +31,85 @@ pub(super) struct Looks {
 struct Look {
     albedo: f64,
     specular: Option<Arc<Ggx>>,
+    /// The mesh's vertex colours are to be taken.
+    wants_colours: bool,
+    map: Option<Map>,
     /// Of the object's first triangle among the world's.
     first_triangle: usize,
     /// Smooth normals at the corners of its triangles; empty where nothing needs them.
     normals: Vec<[Vec3; 3]>,
+    /// Reflectances at the corners of its triangles; empty where they are all one.
+    colours: Vec<[f32; 3]>,
+}
+
+/// What has been made for objects before, for those that want the same.
+#[derive(Default)]
+struct Made {
+    materials: Vec<(Specular, Arc<Ggx>)>,
+    textures: Vec<(PathBuf, Arc<Texture>)>,
 }
 
 impl Looks {
-    pub(super) fn new(scene: &Scene) -> Self {
-        let mut made: Vec<(crate::profile::Specular, Arc<Ggx>)> = Vec::new();
-        let mut material = |wanted: crate::profile::Specular| {
-            if let Some((_, ggx)) = made.iter().find(|(had, _)| *had == wanted) {
-                return ggx.clone();
-            }
-            let ggx = Arc::new(Ggx::new(wanted.f0, wanted.roughness));
-            made.push((wanted, ggx.clone()));
-            ggx
+    /// # Errors
+    /// Textures that cannot be read.
+    pub(super) fn new(scene: &Scene) -> Result<Self> {
+        let mut made = Made::default();
+        let look = |(i, object): (usize, &Object)| {
+            let map = match &object.texture {
+                None => None,
+                Some(file) => {
+                    let place = || format!("scene, object[{i}].texture");
+                    let read = made.texture(scene.folder.join(file));
+                    Some(Map::new(read.map_err(|e| e.at(place()))?, scene, object))
+                }
+            };
+            Ok(Look {
+                albedo: object.albedo,
+                specular: object.specular.map(|specular| made.material(specular)),
+                wants_colours: object.vertex_colours,
+                map,
+                first_triangle: 0,
+                normals: Vec::new(),
+                colours: Vec::new(),
+            })
         };
-        let looks = scene.object.iter().map(|object| Look {
-            albedo: object.albedo,
-            specular: object.specular.map(&mut material),
-            first_triangle: 0,
-            normals: Vec::new(),
-        });
-        Self {
-            of: looks.collect(),
-        }
+        let of = scene.object.iter().enumerate().map(look);
+        Ok(Self {
+            of: of.collect::<Result<_>>()?,
+        })
     }
 
     /// Takes what an object's mesh, placed in the world, has to say; `range` is its triangles'.
+    ///
+    /// # Errors
+    /// Colours or texture coordinates that the scene asks for and the mesh lacks.
     pub(super) fn mesh(
         &mut self,
         object: u16,
         range: Range<usize>,
+        mesh: &Mesh,
         vertices: &[DVec3],
         triangles: &[[u32; 3]],
-    ) {
+    ) -> Result<()> {
         let look = &mut self.of[usize::from(object)];
         look.first_triangle = range.start;
         if look.specular.is_some() {
             look.normals = normals::corners(vertices, &triangles[range]);
+        }
+        if look.wants_colours {
+            if mesh.colours.is_empty() {
+                return Err(Error::input(
+                    "vertex_colours",
+                    "a mesh without colours",
+                    "a PLY file with red, green and blue, or an OBJ file with `v x y z r g b`",
+                ));
+            }
+            let at = |t: &[u32; 3]| t.map(|i| mesh.colours[i as usize]);
+            look.colours = mesh.triangles.iter().map(at).collect();
+        }
+        match &mut look.map {
+            Some(map) => map.take(mesh),
+            None => Ok(()),
         }
     }
 
@@ -69,63 +117,227 @@ impl Looks {
     #[inline(always)]
     pub(super) fn first_albedo(&self, plan: &Plan, object: u16) -> f64 {
         let look = &self.of[usize::from(object)];
-        if plan.has(Term::Specular) && look.specular.is_some() {
-            return 1.0;
+        if look.is_finished_by_apply(plan) {
+            1.0
+        } else {
+            look.albedo
         }
-        look.albedo
     }
 
     pub(super) fn any_specular(&self) -> bool {
         self.of.iter().any(|look| look.specular.is_some())
     }
+
+    /// Whether an object's albedo varies over its surface.
+    pub(super) fn vary(&self, object: u16) -> bool {
+        self.of[usize::from(object)].varies()
+    }
+
+    pub(super) fn any_map(&self) -> bool {
+        self.of.iter().any(Look::varies)
+    }
+}
+
+impl Made {
+    fn material(&mut self, wanted: Specular) -> Arc<Ggx> {
+        if let Some((_, ggx)) = self.materials.iter().find(|(had, _)| *had == wanted) {
+            return ggx.clone();
+        }
+        let ggx = Arc::new(Ggx::new(wanted.f0, wanted.roughness));
+        self.materials.push((wanted, ggx.clone()));
+        ggx
+    }
+
+    fn texture(&mut self, path: PathBuf) -> Result<Arc<Texture>> {
+        if let Some((_, texture)) = self.textures.iter().find(|(had, _)| *had == path) {
+            return Ok(texture.clone());
+        }
+        let texture = Arc::new(Texture::read(&path)?);
+        self.textures.push((path, texture.clone()));
+        Ok(texture)
+    }
 }
 
 /// Whether the plan has a term that [`apply`] computes.
 pub(super) fn is_needed(plan: &Plan) -> bool {
-    plan.has(Term::Specular)
+    [
+        Term::AlbedoMaps,
+        Term::Specular,
+        Term::Lights,
+        Term::Flicker,
+    ]
+    .into_iter()
+    .any(|term| plan.has(term))
 }
 
-/// Reflects the light of lanes whose surfaces are more than one albedo; their rays start at `origin`.
-pub(super) fn apply(
-    world: &World,
-    optics: &Optics,
-    plan: &Plan,
-    origin: DVec3,
-    directions: &[DVec3; LANES],
-    hits: &Hits,
-    shaded: &mut Shaded,
-) {
-    for lane in (0..LANES).filter(|&lane| hits.is_hit(lane)) {
-        let look = &world.looks.of[usize::from(world.object(hits.surface[lane]))];
-        let Some(ggx) = look
-            .specular
-            .as_deref()
-            .filter(|_| plan.has(Term::Specular))
-        else {
-            continue;
+/// Sixteen rays of the camera that have been cast.
+pub(super) struct Rays<'a> {
+    pub(super) world: &'a World,
+    pub(super) optics: &'a Optics,
+    pub(super) plan: &'a Plan,
+    pub(super) bundle: &'a Bundle,
+    pub(super) hits: &'a Hits,
+}
+
+/// A point of a surface as light finds it.
+pub(super) struct Local<'a> {
+    /// In the rig's frame in millimetres.
+    pub(super) point: DVec3,
+    /// Normal of the surface itself, on the camera's side.
+    flat: DVec3,
+    /// Normal that its light follows.
+    normal: DVec3,
+    /// Unit vector to the camera.
+    view: DVec3,
+    albedo: f64,
+    specular: Option<&'a Ggx>,
+    /// Lit as white so far.
+    is_white: bool,
+}
+
+impl<'a> Local<'a> {
+    fn new(rays: &Rays<'a>, shaded: &Shaded, lane: usize) -> Self {
+        let (world, plan) = (rays.world, rays.plan);
+        let surface = rays.hits.surface[lane];
+        let look = &world.looks.of[usize::from(world.object(surface))];
+        let specular = look.specular.as_deref();
+        let specular = specular.filter(|_| plan.has(Term::Specular));
+        let point = rays.bundle.origin + DVec3::from_array(shaded.point.map(|axis| axis[lane]));
+        let flat = rays.hits.normal(lane);
+        Self {
+            point,
+            flat,
+            normal: match specular {
+                Some(_) => look.normal(world, surface, point, flat),
+                None => flat,
+            },
+            view: -rays.bundle.directions[lane].normalize(),
+            albedo: look.albedo,
+            specular,
+            is_white: look.is_finished_by_apply(plan),
+        }
+    }
+
+    /// What the surface makes of 1 W/m^2 from a direction, relative to a white Lambertian one that
+    /// faces it: reflectance times cosine, 0 from behind.
+    pub(super) fn reflected(&self, towards: DVec3) -> f64 {
+        if !(self.flat.dot(towards) > 0.0) {
+            return 0.0;
+        }
+        let cos = self.normal.dot(towards).max(0.0);
+        match self.specular {
+            Some(ggx) => cos * ggx.reflectance(self.albedo, self.normal, towards, self.view),
+            None => cos * self.albedo,
+        }
+    }
+
+    /// What it makes of the projector's and of ambient light, where it has been lit as white.
+    fn finish(&self, projector: DVec3, shaded: &mut Shaded, lane: usize) {
+        let Some(ggx) = self.specular else {
+            shaded.projected[lane] *= self.albedo;
+            shaded.ambient[lane] *= self.albedo;
+            return;
         };
-        let point = origin + DVec3::from_array(shaded.point.map(|axis| axis[lane]));
-        let flat = hits.normal(lane);
-        let normal = look.normal(world, hits.surface[lane], point, flat);
-        let view = -directions[lane].normalize();
-        let light = (optics.projector.center() - point).normalize();
-        // The irradiance of the smooth surface rather than the facet's.
-        let cos = flat.dot(light);
+        // Lit by the cosine at the facet so far.
+        let light = (projector - self.point).normalize();
+        let cos = self.flat.dot(light);
         shaded.projected[lane] *= if cos > 0.0 {
-            ggx.reflectance(look.albedo, normal, light, view) * normal.dot(light).max(0.0) / cos
+            self.reflected(light) / cos
         } else {
             0.0
         };
-        shaded.ambient[lane] *= ggx.under_even_light(look.albedo, normal.dot(view));
+        let cos_view = self.normal.dot(self.view);
+        shaded.ambient[lane] *= ggx.under_even_light(self.albedo, cos_view);
+    }
+}
+
+/// Reflects the light of lanes whose surfaces are more than one albedo, and adds the lamps'.
+pub(super) fn apply(rays: &Rays<'_>, shaded: &mut Shaded, scratch: &mut Scratch) {
+    let mut locals: [Option<Local<'_>>; LANES] = std::array::from_fn(|lane| {
+        let hit = rays.hits.is_hit(lane);
+        hit.then(|| Local::new(rays, shaded, lane))
+    });
+    if rays.plan.has(Term::AlbedoMaps) {
+        vary(rays, &mut locals);
+    }
+    let projector = rays.optics.projector.center();
+    for lane in 0..LANES {
+        if let Some(local) = locals[lane].as_ref().filter(|local| local.is_white) {
+            local.finish(projector, shaded, lane);
+        }
+    }
+    if rays.plan.has(Term::Flicker) {
+        shaded.flickering = shaded.ambient.map(|a| a * rays.optics.ambient_depth);
+    }
+    if rays.plan.has(Term::Lights) {
+        lamps::add(rays, &locals, shaded, scratch);
+    }
+}
+
+/// Multiplies albedos by what vertex colours and textures say.
+fn vary(rays: &Rays<'_>, locals: &mut [Option<Local<'_>>; LANES]) {
+    let slopes = rays.optics.ray_slopes(rays.plan, &rays.bundle.directions);
+    for lane in 0..LANES {
+        let Some(local) = &mut locals[lane] else {
+            continue;
+        };
+        let surface = rays.hits.surface[lane];
+        let look = &rays.world.looks.of[usize::from(rays.world.object(surface))];
+        if !look.varies() {
+            continue;
+        }
+        // Sides of the footprint on the tangent plane, as in `shade`.
+        let (direction, t) = (rays.bundle.directions[lane], rays.hits.t[lane]);
+        let facing = local.flat.dot(direction);
+        let sides = [0, 1].map(|by| {
+            let step = DVec3::new(slopes[0][by][lane], slopes[1][by][lane], 0.0) * t;
+            (step - direction * (local.flat.dot(step) / facing)) * rays.bundle.cell
+        });
+        local.albedo *= look.factor(rays.world, surface, local.point, local.flat, sides);
     }
 }
 
 impl Look {
+    /// Whether its albedo does.
+    fn varies(&self) -> bool {
+        self.map.is_some() || self.wants_colours
+    }
+
+    fn is_finished_by_apply(&self, plan: &Plan) -> bool {
+        plan.has(Term::Specular) && self.specular.is_some()
+            || plan.has(Term::AlbedoMaps) && self.varies()
+    }
+
+    /// Place of a surface among the object's triangles, which a solid's has none of.
+    fn index(&self, surface: Surface) -> usize {
+        (surface.0 as usize).wrapping_sub(self.first_triangle)
+    }
+
+    /// What the albedo is multiplied by.
+    fn factor(
+        &self,
+        world: &World,
+        surface: Surface,
+        point: DVec3,
+        flat: DVec3,
+        sides: [DVec3; 2],
+    ) -> f64 {
+        let (index, corners) = (self.index(surface), world.corners(surface));
+        let mut factor = 1.0;
+        if let (Some(colours), Some(corners)) = (self.colours.get(index), corners) {
+            let weights = barycentric(corners, point);
+            factor = (0..3).map(|i| f64::from(colours[i]) * weights[i]).sum();
+        }
+        if let Some(map) = &self.map {
+            factor *= map.albedo(index, corners, point, flat, sides);
+        }
+        factor
+    }
+
     /// The normal that highlights follow, on the side of `flat`, the facet's.
     fn normal(&self, world: &World, surface: Surface, point: DVec3, flat: DVec3) -> DVec3 {
-        let index = (surface.0 as usize).wrapping_sub(self.first_triangle);
-        let (Some(normals), Some(corners)) = (self.normals.get(index), world.corners(surface))
-        else {
+        let normals = self.normals.get(self.index(surface));
+        let (Some(normals), Some(corners)) = (normals, world.corners(surface)) else {
             return flat;
         };
         let weights = barycentric(corners, point);
@@ -140,14 +352,24 @@ impl Look {
 }
 
 /// Weights of a triangle's corners at a point of its plane, not negative.
-fn barycentric([a, b, c]: [DVec3; 3], point: DVec3) -> [f64; 3] {
-    let normal = (b - a).cross(c - a);
-    let area2 = normal.length_squared();
-    if area2 == 0.0 {
-        return [1.0, 0.0, 0.0];
-    }
-    let share = |p: DVec3, q: DVec3| ((q - p).cross(point - p).dot(normal) / area2).max(0.0);
-    let raw = [share(b, c), share(c, a), share(a, b)];
+fn barycentric(corners: [DVec3; 3], point: DVec3) -> [f64; 3] {
+    let raw = shares(corners, point - corners[0]);
+    let raw = [1.0 + raw[0], raw[1], raw[2]].map(|w| w.max(0.0));
     let sum: f64 = raw.iter().sum();
-    raw.map(|w| w / sum)
+    if sum > 0.0 {
+        raw.map(|w| w / sum)
+    } else {
+        [1.0, 0.0, 0.0]
+    }
+}
+
+/// By how much the weights of a triangle's corners change over a step in its plane; NaN where it
+/// is degenerate.
+fn shares([a, b, c]: [DVec3; 3], step: DVec3) -> [f64; 3] {
+    let (e1, e2) = (b - a, c - a);
+    let normal = e1.cross(e2);
+    let area2 = normal.length_squared();
+    let second = step.cross(e2).dot(normal) / area2;
+    let third = e1.cross(step).dot(normal) / area2;
+    [-second - third, second, third]
 }

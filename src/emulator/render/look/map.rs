@@ -1,0 +1,97 @@
+//! A texture on an object: by the mesh's own coordinates, or laid over the shape.
+
+use super::lay::Lay;
+use super::texture::Texture;
+use super::{barycentric, shares};
+use crate::error::{Error, Result};
+use crate::geometry::{Mesh, Pose};
+use crate::profile::{Object, Scene};
+use glam::{DVec2, DVec3};
+use std::sync::Arc;
+
+pub(super) struct Map {
+    texture: Arc<Texture>,
+    place: Place,
+}
+
+enum Place {
+    /// Texture coordinates at the corners of the object's triangles, v up.
+    Corners(Vec<[[f32; 2]; 3]>),
+    /// Over the shape, at a size in millimetres.
+    Over {
+        lay: Lay,
+        size_mm: DVec2,
+        object_from_rig: Pose,
+    },
+}
+
+impl Map {
+    pub(super) fn new(texture: Arc<Texture>, scene: &Scene, object: &Object) -> Self {
+        let place = match object.texture_size_mm {
+            Some(size) => Place::Over {
+                lay: Lay::new(&object.shape),
+                size_mm: DVec2::from_array(size),
+                object_from_rig: scene.rig_from_object(object).inverse(),
+            },
+            None => Place::Corners(Vec::new()),
+        };
+        Self { texture, place }
+    }
+
+    /// Takes the coordinates of the object's mesh.
+    ///
+    /// # Errors
+    /// A mesh without, where the scene gives the picture no size.
+    pub(super) fn take(&mut self, mesh: &Mesh) -> Result<()> {
+        let Place::Corners(uv) = &mut self.place else {
+            return Ok(());
+        };
+        if mesh.uv.is_empty() {
+            return Err(Error::input(
+                "texture",
+                "a mesh without texture coordinates",
+                "a PLY file with s and t, an OBJ file with vt, or texture_size_mm",
+            ));
+        }
+        uv.clone_from(&mesh.uv);
+        Ok(())
+    }
+
+    /// Mean over a footprint with two sides about a point, all in the rig's frame. `index` is the
+    /// triangle's among the object's.
+    pub(super) fn albedo(
+        &self,
+        index: usize,
+        corners: Option<[DVec3; 3]>,
+        point: DVec3,
+        normal: DVec3,
+        sides: [DVec3; 2],
+    ) -> f64 {
+        let (at, [across, down]) = match &self.place {
+            Place::Corners(uv) => {
+                let (Some(uv), Some(corners)) = (uv.get(index), corners) else {
+                    return 1.0;
+                };
+                // Rows of a picture run down.
+                let uv = uv.map(|[u, v]| DVec2::new(u.into(), 1.0 - f64::from(v)));
+                let blend = |w: [f64; 3]| (0..3).map(|i| uv[i] * w[i]).sum::<DVec2>();
+                let side = |side| blend(shares(corners, side));
+                (blend(barycentric(corners, point)), sides.map(side))
+            }
+            Place::Over {
+                lay,
+                size_mm,
+                object_from_rig,
+            } => {
+                let local = object_from_rig.point(point);
+                let laid = lay.at(local, object_from_rig.direction(normal));
+                let side = |side| {
+                    let side = object_from_rig.direction(side);
+                    DVec2::from_array(laid.gradient.map(|g| g.dot(side))) / *size_mm
+                };
+                (laid.at / *size_mm + 0.5, sides.map(side))
+            }
+        };
+        self.texture.average(at, across, down)
+    }
+}

@@ -1,0 +1,36 @@
+//! Colours of files as reflectance.
+
+/// An sRGB component, 0 to 1, as linear light (IEC 61966-2-1).
+pub(crate) fn linear(component: f64) -> f64 {
+    if component <= 0.04045 {
+        component / 12.92
+    } else {
+        ((component + 0.055) / 1.055).powf(2.4)
+    }
+}
+
+/// Reflectance of a colour from its linear components: their luminance (ITU-R BT.709), whatever
+/// the projector's wavelength. Three numbers are no spectrum, and mono cameras under green light
+/// see nearly this.
+pub(crate) fn luminance([r, g, b]: [f64; 3]) -> f64 {
+    0.2126 * r + 0.7152 * g + 0.0722 * b
+}
+
+/// Reflectance of a colour in sRGB, components 0 to 1.
+pub(crate) fn reflectance(srgb: [f64; 3]) -> f32 {
+    luminance(srgb.map(linear)) as f32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn white_black_and_the_standards_middle() {
+        assert!((reflectance([1.0; 3]) - 1.0).abs() < 1e-6);
+        assert_eq!(reflectance([0.0; 3]), 0.0);
+        // Photographers' 18 % grey is 118 of 255 in sRGB: 0.1812.
+        assert!((reflectance([118.0 / 255.0; 3]) - 0.1812).abs() < 1e-4);
+        assert!((reflectance([0.0, 1.0, 0.0]) - 0.7152).abs() < 1e-6);
+    }
+}

@@ -1,0 +1,165 @@
+//! Sixteen parallel rays from places of their own, as light from far away has: whether anything
+//! stands in their way.
+//!
+//! The test is that of [`super::triangle`] (Woop, Benthin, Wald 2013) with the roles turned round:
+//! one shear for all lanes, and an origin a lane, sheared too. Triangles that share an edge still
+//! compute its function from the same numbers, so no ray passes between them.
+
+use super::bvh::{Bvh, Corners, Node};
+use super::packet::{LANES, Lanes, Scratch, max, min};
+use crate::simd::widest;
+use glam::Vec3;
+
+/// As for packets: widens the far plane (Ize 2013).
+const FAR: f32 = 1.0 + 4.0 * f32::EPSILON;
+/// Smaller components of the direction count as this small.
+const SMALLEST: f32 = 1e-30;
+
+/// Rays of one direction.
+#[derive(Debug, Clone)]
+pub struct Parallel {
+    /// Place that the sheared origins are relative to, so that they keep their digits.
+    reference: Vec3,
+    origin: [Lanes; 3],
+    inverse: Vec3,
+    /// The permutation that makes the direction's largest component the last.
+    k: [usize; 3],
+    shear: Vec3,
+    /// Origins relative to the reference, permuted and sheared.
+    sheared: [Lanes; 3],
+    /// Ray parameter from which on things count.
+    start: Lanes,
+    /// A triangle that does not count for a lane: the one that its ray leaves from.
+    own: [u32; LANES],
+    /// Lanes that are in use and not blocked so far.
+    open: [bool; LANES],
+}
+
+impl Parallel {
+    /// Rays towards `direction`, a unit vector. Each lane in use has its origin, the parameter
+    /// from which on things count, and the triangle that does not.
+    pub fn new(direction: Vec3, lanes: &[Option<(Vec3, f32, u32)>; LANES]) -> Self {
+        let kz = (0..3)
+            .max_by(|&a, &b| direction[a].abs().total_cmp(&direction[b].abs()))
+            .unwrap_or(2);
+        let k = [(kz + 1) % 3, (kz + 2) % 3, kz];
+        let dz = direction[kz];
+        let shear = Vec3::new(direction[k[0]] / dz, direction[k[1]] / dz, 1.0 / dz);
+        let reference = lanes.iter().flatten().next().map_or(Vec3::ZERO, |l| l.0);
+        let mut rays = Self {
+            reference,
+            origin: [[0.0; LANES]; 3],
+            inverse: Vec3::from_array(direction.to_array().map(|d| {
+                if d.abs() > SMALLEST {
+                    1.0 / d
+                } else {
+                    (1.0 / SMALLEST).copysign(d)
+                }
+            })),
+            k,
+            shear,
+            sheared: [[0.0; LANES]; 3],
+            start: [0.0; LANES],
+            own: [u32::MAX; LANES],
+            open: [false; LANES],
+        };
+        for (lane, ray) in lanes.iter().enumerate() {
+            let Some((origin, start, own)) = *ray else {
+                continue;
+            };
+            let o = origin - reference;
+            let o = Vec3::new(o[k[0]], o[k[1]], o[k[2]]);
+            rays.sheared[0][lane] = o.x - shear.x * o.z;
+            rays.sheared[1][lane] = o.y - shear.y * o.z;
+            rays.sheared[2][lane] = o.z;
+            for axis in 0..3 {
+                rays.origin[axis][lane] = origin[axis];
+            }
+            (rays.start[lane], rays.own[lane], rays.open[lane]) = (start, own, true);
+        }
+        rays
+    }
+}
+
+impl Bvh {
+    /// Tells for each lane in use whether anything stands in its way. No hit is left
+    /// undecided.
+    pub fn blocked_along(&self, mut rays: Parallel, scratch: &mut Scratch) -> [bool; LANES] {
+        let asked = rays.open;
+        if !self.nodes.is_empty() {
+            walk(self, &mut rays, scratch);
+        }
+        std::array::from_fn(|lane| asked[lane] && !rays.open[lane])
+    }
+}
+
+widest! {
+    fn walk(bvh: &Bvh, rays: &mut Parallel, scratch: &mut Scratch) => walk_body
+}
+
+#[inline(always)]
+fn walk_body(bvh: &Bvh, rays: &mut Parallel, scratch: &mut Scratch) {
+    let stack = &mut scratch.stack;
+    stack.clear();
+    stack.push((0, 0.0));
+    while let Some((index, _)) = stack.pop() {
+        let node = &bvh.nodes[index as usize];
+        if !meets(node, rays) {
+            continue;
+        }
+        let first = node.first;
+        if node.count == 0 {
+            stack.extend([(first, 0.0), (first + 1, 0.0)]);
+            continue;
+        }
+        for corners in &bvh.triangles[first as usize..(first + node.count) as usize] {
+            intersect(rays, corners);
+        }
+        if !rays.open.contains(&true) {
+            return;
+        }
+    }
+}
+
+/// Whether an open lane meets the box.
+#[inline(always)]
+fn meets(node: &Node, rays: &Parallel) -> bool {
+    let mut any = [false; LANES];
+    for lane in 0..LANES {
+        let (mut near, mut far) = (0.0f32, f32::INFINITY);
+        for axis in 0..3 {
+            let (origin, inverse) = (rays.origin[axis][lane], rays.inverse[axis]);
+            let t0 = (node.min[axis] - origin) * inverse;
+            let t1 = (node.max[axis] - origin) * inverse;
+            near = max(near, min(t0, t1));
+            far = min(far, max(t0, t1));
+        }
+        any[lane] = (near <= far * FAR) & rays.open[lane];
+    }
+    any.contains(&true)
+}
+
+#[inline(always)]
+fn intersect(rays: &mut Parallel, corners: &Corners) {
+    let [kx, ky, kz] = rays.k;
+    let shear = rays.shear;
+    let [a, b, c] = corners.v.map(|v| {
+        let v = v - rays.reference;
+        let z = v[kz];
+        Vec3::new(v[kx] - shear.x * z, v[ky] - shear.y * z, z)
+    });
+    for lane in 0..LANES {
+        let (ox, oy) = (rays.sheared[0][lane], rays.sheared[1][lane]);
+        let (ax, ay, bx, by) = (a.x - ox, a.y - oy, b.x - ox, b.y - oy);
+        let (cx, cy) = (c.x - ox, c.y - oy);
+        let u = cx * by - cy * bx;
+        let v = ax * cy - ay * cx;
+        let w = bx * ay - by * ax;
+        let inside = (min(min(u, v), w) >= 0.0) | (max(max(u, v), w) <= 0.0);
+        let det = u + v + w;
+        // NaN where the triangle is edge-on: not beyond the start.
+        let depth = (u * a.z + v * b.z + w * c.z) / det - rays.sheared[2][lane];
+        let hit = inside & (depth * shear.z > rays.start[lane]) & (corners.id != rays.own[lane]);
+        rays.open[lane] &= !hit;
+    }
+}
