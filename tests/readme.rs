@@ -83,3 +83,45 @@ fn the_manifest_in_the_readme_reads() {
         .usb;
     assert_ne!(usb, phasma::profile::Usb::default());
 }
+
+/// Puts a table's values over another's, table by table.
+fn overlay(base: &mut toml::Table, over: toml::Table) {
+    for (key, value) in over {
+        match (base.get_mut(&key), value) {
+            (Some(toml::Value::Table(base)), toml::Value::Table(over)) => overlay(base, over),
+            (_, value) => {
+                base.insert(key, value);
+            }
+        }
+    }
+}
+
+#[test]
+fn what_cameras_and_projectors_do_is_in_the_plan() {
+    let readme = include_str!("../README.md");
+    let examples = blocks(readme, "toml");
+    let effects = examples.iter().find(|text| text.contains("glare")).unwrap();
+    let mut profile: toml::Table = include_str!("../device-profiles/pmp-bench.toml")
+        .parse()
+        .unwrap();
+    overlay(&mut profile, effects.parse().unwrap());
+    let profile = phasma::profile::Profile::parse(&profile.to_string(), "README").unwrap();
+    let scene = phasma::profile::Scene::load("plane").unwrap();
+    let renderer = phasma::emulator::Renderer::new(&profile, &scene, 1).unwrap();
+    let out: Vec<String> = renderer
+        .decisions()
+        .iter()
+        .filter(|decision| !decision.included)
+        .map(|decision| decision.term.to_string())
+        .collect();
+    // What the block does not speak of, and what slides decide.
+    let wanted = [
+        "camera-distortion",
+        "projector-distortion",
+        "shadows",
+        "specular",
+        "footprint-x",
+        "footprint-y",
+    ];
+    assert_eq!(out, wanted);
+}

@@ -7,7 +7,8 @@ use std::time::Duration;
 /// One fault of one frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Fault {
-    /// The endpoint halts before the frame; the host has to clear it.
+    /// The endpoint halts before the frame. The host has to clear it, which ends a bulk stream: the
+    /// frames that wait are forgotten.
     Stall,
     /// The frame's payloads say that it is damaged; uvcvideo then flags the buffer.
     PayloadError,

@@ -83,7 +83,7 @@ def test_controls_are_one_state_with_the_commands(scratch):
     device.stop()
 
 
-@limit(200)
+@limit(300)
 def test_a_thousand_frames_without_loss(scratch):
     device = plugged(scratch, GREY, "--no-noise")
     saved = scratch.dir / "saved"
