@@ -119,9 +119,12 @@ fn what_cameras_and_projectors_do_is_in_the_plan() {
         "camera-distortion",
         "projector-distortion",
         "shadows",
+        "albedo-maps",
         "specular",
+        "lights",
         "footprint-x",
         "footprint-y",
+        "flicker",
     ];
     assert_eq!(out, wanted);
 }
