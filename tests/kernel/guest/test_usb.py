@@ -58,7 +58,11 @@ def test_isochronous_frames_come_whole(scratch):
     expect("frames", len(frames), 10)
     expect("images that are alike", len({GREY.image(frame) for frame in frames}), 1)
     ids = [Line(frame, GREY).id for frame in frames]
-    expect("ids in order and never twice", ids, sorted(set(ids)))
+    expect("ids never twice", sorted(ids), sorted(set(ids)))
+    # uvcvideo copies each transfer's bytes in a worker of its own, several at a time: on a busy
+    # machine a small frame is complete before the one that it follows.
+    expect_true(f"ids in order but for neighbours: {ids}",
+                all(abs(ids.index(at) - place) <= 1 for place, at in enumerate(sorted(ids))))
     device.stop()
 
 
@@ -169,8 +173,10 @@ def test_fifty_times_in_and_out(scratch):
     # A connection may outlive its plug by a moment.
     least = min(descriptors for descriptors, _ in warm)
     wait_until(f"{least} descriptors", lambda: device.resources()[0] == least)
-    before, now = max(resident for _, resident in warm), device.resources()[1]
-    expect_true(f"memory grew from {before} to {now} kB", now <= before + 1024)
+    # What leaks does so all along; an allocator that takes another page does so once.
+    resident = [kilobytes for _, kilobytes in after]
+    halves = resident[29] - resident[WARM_UP - 1], resident[49] - resident[29]
+    expect_true(f"memory grew by {halves} kB in twenty cycles each", min(halves) < 256)
     device.stop()
 
 
