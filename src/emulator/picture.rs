@@ -31,19 +31,25 @@ pub(super) fn decode(bytes: &[u8], projector: &Projector, place: &str) -> Result
 /// Reads a picture file.
 ///
 /// # Errors
-/// What the system refuses, a file above 64 MiB, and what [`decode`] refuses.
+/// What [`bytes_of`] and [`decode`] refuse.
 pub(super) fn read(path: &Path, projector: &Projector) -> Result<GrayImage> {
-    let place = path.display().to_string();
+    decode(&bytes_of(path)?, projector, &path.display().to_string())
+}
+
+/// The bytes of a picture file.
+///
+/// # Errors
+/// What the system refuses, and a file above 64 MiB.
+pub(super) fn bytes_of(path: &Path) -> Result<Vec<u8>> {
     let size = std::fs::metadata(path)
         .map_err(|e| Error::io(path, e))?
         .len();
     if size > MAX_FILE {
         return Err(Error::input(
-            place,
+            path.display(),
             format!("{size} bytes"),
             format!("up to {MAX_FILE} bytes"),
         ));
     }
-    let bytes = std::fs::read(path).map_err(|e| Error::io(path, e))?;
-    decode(&bytes, projector, &place)
+    std::fs::read(path).map_err(|e| Error::io(path, e))
 }

@@ -3,7 +3,7 @@
 
 use super::attached::Attached;
 use super::connection;
-use super::session::UsbDevice;
+use super::device::UsbDevice;
 use super::vhci::Port;
 use crate::error::{Error, Result};
 use std::os::fd::AsRawFd;

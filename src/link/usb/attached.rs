@@ -1,6 +1,7 @@
 //! A device in a host's hands.
 
-use super::session::{Session, UsbDevice};
+use super::device::UsbDevice;
+use super::session::Session;
 use crate::error::{Error, Result};
 
 /// A device that a host has; dropping it lets go of the device, however the connection ends.

@@ -2,8 +2,8 @@
 //! off, its replies are written, many at a time.
 
 use super::attached::Attached;
+use super::device::UsbDevice;
 use super::outgoing::Outgoing;
-use super::session::UsbDevice;
 use crate::error::{Error, Result};
 use crate::protocol::usb::usbip::{Command, HEADER_LEN, PACKET_LEN, Packet};
 use std::future::pending;

@@ -10,6 +10,7 @@ mod attached;
 mod binding;
 mod connection;
 mod descriptors;
+mod device;
 mod events;
 mod fault;
 mod function;
@@ -23,9 +24,9 @@ mod video;
 pub use attach::{Attachment, attach};
 pub use binding::Binding;
 pub(super) use binding::PortEvent;
+pub use device::UsbDevice;
 pub use fault::Fault;
 pub use server::UsbServer;
-pub use session::UsbDevice;
 pub use vhci::{Nodes, Port};
 
 use crate::protocol::usb::cdc::{HostLines, LineCoding};

@@ -2,7 +2,7 @@
 
 use super::attached::Attached;
 use super::connection;
-use super::session::UsbDevice;
+use super::device::UsbDevice;
 use crate::error::{Error, Result};
 use crate::protocol::usb::usbip::{BUS_ID_LEN, OPERATION_LEN, Operation, Outcome, text};
 use rustix::net::sockopt;

@@ -6,6 +6,7 @@
 //! pieces, each of which counts as the rectangle of its second moments: on a checkerboard that is
 //! good to 6 % of the contrast at worst, and to 2 % for 19 footprints of 20.
 
+use crate::emulator::picture;
 use crate::error::{Error, Result};
 use crate::geometry::colour;
 use glam::DVec2;
@@ -15,8 +16,6 @@ use std::path::Path;
 
 /// Longest side in texels: some 250 MB while it is read.
 const MAX_SIDE: u32 = 4096;
-/// Largest file in bytes.
-const MAX_FILE: u64 = 64 << 20;
 /// Fewest and most pieces a side of a slanted footprint, and pieces a texel between them.
 const PIECES: [f64; 3] = [4.0, 8.0, 3.0];
 /// A footprint slanted by less than this many texels is a rectangle.
@@ -39,17 +38,7 @@ impl Texture {
     /// What the system refuses, bytes that are no picture, one that is too large.
     pub(super) fn read(path: &Path) -> Result<Self> {
         let place = path.display().to_string();
-        let size = std::fs::metadata(path)
-            .map_err(|e| Error::io(path, e))?
-            .len();
-        if size > MAX_FILE {
-            return Err(Error::input(
-                place,
-                format!("{size} bytes"),
-                format!("up to {MAX_FILE} bytes"),
-            ));
-        }
-        let bytes = std::fs::read(path).map_err(|e| Error::io(path, e))?;
+        let bytes = picture::bytes_of(path)?;
         let allowed =
             format!("a PNG, BMP, TIFF or JPEG file of at most {MAX_SIDE} x {MAX_SIDE} pixels");
         let bad = |e: &dyn std::fmt::Display| Error::input(&place, e, &allowed);
