@@ -1,11 +1,14 @@
 //! Lamps and mains flicker, against closed forms and the reference path.
 
+mod photometry;
+
 use glam::{DVec2, DVec3};
 use phasma::emulator::render::reference::Reference;
 use phasma::emulator::render::{Options, Renderer, Term};
 use phasma::emulator::{Shot, Slide, Truth};
 use phasma::geometry::{Mesh, ply};
 use phasma::profile::{Profile, Scene};
+use photometry::{dn_per_irradiance, scene};
 use rayon::prelude::*;
 use std::f64::consts::PI;
 use std::path::Path;
@@ -18,24 +21,8 @@ fn dark(start_ns: u64, exposure_ns: u64) -> Shot {
     }
 }
 
-fn scene(text: &str, folder: &Path) -> Scene {
-    let text = format!("name = \"s\"\ndescription = \"\"\n{text}");
-    let mut scene = Scene::parse(&text, "s").unwrap();
-    scene.folder = folder.to_path_buf();
-    scene
-}
-
 const PLANE: &str = "[[object]]\nshape = { kind = \"plane\" }\nposition_mm = [0, 0, 1000]\n\
                      rotation_deg = [5, -8, 0]\nalbedo = 0.7\n";
-
-/// Digital numbers per W/m^2 on a white Lambertian surface.
-fn dn_per_irradiance(profile: &Profile, exposure_s: f64) -> f64 {
-    let camera = &profile.camera;
-    let area_m2 = (camera.sensor_width_mm / f64::from(camera.width_px) * 1e-3).powi(2);
-    let photon_j = 6.626_070_15e-34 * 299_792_458.0 / (profile.projector.wavelength_nm * 1e-9);
-    camera.sensor.quantum_efficiency * area_m2 * exposure_s * camera.sensor.gain_dn_per_e
-        / (4.0 * camera.f_number.powi(2) * photon_j)
-}
 
 /// Points in the rig's frame that the pixels see.
 fn points(profile: &Profile, truth: &Truth) -> Vec<DVec3> {

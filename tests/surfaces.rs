@@ -1,10 +1,13 @@
 //! What surfaces look like, against closed forms and against finer sampling.
 
+mod photometry;
+
 use glam::{DVec2, DVec3};
 use phasma::emulator::render::{Options, Renderer, Term};
 use phasma::emulator::{Shot, Slide, Truth};
 use phasma::geometry::{Mesh, ply};
 use phasma::profile::{Profile, Scene};
+use photometry::{dn_per_irradiance, scene};
 use std::f64::consts::PI;
 use std::path::Path;
 use std::sync::Arc;
@@ -17,23 +20,6 @@ fn white(profile: &Profile) -> Shot {
         exposure_ns: 8_000_000,
         ..Shot::default()
     }
-}
-
-fn scene(objects: &str, folder: &Path) -> Scene {
-    let text = format!("name = \"s\"\ndescription = \"\"\n{objects}");
-    let mut scene = Scene::parse(&text, "s").unwrap();
-    scene.folder = folder.to_path_buf();
-    scene
-}
-
-/// Digital numbers per W/m^2 on a white Lambertian surface, from the camera equation and the
-/// photon's energy.
-fn dn_per_irradiance(profile: &Profile, exposure_s: f64) -> f64 {
-    let camera = &profile.camera;
-    let area_m2 = (camera.sensor_width_mm / f64::from(camera.width_px) * 1e-3).powi(2);
-    let photon_j = 6.626_070_15e-34 * 299_792_458.0 / (profile.projector.wavelength_nm * 1e-9);
-    camera.sensor.quantum_efficiency * area_m2 * exposure_s * camera.sensor.gain_dn_per_e
-        / (4.0 * camera.f_number.powi(2) * photon_j)
 }
 
 #[test]

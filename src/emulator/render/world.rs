@@ -265,25 +265,32 @@ impl World {
                 }
             }
         }
-        for placed in &self.solids {
+        self.solids_between(points, &mut blocked, |placed, point| {
             let origin = placed.solid_from_rig.point(pupil);
-            for lane in 0..LANES {
-                let Some((point, surface)) = points[lane] else {
+            let direction = placed.solid_from_rig.direction(point - pupil);
+            let hit = placed.solid.intersect(origin, direction, 0.0);
+            hit.is_some_and(|hit| hit.t < SHADOW_END)
+        });
+        blocked
+    }
+
+    /// Adds the points that solids shade, where `shades` tells it of one solid and one point.
+    fn solids_between(
+        &self,
+        points: &[Option<(DVec3, Surface)>; LANES],
+        blocked: &mut [bool; LANES],
+        shades: impl Fn(&Placed, DVec3) -> bool,
+    ) {
+        for placed in &self.solids {
+            for (blocked, point) in blocked.iter_mut().zip(points) {
+                let Some((point, surface)) = *point else {
                     continue;
                 };
                 // Seen from outside, a convex solid shades itself only by facing away.
                 let own = self.object(surface) == placed.object && !placed.around_camera;
-                if blocked[lane] || own {
-                    continue;
-                }
-                let direction = placed.solid_from_rig.direction(point - pupil);
-                blocked[lane] = placed
-                    .solid
-                    .intersect(origin, direction, 0.0)
-                    .is_some_and(|hit| hit.t < SHADOW_END);
+                *blocked = *blocked || !own && shades(placed, point);
             }
         }
-        blocked
     }
 
     /// Whether something stands between each point and a light far away; lanes with no point are
@@ -305,21 +312,12 @@ impl World {
             let rays = Parallel::new(towards.as_vec3(), &rays);
             self.bvh.blocked_along(rays, scratch)
         };
-        for placed in &self.solids {
+        self.solids_between(points, &mut blocked, |placed, point| {
+            let origin = placed.solid_from_rig.point(point);
             let direction = placed.solid_from_rig.direction(towards);
-            for lane in 0..LANES {
-                let Some((point, surface)) = points[lane] else {
-                    continue;
-                };
-                let own = self.object(surface) == placed.object && !placed.around_camera;
-                if blocked[lane] || own {
-                    continue;
-                }
-                let origin = placed.solid_from_rig.point(point);
-                let start = point.length() * (1.0 - SHADOW_END);
-                blocked[lane] = placed.solid.intersect(origin, direction, start).is_some();
-            }
-        }
+            let start = point.length() * (1.0 - SHADOW_END);
+            placed.solid.intersect(origin, direction, start).is_some()
+        });
         blocked
     }
 }

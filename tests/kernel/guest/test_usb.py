@@ -51,18 +51,19 @@ def test_a_scan_gives_the_frames_of_the_frame_socket(scratch):
 def test_isochronous_frames_come_whole(scratch):
     device = plugged(scratch, UsbVariation(GREY, 'transfer = "isochronous"'), "--no-noise")
     saved = scratch.dir / "saved"
-    scratch.run(
-        "v4l2-ctl", "-d", device.node, "--stream-mmap", "--stream-count=10", f"--stream-to={saved}",
-        seconds=80).ok()
+    done = scratch.run(
+        "v4l2-ctl", "-d", device.node, "--verbose", "--stream-mmap", "--stream-count=10",
+        f"--stream-to={saved}", seconds=80).ok()
     frames = split(saved.read_bytes(), GREY)
     expect("frames", len(frames), 10)
     expect("images that are alike", len({GREY.image(frame) for frame in frames}), 1)
     ids = [Line(frame, GREY).id for frame in frames]
-    expect("ids never twice", sorted(ids), sorted(set(ids)))
-    # uvcvideo copies each transfer's bytes in a worker of its own, several at a time: on a busy
-    # machine a small frame is complete before the one that it follows.
-    expect_true(f"ids in order but for neighbours: {ids}",
-                all(abs(ids.index(at) - place) <= 1 for place, at in enumerate(sorted(ids))))
+    # uvcvideo numbers frames as they begin, but copies each transfer in a worker of its own: on a
+    # busy machine a small frame is complete, and handed out, before the one that it follows.
+    numbers = [int(n) for n in re.findall(r"dqbuf: *\d+ seq: *(\d+)", done.out + done.err)]
+    expect_true(f"ten numbers of the driver in {numbers}", len(numbers) >= 10)
+    as_begun = [at for _, at in sorted(zip(numbers, ids))]
+    expect("ids in the driver's order and never twice", as_begun, sorted(set(ids)))
     device.stop()
 
 
@@ -176,7 +177,8 @@ def test_fifty_times_in_and_out(scratch):
     # What leaks does so all along; an allocator that takes another page does so once.
     resident = [kilobytes for _, kilobytes in after]
     halves = resident[29] - resident[WARM_UP - 1], resident[49] - resident[29]
-    expect_true(f"memory grew by {halves} kB in twenty cycles each", min(halves) < 256)
+    expect_true(f"memory grew by {halves} kB in twenty cycles each",
+                min(halves) < 256 and sum(halves) < 2048)
     device.stop()
 
 
