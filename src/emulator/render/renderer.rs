@@ -1,13 +1,16 @@
 //! One camera before one scene: runs the passes that a shot needs.
 
+mod time;
+
 use super::aperture::Aperture;
 use super::buffer::GeometryBuffer;
 use super::geometry::{self, Rays};
 use super::light::{self, Table};
+use super::path::State;
 use super::sensor::{FixedPattern, Sensor, bloom};
 use super::shade::Optics;
 use super::term::Needs;
-use super::world::World;
+use super::world::{Surface, World};
 use super::{Decision, Options, Plan, Term, glare};
 use crate::emulator::{Shot, Slide, Truth, truth};
 use crate::error::Result;
@@ -28,6 +31,8 @@ pub struct Renderer {
     profile: Profile,
     world: World,
     optics: Optics,
+    /// Where the world is; `None` at power-on.
+    state: Option<State>,
     plan: Plan,
     options: Options,
     seed: u64,
@@ -80,6 +85,7 @@ impl Renderer {
             profile: profile.clone(),
             world,
             optics,
+            state: None,
             plan,
             options,
             seed,
@@ -130,7 +136,8 @@ impl Renderer {
         }
     }
 
-    /// Runs the geometry pass if its result is not at hand; tells whether it ran.
+    /// Runs the geometry pass if its result is not at hand, for a scene that moves at the instant
+    /// that was looked at last; tells whether it ran.
     pub fn prepare(&mut self) -> bool {
         if self.geometry_done {
             return false;
@@ -164,8 +171,8 @@ impl Renderer {
         if let Some(slide) = &shot.slide {
             self.expect_slides([slide.as_ref()]);
         }
-        self.prepare();
         let table = self.table(shot);
+        let light = self.over_time(shot, &table);
         let sensor = self.sensor(shot);
         let camera = &self.profile.camera;
         let bytes = camera.sensor.native_format().bytes_per_pixel();
@@ -173,6 +180,7 @@ impl Renderer {
         self.pixels(
             shot,
             &table,
+            light,
             &sensor,
             |first, electrons, out| sensor.read(first, electrons, out),
             &mut data,
@@ -195,13 +203,19 @@ impl Renderer {
         if let Some(slide) = &shot.slide {
             self.expect_slides([slide.as_ref()]);
         }
-        self.prepare();
         let table = self.table(shot);
+        let light = self.over_time(shot, &table);
+        self.expected(shot, &table, light)
+    }
+
+    /// The same from the light of a whole exposure, or as the geometry at hand has it.
+    fn expected(&self, shot: &Shot, table: &Table, light: Option<Vec<f32>>) -> Vec<f32> {
         let sensor = self.sensor(shot);
         let mut out = vec![0.0f32; self.buffer.x.len()];
         self.pixels(
             shot,
-            &table,
+            table,
+            light,
             &sensor,
             |first, electrons, out| sensor.expect(first, electrons, out),
             &mut out,
@@ -222,12 +236,14 @@ impl Renderer {
 
     /// Exposes and gathers the electrons of chunks of pixels in parallel and reads each out, into
     /// the `per_pixel` elements of `out` that belong to each pixel. A term that carries light or
-    /// charge from pixel to pixel needs the whole frame between its stages; without one, a chunk
-    /// goes through all of them while it is in the cache.
+    /// charge from pixel to pixel needs the whole frame between its stages, and `light` that has
+    /// been summed over instants is one; without either, a chunk goes through all of them while it
+    /// is in the cache.
     fn pixels<T: Send>(
         &self,
         shot: &Shot,
         table: &Table,
+        light: Option<Vec<f32>>,
         sensor: &Sensor<'_>,
         read: impl Fn(usize, &mut [f32], &mut [T]) + Sync,
         out: &mut [T],
@@ -237,13 +253,17 @@ impl Renderer {
             sensor.gather(first, electrons);
             read(first, electrons, out);
         };
-        if !self.plan.has(Term::Glare) && !self.plan.has(Term::Blooming) {
+        let fused = !self.plan.has(Term::Glare) && !self.plan.has(Term::Blooming);
+        if fused && light.is_none() {
             self.electrons(shot, table, gather, out, per_pixel);
             return;
         }
-        let mut frame = vec![0.0; self.buffer.x.len()];
-        let keep = |_, electrons: &mut [f32], out: &mut [f32]| out.copy_from_slice(electrons);
-        self.electrons(shot, table, keep, &mut frame, 1);
+        let mut frame = light.unwrap_or_else(|| {
+            let mut frame = vec![0.0; self.buffer.x.len()];
+            let keep = |_, electrons: &mut [f32], out: &mut [f32]| out.copy_from_slice(electrons);
+            self.electrons(shot, table, keep, &mut frame, 1);
+            frame
+        });
         let camera = &self.profile.camera;
         if self.plan.has(Term::Glare)
             && let Some(glare) = &camera.glare
@@ -337,14 +357,26 @@ impl Renderer {
     }
 
     /// The truth behind the frames of a sequence: geometry, and the mean and modulation that its
-    /// finest fringes have before noise and rounding.
+    /// finest fringes have before noise and rounding. Of a scene that moves it is the truth half way
+    /// from the start of the first exposure to the end of the last one.
     pub fn truth(&mut self, sequence: &[(Pattern, Shot)]) -> Truth {
+        let middle = time::middle_ns(sequence.iter().map(|(_, shot)| shot));
+        self.truth_at(sequence, middle)
+    }
+
+    /// The same at a device time in nanoseconds: the fringes are those of a scene that stands still
+    /// as it is then.
+    pub fn truth_at(&mut self, sequence: &[(Pattern, Shot)], time_ns: u64) -> Truth {
         self.expect_slides(sequence.iter().filter_map(|(_, s)| s.slide.as_deref()));
+        self.go_to_time(time_ns);
         self.prepare();
         let fringes = finest_fringes(sequence);
         let signals: Vec<_> = fringes
             .iter()
-            .map(|(_, shot)| self.expected_dn(shot))
+            .map(|(_, shot)| {
+                let table = self.table(shot);
+                self.expected(shot, &table, None)
+            })
             .collect();
         let phases: Vec<_> = fringes.iter().map(|(phase, _)| *phase).collect();
         let flags = self.flags(sequence);
@@ -366,6 +398,13 @@ impl Renderer {
     fn flags(&self, sequence: &[(Pattern, Shot)]) -> Vec<u8> {
         let map = &self.buffer;
         let mut flags = map.flags.clone();
+        if self.plan.has(Term::Motion) {
+            for (flags, &surface) in flags.iter_mut().zip(&map.surface) {
+                if *flags & Truth::SEEN != 0 && self.world.moving(Surface(surface)) {
+                    *flags |= Truth::MOVING;
+                }
+            }
+        }
         let Some((axis, period)) = finest_fringe(sequence.iter().map(|(pattern, _)| pattern))
         else {
             return flags;

@@ -51,6 +51,8 @@ pub enum Term {
     ProjectorResponse,
     /// The projector's black is not dark.
     ContrastRatio,
+    /// Objects move: an exposure is the mean over instants.
+    Motion,
     /// Mains flicker of ambient light and lamps.
     Flicker,
     /// Veiling glare: light scattered over the whole image.
@@ -83,7 +85,7 @@ pub(super) struct Needs<'a> {
 
 impl Term {
     /// All terms in the order of the passes.
-    pub const ALL: [Self; 21] = [
+    pub const ALL: [Self; 22] = [
         Self::CameraDistortion,
         Self::ProjectorDistortion,
         Self::CameraVignetting,
@@ -98,6 +100,7 @@ impl Term {
         Self::FootprintY,
         Self::ProjectorResponse,
         Self::ContrastRatio,
+        Self::Motion,
         Self::Flicker,
         Self::Glare,
         Self::DarkCurrent,
@@ -122,9 +125,11 @@ impl Term {
             | Self::Lights
             | Self::FootprintX
             | Self::FootprintY => Pass::Geometry,
-            Self::ProjectorResponse | Self::ContrastRatio | Self::Flicker | Self::Glare => {
-                Pass::Exposure
-            }
+            Self::ProjectorResponse
+            | Self::ContrastRatio
+            | Self::Motion
+            | Self::Flicker
+            | Self::Glare => Pass::Exposure,
             Self::DarkCurrent
             | Self::FixedPattern
             | Self::Blooming
@@ -213,6 +218,11 @@ impl Needs<'_> {
                 self.profile.projector.contrast_ratio.is_some(),
                 "projector.contrast_ratio is set",
                 "projector.contrast_ratio is absent: black is dark",
+            ),
+            Term::Motion => choose(
+                self.world.moves(),
+                "some object moves or deforms",
+                "no object moves",
             ),
             Term::Flicker => choose(
                 self.optics.flicker.is_some(),
