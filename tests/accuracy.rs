@@ -40,9 +40,8 @@ fn full_scan(profile: &str, scene: &str, seed: u64, noise: bool) -> Scan {
                 pattern_index: Some(i as u32),
                 slide: Some(Arc::new(slide)),
                 light: 1.0,
-                start_ns: 0,
                 exposure_ns: (profile.camera.exposure_us * 1e3) as u64,
-                gain_db: 0.0,
+                ..Shot::default()
             };
             (f.pattern.clone(), shot)
         })

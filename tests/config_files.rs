@@ -141,6 +141,16 @@ fn impossible_profiles_are_refused_with_line_and_range() {
             vec!["camera.focus_mm", "20 to 1000000000"],
         ),
         (
+            "f_number = 16.0",
+            "line_time_us = -1.0\nf_number = 16.0",
+            vec!["camera.line_time_us", "-1", "0 to 1000"],
+        ),
+        (
+            "frame_interval_us = 20000.0",
+            "line_time_us = nan\nframe_interval_us = 20000.0",
+            vec!["camera.line_time_us", "NaN"],
+        ),
+        (
             "full_well_e = 10500.0",
             "full_well_e = inf",
             vec!["full_well_e", "inf"],
@@ -217,6 +227,36 @@ fn impossible_profiles_are_refused_with_line_and_range() {
             assert!(line_named, "line {line} is not in: {message}");
         }
     }
+}
+
+/// A frame of a rolling shutter takes its rows' line times, and intervals and periods are as long.
+#[test]
+fn rows_have_to_be_read_before_the_next_exposure() {
+    let with = |line_time_us: &str, from: &str, to: &str| {
+        let line = format!("f_number = 16.0\nline_time_us = {line_time_us}");
+        let text = BENCH.replacen("f_number = 16.0", &line, 1);
+        Profile::parse(&text.replacen(from, to, 1), "file.toml")
+    };
+    // 489 rows of 20 us are 9.78 ms, and of 20.449 us 9.99956 ms, which the sequence's 10 ms hold.
+    for line_time_us in ["20.0", "20.449"] {
+        with(line_time_us, "", "").unwrap();
+    }
+    let message = with("20.45", "", "").unwrap_err().to_string();
+    assert!(
+        message.contains("sequence[0].period_us") && message.contains("10000.05 to"),
+        "{message}"
+    );
+    let message = with("41.0", "", "").unwrap_err().to_string();
+    assert!(
+        message.contains("camera.frame_interval_us") && message.contains("20049 to"),
+        "{message}"
+    );
+    // The data line tells the time to the end of the last row.
+    let range = "exposure_range_us = [20.0, 1000000.0]";
+    let message = with("10", range, "exposure_range_us = [20.0, 4290088]")
+        .unwrap_err()
+        .to_string();
+    assert!(message.contains("4290087.295"), "{message}");
 }
 
 #[test]

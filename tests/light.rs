@@ -40,12 +40,10 @@ fn shot(slide: &Arc<Slide>) -> Shot {
     Shot {
         id: 1,
         noise_id: 1,
-        pattern_index: None,
         slide: Some(slide.clone()),
         light: 0.4,
-        start_ns: 0,
         exposure_ns: 8_000_000,
-        gain_db: 0.0,
+        ..Shot::default()
     }
 }
 

@@ -67,12 +67,10 @@ fn shot(slide: &Arc<Slide>) -> Shot {
     Shot {
         id: 1,
         noise_id: 1,
-        pattern_index: None,
         slide: Some(slide.clone()),
         light: 1.0,
-        start_ns: 0,
         exposure_ns: 8_000_000,
-        gain_db: 0.0,
+        ..Shot::default()
     }
 }
 

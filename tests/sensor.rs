@@ -109,12 +109,10 @@ fn shot(seconds: f64, id: u64) -> Shot {
     Shot {
         id,
         noise_id: id,
-        pattern_index: None,
         slide: None,
         light: 0.0,
-        start_ns: 0,
         exposure_ns: (seconds * 1e9) as u64,
-        gain_db: 0.0,
+        ..Shot::default()
     }
 }
 

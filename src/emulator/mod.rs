@@ -19,7 +19,7 @@ pub use firmware::{CameraControls, Firmware, State, UserSequence};
 pub use readout::{Exposure, Readout};
 pub use render::Renderer;
 pub use roi::Roi;
-pub use shot::Shot;
+pub use shot::{Shot, Showing, Shutter};
 pub use sink::{FrameSink, MemorySink, Stream, StreamSink};
 pub use slide::Slide;
 pub use truth::Truth;

@@ -9,6 +9,9 @@ use crate::protocol::{PixelFormat, data_line};
 use glam::DVec2;
 use serde::{Deserialize, Serialize};
 
+/// Longest line time; sensors have some microseconds.
+const MAX_LINE_TIME_US: f64 = 1000.0;
+
 /// Optics and timing of the camera. Its frame is the rig's frame.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -49,6 +52,11 @@ pub struct Camera {
     pub max_gain_db: f64,
     /// Interval of free-running frames in microseconds.
     pub frame_interval_us: f64,
+    /// Line time of a rolling shutter in microseconds, as data sheets of CMOS sensors state it: row
+    /// r of the region that is read out starts to expose r line times after its first row, and the
+    /// frame is read in rows times that. 0, or absent: a global shutter. Whole nanoseconds count.
+    #[serde(default)]
+    pub line_time_us: f64,
     /// Veiling glare of the lens.
     #[serde(default)]
     pub glare: Option<Glare>,
@@ -76,6 +84,18 @@ impl Camera {
             },
             rig_from_view: Pose::IDENTITY,
         }
+    }
+
+    /// The line time in nanoseconds.
+    pub fn line_time_ns(&self) -> u64 {
+        (self.line_time_us * 1e3).round() as u64
+    }
+
+    /// Shortest time in microseconds from one exposure at power-on to the next: no row is exposed
+    /// again before it has been, nor before all rows have been read.
+    pub fn shortest_interval_us(&self) -> f64 {
+        let readout_ns = self.line_time_ns() * u64::from(self.height_px);
+        self.exposure_us.max(readout_ns as f64 / 1e3)
     }
 
     /// Side of a square pixel in millimetres.
@@ -116,9 +136,14 @@ pub(super) fn check(c: &Camera, check: &Check<'_>) -> Result<()> {
     check.within("camera.exposure_us", c.exposure_us, shortest..=longest)?;
     check.within("camera.max_gain_db", c.max_gain_db, 0.0..=60.0)?;
     check.within(
+        "camera.line_time_us",
+        c.line_time_us,
+        0.0..=MAX_LINE_TIME_US,
+    )?;
+    check.within(
         "camera.frame_interval_us",
         c.frame_interval_us,
-        c.exposure_us.max(100.0)..=60e6,
+        c.shortest_interval_us().max(100.0)..=60e6,
     )?;
     check.that(
         c.format != PixelFormat::Yuyv || c.width_px.is_multiple_of(2),
@@ -133,7 +158,9 @@ pub(super) fn check(c: &Camera, check: &Check<'_>) -> Result<()> {
             format!("a line above {} columns", c.width_px),
             format!("false, or a width_px of {} or more", data_line::WIDTH_PX),
         )?;
-        let longest_told_us = data_line::MAX_EXPOSURE_NS as f64 / 1e3;
+        // It tells the time from the first row's start to the last one's end.
+        let skew_ns = c.line_time_ns() * u64::from(c.height_px - 1);
+        let longest_told_us = (data_line::MAX_EXPOSURE_NS.saturating_sub(skew_ns)) as f64 / 1e3;
         check.that(
             longest <= longest_told_us,
             "camera.data_line",

@@ -13,7 +13,8 @@ use serde::{Deserialize, Serialize};
 pub struct Sequence {
     /// Name by which `SEQuence:SELect` takes it.
     pub name: String,
-    /// Time from one pattern to the next in microseconds; at least the exposure.
+    /// Time from one pattern to the next in microseconds; at least the exposure, and what a rolling
+    /// shutter takes to read a frame.
     pub period_us: f64,
     /// The patterns in order.
     pub frame: Vec<ManifestFrame>,
@@ -25,7 +26,7 @@ pub(super) fn check(s: &Sequence, index: usize, p: &Profile, check: &Check<'_>) 
     check.within(
         &field("period_us"),
         s.period_us,
-        p.camera.exposure_us..=60e6,
+        p.camera.shortest_interval_us()..=60e6,
     )?;
     check_frames(&s.frame, &field("frame"), check.source)?;
     for axis in [Axis::X, Axis::Y] {

@@ -13,7 +13,7 @@
 //! | 4 | 8 | id, never repeated in a device's life |
 //! | 12 | 4 | pattern index in the selected sequence; 0 without |
 //! | 16 | 8 | start of the exposure, nanoseconds of device time |
-//! | 24 | 4 | length of the exposure in nanoseconds |
+//! | 24 | 4 | length of the exposure in nanoseconds, to the end of the last row |
 //! | 28 | 4 | CRC-32 (IEEE 802.3) of the 28 bytes before |
 
 use super::{Frame, PixelFormat};

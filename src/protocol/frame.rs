@@ -87,9 +87,9 @@ pub struct Frame {
     pub height: u32,
     /// Layout of `data`.
     pub format: PixelFormat,
-    /// Start of the exposure in nanoseconds of device time.
+    /// Start of the exposure in nanoseconds of device time; with a rolling shutter its first row's.
     pub exposure_start_ns: u64,
-    /// End of the exposure in nanoseconds of device time.
+    /// End of the exposure in nanoseconds of device time; with a rolling shutter its last row's.
     pub exposure_end_ns: u64,
     /// Pixels row by row without padding: width * height * bytes per pixel.
     pub data: Vec<u8>,

@@ -193,9 +193,8 @@ impl Setup {
             pattern_index: Some(index as u32),
             slide: Some(self.slides[index].clone()),
             light: 1.0,
-            start_ns: 0,
             exposure_ns: self.exposure_ns,
-            gain_db: 0.0,
+            ..Shot::default()
         }
     }
 }

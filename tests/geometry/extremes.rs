@@ -209,12 +209,11 @@ fn shot(slide: Arc<Slide>, id: u64) -> Shot {
     Shot {
         id,
         noise_id: id,
-        pattern_index: None,
         slide: Some(slide),
         light: 1.0,
         start_ns: id * 20_000_000,
         exposure_ns: 8_000_000,
-        gain_db: 0.0,
+        ..Shot::default()
     }
 }
 

@@ -17,12 +17,10 @@ fn shot(slide: Slide, light: f64) -> Shot {
     Shot {
         id: 1,
         noise_id: 1,
-        pattern_index: None,
         slide: Some(Arc::new(slide)),
         light,
-        start_ns: 0,
         exposure_ns: 8_000_000,
-        gain_db: 0.0,
+        ..Shot::default()
     }
 }
 

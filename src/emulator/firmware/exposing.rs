@@ -5,7 +5,7 @@ use super::settings::{Settings, Shown};
 use super::table::{self, Command};
 use super::trigger::Exposed;
 use super::{Firmware, State};
-use crate::emulator::{Exposure, Readout, Shot, Stream};
+use crate::emulator::{Exposure, Readout, Shot, Showing, Stream};
 use crate::pattern::Pattern;
 use crate::protocol::scpi::{DeviceError, ErrorCode, Unit};
 use std::sync::Arc;
@@ -23,17 +23,34 @@ impl Firmware {
             .iter()
             .enumerate()
             .map(|(i, slide)| Shot {
-                id: 0,
-                noise_id: 0,
                 pattern_index: Some(i as u32),
                 slide: Some(slide.clone()),
                 light: self.settings.current,
-                start_ns: 0,
+                then: self.then(Some((i as u32 + 1, self.settings.period_ns)), 0, true),
                 exposure_ns: self.settings.exposure_ns,
+                shutter: self.settings.shutter(),
                 gain_db: self.settings.gain_db,
+                ..Shot::default()
             });
         let frames = self.selected.manifest.frame.iter();
         frames.map(|f| f.pattern.clone()).zip(shots).collect()
+    }
+
+    /// What the projector goes over to, at a time, while rows of an exposure from `start_ns` on are
+    /// still exposed. After the last pattern of a trigger it keeps that until the frame has ended.
+    fn then(&self, next: Option<(u32, u64)>, start_ns: u64, lamp: bool) -> Vec<Showing> {
+        let end_ns = start_ns.saturating_add(self.settings.frame_ns());
+        next.into_iter()
+            .filter(|(_, from_ns)| *from_ns < end_ns)
+            .filter_map(|(index, from_ns)| {
+                let slide = self.selected.slides.get(index as usize)?;
+                Some(Showing {
+                    from_ns,
+                    slide: lamp.then(|| slide.clone()),
+                    light: self.settings.current,
+                })
+            })
+            .collect()
     }
 
     /// What the camera's frames look like with the present settings.
@@ -42,7 +59,7 @@ impl Firmware {
     }
 
     fn stream_with(&self, settings: &Settings) -> Stream {
-        let interval_ns = settings.interval_ns.max(settings.exposure_ns);
+        let interval_ns = settings.interval_ns.max(settings.shortest_period_ns());
         self.readout(settings).stream(interval_ns)
     }
 
@@ -113,6 +130,7 @@ impl Firmware {
             Shown::Black => &self.black,
             Shown::Pattern(index) => &self.selected.slides[index as usize],
         };
+        let then = self.then(exposed.next, exposed.start_ns, lamp);
         let triggered = exposed.index.is_some();
         let noise_id = if triggered {
             self.triggered
@@ -126,8 +144,10 @@ impl Firmware {
                 pattern_index: exposed.index,
                 slide: lamp.then(|| slide.clone()),
                 light: current,
+                then,
                 start_ns: exposed.start_ns,
                 exposure_ns,
+                shutter: self.settings.shutter(),
                 gain_db,
             },
             readout: self.readout(&self.settings),

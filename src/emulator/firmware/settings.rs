@@ -1,6 +1,6 @@
 //! What the commands set, and its state after power-on and `*RST`.
 
-use super::super::Roi;
+use super::super::{Roi, Shutter};
 use crate::profile::Profile;
 use crate::protocol::PixelFormat;
 
@@ -39,6 +39,8 @@ pub(super) struct Settings {
     pub(super) roi: Roi,
     pub(super) format: PixelFormat,
     pub(super) interval_ns: u64,
+    /// The sensor's own, set by no command; 0 for a global shutter.
+    pub(super) line_time_ns: u64,
     pub(super) lamp: bool,
     /// Projector light relative to full, 0 to 1.
     pub(super) current: f64,
@@ -66,6 +68,7 @@ impl Settings {
             },
             format: camera.format,
             interval_ns: microseconds(camera.frame_interval_us),
+            line_time_ns: camera.line_time_ns(),
             lamp: true,
             current: 1.0,
             shown: Shown::White,
@@ -75,6 +78,26 @@ impl Settings {
             mode: Mode::Sequence,
             continuous: false,
         }
+    }
+
+    /// How the rows of the region follow each other.
+    pub(super) fn shutter(&self) -> Shutter {
+        Shutter {
+            line_time_ns: self.line_time_ns,
+            first_row: self.roi.y,
+            rows: self.roi.height,
+        }
+    }
+
+    /// From the start of the first row's exposure to the end of the last one's.
+    pub(super) fn frame_ns(&self) -> u64 {
+        self.exposure_ns.saturating_add(self.shutter().skew_ns())
+    }
+
+    /// Shortest time from one exposure to the next: no row is exposed again before it has been, nor
+    /// before all rows have been read.
+    pub(super) fn shortest_period_ns(&self) -> u64 {
+        self.exposure_ns.max(self.shutter().readout_ns())
     }
 }
 

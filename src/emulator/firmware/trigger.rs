@@ -46,6 +46,8 @@ pub(super) struct Exposed {
     /// Position in the sequence; `None` when running free.
     pub(super) index: Option<u32>,
     pub(super) start_ns: u64,
+    /// Position and start of the exposure that follows it without another trigger.
+    pub(super) next: Option<(u32, u64)>,
 }
 
 /// A free-running camera that was left behind further than this does not catch up.
@@ -106,11 +108,11 @@ impl State {
         Ok(())
     }
 
-    /// When the exposure that is under way or next ends.
+    /// When the exposure that is under way or next ends, of its last row.
     pub(super) fn next_event_ns(self, settings: &Settings) -> Option<u64> {
         match self {
             Self::Free { start_ns } | Self::Running { start_ns, .. } => {
-                Some(start_ns.saturating_add(settings.exposure_ns))
+                Some(start_ns.saturating_add(settings.frame_ns()))
             }
             Self::Idle | Self::Armed { .. } => None,
         }
@@ -128,10 +130,13 @@ impl State {
         }
         match *self {
             Self::Free { mut start_ns } => {
-                let interval = settings.interval_ns.max(settings.exposure_ns).max(1);
+                let interval = settings
+                    .interval_ns
+                    .max(settings.shortest_period_ns())
+                    .max(1);
                 let lag = now_ns - start_ns;
                 if lag > MAX_LAG_NS {
-                    start_ns += (lag - settings.exposure_ns) / interval * interval;
+                    start_ns += (lag - settings.frame_ns()) / interval * interval;
                 }
                 *self = Self::Free {
                     start_ns: start_ns + interval,
@@ -139,6 +144,7 @@ impl State {
                 Some(Exposed {
                     index: None,
                     start_ns,
+                    next: None,
                 })
             }
             Self::Running {
@@ -146,11 +152,13 @@ impl State {
                 end,
                 start_ns,
             } => {
-                *self = if next + 1 < end {
+                let then = (next + 1, start_ns.saturating_add(settings.period_ns));
+                let goes_on = next + 1 < end;
+                *self = if goes_on {
                     Self::Running {
-                        next: next + 1,
+                        next: then.0,
                         end,
-                        start_ns: start_ns.saturating_add(settings.period_ns),
+                        start_ns: then.1,
                     }
                 } else if end < len {
                     Self::Armed { next: end }
@@ -162,6 +170,7 @@ impl State {
                 Some(Exposed {
                     index: Some(next),
                     start_ns,
+                    next: goes_on.then_some(then),
                 })
             }
             Self::Idle | Self::Armed { .. } => None,

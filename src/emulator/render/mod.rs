@@ -3,7 +3,7 @@
 //! 1. `geometry`: once per camera and state of the scene; what each pixel sees, where on the
 //!    slide its light comes from, how much of it arrives. `mixed` samples pixels on edges,
 //!    `sampled` all of them.
-//! 2. `light`: per frame; the slide averaged over each pixel's footprint.
+//! 2. `light`: per frame; the slide averaged over each pixel's footprint, as long as `schedule` says.
 //! 3. `sensor`: per frame; electrons, noise, gain, converter.
 //!
 //! The second and third run fused over chunks of pixels that stay in cache. [`mod@reference`] is the
@@ -24,6 +24,7 @@ mod plan;
 pub mod reference;
 mod renderer;
 mod sampled;
+mod schedule;
 mod sensor;
 mod shade;
 mod shape;

@@ -7,6 +7,7 @@ use super::buffer::GeometryBuffer;
 use super::geometry::{self, Rays};
 use super::light::{self, Table};
 use super::path::State;
+use super::schedule::Schedule;
 use super::sensor::{FixedPattern, Sensor, bloom};
 use super::shade::Optics;
 use super::term::Needs;
@@ -21,6 +22,7 @@ use crate::protocol::Frame;
 use glam::DVec2;
 use rayon::prelude::*;
 use std::sync::Arc;
+use time::Light;
 
 /// Pixels that go through exposure and sensor together: they stay in the first-level cache, and
 /// are whole blocks of random numbers.
@@ -168,18 +170,12 @@ impl Renderer {
     /// The frame of one exposure. The same seed, noise id and settings give the same bytes on any
     /// number of threads.
     pub fn expose(&mut self, shot: &Shot) -> Frame {
-        if let Some(slide) = &shot.slide {
-            self.expect_slides([slide.as_ref()]);
-        }
-        let table = self.table(shot);
-        let light = self.over_time(shot, &table);
+        let light = self.light(shot);
         let sensor = self.sensor(shot);
         let camera = &self.profile.camera;
         let bytes = camera.sensor.native_format().bytes_per_pixel();
         let mut data = vec![0; self.buffer.x.len() * bytes];
         self.pixels(
-            shot,
-            &table,
             light,
             &sensor,
             |first, electrons, out| sensor.read(first, electrons, out),
@@ -193,28 +189,21 @@ impl Renderer {
             height: camera.height_px,
             format: camera.sensor.native_format(),
             exposure_start_ns: shot.start_ns,
-            exposure_end_ns: shot.start_ns + shot.exposure_ns,
+            exposure_end_ns: shot.end_ns(),
             data,
         }
     }
 
     /// Noise-free signal in digital numbers, before rounding: what the sensor would mean to say.
     pub fn expected_dn(&mut self, shot: &Shot) -> Vec<f32> {
-        if let Some(slide) = &shot.slide {
-            self.expect_slides([slide.as_ref()]);
-        }
-        let table = self.table(shot);
-        let light = self.over_time(shot, &table);
-        self.expected(shot, &table, light)
+        let light = self.light(shot);
+        self.expected(shot, light)
     }
 
-    /// The same from the light of a whole exposure, or as the geometry at hand has it.
-    fn expected(&self, shot: &Shot, table: &Table, light: Option<Vec<f32>>) -> Vec<f32> {
+    fn expected(&self, shot: &Shot, light: Light) -> Vec<f32> {
         let sensor = self.sensor(shot);
         let mut out = vec![0.0f32; self.buffer.x.len()];
         self.pixels(
-            shot,
-            table,
             light,
             &sensor,
             |first, electrons, out| sensor.expect(first, electrons, out),
@@ -222,6 +211,25 @@ impl Renderer {
             1,
         );
         out
+    }
+
+    /// Prepares what a shot needs: the geometry, and tables of the slides that it sees.
+    fn schedule(&mut self, shot: &Shot) -> Schedule {
+        let then = match self.plan.has(Term::RollingShutter) {
+            true => &shot.then[..],
+            false => &[],
+        };
+        let slides: Vec<_> = std::iter::once(&shot.slide)
+            .chain(then.iter().map(|showing| &showing.slide))
+            .collect();
+        self.expect_slides(slides.iter().filter_map(|slide| slide.as_deref()));
+        self.prepare();
+        let tables = slides
+            .into_iter()
+            .map(|slide| self.table(slide.as_ref()))
+            .collect();
+        let size = [self.buffer.width, self.buffer.height];
+        Schedule::new(shot, tables, &self.plan, self.optics.flicker, size)
     }
 
     fn sensor(&self, shot: &Shot) -> Sensor<'_> {
@@ -236,14 +244,11 @@ impl Renderer {
 
     /// Exposes and gathers the electrons of chunks of pixels in parallel and reads each out, into
     /// the `per_pixel` elements of `out` that belong to each pixel. A term that carries light or
-    /// charge from pixel to pixel needs the whole frame between its stages, and `light` that has
-    /// been summed over instants is one; without either, a chunk goes through all of them while it
-    /// is in the cache.
+    /// charge from pixel to pixel needs the whole frame between its stages, and light summed over
+    /// instants is one; without either, a chunk goes through all of them while it is in the cache.
     fn pixels<T: Send>(
         &self,
-        shot: &Shot,
-        table: &Table,
-        light: Option<Vec<f32>>,
+        light: Light,
         sensor: &Sensor<'_>,
         read: impl Fn(usize, &mut [f32], &mut [T]) + Sync,
         out: &mut [T],
@@ -254,16 +259,20 @@ impl Renderer {
             read(first, electrons, out);
         };
         let fused = !self.plan.has(Term::Glare) && !self.plan.has(Term::Blooming);
-        if fused && light.is_none() {
-            self.electrons(shot, table, gather, out, per_pixel);
-            return;
-        }
-        let mut frame = light.unwrap_or_else(|| {
-            let mut frame = vec![0.0; self.buffer.x.len()];
-            let keep = |_, electrons: &mut [f32], out: &mut [f32]| out.copy_from_slice(electrons);
-            self.electrons(shot, table, keep, &mut frame, 1);
-            frame
-        });
+        let mut frame = match light {
+            Light::Scheduled(schedule) if fused => {
+                self.electrons(&schedule, gather, out, per_pixel);
+                return;
+            }
+            Light::Scheduled(schedule) => {
+                let mut frame = vec![0.0; self.buffer.x.len()];
+                let keep =
+                    |_, electrons: &mut [f32], out: &mut [f32]| out.copy_from_slice(electrons);
+                self.electrons(&schedule, keep, &mut frame, 1);
+                frame
+            }
+            Light::Summed(frame) => frame,
+        };
         let camera = &self.profile.camera;
         if self.plan.has(Term::Glare)
             && let Some(glare) = &camera.glare
@@ -294,24 +303,11 @@ impl Renderer {
     /// on, with the `per_pixel` elements of `out` that belong to each pixel.
     fn electrons<T: Send>(
         &self,
-        shot: &Shot,
-        table: &Table,
+        schedule: &Schedule,
         then: impl Fn(usize, &mut [f32], &mut [T]) + Sync,
         out: &mut [T],
         per_pixel: usize,
     ) {
-        let seconds = (shot.exposure_ns as f64 * 1e-9) as f32;
-        let power = if shot.slide.is_some() {
-            shot.light as f32
-        } else {
-            0.0
-        };
-        // Forced in where nothing flickers, it swings by nothing.
-        let swing = self.plan.has(Term::Flicker).then(|| {
-            let flicker = self.optics.flicker;
-            flicker.map_or(0.0, |f| f.swing(shot.start_ns, shot.exposure_ns)) as f32 * seconds
-        });
-        let map = &self.buffer;
         out.par_chunks_mut(CHUNK * per_pixel)
             .enumerate()
             .for_each_init(
@@ -319,29 +315,15 @@ impl Renderer {
                 |electrons, (i, out)| {
                     let first = i * CHUNK;
                     let electrons = &mut electrons[..out.len() / per_pixel];
-                    light::run(map, table, [seconds, power], swing, first, electrons);
-                    let from = map.mixed.partition_point(|m| (m.pixel as usize) < first);
-                    let end = first + electrons.len();
-                    let mut former = None;
-                    for (i, pixel) in map.mixed.iter().enumerate().skip(from) {
-                        if pixel.pixel as usize >= end {
-                            break;
-                        }
-                        let here = &mut electrons[pixel.pixel as usize - first];
-                        if former != Some(pixel.pixel) {
-                            *here = 0.0;
-                        }
-                        *here += light::mixed(map, i, table, [seconds, power], swing);
-                        former = Some(pixel.pixel);
-                    }
+                    schedule.run(&self.buffer, first, electrons);
                     then(first, electrons, out);
                 },
             );
     }
 
-    /// The prepared table of a shot's slide.
-    fn table(&mut self, shot: &Shot) -> Arc<Table> {
-        let Some(slide) = &shot.slide else {
+    /// The prepared table of a slide; of darkness without one.
+    fn table(&mut self, slide: Option<&Arc<Slide>>) -> Arc<Table> {
+        let Some(slide) = slide else {
             return Arc::new(Table::Uniform(0.0));
         };
         if let Some((_, table)) = self.tables.iter().find(|(s, _)| Arc::ptr_eq(s, slide)) {
@@ -374,8 +356,8 @@ impl Renderer {
         let signals: Vec<_> = fringes
             .iter()
             .map(|(_, shot)| {
-                let table = self.table(shot);
-                self.expected(shot, &table, None)
+                let light = Light::Scheduled(self.schedule(shot));
+                self.expected(shot, light)
             })
             .collect();
         let phases: Vec<_> = fringes.iter().map(|(phase, _)| *phase).collect();
@@ -487,9 +469,9 @@ mod tests {
                 light: 1.0,
                 start_ns: 0,
                 exposure_ns: 1000,
-                gain_db: 0.0,
+                ..Shot::default()
             };
-            renderer.table(&shot);
+            renderer.table(shot.slide.as_ref());
             let newest = renderer.tables.last().map(|(slide, _)| slide.clone());
             assert!(shot.slide == newest, "the table in use stays");
         }

@@ -55,6 +55,9 @@ pub enum Term {
     Motion,
     /// Mains flicker of ambient light and lamps.
     Flicker,
+    /// Rows start one after the other: each has its own place in the mains' period and in the
+    /// sequence of slides.
+    RollingShutter,
     /// Veiling glare: light scattered over the whole image.
     Glare,
     /// Electrons that gather without light.
@@ -85,7 +88,7 @@ pub(super) struct Needs<'a> {
 
 impl Term {
     /// All terms in the order of the passes.
-    pub const ALL: [Self; 22] = [
+    pub const ALL: [Self; 23] = [
         Self::CameraDistortion,
         Self::ProjectorDistortion,
         Self::CameraVignetting,
@@ -102,6 +105,7 @@ impl Term {
         Self::ContrastRatio,
         Self::Motion,
         Self::Flicker,
+        Self::RollingShutter,
         Self::Glare,
         Self::DarkCurrent,
         Self::FixedPattern,
@@ -129,6 +133,7 @@ impl Term {
             | Self::ContrastRatio
             | Self::Motion
             | Self::Flicker
+            | Self::RollingShutter
             | Self::Glare => Pass::Exposure,
             Self::DarkCurrent
             | Self::FixedPattern
@@ -228,6 +233,11 @@ impl Needs<'_> {
                 self.optics.flicker.is_some(),
                 "some light flickers with the mains",
                 "all light is steady",
+            ),
+            Term::RollingShutter => choose(
+                self.profile.camera.line_time_us > 0.0,
+                "camera.line_time_us is above 0",
+                "camera.line_time_us is 0: the shutter is global",
             ),
             Term::Glare => choose(
                 self.profile.camera.glare.is_some_and(|g| g.percent > 0.0),

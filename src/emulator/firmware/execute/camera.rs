@@ -27,11 +27,12 @@ impl Firmware {
                     Setting::Say(value) => return say(value),
                     Setting::Set(value) => {
                         let exposure_ns = from_seconds(value);
-                        check_period(exposure_ns, settings.period_ns)?;
-                        self.apply(Settings {
+                        let settings = Settings {
                             exposure_ns,
                             ..settings.clone()
-                        })?;
+                        };
+                        check_period(&settings, settings.period_ns)?;
+                        self.apply(settings)?;
                     }
                 }
             }
@@ -80,11 +81,12 @@ impl Firmware {
                 return say(format!("{},{},{},{}", roi.x, roi.y, roi.width, roi.height));
             }
             _ => {
-                let roi = self.region(unit)?;
-                self.apply(Settings {
-                    roi,
+                let settings = Settings {
+                    roi: self.region(unit)?,
                     ..self.settings.clone()
-                })?;
+                };
+                check_period(&settings, settings.period_ns)?;
+                self.apply(settings)?;
             }
         }
         Ok(None)

@@ -8,7 +8,7 @@ mod sequence;
 mod setting;
 mod trigger;
 
-use super::settings::{Settings, microseconds, seconds};
+use super::settings::{Settings, seconds};
 use super::table::{Command, find};
 use super::{Firmware, State};
 use crate::protocol::scpi::{DeviceError, ErrorCode, Unit};
@@ -99,22 +99,28 @@ impl Firmware {
     }
 }
 
-fn check_period(exposure_ns: u64, period_ns: u64) -> Result<(), DeviceError> {
-    if exposure_ns <= period_ns {
+/// Refuses settings whose exposures do not fit a period.
+fn check_period(settings: &Settings, period_ns: u64) -> Result<(), DeviceError> {
+    let period_s = seconds(period_ns);
+    let conflict = if settings.exposure_ns > period_ns {
+        format!(
+            "exposure {} s exceeds the sequence's period {period_s} s",
+            seconds(settings.exposure_ns)
+        )
+    } else if settings.shutter().readout_ns() > period_ns {
+        format!(
+            "{} rows are read in {} s, which exceeds the sequence's period {period_s} s",
+            settings.roi.height,
+            seconds(settings.shutter().readout_ns())
+        )
+    } else {
         return Ok(());
-    }
-    Err(ErrorCode::SettingsConflict.with(format!(
-        "exposure {} s exceeds the sequence's period {} s",
-        seconds(exposure_ns),
-        seconds(period_ns)
-    )))
+    };
+    Err(ErrorCode::SettingsConflict.with(conflict))
 }
 
 /// The profile's exposure fits the profile's period; kept beside the rule that says so.
 pub(super) fn power_on_is_consistent(profile: &crate::profile::Profile) -> bool {
-    check_period(
-        microseconds(profile.camera.exposure_us),
-        microseconds(profile.sequence[0].period_us),
-    )
-    .is_ok()
+    let settings = Settings::reset(profile);
+    check_period(&settings, settings.period_ns).is_ok()
 }

@@ -26,9 +26,9 @@ impl Firmware {
                     self.not_running()?;
                 }
                 let default = seconds(self.selected.period_ns);
-                // The shortest is the exposure, but what lies between is a conflict of settings.
+                // The shortest is what an exposure takes; what lies between is a conflict of settings.
                 let floor = match Args::new(&unit.params).number(Quantity::Time) {
-                    Ok(Number::Min) => seconds(self.settings.exposure_ns),
+                    Ok(Number::Min) => seconds(self.settings.shortest_period_ns()),
                     _ => 1e-6,
                 };
                 let bounds = (floor, MAX_TIME_S, default);
@@ -41,7 +41,7 @@ impl Firmware {
                     Setting::Say(value) => return say(value),
                     Setting::Set(value) => {
                         let period_ns = from_seconds(value);
-                        check_period(self.settings.exposure_ns, period_ns)?;
+                        check_period(&self.settings, period_ns)?;
                         self.settings.period_ns = period_ns;
                     }
                 }
@@ -64,8 +64,12 @@ impl Firmware {
                 let toml = args.block()?;
                 args.finish()?;
                 self.not_initiated()?;
+                let selected = self.selected.name == name;
+                if selected {
+                    check_period(&self.settings, self.memory.first().period_ns)?;
+                }
                 let stored = self.memory.define(name, toml)?;
-                if self.selected.name == name {
+                if selected {
                     self.select(stored);
                 }
             }
@@ -83,7 +87,7 @@ impl Firmware {
                 let Some(stored) = self.memory.get(name).cloned() else {
                     return Err(ErrorCode::FileNameNotFound.with(name));
                 };
-                check_period(self.settings.exposure_ns, stored.period_ns)?;
+                check_period(&self.settings, stored.period_ns)?;
                 self.select(stored);
             }
         }

@@ -3,6 +3,7 @@
 mod commands;
 mod completion;
 mod documentation;
+mod rolling;
 mod sequences;
 mod streams;
 mod triggers;

@@ -116,13 +116,12 @@ fn average(
     }
 }
 
-/// Mean electrons of a mixed pixel, the `index`th of the map.
+/// Mean electrons of steady light of a mixed pixel, the `index`th of the map.
 pub(in super::super) fn mixed(
     map: &GeometryBuffer,
     index: usize,
     table: &Table,
     [seconds, light]: [f32; 2],
-    swing: Option<f32>,
 ) -> f32 {
     let pixel = &map.mixed[index];
     let mut levels: [f32; 16] = match table {
@@ -149,10 +148,7 @@ pub(in super::super) fn mixed(
         .zip(&pixel.projected)
         .map(|(l, p)| l * p)
         .sum();
-    let steady = seconds * (pixel.ambient + light * sum / pixel.projected.len() as f32);
-    swing.map_or(steady, |swing| {
-        flicker::with(steady, swing, pixel.flickering)
-    })
+    seconds * (pixel.ambient + light * sum / pixel.projected.len() as f32)
 }
 
 widest! {

@@ -42,16 +42,26 @@ impl Flicker {
 
 /// Adds what flickers to the electrons of the pixels from `first` on; `seconds` is the exposure
 /// times the pulse's mean over it.
-pub(super) fn add(map: &GeometryBuffer, seconds: f32, first: usize, electrons: &mut [f32]) {
+pub(in super::super) fn add(
+    map: &GeometryBuffer,
+    seconds: f32,
+    first: usize,
+    electrons: &mut [f32],
+) {
     let flickering = &map.flickering[first..first + electrons.len()];
     for (e, f) in electrons.iter_mut().zip(flickering) {
-        *e = with(*e, seconds, *f);
+        *e = both(*e, seconds, *f);
     }
 }
 
-/// The electrons of one pixel with those that flicker; rounding must not leave less than no light.
+/// The electrons of one pixel with those that flicker, where something does.
+pub(in super::super) fn with(electrons: f32, seconds: Option<f32>, flickering: f32) -> f32 {
+    seconds.map_or(electrons, |seconds| both(electrons, seconds, flickering))
+}
+
+/// Rounding must not leave less than no light.
 #[inline(always)]
-pub(super) fn with(electrons: f32, seconds: f32, flickering: f32) -> f32 {
+fn both(electrons: f32, seconds: f32, flickering: f32) -> f32 {
     (electrons + seconds * flickering).max(0.0)
 }
 

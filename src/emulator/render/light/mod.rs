@@ -19,7 +19,7 @@ mod vignetting;
 
 pub(super) use defocus::Defocus;
 pub(super) use exposure::{Table, mixed, run};
-pub(super) use flicker::Flicker;
+pub(super) use flicker::{Flicker, add as add_flicker, with as with_flicker};
 pub(super) use kernel::{Blurred, Kernels};
 pub(super) use resolution::is_resolved;
 pub(super) use vignetting::Falloff;

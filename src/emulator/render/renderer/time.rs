@@ -4,9 +4,17 @@
 use super::Renderer;
 use crate::emulator::Shot;
 use crate::emulator::render::Term;
-use crate::emulator::render::light::Table;
 use crate::emulator::render::path::State;
+use crate::emulator::render::schedule::Schedule;
 use crate::emulator::render::world::World;
+
+/// What a shot's pixels see of light.
+pub(super) enum Light {
+    /// In the geometry at hand.
+    Scheduled(Schedule),
+    /// Mean electrons of the pixels, summed over instants.
+    Summed(Vec<f32>),
+}
 
 /// The parts of a shot's exposure, as even as nanoseconds allow, each with the state of the scene in
 /// its middle: the midpoint rule, whose error falls as the square of their number. Parts in which
@@ -34,32 +42,29 @@ fn parts(world: &World, shot: &Shot, count: u32) -> Vec<(State, Shot)> {
 }
 
 impl Renderer {
-    /// Electrons that the light of a shot makes in the whole frame, summed over instants; `None`,
-    /// with the geometry at hand, where one instant stands for the exposure.
-    pub(super) fn over_time(&mut self, shot: &Shot, table: &Table) -> Option<Vec<f32>> {
+    /// The light of a shot, with the geometry at hand where one instant stands for the exposure.
+    pub(super) fn light(&mut self, shot: &Shot) -> Light {
         if !self.plan.has(Term::Motion) {
-            self.prepare();
-            return None;
+            return Light::Scheduled(self.schedule(shot));
         }
         let parts = parts(&self.world, shot, self.options.time_samples);
         if let [(state, _)] = parts.as_slice() {
             self.go_to(state);
-            self.prepare();
-            return None;
+            return Light::Scheduled(self.schedule(shot));
         }
         let camera = &self.profile.camera;
         let mut sum = vec![0.0f32; camera.width_px as usize * camera.height_px as usize];
         for (state, part) in &parts {
             self.go_to(state);
-            self.prepare();
+            let schedule = self.schedule(part);
             let add = |_, electrons: &mut [f32], sum: &mut [f32]| {
                 for (sum, electrons) in sum.iter_mut().zip(electrons) {
                     *sum += *electrons;
                 }
             };
-            self.electrons(part, table, add, &mut sum, 1);
+            self.electrons(&schedule, add, &mut sum, 1);
         }
-        Some(sum)
+        Light::Summed(sum)
     }
 
     /// Takes the scene to where it is at a device time, if anything in it moves.

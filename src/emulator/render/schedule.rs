@@ -1,0 +1,156 @@
+//! The schedule of an exposure: which slides each row of the sensor sees, for how long, and where in
+//! the mains' period it lies. With a global shutter all rows are as one.
+//!
+//! A row of a rolling shutter integrates from its own start, so a slide that follows before the last
+//! row has ended leaks into the lower rows, in proportion to the time that they share with it.
+
+use super::buffer::GeometryBuffer;
+use super::light::{self, Flicker, Table};
+use super::{Plan, Term};
+use crate::emulator::Shot;
+use std::ops::Range;
+use std::sync::Arc;
+
+/// What a shot exposes the pixels to, ready to be run over chunks of them.
+pub(super) struct Schedule {
+    /// Of the shot's slide and of those that follow.
+    tables: Vec<Arc<Table>>,
+    /// Pixels that are exposed alike: a row of them, or all.
+    width: usize,
+    lines: Vec<Line>,
+    parts: Vec<Part>,
+}
+
+/// Pixels that are exposed alike.
+struct Line {
+    parts: Range<usize>,
+    /// The exposure in seconds times the mean over it of the pulse of what flickers, where
+    /// something does.
+    swing: Option<f32>,
+}
+
+/// One slide in the exposure of a line.
+struct Part {
+    table: usize,
+    /// Seconds that it is shown, and the projector's light relative to full.
+    exposure: [f32; 2],
+}
+
+impl Schedule {
+    /// Schedules a shot whose slides have these tables, for a sensor of so many columns and rows.
+    pub(super) fn new(
+        shot: &Shot,
+        tables: Vec<Arc<Table>>,
+        plan: &Plan,
+        flicker: Option<Flicker>,
+        [columns, rows]: [usize; 2],
+    ) -> Self {
+        let seconds = |ns: u64| (ns as f64 * 1e-9) as f32;
+        // Forced in where nothing flickers, it swings by nothing.
+        let swing = |start_ns: u64| {
+            plan.has(Term::Flicker).then(|| {
+                let swing = flicker.map_or(0.0, |f| f.swing(start_ns, shot.exposure_ns));
+                swing as f32 * seconds(shot.exposure_ns)
+            })
+        };
+        let power = |place: usize| {
+            let (slide, light) = match place {
+                0 => (&shot.slide, shot.light),
+                _ => (&shot.then[place - 1].slide, shot.then[place - 1].light),
+            };
+            if slide.is_some() { light as f32 } else { 0.0 }
+        };
+        let mut schedule = Self {
+            tables,
+            width: columns,
+            lines: Vec::new(),
+            parts: Vec::new(),
+        };
+        if !plan.has(Term::RollingShutter) {
+            schedule.width = columns * rows;
+            schedule.parts.push(Part {
+                table: 0,
+                exposure: [seconds(shot.exposure_ns), power(0)],
+            });
+            schedule.lines.push(Line {
+                parts: 0..1,
+                swing: swing(shot.start_ns),
+            });
+            return schedule;
+        }
+        for row in 0..rows {
+            let start_ns = shot.row_start_ns(row as u32);
+            let first = schedule.parts.len();
+            schedule
+                .parts
+                .extend(shot.seen(start_ns).map(|(table, ns)| Part {
+                    table,
+                    exposure: [seconds(ns), power(table)],
+                }));
+            schedule.lines.push(Line {
+                parts: first..schedule.parts.len(),
+                swing: swing(start_ns),
+            });
+        }
+        schedule
+    }
+
+    /// Mean electrons of the pixels from `first` on.
+    pub(super) fn run(&self, map: &GeometryBuffer, first: usize, electrons: &mut [f32]) {
+        let end = first + electrons.len();
+        let mut from = first;
+        while from < end {
+            let line = from / self.width;
+            let to = end.min((line + 1) * self.width);
+            let here = &mut electrons[from - first..to - first];
+            self.line(map, &self.lines[line], from, here);
+            from = to;
+        }
+        self.mixed(map, first, electrons);
+    }
+
+    fn line(&self, map: &GeometryBuffer, line: &Line, first: usize, electrons: &mut [f32]) {
+        if let [part] = &self.parts[line.parts.clone()] {
+            let table = &self.tables[part.table];
+            light::run(map, table, part.exposure, line.swing, first, electrons);
+            return;
+        }
+        electrons.fill(0.0);
+        let mut share = vec![0.0; electrons.len()];
+        for part in &self.parts[line.parts.clone()] {
+            let table = &self.tables[part.table];
+            light::run(map, table, part.exposure, None, first, &mut share);
+            for (e, share) in electrons.iter_mut().zip(&share) {
+                *e += share;
+            }
+        }
+        if let Some(swing) = line.swing {
+            light::add_flicker(map, swing, first, electrons);
+        }
+    }
+
+    /// The same of the mixed pixels among them.
+    fn mixed(&self, map: &GeometryBuffer, first: usize, electrons: &mut [f32]) {
+        let end = first + electrons.len();
+        let from = map.mixed.partition_point(|m| (m.pixel as usize) < first);
+        let mut former = None;
+        for (i, mixed) in map.mixed.iter().enumerate().skip(from) {
+            let pixel = mixed.pixel as usize;
+            if pixel >= end {
+                break;
+            }
+            let here = &mut electrons[pixel - first];
+            if former != Some(pixel) {
+                *here = 0.0;
+            }
+            let line = &self.lines[pixel / self.width];
+            let parts = &self.parts[line.parts.clone()];
+            let steady = parts
+                .iter()
+                .map(|part| light::mixed(map, i, &self.tables[part.table], part.exposure))
+                .sum();
+            *here += light::with_flicker(steady, line.swing, mixed.flickering);
+            former = Some(pixel);
+        }
+    }
+}
