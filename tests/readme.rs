@@ -124,6 +124,7 @@ fn what_cameras_and_projectors_do_is_in_the_plan() {
         "lights",
         "footprint-x",
         "footprint-y",
+        "motion",
         "flicker",
     ];
     assert_eq!(out, wanted);

@@ -168,7 +168,10 @@ impl Setup {
 
     fn with_samples(profile: &Profile, scene: &str, samples: u32) -> Self {
         let scene = Scene::load(scene).expect("built in");
-        let options = RenderOptions { samples };
+        let options = RenderOptions {
+            samples,
+            ..RenderOptions::default()
+        };
         let mut renderer = Renderer::with_options(profile, &scene, 1, options).expect("built in");
         let slide = |frame: &phasma::pattern::ManifestFrame| {
             let none = |_: &std::path::Path| unreachable!("no images");

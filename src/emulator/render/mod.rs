@@ -10,6 +10,7 @@
 //! slow f64 path that the tests hold them against.
 
 mod aperture;
+mod body;
 mod buffer;
 mod geometry;
 mod glare;
@@ -18,6 +19,7 @@ mod light;
 mod look;
 mod mixed;
 mod options;
+mod path;
 mod plan;
 pub mod reference;
 mod renderer;
@@ -27,6 +29,7 @@ mod sensor;
 mod shade;
 mod shape;
 mod term;
+mod tree;
 mod triangle;
 mod world;
 

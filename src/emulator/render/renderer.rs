@@ -1,14 +1,17 @@
 //! One camera before one scene: runs the passes that a shot needs.
 
+mod time;
+
 use super::aperture::Aperture;
 use super::buffer::GeometryBuffer;
 use super::geometry::{self, Rays};
 use super::light::{self, Table};
+use super::path::State;
 use super::schedule::Schedule;
 use super::sensor::{FixedPattern, Sensor, bloom};
 use super::shade::Optics;
 use super::term::Needs;
-use super::world::World;
+use super::world::{Surface, World};
 use super::{Decision, Options, Plan, Term, glare};
 use crate::emulator::{Shot, Slide, Truth, truth};
 use crate::error::Result;
@@ -19,6 +22,7 @@ use crate::protocol::Frame;
 use glam::DVec2;
 use rayon::prelude::*;
 use std::sync::Arc;
+use time::Light;
 
 /// Pixels that go through exposure and sensor together: they stay in the first-level cache, and
 /// are whole blocks of random numbers.
@@ -29,6 +33,8 @@ pub struct Renderer {
     profile: Profile,
     world: World,
     optics: Optics,
+    /// Where the world is; `None` at power-on.
+    state: Option<State>,
     plan: Plan,
     options: Options,
     seed: u64,
@@ -81,6 +87,7 @@ impl Renderer {
             profile: profile.clone(),
             world,
             optics,
+            state: None,
             plan,
             options,
             seed,
@@ -131,7 +138,8 @@ impl Renderer {
         }
     }
 
-    /// Runs the geometry pass if its result is not at hand; tells whether it ran.
+    /// Runs the geometry pass if its result is not at hand, for a scene that moves at the instant
+    /// that was looked at last; tells whether it ran.
     pub fn prepare(&mut self) -> bool {
         if self.geometry_done {
             return false;
@@ -162,13 +170,13 @@ impl Renderer {
     /// The frame of one exposure. The same seed, noise id and settings give the same bytes on any
     /// number of threads.
     pub fn expose(&mut self, shot: &Shot) -> Frame {
-        let schedule = self.schedule(shot);
+        let light = self.light(shot);
         let sensor = self.sensor(shot);
         let camera = &self.profile.camera;
         let bytes = camera.sensor.native_format().bytes_per_pixel();
         let mut data = vec![0; self.buffer.x.len() * bytes];
         self.pixels(
-            &schedule,
+            light,
             &sensor,
             |first, electrons, out| sensor.read(first, electrons, out),
             &mut data,
@@ -188,11 +196,15 @@ impl Renderer {
 
     /// Noise-free signal in digital numbers, before rounding: what the sensor would mean to say.
     pub fn expected_dn(&mut self, shot: &Shot) -> Vec<f32> {
-        let schedule = self.schedule(shot);
+        let light = self.light(shot);
+        self.expected(shot, light)
+    }
+
+    fn expected(&self, shot: &Shot, light: Light) -> Vec<f32> {
         let sensor = self.sensor(shot);
         let mut out = vec![0.0f32; self.buffer.x.len()];
         self.pixels(
-            &schedule,
+            light,
             &sensor,
             |first, electrons, out| sensor.expect(first, electrons, out),
             &mut out,
@@ -232,11 +244,11 @@ impl Renderer {
 
     /// Exposes and gathers the electrons of chunks of pixels in parallel and reads each out, into
     /// the `per_pixel` elements of `out` that belong to each pixel. A term that carries light or
-    /// charge from pixel to pixel needs the whole frame between its stages; without one, a chunk
-    /// goes through all of them while it is in the cache.
+    /// charge from pixel to pixel needs the whole frame between its stages, and light summed over
+    /// instants is one; without either, a chunk goes through all of them while it is in the cache.
     fn pixels<T: Send>(
         &self,
-        schedule: &Schedule,
+        light: Light,
         sensor: &Sensor<'_>,
         read: impl Fn(usize, &mut [f32], &mut [T]) + Sync,
         out: &mut [T],
@@ -246,13 +258,21 @@ impl Renderer {
             sensor.gather(first, electrons);
             read(first, electrons, out);
         };
-        if !self.plan.has(Term::Glare) && !self.plan.has(Term::Blooming) {
-            self.electrons(schedule, gather, out, per_pixel);
-            return;
-        }
-        let mut frame = vec![0.0; self.buffer.x.len()];
-        let keep = |_, electrons: &mut [f32], out: &mut [f32]| out.copy_from_slice(electrons);
-        self.electrons(schedule, keep, &mut frame, 1);
+        let fused = !self.plan.has(Term::Glare) && !self.plan.has(Term::Blooming);
+        let mut frame = match light {
+            Light::Scheduled(schedule) if fused => {
+                self.electrons(&schedule, gather, out, per_pixel);
+                return;
+            }
+            Light::Scheduled(schedule) => {
+                let mut frame = vec![0.0; self.buffer.x.len()];
+                let keep =
+                    |_, electrons: &mut [f32], out: &mut [f32]| out.copy_from_slice(electrons);
+                self.electrons(&schedule, keep, &mut frame, 1);
+                frame
+            }
+            Light::Summed(frame) => frame,
+        };
         let camera = &self.profile.camera;
         if self.plan.has(Term::Glare)
             && let Some(glare) = &camera.glare
@@ -319,14 +339,26 @@ impl Renderer {
     }
 
     /// The truth behind the frames of a sequence: geometry, and the mean and modulation that its
-    /// finest fringes have before noise and rounding.
+    /// finest fringes have before noise and rounding. Of a scene that moves it is the truth half way
+    /// from the start of the first exposure to the end of the last one.
     pub fn truth(&mut self, sequence: &[(Pattern, Shot)]) -> Truth {
+        let middle = time::middle_ns(sequence.iter().map(|(_, shot)| shot));
+        self.truth_at(sequence, middle)
+    }
+
+    /// The same at a device time in nanoseconds: the fringes are those of a scene that stands still
+    /// as it is then.
+    pub fn truth_at(&mut self, sequence: &[(Pattern, Shot)], time_ns: u64) -> Truth {
         self.expect_slides(sequence.iter().filter_map(|(_, s)| s.slide.as_deref()));
+        self.go_to_time(time_ns);
         self.prepare();
         let fringes = finest_fringes(sequence);
         let signals: Vec<_> = fringes
             .iter()
-            .map(|(_, shot)| self.expected_dn(shot))
+            .map(|(_, shot)| {
+                let light = Light::Scheduled(self.schedule(shot));
+                self.expected(shot, light)
+            })
             .collect();
         let phases: Vec<_> = fringes.iter().map(|(phase, _)| *phase).collect();
         let flags = self.flags(sequence);
@@ -348,6 +380,13 @@ impl Renderer {
     fn flags(&self, sequence: &[(Pattern, Shot)]) -> Vec<u8> {
         let map = &self.buffer;
         let mut flags = map.flags.clone();
+        if self.plan.has(Term::Motion) {
+            for (flags, &surface) in flags.iter_mut().zip(&map.surface) {
+                if *flags & Truth::SEEN != 0 && self.world.moving(Surface(surface)) {
+                    *flags |= Truth::MOVING;
+                }
+            }
+        }
         let Some((axis, period)) = finest_fringe(sequence.iter().map(|(pattern, _)| pattern))
         else {
             return flags;

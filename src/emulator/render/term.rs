@@ -51,6 +51,8 @@ pub enum Term {
     ProjectorResponse,
     /// The projector's black is not dark.
     ContrastRatio,
+    /// Objects move: an exposure is the mean over instants.
+    Motion,
     /// Mains flicker of ambient light and lamps.
     Flicker,
     /// Rows start one after the other: each has its own place in the mains' period and in the
@@ -86,7 +88,7 @@ pub(super) struct Needs<'a> {
 
 impl Term {
     /// All terms in the order of the passes.
-    pub const ALL: [Self; 22] = [
+    pub const ALL: [Self; 23] = [
         Self::CameraDistortion,
         Self::ProjectorDistortion,
         Self::CameraVignetting,
@@ -101,6 +103,7 @@ impl Term {
         Self::FootprintY,
         Self::ProjectorResponse,
         Self::ContrastRatio,
+        Self::Motion,
         Self::Flicker,
         Self::RollingShutter,
         Self::Glare,
@@ -128,6 +131,7 @@ impl Term {
             | Self::FootprintY => Pass::Geometry,
             Self::ProjectorResponse
             | Self::ContrastRatio
+            | Self::Motion
             | Self::Flicker
             | Self::RollingShutter
             | Self::Glare => Pass::Exposure,
@@ -219,6 +223,11 @@ impl Needs<'_> {
                 self.profile.projector.contrast_ratio.is_some(),
                 "projector.contrast_ratio is set",
                 "projector.contrast_ratio is absent: black is dark",
+            ),
+            Term::Motion => choose(
+                self.world.moves(),
+                "some object moves or deforms",
+                "no object moves",
             ),
             Term::Flicker => choose(
                 self.optics.flicker.is_some(),

@@ -12,6 +12,7 @@
 mod bvh;
 mod packet;
 mod parallel;
+mod refit;
 #[cfg(test)]
 mod tests;
 mod traverse;
