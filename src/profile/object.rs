@@ -1,6 +1,7 @@
 //! The objects of a scene: shapes, places, surfaces.
 
 use super::check::Check;
+use super::skin::{self, Skin};
 use super::surface::{self, Specular};
 use crate::error::Result;
 use crate::geometry::{Pose, shapes};
@@ -23,8 +24,13 @@ pub struct Object {
     /// Factor on its size, before rotation and position.
     #[serde(default = "one")]
     pub scale: f64,
-    /// Diffuse reflectance of its Lambertian surface, 0 to 1.
+    /// Diffuse reflectance of its Lambertian surface, 0 to 1; of skin a factor on the reflectance
+    /// that follows from its coefficients.
     pub albedo: f64,
+    /// Light travels under the surface: fringes lose contrast and oblique light emerges shifted. A
+    /// surface that reflects where it is hit when absent.
+    #[serde(default)]
+    pub skin: Option<Skin>,
     /// Whether the albedo varies with the colours of the mesh's vertices: it is multiplied by
     /// their reflectance, interpolated, which is the luminance of sRGB at any wavelength.
     #[serde(default)]
@@ -170,6 +176,9 @@ pub(super) fn check(o: &Object, at: &str, check: &Check<'_>) -> Result<()> {
     }
     if let Some(specular) = &o.specular {
         surface::check(specular, &field("specular"), check)?;
+    }
+    if let Some(skin) = &o.skin {
+        skin::check(skin, &field("skin"), check)?;
     }
     let size = 1e-6..=1e9;
     let shape = |name: &str| format!("{at}.shape.{name}");

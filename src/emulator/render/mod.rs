@@ -25,6 +25,7 @@ mod sampled;
 mod sensor;
 mod shade;
 mod shape;
+pub mod skin;
 mod term;
 mod triangle;
 mod world;

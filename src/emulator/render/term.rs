@@ -43,6 +43,8 @@ pub enum Term {
     Specular,
     /// Lamps beside the projector.
     Lights,
+    /// Light travels under skin: fringes lose contrast, oblique light emerges shifted.
+    Subsurface,
     /// Footprints along x, over which slides that vary along x are averaged.
     FootprintX,
     /// Footprints along y.
@@ -83,7 +85,7 @@ pub(super) struct Needs<'a> {
 
 impl Term {
     /// All terms in the order of the passes.
-    pub const ALL: [Self; 21] = [
+    pub const ALL: [Self; 22] = [
         Self::CameraDistortion,
         Self::ProjectorDistortion,
         Self::CameraVignetting,
@@ -94,6 +96,7 @@ impl Term {
         Self::AlbedoMaps,
         Self::Specular,
         Self::Lights,
+        Self::Subsurface,
         Self::FootprintX,
         Self::FootprintY,
         Self::ProjectorResponse,
@@ -120,6 +123,7 @@ impl Term {
             | Self::AlbedoMaps
             | Self::Specular
             | Self::Lights
+            | Self::Subsurface
             | Self::FootprintX
             | Self::FootprintY => Pass::Geometry,
             Self::ProjectorResponse | Self::ContrastRatio | Self::Flicker | Self::Glare => {
@@ -201,6 +205,11 @@ impl Needs<'_> {
                 !self.optics.lamps.is_empty(),
                 "the scene has lamps",
                 "the scene has no [[light]]",
+            ),
+            Term::Subsurface => choose(
+                self.optics.skins.any(),
+                "some object is skin",
+                "no object is skin",
             ),
             Term::FootprintX => (false, "no slide varies along x"),
             Term::FootprintY => (false, "no slide varies along y"),

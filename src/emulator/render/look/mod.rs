@@ -9,6 +9,7 @@ mod texture;
 
 use super::geometry::Bundle;
 use super::shade::{Optics, Shaded};
+use super::skin::Skins;
 use super::world::{Hits, Surface, World};
 use super::{Plan, Term, lamps};
 use crate::error::{Error, Result};
@@ -77,6 +78,13 @@ impl Looks {
         Ok(Self {
             of: of.collect::<Result<_>>()?,
         })
+    }
+
+    /// Takes what the objects' skins reflect, on which their albedos are factors.
+    pub(super) fn take_skins(&mut self, skins: &Skins) {
+        for (i, look) in self.of.iter_mut().enumerate() {
+            look.albedo *= skins.reflectance(i).unwrap_or(1.0);
+        }
     }
 
     /// Takes what an object's mesh, placed in the world, has to say; `range` is its triangles'.
