@@ -1,8 +1,10 @@
 //! What the geometry pass leaves for the passes after it: one value a pixel and quantity.
 
 use super::light::{Blurred, Kernels};
+use super::skin::{Samples, SkinMaps};
 use super::world::Surface;
 use super::{Plan, Term};
+use crate::pattern::Axis;
 
 /// Maps over the camera's pixels, row by row, and the samples of mixed pixels.
 #[derive(Debug, Clone, Default)]
@@ -33,8 +35,11 @@ pub(super) struct GeometryBuffer {
     /// Standard deviation of the projector's blur in slide pixels; empty without defocus.
     pub(super) blur: Vec<f32>,
     /// Weights of the slide's columns (x) and rows (y) under blur: of each pixel, then of the
-    /// sixteen samples of each mixed one; `None` without defocus, or without slides that vary so.
+    /// sixteen samples of each mixed one; `None` without defocus and skin, or without slides that
+    /// vary so.
     pub(super) kernels: [Option<Kernels>; 2],
+    /// Where light comes from and how far it spreads under skin; `None` without.
+    pub(super) skin: Option<SkinMaps>,
     /// `Truth::SEEN` and so on.
     pub(super) flags: Vec<u8>,
     /// Pixels whose footprint meets more than one surface, in order, and their samples.
@@ -59,6 +64,8 @@ pub(super) struct Mixed {
     pub(super) flickering: f32,
     /// Blur of each sample as in the maps; 0 without defocus.
     pub(super) blur: [f32; 16],
+    /// How light spreads under each sample; `None` where none is skin.
+    pub(super) skin: Option<Box<Samples>>,
 }
 
 impl Mixed {
@@ -74,6 +81,7 @@ impl Mixed {
             ambient: 0.0,
             flickering: 0.0,
             blur: [0.0; 16],
+            skin: None,
         }
     }
 }
@@ -125,6 +133,7 @@ impl GeometryBuffer {
             0.0,
         );
         self.kernels = [None, None];
+        self.skin = None;
         self.flags.resize(n, 0);
         self.mixed.clear();
     }
@@ -168,15 +177,25 @@ impl GeometryBuffer {
 }
 
 impl GeometryBuffer {
+    /// The coordinate along an axis of the slide that each pixel's light comes from.
+    pub(super) fn lit_from(&self, axis: Axis) -> &[f32] {
+        match (&self.skin, axis) {
+            (Some(skin), Axis::X) => &skin.from[0],
+            (Some(skin), Axis::Y) => &skin.from[1],
+            (None, Axis::X) => &self.x,
+            (None, Axis::Y) => &self.y,
+        }
+    }
+
     /// Works out the kernels that the plan asks for, on a slide of `size` columns and rows.
     pub(super) fn blur_footprints(&mut self, size: [usize; 2], plan: &Plan) {
-        if !plan.has(Term::ProjectorDefocus) {
+        if !plan.has(Term::ProjectorDefocus) && !plan.has(Term::Subsurface) {
             return;
         }
         let n = self.x.len();
         let axes = [
-            (Term::FootprintX, &self.x, &self.x_slope),
-            (Term::FootprintY, &self.y, &self.y_slope),
+            (Term::FootprintX, self.lit_from(Axis::X), &self.x_slope),
+            (Term::FootprintY, self.lit_from(Axis::Y), &self.y_slope),
         ];
         let of_mixed = |axis: usize, i: usize| {
             let (mixed, k) = (&self.mixed[i / 16], i % 16);
@@ -186,7 +205,14 @@ impl GeometryBuffer {
             };
             let lit = mixed.projected[k] > 0.0;
             let sigma = if lit { mixed.blur[k] } else { 0.0 };
-            Blurred { x, slope, sigma }
+            let samples = mixed.skin.as_ref().filter(|_| lit);
+            let skin = self.skin.as_ref().zip(samples);
+            Blurred {
+                x,
+                slope,
+                sigma,
+                spread: skin.and_then(|(skin, samples)| skin.sample(samples, k, axis)),
+            }
         };
         let kernels = std::array::from_fn(|axis| {
             let (term, x, slope) = axes[axis];
@@ -196,10 +222,13 @@ impl GeometryBuffer {
                         return of_mixed(axis, i - n);
                     }
                     let lit = self.projected[i] > 0.0;
+                    let sigma = self.blur.get(i).filter(|_| lit);
+                    let skin = self.skin.as_ref();
                     Blurred {
                         x: x[i],
                         slope: slope[i],
-                        sigma: if lit { self.blur[i] } else { 0.0 },
+                        sigma: sigma.copied().unwrap_or(0.0),
+                        spread: skin.and_then(|skin| skin.spread(i, axis)),
                     }
                 })
             })

@@ -5,6 +5,7 @@ use super::aperture::Aperture;
 use super::buffer::{Band, GeometryBuffer};
 use super::sampled::Sampler;
 use super::shade::{Optics, Shaded};
+use super::skin::SkinMaps;
 use super::world::{Hits, Surface, World};
 use super::{Options, Plan, Term, look, mixed};
 use crate::emulator::Truth;
@@ -89,6 +90,9 @@ pub(super) fn run(
     }
     if plan.has(Term::DepthOfField) {
         aperture.widen(buffer);
+    }
+    if plan.has(Term::Subsurface) {
+        buffer.skin = Some(SkinMaps::new(buffer, rays, optics, world));
     }
     let slide = &optics.projector.lens;
     let size = [slide.width_px as usize, slide.height_px as usize];

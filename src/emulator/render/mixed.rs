@@ -9,7 +9,7 @@ use super::buffer::{GeometryBuffer, Mixed};
 use super::geometry::{Bundle, Cast, Rays, TILE, cast};
 use super::shade::Optics;
 use super::world::{Surface, World};
-use super::{Plan, Term};
+use super::{Plan, Term, skin};
 use crate::emulator::Truth;
 use crate::geometry::raycast::{LANES, Scratch};
 use glam::{DVec2, DVec3, Vec3};
@@ -192,7 +192,13 @@ fn sample(
     });
     edge.then(|| {
         let pixel = (row * edges.rays.width + column) as u32;
-        gather(optics, &cast, pixel)
+        let mut mixed = gather(optics, &cast, pixel);
+        if plan.has(Term::Subsurface) {
+            for lane in (0..LANES).filter(|&lane| cast.lit[lane]) {
+                skin::into_sample(edges.world, optics, &cast, lane, (&mut mixed, lane));
+            }
+        }
+        mixed
     })
 }
 

@@ -28,6 +28,7 @@ mod schedule;
 mod sensor;
 mod shade;
 mod shape;
+pub mod skin;
 mod term;
 mod tree;
 mod triangle;

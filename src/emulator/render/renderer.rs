@@ -72,8 +72,8 @@ impl Renderer {
         options: Options,
     ) -> Result<Self> {
         let options = options.checked()?;
-        let world = World::new(scene)?;
         let optics = Optics::new(profile, scene);
+        let world = World::new(scene, &optics.skins)?;
         let plan = Plan::new(&Needs {
             profile,
             optics: &optics,
@@ -398,9 +398,11 @@ impl Renderer {
         let lit = |flags: u8| flags & Truth::LIT != 0;
         for (i, flags) in flags.iter_mut().enumerate().filter(|(_, f)| lit(**f)) {
             let blur = map.blur.get(i).copied().unwrap_or(0.0);
+            let skin = map.skin.as_ref();
+            let under = skin.map_or(1.0, |skin| skin.contrast(i, axis as usize, period));
             let resolved = slope
                 .get(i)
-                .is_none_or(|slope| light::is_resolved(*slope, blur, period));
+                .is_none_or(|slope| light::is_resolved(*slope, blur, under, period));
             if !resolved {
                 *flags |= Truth::UNRESOLVED;
             }

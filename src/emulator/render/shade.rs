@@ -3,6 +3,7 @@
 
 use super::lamps::Lamp;
 use super::light::{Defocus, Falloff, Flicker};
+use super::skin::Skins;
 use super::world::{Hits, World};
 use super::{Plan, Term};
 use crate::geometry::raycast::LANES;
@@ -31,6 +32,8 @@ pub(super) struct Optics {
     seen: Falloff,
     shown: Falloff,
     defocus: Defocus,
+    /// What objects are skin, and how light spreads in it.
+    pub(super) skins: Skins,
     /// Amplitude of the ambient light's flicker relative to its mean.
     pub(super) ambient_depth: f64,
     pub(super) lamps: Vec<Lamp>,
@@ -81,6 +84,7 @@ impl Optics {
             seen: Falloff::of_camera(camera),
             shown: Falloff::of_projector(&profile.projector),
             defocus: Defocus::new(&profile.projector),
+            skins: Skins::new(profile, scene),
             ambient_depth: scene.ambient.flicker.map_or(0.0, |f| f.depth),
             lamps: Lamp::all(scene),
             flicker: mains.as_ref().map(Flicker::new),

@@ -43,6 +43,8 @@ pub enum Term {
     Specular,
     /// Lamps beside the projector.
     Lights,
+    /// Light travels under skin: fringes lose contrast, oblique light emerges shifted.
+    Subsurface,
     /// Footprints along x, over which slides that vary along x are averaged.
     FootprintX,
     /// Footprints along y.
@@ -88,7 +90,7 @@ pub(super) struct Needs<'a> {
 
 impl Term {
     /// All terms in the order of the passes.
-    pub const ALL: [Self; 23] = [
+    pub const ALL: [Self; 24] = [
         Self::CameraDistortion,
         Self::ProjectorDistortion,
         Self::CameraVignetting,
@@ -99,6 +101,7 @@ impl Term {
         Self::AlbedoMaps,
         Self::Specular,
         Self::Lights,
+        Self::Subsurface,
         Self::FootprintX,
         Self::FootprintY,
         Self::ProjectorResponse,
@@ -127,6 +130,7 @@ impl Term {
             | Self::AlbedoMaps
             | Self::Specular
             | Self::Lights
+            | Self::Subsurface
             | Self::FootprintX
             | Self::FootprintY => Pass::Geometry,
             Self::ProjectorResponse
@@ -211,6 +215,11 @@ impl Needs<'_> {
                 !self.optics.lamps.is_empty(),
                 "the scene has lamps",
                 "the scene has no [[light]]",
+            ),
+            Term::Subsurface => choose(
+                self.optics.skins.any(),
+                "some object is skin",
+                "no object is skin",
             ),
             Term::FootprintX => (false, "no slide varies along x"),
             Term::FootprintY => (false, "no slide varies along y"),

@@ -6,6 +6,7 @@ use super::look::{Looks, Smoother, Spot};
 use super::path::{self, Part, Path, State};
 use super::shade::Wide;
 use super::shape::{mesh, solid};
+use super::skin::Skins;
 use super::tree::{Here, Points, Tree};
 use crate::error::{Error, Result};
 use crate::geometry::raycast::{Bvh, LANES, Scratch};
@@ -227,13 +228,13 @@ impl Builder<'_> {
 
 impl World {
     /// The scene at power-on.
-    pub(super) fn new(scene: &Scene) -> Result<Self> {
+    pub(super) fn new(scene: &Scene, skins: &Skins) -> Result<Self> {
         let mut builder = Builder {
             scene,
             fixed: Fixed::default(),
             solids: Vec::new(),
             bodies: Vec::new(),
-            looks: Looks::new(scene)?,
+            looks: Looks::new(scene, skins)?,
         };
         let objects = || scene.object.iter().zip(0u16..);
         for (object, index) in objects() {

@@ -1,12 +1,15 @@
 //! The exposure pass: the projector's light at each pixel.
 //!
 //! `exposure` runs it. `levels` is what a slide's levels are as light; `row_table` and
-//! `picture_table` average slides over footprints, `kernel` under `defocus` too. `flicker` is what an
+//! `picture_table` average slides over footprints, `kernel` under `defocus` and the spread of light under skin too (`blend`), as
+//! `diffused` does with pictures. `flicker` is what an
 //! exposure sees of the mains. `vignetting` has
 //! its part in the geometry pass.
 
 mod bell;
+mod blend;
 mod defocus;
+mod diffused;
 mod exposure;
 mod flicker;
 mod kernel;
@@ -17,6 +20,7 @@ mod row_table;
 mod soft;
 mod vignetting;
 
+pub(super) use blend::Spread;
 pub(super) use defocus::Defocus;
 pub(super) use exposure::{Table, mixed, run};
 pub(super) use flicker::{Flicker, add as add_flicker, with as with_flicker};

@@ -10,6 +10,7 @@ mod texture;
 
 use super::geometry::Bundle;
 use super::shade::{Optics, Shaded};
+use super::skin::Skins;
 use super::world::{Hits, Surface, World};
 use super::{Plan, Term, lamps};
 use crate::error::{Error, Result};
@@ -54,7 +55,7 @@ struct Made {
 impl Looks {
     /// # Errors
     /// Textures that cannot be read.
-    pub(super) fn new(scene: &Scene) -> Result<Self> {
+    pub(super) fn new(scene: &Scene, skins: &Skins) -> Result<Self> {
         let mut made = Made::default();
         let look = |(i, object): (usize, &Object)| {
             let map = match &object.texture {
@@ -66,7 +67,8 @@ impl Looks {
                 }
             };
             Ok(Look {
-                albedo: object.albedo,
+                // A factor on what skin reflects.
+                albedo: object.albedo * skins.reflectance(i).unwrap_or(1.0),
                 specular: object.specular.map(|specular| made.material(specular)),
                 wants_colours: object.vertex_colours,
                 map,
