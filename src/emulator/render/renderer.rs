@@ -292,6 +292,10 @@ impl Renderer {
             flicker.map_or(0.0, |f| f.swing(shot.start_ns, shot.exposure_ns)) as f32 * seconds
         });
         let map = &self.buffer;
+        let indirect = self
+            .plan
+            .has(Term::Interreflection)
+            .then(|| light::Indirect::new(&map.bounce, table));
         out.par_chunks_mut(CHUNK * per_pixel)
             .enumerate()
             .for_each_init(
@@ -313,6 +317,9 @@ impl Renderer {
                         }
                         *here += light::mixed(map, i, table, [seconds, power], swing);
                         former = Some(pixel.pixel);
+                    }
+                    if let Some(indirect) = &indirect {
+                        indirect.add(first, seconds * power, electrons);
                     }
                     then(first, electrons, out);
                 },

@@ -43,6 +43,8 @@ pub enum Term {
     Specular,
     /// Lamps beside the projector.
     Lights,
+    /// Light that surfaces throw on each other: one diffuse bounce.
+    Interreflection,
     /// Footprints along x, over which slides that vary along x are averaged.
     FootprintX,
     /// Footprints along y.
@@ -83,7 +85,7 @@ pub(super) struct Needs<'a> {
 
 impl Term {
     /// All terms in the order of the passes.
-    pub const ALL: [Self; 21] = [
+    pub const ALL: [Self; 22] = [
         Self::CameraDistortion,
         Self::ProjectorDistortion,
         Self::CameraVignetting,
@@ -94,6 +96,7 @@ impl Term {
         Self::AlbedoMaps,
         Self::Specular,
         Self::Lights,
+        Self::Interreflection,
         Self::FootprintX,
         Self::FootprintY,
         Self::ProjectorResponse,
@@ -120,6 +123,7 @@ impl Term {
             | Self::AlbedoMaps
             | Self::Specular
             | Self::Lights
+            | Self::Interreflection
             | Self::FootprintX
             | Self::FootprintY => Pass::Geometry,
             Self::ProjectorResponse | Self::ContrastRatio | Self::Flicker | Self::Glare => {
@@ -202,6 +206,14 @@ impl Needs<'_> {
                 "the scene has lamps",
                 "the scene has no [[light]]",
             ),
+            Term::Interreflection => match self.optics.interreflection {
+                None => (false, "the scene has no [interreflection]"),
+                Some(_) => choose(
+                    self.world.casts_shadows(),
+                    "the scene has [interreflection]",
+                    "one convex solid at most: it sees no other surface",
+                ),
+            },
             Term::FootprintX => (false, "no slide varies along x"),
             Term::FootprintY => (false, "no slide varies along y"),
             Term::ProjectorResponse => choose(

@@ -1,6 +1,8 @@
 //! A scene made ready for rays: closed-form solids, and all meshes in one hierarchy, in the rig's
 //! frame.
 
+mod leaving;
+
 use super::look::Looks;
 use super::shade::Wide;
 use super::shape::{mesh, solid};
