@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 #[serde(deny_unknown_fields)]
 pub struct Interreflection {
     /// Rays that gather the light of a point: a multiple of 16 from 16 to 1024. The bounced light
-    /// is off by some 0.7 / samples^0.75 of what could bounce at most.
+    /// is off by some 0.3 / samples^0.75 of what would bounce if all of the sky were lit surface.
     pub samples: u32,
     /// Light is gathered at every so many columns and rows of the camera, and in between where no
     /// such place is on the same smooth surface.
