@@ -306,6 +306,24 @@ fn impossible_scenes_are_refused_with_line_and_range() {
         ),
         (
             "name = \"sphere\"",
+            "interreflection = { samples = 63 }\nname = \"sphere\"",
+            vec![
+                "interreflection.samples: 63",
+                "multiple of 16 from 16 to 1024",
+            ],
+        ),
+        (
+            "name = \"sphere\"",
+            "interreflection = { samples = 2048 }\nname = \"sphere\"",
+            vec!["interreflection.samples: 2048"],
+        ),
+        (
+            "name = \"sphere\"",
+            "interreflection = { samples = 64, step_px = 0 }\nname = \"sphere\"",
+            vec!["interreflection.step_px: 0", "1 to 64"],
+        ),
+        (
+            "name = \"sphere\"",
             "rig = { rotation_deg = [0.0, 0.0, nan] }\nname = \"sphere\"",
             vec!["rig.rotation_deg", "-360 to 360"],
         ),

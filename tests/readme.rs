@@ -122,6 +122,7 @@ fn what_cameras_and_projectors_do_is_in_the_plan() {
         "albedo-maps",
         "specular",
         "lights",
+        "interreflection",
         "footprint-x",
         "footprint-y",
         "motion",

@@ -6,7 +6,7 @@
 use phasma::decode::{Decoded, Decoder, FrameStack, Options, Samples};
 use phasma::emulator::render::{Options as RenderOptions, Renderer};
 use phasma::emulator::{Shot, Slide};
-use phasma::profile::{Profile, Scene};
+use phasma::profile::{Interreflection, Profile, Scene};
 use std::hint::black_box;
 use std::sync::Arc;
 use std::time::Instant;
@@ -59,6 +59,7 @@ fn main() {
         );
     }
     samples(&bench, &profile, pixels);
+    bounce(&bench, &profile, pixels);
     frames(&bench, &profile, pixels);
     decode(&bench, &profile, pixels);
 }
@@ -104,6 +105,35 @@ fn samples(bench: &Bench, profile: &Profile, pixels: usize) {
         bench.run(&name, 1, pixels, 45 * samples as usize, || {
             setup.renderer.invalidate();
             setup.renderer.prepare();
+        });
+    }
+}
+
+/// What surfaces throw on each other: gathered once, and averaged for each slide.
+fn bounce(bench: &Bench, profile: &Profile, pixels: usize) {
+    for name in ["torso", "trapezoid"] {
+        let mut scene = Scene::load(name).expect("built in");
+        scene.interreflection = Some(Interreflection {
+            samples: 64,
+            step_px: 4,
+        });
+        let mut setup = Setup::of(profile, &scene, 1);
+        bench.run(
+            &format!("geometry, {name}, interreflection"),
+            1,
+            pixels,
+            45,
+            || {
+                setup.renderer.invalidate();
+                setup.renderer.prepare();
+            },
+        );
+        let frames = setup.slides.len();
+        let name = format!("exposure + sensor, {name}, interreflection");
+        bench.run(&name, frames, pixels, 41, || {
+            for i in 0..frames {
+                black_box(setup.renderer.expose(&setup.shot(i as u64, i)));
+            }
         });
     }
 }
@@ -167,12 +197,15 @@ impl Setup {
     }
 
     fn with_samples(profile: &Profile, scene: &str, samples: u32) -> Self {
-        let scene = Scene::load(scene).expect("built in");
+        Self::of(profile, &Scene::load(scene).expect("built in"), samples)
+    }
+
+    fn of(profile: &Profile, scene: &Scene, samples: u32) -> Self {
         let options = RenderOptions {
             samples,
             ..RenderOptions::default()
         };
-        let mut renderer = Renderer::with_options(profile, &scene, 1, options).expect("built in");
+        let mut renderer = Renderer::with_options(profile, scene, 1, options).expect("built in");
         let slide = |frame: &phasma::pattern::ManifestFrame| {
             let none = |_: &std::path::Path| unreachable!("no images");
             Arc::new(Slide::new(&frame.pattern, &profile.projector, &none).expect("has a formula"))

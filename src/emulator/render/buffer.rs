@@ -1,5 +1,6 @@
 //! What the geometry pass leaves for the passes after it: one value a pixel and quantity.
 
+use super::bounce::Bounce;
 use super::light::{Blurred, Kernels};
 use super::skin::{Samples, SkinMaps};
 use super::world::Surface;
@@ -34,6 +35,10 @@ pub(super) struct GeometryBuffer {
     pub(super) normal: Vec<[f32; 3]>,
     /// Standard deviation of the projector's blur in slide pixels; empty without defocus.
     pub(super) blur: Vec<f32>,
+    /// Electrons per second for 1 W/m^2 of light from everywhere; empty without interreflection.
+    pub(super) evenly: Vec<f32>,
+    /// Light that surfaces throw on each other; nothing without interreflection.
+    pub(super) bounce: Bounce,
     /// Weights of the slide's columns (x) and rows (y) under blur: of each pixel, then of the
     /// sixteen samples of each mixed one; `None` without defocus and skin, or without slides that
     /// vary so.
@@ -101,6 +106,7 @@ pub(super) struct Band<'a> {
     pub(super) surface: &'a mut [u32],
     pub(super) normal: &'a mut [[f32; 3]],
     pub(super) blur: &'a mut [f32],
+    pub(super) evenly: &'a mut [f32],
     pub(super) flags: &'a mut [u8],
 }
 
@@ -132,6 +138,9 @@ impl GeometryBuffer {
             },
             0.0,
         );
+        let bounces = plan.has(Term::Interreflection);
+        self.evenly.resize(if bounces { n } else { 0 }, 0.0);
+        self.bounce = Bounce::default();
         self.kernels = [None, None];
         self.skin = None;
         self.flags.resize(n, 0);
@@ -151,6 +160,7 @@ impl GeometryBuffer {
         let mut surface = self.surface.chunks_mut(n);
         let mut normal = self.normal.chunks_mut(n);
         let mut blur = self.blur.chunks_mut(n);
+        let mut evenly = self.evenly.chunks_mut(n);
         let mut flags = self.flags.chunks_mut(n);
         let same = "all maps have one length";
         self.x
@@ -170,6 +180,7 @@ impl GeometryBuffer {
                 surface: surface.next().expect(same),
                 normal: normal.next().expect(same),
                 blur: blur.next().unwrap_or_default(),
+                evenly: evenly.next().unwrap_or_default(),
                 flags: flags.next().expect(same),
             })
             .collect()

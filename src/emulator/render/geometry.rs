@@ -7,7 +7,7 @@ use super::sampled::Sampler;
 use super::shade::{Optics, Shaded};
 use super::skin::SkinMaps;
 use super::world::{Hits, Surface, World};
-use super::{Options, Plan, Term, look, mixed};
+use super::{Options, Plan, Term, bounce, look, mixed};
 use crate::emulator::Truth;
 use crate::geometry::raycast::{LANES, Scratch};
 use glam::{DMat2, DVec2, DVec3};
@@ -93,6 +93,9 @@ pub(super) fn run(
     }
     if plan.has(Term::Subsurface) {
         buffer.skin = Some(SkinMaps::new(buffer, rays, optics, world));
+    }
+    if plan.has(Term::Interreflection) {
+        bounce::run(world, rays, plan, buffer);
     }
     let slide = &optics.projector.lens;
     let size = [slide.width_px as usize, slide.height_px as usize];
@@ -219,6 +222,9 @@ fn write(band: &mut Band<'_>, i: usize, optics: &Optics, cast: &Cast, lane: usiz
         if let Some(kept) = band.lamps.get_mut(i) {
             *kept = 0;
         }
+        if let Some(kept) = band.evenly.get_mut(i) {
+            *kept = 0.0;
+        }
         return;
     }
     let slope = |axis: usize| shaded.footprint[axis].map(|by| by[lane] as f32);
@@ -244,6 +250,9 @@ fn write(band: &mut Band<'_>, i: usize, optics: &Optics, cast: &Cast, lane: usiz
     }
     if let Some(kept) = band.lamps.get_mut(i) {
         *kept = shaded.lamps[lane];
+    }
+    if let Some(kept) = band.evenly.get_mut(i) {
+        *kept = shaded.evenly[lane] as f32;
     }
     band.depth[i] = shaded.point[2][lane] as f32;
     band.normal[i] = hits.normal.map(|axis| axis[lane] as f32);

@@ -228,8 +228,7 @@ impl Renderer {
             .into_iter()
             .map(|slide| self.table(slide.as_ref()))
             .collect();
-        let size = [self.buffer.width, self.buffer.height];
-        Schedule::new(shot, tables, &self.plan, self.optics.flicker, size)
+        Schedule::new(shot, tables, &self.plan, self.optics.flicker, &self.buffer)
     }
 
     fn sensor(&self, shot: &Shot) -> Sensor<'_> {

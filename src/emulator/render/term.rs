@@ -45,6 +45,8 @@ pub enum Term {
     Lights,
     /// Light travels under skin: fringes lose contrast, oblique light emerges shifted.
     Subsurface,
+    /// Light that surfaces throw on each other: one diffuse bounce.
+    Interreflection,
     /// Footprints along x, over which slides that vary along x are averaged.
     FootprintX,
     /// Footprints along y.
@@ -90,7 +92,7 @@ pub(super) struct Needs<'a> {
 
 impl Term {
     /// All terms in the order of the passes.
-    pub const ALL: [Self; 24] = [
+    pub const ALL: [Self; 25] = [
         Self::CameraDistortion,
         Self::ProjectorDistortion,
         Self::CameraVignetting,
@@ -102,6 +104,7 @@ impl Term {
         Self::Specular,
         Self::Lights,
         Self::Subsurface,
+        Self::Interreflection,
         Self::FootprintX,
         Self::FootprintY,
         Self::ProjectorResponse,
@@ -131,6 +134,7 @@ impl Term {
             | Self::Specular
             | Self::Lights
             | Self::Subsurface
+            | Self::Interreflection
             | Self::FootprintX
             | Self::FootprintY => Pass::Geometry,
             Self::ProjectorResponse
@@ -221,6 +225,14 @@ impl Needs<'_> {
                 "some object is skin",
                 "no object is skin",
             ),
+            Term::Interreflection => match self.optics.interreflection {
+                None => (false, "the scene has no [interreflection]"),
+                Some(_) => choose(
+                    self.world.casts_shadows(),
+                    "the scene has [interreflection]",
+                    "one convex solid at most: it sees no other surface",
+                ),
+            },
             Term::FootprintX => (false, "no slide varies along x"),
             Term::FootprintY => (false, "no slide varies along y"),
             Term::ProjectorResponse => choose(

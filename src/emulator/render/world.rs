@@ -1,6 +1,8 @@
 //! A scene made ready for rays at one instant: closed-form solids, all meshes that stand still in
 //! one hierarchy in the rig's frame, and each that moves in one of its own.
 
+mod leaving;
+
 use super::body::{Body, Model};
 use super::look::{Looks, Smoother, Spot};
 use super::path::{self, Part, Path, State};

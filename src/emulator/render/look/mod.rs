@@ -1,6 +1,7 @@
 //! What surfaces look like beyond one albedo an object: done for the lanes that need it, after
 //! [`shade`](super::shade) has lit all of them as white or as Lambertian surfaces.
 
+mod evenly;
 mod ggx;
 mod lay;
 mod map;
@@ -17,6 +18,7 @@ use crate::error::{Error, Result};
 use crate::geometry::Mesh;
 use crate::geometry::raycast::{LANES, Scratch};
 use crate::profile::{Object, Scene, Specular};
+pub(super) use evenly::{Evenly, Patch};
 use ggx::Ggx;
 use glam::{DVec3, Vec3};
 use map::Map;
@@ -241,6 +243,7 @@ impl<'a> Local<'a> {
         let Some(ggx) = self.specular else {
             shaded.projected[lane] *= self.albedo;
             shaded.ambient[lane] *= self.albedo;
+            shaded.evenly[lane] *= self.albedo;
             return;
         };
         // Lit by the cosine at the facet so far.
@@ -252,7 +255,9 @@ impl<'a> Local<'a> {
             0.0
         };
         let cos_view = self.normal.dot(self.view);
-        shaded.ambient[lane] *= ggx.under_even_light(self.albedo, cos_view);
+        let reflected = ggx.under_even_light(self.albedo, cos_view);
+        shaded.ambient[lane] *= reflected;
+        shaded.evenly[lane] *= reflected;
     }
 }
 
