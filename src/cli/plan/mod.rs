@@ -3,6 +3,7 @@
 
 mod measure;
 
+use crate::emulator::render::Options;
 use crate::emulator::{Firmware, Renderer, Shot};
 use crate::error::Result;
 use crate::profile::{Profile, Scene};
@@ -18,6 +19,9 @@ pub struct Args {
     /// What stands before it: a built-in name or a TOML file
     #[arg(long, default_value = "torso")]
     scene: String,
+    /// Rays a pixel, as for `serve`: 1, 4, 16 or 64
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    samples: u32,
     /// Print the plan as JSON
     #[arg(long)]
     json: bool,
@@ -32,6 +36,7 @@ struct Report<'a> {
     frames: usize,
     pixels: usize,
     triangles: usize,
+    samples: u32,
     threads: usize,
     passes: Vec<PassCost>,
     terms: Vec<TermCost>,
@@ -41,7 +46,10 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let profile = Profile::load(&args.profile)?;
     let scene = Scene::load(&args.scene)?;
     let firmware = Firmware::new(&profile, &[])?;
-    let mut renderer = Renderer::new(&profile, &scene, 0)?;
+    let options = Options {
+        samples: args.samples,
+    };
+    let mut renderer = Renderer::with_options(&profile, &scene, 0, options)?;
     let shots: Vec<Shot> = firmware
         .selected_sequence()
         .into_iter()
@@ -57,6 +65,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
         frames: shots.len(),
         pixels,
         triangles: renderer.triangle_count(),
+        samples: args.samples,
         threads: rayon::current_num_threads(),
         passes,
         terms,
@@ -72,13 +81,14 @@ pub(super) fn run(args: &Args) -> Result<()> {
 
 fn table(report: &Report<'_>) {
     println!(
-        "{} looking at {}: {} pixels, {} triangles, {} ({} frames), {} threads",
+        "{} looking at {}: {} pixels, {} triangles, {} ({} frames), {} samples a pixel, {} threads",
         report.profile,
         report.scene,
         report.pixels,
         report.triangles,
         report.sequence,
         report.frames,
+        report.samples,
         report.threads
     );
     println!("\n{:<24}{:>8}  runs", "pass", "ns/px");

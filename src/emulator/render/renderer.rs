@@ -360,7 +360,13 @@ impl Renderer {
             })
             .collect();
         let phases: Vec<_> = fringes.iter().map(|(phase, _)| *phase).collect();
-        let flags = self.flags(sequence);
+        let mut flags = self.flags(sequence);
+        for ((_, shot), signal) in fringes.iter().zip(&signals) {
+            let exposure_s = shot.exposure_ns as f64 * 1e-9;
+            let sensor = &self.profile.camera.sensor;
+            let full = sensor.noise_model(shot.gain_db, exposure_s).saturation_dn;
+            truth::flag_saturated(&mut flags, signal, full);
+        }
         let map = &self.buffer;
         let (mean_dn, modulation_dn) = truth::harmonic(&phases, &signals, map.x.len());
         Truth {
