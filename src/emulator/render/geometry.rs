@@ -6,6 +6,7 @@ use super::buffer::{Band, GeometryBuffer};
 use super::sampled::Sampler;
 use super::shade::{Optics, Shaded};
 use super::world::{Hits, Surface, World};
+use super::worlds::Worlds;
 use super::{Options, Plan, Term, look, mixed};
 use crate::emulator::Truth;
 use crate::geometry::raycast::{LANES, Scratch};
@@ -51,7 +52,7 @@ impl Rays<'_> {
 /// Fills the buffer: first every pixel's centre, then the samples of pixels that their centres do
 /// not stand for, which it flags as creases.
 pub(super) fn run(
-    world: &World,
+    worlds: &Worlds,
     optics: &Optics,
     rays: &Rays<'_>,
     plan: &Plan,
@@ -62,17 +63,19 @@ pub(super) fn run(
     let lens = &optics.camera.lens;
     let (width, height) = (lens.width_px as usize, lens.height_px as usize);
     buffer.resize(width, height, plan);
+    let rows = worlds.rows_together();
     buffer
-        .bands(TILE)
+        .bands(rows)
         .into_par_iter()
         .for_each_init(Scratch::default, |scratch, mut band| {
-            for column in (0..width).step_by(TILE) {
+            let world = &worlds.at(band.first_row);
+            for column in (0..width).step_by(LANES / rows) {
                 tile(world, optics, rays, plan, &mut band, column, scratch);
             }
         });
     let depth_of_field = plan.has(Term::DepthOfField) && aperture.radius_mm > 0.0;
     let sampler = Sampler {
-        world,
+        worlds,
         optics,
         rays,
         plan,
@@ -80,8 +83,8 @@ pub(super) fn run(
         side: options.side(depth_of_field),
     };
     buffer.mixed = match sampler.side {
-        1 => mixed::run(world, optics, rays, plan, buffer, &[]),
-        2 => mixed::run(world, optics, rays, plan, buffer, &sampler.uneven(buffer)),
+        1 => mixed::run(worlds, optics, rays, plan, buffer, &[]),
+        2 => mixed::run(worlds, optics, rays, plan, buffer, &sampler.uneven(buffer)),
         _ => sampler.gather(buffer),
     };
     for mixed in &buffer.mixed {
@@ -106,7 +109,9 @@ fn tile(
 ) {
     let width = rays.width;
     let rows = band.x.len() / width;
-    let place = |lane: usize| (column + lane % TILE, lane / TILE);
+    // A tile of pixels, or a part of a row where rows are not together.
+    let across = if band.rows == TILE { TILE } else { LANES };
+    let place = |lane: usize| (column + lane % across, lane / across);
     let used: [bool; LANES] = std::array::from_fn(|lane| {
         let (u, v) = place(lane);
         u < width && v < rows

@@ -285,6 +285,11 @@ impl World {
         paths.binary_search_by_key(&object, |p| p.object).is_ok()
     }
 
+    /// Triangles of the meshes that deform.
+    pub(super) fn deforming_triangles(&self) -> usize {
+        self.bodies.iter().map(Body::deforming_triangles).sum()
+    }
+
     /// Where everything is at a device time in nanoseconds.
     pub(super) fn state(&self, time_ns: f64) -> State {
         State(
@@ -296,11 +301,21 @@ impl World {
         )
     }
 
-    /// Takes everything there.
+    /// Takes everything there, in the shape that it has there.
     pub(super) fn set(&mut self, state: &State) {
         for (path, placement) in self.fixed.paths.iter().zip(&state.0) {
+            if let (Part::Body(i), Some(blend)) = (path.part, placement.blend) {
+                self.bodies[i].deform(blend);
+            }
+        }
+        self.carry(state);
+    }
+
+    /// Takes everything there in the shape that it has.
+    pub(super) fn carry(&mut self, state: &State) {
+        for (path, placement) in self.fixed.paths.iter().zip(&state.0) {
             match path.part {
-                Part::Body(i) => self.bodies[i].place(placement),
+                Part::Body(i) => self.bodies[i].carry(placement.rig_from_object),
                 Part::Solid(i) => {
                     let Placed { solid, object, .. } = self.solids[i];
                     self.solids[i] = Placed::new(solid, placement.rig_from_object, object);
