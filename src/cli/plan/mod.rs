@@ -3,6 +3,7 @@
 
 mod measure;
 
+use crate::emulator::render::Options;
 use crate::emulator::{Firmware, Renderer, Shot};
 use crate::error::Result;
 use crate::profile::{Profile, Scene};
@@ -18,6 +19,9 @@ pub struct Args {
     /// What stands before it: a built-in name or a TOML file
     #[arg(long, default_value = "torso")]
     scene: String,
+    /// Instants of an exposure at which a scene that moves is looked at, 1 to 256
+    #[arg(long, value_name = "N", default_value_t = 4)]
+    time_samples: u32,
     /// Print the plan as JSON
     #[arg(long)]
     json: bool,
@@ -41,7 +45,11 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let profile = Profile::load(&args.profile)?;
     let scene = Scene::load(&args.scene)?;
     let firmware = Firmware::new(&profile, &[])?;
-    let mut renderer = Renderer::new(&profile, &scene, 0)?;
+    let options = Options {
+        time_samples: args.time_samples,
+        ..Options::default()
+    };
+    let mut renderer = Renderer::with_options(&profile, &scene, 0, options)?;
     let shots: Vec<Shot> = firmware
         .selected_sequence()
         .into_iter()
