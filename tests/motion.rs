@@ -1,20 +1,25 @@
 //! Scenes that move: against closed forms, and against the same scene standing still where it is.
 
-mod photometry;
-
 use glam::{DVec2, DVec3};
 use phasma::emulator::render::{Options, Renderer, Term};
-use phasma::emulator::{Shot, Slide, Truth};
+use phasma::emulator::{Shot, Shutter, Slide, Truth};
 use phasma::geometry::{Mesh, ply, shapes};
 use phasma::pattern::{Axis, Pattern};
 use phasma::profile::{Profile, Scene};
-use photometry::scene;
 use std::f64::consts::{PI, TAU};
 use std::fmt::Write;
 use std::path::Path;
 use std::sync::Arc;
 
 const MS: u64 = 1_000_000;
+
+/// A scene of a few lines; its files are in `folder`.
+fn scene(lines: &str, folder: &Path) -> Scene {
+    let text = format!("name = \"s\"\ndescription = \"\"\n{lines}");
+    let mut scene = Scene::parse(&text, "s").unwrap();
+    scene.folder = folder.to_path_buf();
+    scene
+}
 
 fn bench() -> Profile {
     let mut profile = Profile::load("pmp-bench").unwrap();
@@ -124,7 +129,9 @@ fn a_plane_that_moves_lies_where_its_speed_has_taken_it() {
 
 #[test]
 fn a_fringe_that_moves_keeps_the_contrast_of_its_integral() {
-    let profile = bench();
+    let mut profile = bench();
+    // Coarser levels bend a fringe by more than what is looked for.
+    profile.projector.bits = 12;
     let (period, exposure) = (16.0, 8 * MS);
     // Away from the camera, half a period of the slide's while it exposes.
     let speed = 900.0;
@@ -186,7 +193,7 @@ fn a_fringe_that_moves_keeps_the_contrast_of_its_integral() {
             compared += 1;
         }
         assert!(compared > 1000, "{compared}");
-        assert!(worst < 1.5e-3, "{samples} instants: {worst} over the bar");
+        assert!(worst < 2.5e-3, "{samples} instants: {worst} over the bar");
         let mean = sum / f64::from(compared);
         assert!(
             mean < former / 3.5 || mean < 1e-3,
@@ -194,6 +201,67 @@ fn a_fringe_that_moves_keeps_the_contrast_of_its_integral() {
         );
         former = mean;
     }
+}
+
+#[test]
+fn rows_of_a_rolling_shutter_see_a_plane_at_their_own_time() {
+    let mut profile = bench();
+    profile.camera.line_time_us = 30.0;
+    profile.projector.bits = 12;
+    let (period, z) = (64.0, 1000.0);
+    // Toward the camera at 3 m/s: by 44 mm while the rows start.
+    let speed = -3000.0;
+    let scene = sliding(0.0, [0.0, 0.0, z], [0.0, 0.0, z + speed * 10.0]);
+    let still = sliding(0.0, [0.0, 0.0, z], [0.0, 0.0, z]);
+    let exposure_ns = 100_000;
+    let signals = |scene: &Scene| -> Vec<Vec<f32>> {
+        let mut renderer = instants(&profile, scene, 2);
+        (0..3)
+            .map(|k| {
+                let (_, slide) = fringe(&profile, period, TAU * f64::from(k) / 3.0);
+                let shutter = Shutter {
+                    line_time_ns: 30_000,
+                    first_row: 0,
+                    rows: profile.camera.height_px,
+                };
+                renderer.expected_dn(&Shot {
+                    light: 1.0,
+                    gain_db: 12.0,
+                    shutter,
+                    ..shot(&slide, 0, exposure_ns)
+                })
+            })
+            .collect()
+    };
+    let wrapped = |signals: &[Vec<f32>], i: usize| {
+        let (mut re, mut im) = (0.0, 0.0);
+        for (k, signal) in signals.iter().enumerate() {
+            let (sin, cos) = (TAU * k as f64 / 3.0).sin_cos();
+            re += f64::from(signal[i]) * cos;
+            im -= f64::from(signal[i]) * sin;
+        }
+        (im.atan2(re) / TAU * period, re.hypot(im))
+    };
+    let (moving, still) = (signals(&scene), signals(&still));
+    let width = profile.camera.width_px as usize;
+    let (mut compared, mut worst, mut moved) = (0, 0.0f64, 0.0f64);
+    for i in (0..moving[0].len()).step_by(3) {
+        let row = i / width;
+        let at = |t: f64| column(&profile, ray(&profile, i) * (z + speed * t));
+        let t = row as f64 * 30e-6 + 50e-6;
+        let ((x, strength), (x0, strength0)) = (wrapped(&moving, i), wrapped(&still, i));
+        if strength < 2.0 || strength0 < 2.0 || !(60.0..1860.0).contains(&at(t)) {
+            continue;
+        }
+        // Against the still plane, so that what held pixels do to a phase cancels.
+        let turn = |x: f64| (x / period - (x / period).round()) * period;
+        let error = turn(x - x0 - (at(t) - at(0.0)));
+        worst = worst.max(error.abs());
+        moved = moved.max((at(t) - at(0.0)).abs());
+        compared += 1;
+    }
+    assert!(compared > 5000 && moved > 30.0, "{compared} {moved}");
+    assert!(worst < 0.06, "{worst} px of up to {moved}");
 }
 
 /// A sheet that bulges towards the camera, with colours.

@@ -76,6 +76,9 @@ fn the_manifest_in_the_readme_reads() {
             .len(),
         3
     );
+    let scene = format!("name = \"s\"\ndescription = \"\"\n{}", of("motion = {"));
+    let scene = phasma::profile::Scene::parse(&scene, "README").unwrap();
+    assert!(scene.object[0].motion.is_some() && scene.object[0].deform.is_some());
     let bench = include_str!("../device-profiles/pmp-bench.toml");
     let profile = format!("{bench}\n{}", of("[usb]"));
     let usb = phasma::profile::Profile::parse(&profile, "README")

@@ -2,7 +2,7 @@
 //! machine whose speed wanders is as fast for the one as for the other.
 
 use crate::cli::step;
-use crate::emulator::render::{Decision, Pass};
+use crate::emulator::render::{Decision, Pass, Term};
 use crate::emulator::{Renderer, Shot};
 use serde::Serialize;
 use std::time::Instant;
@@ -42,6 +42,10 @@ pub(super) fn costs(
     let fastest = |ns: &mut dyn FnMut() -> f64| {
         (0..ROUNDS).map(|_| ns()).fold(f64::INFINITY, f64::min) / pixels as f64
     };
+    let decisions = renderer.decisions();
+    // Where a scene moves, each frame has geometry passes of its own: that is what motion costs, and
+    // the other terms are timed without.
+    renderer.force(Term::Motion, false);
     let passes = vec![
         PassCost {
             pass: "geometry",
@@ -54,8 +58,7 @@ pub(super) fn costs(
             ns_per_pixel: fastest(&mut || frames_ns(renderer, shots)),
         },
     ];
-    let terms = renderer
-        .decisions()
+    let terms = decisions
         .into_iter()
         .map(|decision| {
             step(&format!("timing {}", decision.term));
@@ -63,14 +66,16 @@ pub(super) fn costs(
             for _ in 0..ROUNDS {
                 for (included, fastest) in [false, true].into_iter().zip(&mut fastest) {
                     renderer.force(decision.term, included);
-                    let ns = match decision.pass {
-                        Pass::Geometry => geometry_ns(renderer),
-                        Pass::Exposure | Pass::Sensor => frames_ns(renderer, shots),
+                    let ns = match (decision.term, decision.pass) {
+                        (Term::Motion, _) => frames_ns(renderer, &shots[..1]),
+                        (_, Pass::Geometry) => geometry_ns(renderer),
+                        (_, Pass::Exposure | Pass::Sensor) => frames_ns(renderer, shots),
                     };
                     *fastest = ns.min(*fastest);
                 }
             }
-            renderer.force(decision.term, decision.included);
+            let back = decision.included && decision.term != Term::Motion;
+            renderer.force(decision.term, back);
             TermCost {
                 decision,
                 ns_per_pixel: (fastest[1] - fastest[0]) / pixels as f64,

@@ -2,7 +2,7 @@
 //! and its boxes follow where it deforms.
 
 use super::look::{Smoother, Spot};
-use super::path::Placement;
+use super::path::Blend;
 use super::tree::{Elsewhere, Tree};
 use super::world::Surface;
 use crate::geometry::Pose;
@@ -58,15 +58,24 @@ impl Body {
         }
     }
 
-    /// Takes it to where it is at another instant.
-    pub(super) fn place(&mut self, placement: &Placement) {
+    /// Takes it to another place as it is.
+    pub(super) fn carry(&mut self, rig_from_body: Pose) {
         self.frame = Elsewhere {
-            rig_from_tree: placement.rig_from_object,
-            tree_from_rig: placement.rig_from_object.inverse(),
+            rig_from_tree: rig_from_body,
+            tree_from_rig: rig_from_body.inverse(),
         };
-        let Some((keys, weights)) = placement.blend else {
-            return;
-        };
+    }
+
+    /// Triangles of a mesh that deforms.
+    pub(super) fn deforming_triangles(&self) -> usize {
+        match self.model.keys.is_empty() {
+            true => 0,
+            false => self.model.triangles.len(),
+        }
+    }
+
+    /// Gives it another shape.
+    pub(super) fn deform(&mut self, (keys, weights): Blend) {
         let model = &self.model;
         let form = Arc::make_mut(&mut self.form);
         let meshes = keys.map(|key| &model.keys[key]);

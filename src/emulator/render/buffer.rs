@@ -91,9 +91,11 @@ impl Mixed {
     }
 }
 
-/// Four rows of the maps, for one task.
+/// Some rows of the maps, for one task.
 pub(super) struct Band<'a> {
     pub(super) first_row: usize,
+    /// Rows of a band; the last one may have fewer.
+    pub(super) rows: usize,
     pub(super) x: &'a mut [f32],
     pub(super) y: &'a mut [f32],
     pub(super) x_slope: &'a mut [[f32; 2]],
@@ -168,6 +170,7 @@ impl GeometryBuffer {
             .enumerate()
             .map(|(i, x)| Band {
                 first_row: i * rows,
+                rows,
                 x,
                 y: y.next().expect(same),
                 x_slope: xs.next().unwrap_or_default(),

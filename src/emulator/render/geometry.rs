@@ -7,6 +7,7 @@ use super::sampled::Sampler;
 use super::shade::{Optics, Shaded};
 use super::skin::SkinMaps;
 use super::world::{Hits, Surface, World};
+use super::worlds::Worlds;
 use super::{Options, Plan, Term, bounce, look, mixed};
 use crate::emulator::Truth;
 use crate::geometry::raycast::{LANES, Scratch};
@@ -52,7 +53,7 @@ impl Rays<'_> {
 /// Fills the buffer: first every pixel's centre, then the samples of pixels that their centres do
 /// not stand for, which it flags as creases.
 pub(super) fn run(
-    world: &World,
+    worlds: &Worlds,
     optics: &Optics,
     rays: &Rays<'_>,
     plan: &Plan,
@@ -63,17 +64,19 @@ pub(super) fn run(
     let lens = &optics.camera.lens;
     let (width, height) = (lens.width_px as usize, lens.height_px as usize);
     buffer.resize(width, height, plan);
+    let rows = worlds.rows_together();
     buffer
-        .bands(TILE)
+        .bands(rows)
         .into_par_iter()
         .for_each_init(Scratch::default, |scratch, mut band| {
-            for column in (0..width).step_by(TILE) {
+            let world = &worlds.at(band.first_row);
+            for column in (0..width).step_by(LANES / rows) {
                 tile(world, optics, rays, plan, &mut band, column, scratch);
             }
         });
     let depth_of_field = plan.has(Term::DepthOfField) && aperture.radius_mm > 0.0;
     let sampler = Sampler {
-        world,
+        worlds,
         optics,
         rays,
         plan,
@@ -81,8 +84,8 @@ pub(super) fn run(
         side: options.side(depth_of_field),
     };
     buffer.mixed = match sampler.side {
-        1 => mixed::run(world, optics, rays, plan, buffer, &[]),
-        2 => mixed::run(world, optics, rays, plan, buffer, &sampler.uneven(buffer)),
+        1 => mixed::run(worlds, optics, rays, plan, buffer, &[]),
+        2 => mixed::run(worlds, optics, rays, plan, buffer, &sampler.uneven(buffer)),
         _ => sampler.gather(buffer),
     };
     for mixed in &buffer.mixed {
@@ -92,10 +95,11 @@ pub(super) fn run(
         aperture.widen(buffer);
     }
     if plan.has(Term::Subsurface) {
-        buffer.skin = Some(SkinMaps::new(buffer, rays, optics, world));
+        buffer.skin = Some(SkinMaps::new(buffer, rays, optics, worlds.any()));
     }
     if plan.has(Term::Interreflection) {
-        bounce::run(world, rays, plan, buffer);
+        // It varies slowly, from row to row of a rolling shutter too.
+        bounce::run(worlds.any(), rays, plan, buffer);
     }
     let slide = &optics.projector.lens;
     let size = [slide.width_px as usize, slide.height_px as usize];
@@ -113,7 +117,9 @@ fn tile(
 ) {
     let width = rays.width;
     let rows = band.x.len() / width;
-    let place = |lane: usize| (column + lane % TILE, lane / TILE);
+    // A tile of pixels, or a part of a row where rows are not together.
+    let across = if band.rows == TILE { TILE } else { LANES };
+    let place = |lane: usize| (column + lane % across, lane / across);
     let used: [bool; LANES] = std::array::from_fn(|lane| {
         let (u, v) = place(lane);
         u < width && v < rows

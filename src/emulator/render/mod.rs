@@ -34,6 +34,7 @@ mod term;
 mod tree;
 mod triangle;
 mod world;
+mod worlds;
 
 pub use options::Options;
 pub use plan::{Decision, Plan};

@@ -28,9 +28,11 @@ pub(super) enum Part {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Placement {
     pub(super) rig_from_object: Pose,
-    /// The keyframes that make its shape, and their weights.
-    pub(super) blend: Option<([usize; 4], [f64; 4])>,
+    pub(super) blend: Option<Blend>,
 }
+
+/// The keyframes that make a shape, and their weights.
+pub(super) type Blend = ([usize; 4], [f64; 4]);
 
 /// Where everything that moves is at an instant.
 #[derive(Debug, Clone, PartialEq)]

@@ -6,12 +6,12 @@ use super::aperture::Aperture;
 use super::buffer::GeometryBuffer;
 use super::geometry::{self, Rays};
 use super::light::{self, Table};
-use super::path::State;
 use super::schedule::Schedule;
 use super::sensor::{FixedPattern, Sensor, bloom};
 use super::shade::Optics;
 use super::term::Needs;
 use super::world::{Surface, World};
+use super::worlds::{Moment, Worlds};
 use super::{Decision, Options, Plan, Term, glare};
 use crate::emulator::{Shot, Slide, Truth, truth};
 use crate::error::Result;
@@ -31,10 +31,10 @@ const CHUNK: usize = 2048;
 /// Renders the frames of one camera in front of one scene.
 pub struct Renderer {
     profile: Profile,
-    world: World,
+    worlds: Worlds,
     optics: Optics,
-    /// Where the world is; `None` at power-on.
-    state: Option<State>,
+    /// When the worlds are; `None` at power-on.
+    moment: Option<Moment>,
     plan: Plan,
     options: Options,
     seed: u64,
@@ -85,9 +85,9 @@ impl Renderer {
         let fixed = fixed_pattern(&plan, profile);
         Ok(Self {
             profile: profile.clone(),
-            world,
+            worlds: Worlds::new(world),
             optics,
-            state: None,
+            moment: None,
             plan,
             options,
             seed,
@@ -109,7 +109,7 @@ impl Renderer {
         self.plan.decisions(&Needs {
             profile: &self.profile,
             optics: &self.optics,
-            world: &self.world,
+            world: self.worlds.any(),
         })
     }
 
@@ -126,7 +126,7 @@ impl Renderer {
 
     /// Triangles in the scene.
     pub fn triangle_count(&self) -> usize {
-        self.world.triangle_count()
+        self.worlds.any().triangle_count()
     }
 
     /// Adds what slides need to the plan, so that one geometry pass serves them all.
@@ -150,7 +150,7 @@ impl Renderer {
             width: self.profile.camera.width_px as usize,
         };
         geometry::run(
-            &self.world,
+            &self.worlds,
             &self.optics,
             &rays,
             &self.plan,
@@ -387,7 +387,7 @@ impl Renderer {
         let mut flags = map.flags.clone();
         if self.plan.has(Term::Motion) {
             for (flags, &surface) in flags.iter_mut().zip(&map.surface) {
-                if *flags & Truth::SEEN != 0 && self.world.moving(Surface(surface)) {
+                if *flags & Truth::SEEN != 0 && self.worlds.any().moving(Surface(surface)) {
                     *flags |= Truth::MOVING;
                 }
             }

@@ -3,10 +3,11 @@
 
 use super::Renderer;
 use crate::emulator::Shot;
+use crate::emulator::Shutter;
 use crate::emulator::render::Term;
-use crate::emulator::render::path::State;
 use crate::emulator::render::schedule::Schedule;
 use crate::emulator::render::world::World;
+use crate::emulator::render::worlds::Moment;
 
 /// What a shot's pixels see of light.
 pub(super) enum Light {
@@ -16,20 +17,21 @@ pub(super) enum Light {
     Summed(Vec<f32>),
 }
 
-/// The parts of a shot's exposure, as even as nanoseconds allow, each with the state of the scene in
-/// its middle: the midpoint rule, whose error falls as the square of their number. Parts in which
-/// the scene is the same are one.
-fn parts(world: &World, shot: &Shot, count: u32) -> Vec<(State, Shot)> {
+/// The parts of a shot's exposure, as even as nanoseconds allow, each with the scene in its middle:
+/// the midpoint rule, whose error falls as the square of their number. Parts in which the scene is
+/// the same are one.
+fn parts(world: &World, shot: &Shot, shutter: Shutter, count: u32) -> Vec<(Moment, Shot)> {
     let cut = |i: u32| (u128::from(shot.exposure_ns) * u128::from(i) / u128::from(count)) as u64;
-    let mut parts: Vec<(State, Shot)> = Vec::new();
+    let mut parts: Vec<(Moment, Shot)> = Vec::new();
     for i in 0..count {
         let (from, length_ns) = (cut(i), cut(i + 1) - cut(i));
         let start_ns = shot.start_ns.saturating_add(from);
-        let state = world.state(start_ns as f64 + length_ns as f64 / 2.0);
+        let middle_ns = start_ns as f64 + length_ns as f64 / 2.0;
+        let moment = Moment::new(world, middle_ns, shutter);
         match parts.last_mut() {
-            Some((last, part)) if *last == state => part.exposure_ns += length_ns,
+            Some((last, part)) if *last == moment => part.exposure_ns += length_ns,
             _ => parts.push((
-                state,
+                moment,
                 Shot {
                     start_ns,
                     exposure_ns: length_ns,
@@ -47,15 +49,20 @@ impl Renderer {
         if !self.plan.has(Term::Motion) {
             return Light::Scheduled(self.schedule(shot));
         }
-        let parts = parts(&self.world, shot, self.options.time_samples);
-        if let [(state, _)] = parts.as_slice() {
-            self.go_to(state);
+        let shutter = match self.plan.has(Term::RollingShutter) {
+            true => shot.shutter,
+            false => Shutter::default(),
+        };
+        let world = self.worlds.any();
+        let parts = parts(world, shot, shutter, self.options.time_samples);
+        if let [(moment, _)] = parts.as_slice() {
+            self.go_to(moment);
             return Light::Scheduled(self.schedule(shot));
         }
         let camera = &self.profile.camera;
         let mut sum = vec![0.0f32; camera.width_px as usize * camera.height_px as usize];
-        for (state, part) in &parts {
-            self.go_to(state);
+        for (moment, part) in &parts {
+            self.go_to(moment);
             let schedule = self.schedule(part);
             let add = |_, electrons: &mut [f32], sum: &mut [f32]| {
                 for (sum, electrons) in sum.iter_mut().zip(electrons) {
@@ -70,16 +77,16 @@ impl Renderer {
     /// Takes the scene to where it is at a device time, if anything in it moves.
     pub(super) fn go_to_time(&mut self, time_ns: u64) {
         if self.plan.has(Term::Motion) {
-            let state = self.world.state(time_ns as f64);
-            self.go_to(&state);
+            let state = self.worlds.any().state(time_ns as f64);
+            self.go_to(&Moment::Instant(state));
         }
     }
 
-    /// The geometry of a state that is at hand stays.
-    fn go_to(&mut self, state: &State) {
-        if self.state.as_ref() != Some(state) {
-            self.world.set(state);
-            self.state = Some(state.clone());
+    /// The geometry of a moment that is at hand stays.
+    fn go_to(&mut self, moment: &Moment) {
+        if self.moment.as_ref() != Some(moment) {
+            self.worlds.set(moment);
+            self.moment = Some(moment.clone());
             self.geometry_done = false;
         }
     }
