@@ -1,12 +1,22 @@
 //! Pictures on skin.
 //!
-//! Each Gaussian of the spread counts as the picture's own blur does, a box of its variance along
-//! column and row: mean and widths are kept, and the shape of their sum is close to the spread's.
+//! A normal distribution is a mixture of uniform ones, whose squared half widths are distributed as
+//! chi-square of three degrees of freedom; three of them have its moments up to the eleventh (the
+//! nodes and weights of Gauss and Laguerre). So each Gaussian of the spread is three squares on the
+//! picture, which the table has the means of. Along column and row that is right to some 4 of 255
+//! levels of a fringe and 7 of Gray code; along diagonals it is coarser.
 
 use super::super::buffer::{GeometryBuffer, Mixed};
-use super::super::skin::SkinMaps;
+use super::super::skin::{Component, SkinMaps};
 use super::blend::Spread;
 use super::picture_table::PictureTable;
+
+/// Weights of the three squares, and their squared half widths over the variance.
+const SQUARES: [(f32, f32); 3] = [
+    (0.640_001_2, 1.332_651_8),
+    (0.344_575_14, 5.601_55),
+    (0.015_423_678, 14.065_798),
+];
 
 /// Does again what the exposure pass did, for the pixels that see lit skin.
 pub(super) fn pixels(
@@ -61,10 +71,15 @@ struct Footprint {
 impl Footprint {
     fn average(&self, picture: &PictureTable, spread: [Spread<'_>; 2]) -> f32 {
         let components = spread[0].mixture.components();
-        let level = |c: &super::super::skin::Component| {
+        let [x, y] = self.slopes;
+        let level = |c: &Component| {
             let sigma = spread.map(|s| (c.sigma_mm as f32 * s.px_per_mm).hypot(self.blur));
-            let [x, y] = self.slopes;
-            c.weight as f32 * picture.average(self.at, x, y, sigma)
+            let square = |(weight, width): (f32, f32)| {
+                // The table takes the standard deviation of a box.
+                let blur = sigma.map(|sigma| sigma * (width / 3.0).sqrt());
+                weight * picture.average(self.at, x, y, blur)
+            };
+            c.weight as f32 * SQUARES.into_iter().map(square).sum::<f32>()
         };
         components.iter().map(level).sum()
     }

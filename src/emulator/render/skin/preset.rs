@@ -8,10 +8,11 @@
 use super::{Tissue, blood};
 use crate::profile;
 
-/// Part of the epidermis that melanosomes take, class by class: the ends of the ranges that Jacques
-/// gives of lightly (1.3 to 6.3 %), moderately (11 to 16 %) and darkly pigmented skin (18 to 43 %).
-/// That two classes share each range is our choice.
-const MELANOSOMES: [f64; 6] = [0.013, 0.063, 0.11, 0.16, 0.18, 0.43];
+/// Part of the epidermis that melanosomes take, class by class. Jacques gives ranges of lightly (1.3
+/// to 6.3 %), moderately (11 to 16 %) and darkly pigmented skin (18 to 43 %). Which places in them
+/// the classes have is our choice: both ends and the middle of the first, the middle of the second,
+/// the lower end and the middle of the third.
+const MELANOSOMES: [f64; 6] = [0.013, 0.038, 0.063, 0.135, 0.18, 0.305];
 /// Thickness of the epidermis in centimetres.
 const EPIDERMIS_CM: f64 = 0.006;
 /// Part of the dermis that blood takes, and the part of it that is oxygenated.
