@@ -289,6 +289,46 @@ fn impossible_scenes_are_refused_with_line_and_range() {
             vec!["object[1].albedo", "0 to 1"],
         ),
         (
+            "albedo = 0.6",
+            "skin = { fitzpatrick = 7 }\nalbedo = 0.6",
+            vec!["object[1].skin.fitzpatrick", "7", "1 to 6"],
+        ),
+        (
+            "albedo = 0.6",
+            "skin = { fitzpatrick = 2, absorption_per_mm = 0.1 }\nalbedo = 0.6",
+            vec!["object[1].skin", "a class and coefficients"],
+        ),
+        (
+            "albedo = 0.6",
+            "skin = { absorption_per_mm = 0.1 }\nalbedo = 0.6",
+            vec!["object[1].skin", "one coefficient of two"],
+        ),
+        (
+            "albedo = 0.6",
+            "skin = {}\nalbedo = 0.6",
+            vec!["object[1].skin", "neither a class"],
+        ),
+        (
+            "albedo = 0.6",
+            "skin = { absorption_per_mm = nan, reduced_scattering_per_mm = 2 }\nalbedo = 0.6",
+            vec!["object[1].skin.absorption_per_mm", "0.001 to 100"],
+        ),
+        (
+            "albedo = 0.6",
+            "skin = { absorption_per_mm = 0.1, reduced_scattering_per_mm = 0 }\nalbedo = 0.6",
+            vec!["object[1].skin.reduced_scattering_per_mm", "0.1 to 10000"],
+        ),
+        (
+            "albedo = 0.6",
+            "skin = { fitzpatrick = 2, refractive_index = 0.9 }\nalbedo = 0.6",
+            vec!["object[1].skin.refractive_index", "1 to 1.6"],
+        ),
+        (
+            "albedo = 0.6",
+            "skin = { fitzpatrick = 2, tone = 3 }\nalbedo = 0.6",
+            vec!["tone", "unknown field"],
+        ),
+        (
             "kind = \"sphere\"",
             "kind = \"ball\"",
             vec!["ball", "sphere"],
@@ -300,9 +340,83 @@ fn impossible_scenes_are_refused_with_line_and_range() {
         ),
         ("[0.0, 0.0, 940.0]", "[0.0, 0.0]", vec!["file.toml"]),
         (
+            "albedo = 0.6",
+            "motion = { keyframes = [{ time_s = 0.0 }] }\nalbedo = 0.6",
+            vec!["object[1].motion.keyframes", "1 keyframes", "2 to 4096"],
+        ),
+        (
+            "albedo = 0.6",
+            "motion = { keyframes = [{ time_s = 1.0 }, { time_s = 1.0 }] }\nalbedo = 0.6",
+            vec![
+                "motion.keyframes[1].time_s",
+                "1 after 1",
+                "ascend by 1e-6 s",
+            ],
+        ),
+        (
+            "albedo = 0.6",
+            "motion = { keyframes = [{ time_s = -1.0 }, { time_s = 1.0 }] }\nalbedo = 0.6",
+            vec!["motion.keyframes[0].time_s", "-1", "0 to 1000000000"],
+        ),
+        (
+            "albedo = 0.6",
+            "motion = { period_s = 2.0, keyframes = [{ time_s = 1.0 }, { time_s = 3.0 }] }\n\
+             albedo = 0.6",
+            vec![
+                "object[1].motion.period_s",
+                "2 for keyframes over 2 s",
+                "more than",
+            ],
+        ),
+        (
+            "albedo = 0.6",
+            "motion = { keyframes = [{ time_s = 0 }, { time_s = 1, position_mm = [0, nan, 0] }] }\n\
+             albedo = 0.6",
+            vec!["motion.keyframes[1].position_mm", "NaN"],
+        ),
+        (
+            "albedo = 0.6",
+            "motion = { keyframes = [{ time_s = 0 }, { time_s = 1, turn_deg = 5 }] }\nalbedo = 0.6",
+            vec!["turn_deg", "unknown field"],
+        ),
+        (
+            "albedo = 0.6",
+            "motion = { keyframes = [{ time_s = 0 }, { time_s = 1, rotation_deg = [0, 400, 0] }] }\n\
+             albedo = 0.6",
+            vec!["motion.keyframes[1].rotation_deg", "-360 to 360"],
+        ),
+        (
+            "albedo = 0.6",
+            "deform = { keyframes = [{ time_s = 0, file = \"a.ply\" }, \
+             { time_s = 1, file = \"b.ply\" }] }\nalbedo = 0.6",
+            vec![
+                "object[1].deform",
+                "without triangles",
+                "a torso, a couch or a mesh",
+            ],
+        ),
+        (
             "name = \"sphere\"",
             "rig = { position_mm = [0.0, 2e9, 0.0] }\nname = \"sphere\"",
             vec!["rig.position_mm", "-1000000000 to 1000000000"],
+        ),
+        (
+            "name = \"sphere\"",
+            "interreflection = { samples = 63 }\nname = \"sphere\"",
+            vec![
+                "interreflection.samples: 63",
+                "multiple of 16 from 16 to 1024",
+            ],
+        ),
+        (
+            "name = \"sphere\"",
+            "interreflection = { samples = 2048 }\nname = \"sphere\"",
+            vec!["interreflection.samples: 2048"],
+        ),
+        (
+            "name = \"sphere\"",
+            "interreflection = { samples = 64, step_px = 0 }\nname = \"sphere\"",
+            vec!["interreflection.step_px: 0", "1 to 64"],
         ),
         (
             "name = \"sphere\"",

@@ -213,7 +213,10 @@ fn lamps_are_seen_out_of_focus_and_dimmed_towards_the_edge() {
     let scene = scene(text, Path::new(""));
     let reference = Reference::new(&profile, &scene).unwrap();
     for samples in [16, 64] {
-        let options = Options { samples };
+        let options = Options {
+            samples,
+            ..Options::default()
+        };
         let mut renderer = Renderer::with_options(&profile, &scene, 1, options).unwrap();
         let flags = renderer.truth(&[]).flags;
         let found = renderer.expected_dn(&dark(0, 8_000_000));
@@ -333,7 +336,10 @@ fn mixed_pixels_flicker_like_all_others() {
     assert!((factor - 1.0).abs() > 0.1);
     for (samples, focus_mm) in [(1, None), (4, None), (64, None), (16, Some(1000.0))] {
         profile.camera.focus_mm = focus_mm;
-        let options = Options { samples };
+        let options = Options {
+            samples,
+            ..Options::default()
+        };
         let mut renderer =
             Renderer::with_options(&profile, &scene(&text, Path::new("")), 1, options).unwrap();
         let found = renderer.expected_dn(&dark(start, exposure));

@@ -76,12 +76,25 @@ fn the_manifest_in_the_readme_reads() {
             .len(),
         3
     );
+    let scene = format!("name = \"s\"\ndescription = \"\"\n{}", of("motion = {"));
+    let scene = phasma::profile::Scene::parse(&scene, "README").unwrap();
+    assert!(scene.object[0].motion.is_some() && scene.object[0].deform.is_some());
     let bench = include_str!("../device-profiles/pmp-bench.toml");
     let profile = format!("{bench}\n{}", of("[usb]"));
     let usb = phasma::profile::Profile::parse(&profile, "README")
         .unwrap()
         .usb;
     assert_ne!(usb, phasma::profile::Usb::default());
+}
+
+#[test]
+fn skin_is_a_scene_s() {
+    let readme = include_str!("../README.md");
+    let examples = blocks(readme, "toml");
+    let skin = examples.iter().find(|text| text.contains("fitzpatrick"));
+    let text = format!("name = \"s\"\ndescription = \"\"\n{}", skin.unwrap());
+    let scene = phasma::profile::Scene::parse(&text, "README").unwrap();
+    assert_eq!(scene.object[0].skin.unwrap().fitzpatrick, Some(2));
 }
 
 /// Puts a table's values over another's, table by table.
@@ -122,8 +135,11 @@ fn what_cameras_and_projectors_do_is_in_the_plan() {
         "albedo-maps",
         "specular",
         "lights",
+        "subsurface",
+        "interreflection",
         "footprint-x",
         "footprint-y",
+        "motion",
         "flicker",
     ];
     assert_eq!(out, wanted);

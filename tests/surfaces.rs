@@ -241,7 +241,10 @@ fn a_checkerboard_out_of_focus_is_what_rays_through_the_whole_pupil_see() {
          {TILTED}texture = \"board.png\"\ntexture_size_mm = [{size}, {size}]\n"
     );
     let scene = scene(&text, dir.path());
-    let options = Options { samples: 64 };
+    let options = Options {
+        samples: 64,
+        ..Options::default()
+    };
     let mut renderer = Renderer::with_options(&profile, &scene, 1, options).unwrap();
     let shot = Shot {
         slide: None,

@@ -4,7 +4,7 @@
 use glam::{DMat3, DVec3};
 use rayon::prelude::*;
 
-/// Truth of a still scene over the camera's pixels, row by row; NaN where there is none.
+/// Truth of a scene at one instant over the camera's pixels, row by row; NaN where there is none.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Truth {
     /// Columns.
@@ -41,6 +41,9 @@ impl Truth {
     /// their periods or more, so that their contrast has vanished or inverted, or blur leaves
     /// less than a twentieth of it.
     pub const UNRESOLVED: u8 = 32;
+
+    /// The surface belongs to an object that moves or deforms: the other maps hold at one instant.
+    pub const MOVING: u8 = 64;
 
     /// The float maps by name, in the order of the truth channel.
     pub fn maps(&self) -> [(&'static str, &[f32]); 5] {

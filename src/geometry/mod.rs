@@ -16,6 +16,8 @@ mod rig;
 pub mod shapes;
 mod solid;
 mod stl;
+mod timeline;
+mod trajectory;
 
 pub use closest::{Closest, MeshTree};
 pub use cloud::Cloud;
@@ -25,3 +27,5 @@ pub use neighbours::Neighbours;
 pub use pose::Pose;
 pub use rig::{NoiseModel, Rig, View};
 pub use solid::{Solid, SolidHit};
+pub use timeline::{Span, Timeline};
+pub use trajectory::Trajectory;

@@ -1,6 +1,8 @@
 //! The objects of a scene: shapes, places, surfaces.
 
 use super::check::Check;
+use super::motion::{self, Deform, Motion};
+use super::skin::{self, Skin};
 use super::surface::{self, Specular};
 use crate::error::Result;
 use crate::geometry::{Pose, shapes};
@@ -23,8 +25,13 @@ pub struct Object {
     /// Factor on its size, before rotation and position.
     #[serde(default = "one")]
     pub scale: f64,
-    /// Diffuse reflectance of its Lambertian surface, 0 to 1.
+    /// Diffuse reflectance of its Lambertian surface, 0 to 1; of skin a factor on the reflectance
+    /// that follows from its coefficients.
     pub albedo: f64,
+    /// Light travels under the surface: fringes lose contrast and oblique light emerges shifted. A
+    /// surface that reflects where it is hit when absent.
+    #[serde(default)]
+    pub skin: Option<Skin>,
     /// Whether the albedo varies with the colours of the mesh's vertices: it is multiplied by
     /// their reflectance, interpolated, which is the luminance of sRGB at any wavelength.
     #[serde(default)]
@@ -42,6 +49,12 @@ pub struct Object {
     /// A specular lobe above the diffuse body; none when absent.
     #[serde(default)]
     pub specular: Option<Specular>,
+    /// How it moves as a rigid body; at rest when absent.
+    #[serde(default)]
+    pub motion: Option<Motion>,
+    /// How its mesh deforms; stiff when absent.
+    #[serde(default)]
+    pub deform: Option<Deform>,
 }
 
 fn one() -> f64 {
@@ -121,7 +134,7 @@ fn torso_triangles() -> u32 {
 }
 
 impl Object {
-    /// Takes the object's own coordinates, after scaling, to the scene's.
+    /// Takes the object's own coordinates, after scaling, to the scene's, where it rests.
     pub fn scene_from_object(&self) -> Pose {
         Pose::from_xyz_deg(
             DVec3::from_array(self.position_mm),
@@ -170,6 +183,25 @@ pub(super) fn check(o: &Object, at: &str, check: &Check<'_>) -> Result<()> {
     }
     if let Some(specular) = &o.specular {
         surface::check(specular, &field("specular"), check)?;
+    }
+    if let Some(path) = &o.motion {
+        motion::check(path, &field("motion"), check)?;
+    }
+    if let Some(deform) = &o.deform {
+        let meshes = matches!(
+            o.shape,
+            Shape::Torso { .. } | Shape::Couch {} | Shape::Mesh { .. }
+        );
+        check.that(
+            meshes,
+            &field("deform"),
+            "a shape without triangles",
+            "a torso, a couch or a mesh",
+        )?;
+        motion::check_deform(deform, &field("deform"), check)?;
+    }
+    if let Some(skin) = &o.skin {
+        skin::check(skin, &field("skin"), check)?;
     }
     let size = 1e-6..=1e9;
     let shape = |name: &str| format!("{at}.shape.{name}");

@@ -6,7 +6,9 @@
 use phasma::decode::{Decoded, Decoder, FrameStack, Options, Samples};
 use phasma::emulator::render::{Options as RenderOptions, Renderer};
 use phasma::emulator::{Shot, Slide};
-use phasma::profile::{Profile, Scene};
+use phasma::geometry::raycast::Bvh;
+use phasma::geometry::{Mesh, ply, shapes};
+use phasma::profile::{Deform, Interreflection, Keyframe, MeshKeyframe, Motion, Profile, Scene};
 use std::hint::black_box;
 use std::sync::Arc;
 use std::time::Instant;
@@ -59,6 +61,8 @@ fn main() {
         );
     }
     samples(&bench, &profile, pixels);
+    bounce(&bench, &profile, pixels);
+    motion(&bench, &profile, pixels);
     frames(&bench, &profile, pixels);
     decode(&bench, &profile, pixels);
 }
@@ -108,6 +112,81 @@ fn frames(bench: &Bench, profile: &Profile, pixels: usize) {
     }
 }
 
+/// Frames of a torso that moves, each with the geometry of four instants, and what bends a mesh.
+fn motion(bench: &Bench, profile: &Profile, pixels: usize) {
+    let folder = tempfile::tempdir().expect("a folder");
+    let mesh = shapes::torso(&shapes::Torso {
+        seed: 1,
+        ..shapes::Torso::default()
+    });
+    let keys: Vec<MeshKeyframe> = (0..2)
+        .map(|k| {
+            let file = folder.path().join(format!("{k}.ply"));
+            let swollen = Mesh {
+                vertices: mesh
+                    .vertices
+                    .iter()
+                    .map(|v| *v * (1.0 + 0.02 * f64::from(k)))
+                    .collect(),
+                ..mesh.clone()
+            };
+            ply::write_mesh(&file, &swollen).expect("a file");
+            MeshKeyframe {
+                time_s: f64::from(k),
+                file,
+            }
+        })
+        .collect();
+    let key = |time_s: f64| Keyframe {
+        time_s,
+        position_mm: [0.0, 0.0, -8.0 * time_s],
+        rotation_deg: [0.0; 3],
+    };
+    let period_s = Some(4.0);
+    let rigid = Motion {
+        period_s,
+        keyframes: vec![key(0.0), key(2.0)],
+    };
+    let deform = Deform {
+        period_s,
+        keyframes: keys,
+    };
+    let ways = [
+        ("rigid", Some(rigid), None),
+        ("deforming", None, Some(deform)),
+    ];
+    for (name, motion, deform) in ways {
+        let mut scene = Scene::load("torso").expect("built in");
+        scene.object[1].motion = motion;
+        scene.object[1].deform = deform;
+        let mut setup = Setup::of(profile, &scene, RenderOptions::default());
+        let mut id = 0;
+        bench.run(
+            &format!("frame of 4 instants, torso {name}"),
+            1,
+            pixels,
+            45 * 4,
+            || {
+                id += 1;
+                let mut shot = setup.shot(id, 0);
+                shot.start_ns = id * 20_000_000;
+                black_box(setup.renderer.expose(&shot));
+            },
+        );
+    }
+    let mut tree = Bvh::build(&mesh.vertices, &mesh.triangles).ordered();
+    let triangles = mesh.triangles.len();
+    bench.run(
+        &format!("refit of {triangles} triangles"),
+        1,
+        triangles,
+        100,
+        || {
+            tree.refit(&mesh.vertices, &mesh.triangles);
+        },
+    );
+}
+
 /// The geometry pass with more rays a pixel, and with rays through all of the pupil.
 fn samples(bench: &Bench, profile: &Profile, pixels: usize) {
     let mut blurred = profile.clone();
@@ -123,6 +202,35 @@ fn samples(bench: &Bench, profile: &Profile, pixels: usize) {
         bench.run(&name, 1, pixels, 45 * samples as usize, || {
             setup.renderer.invalidate();
             setup.renderer.prepare();
+        });
+    }
+}
+
+/// What surfaces throw on each other: gathered once, and averaged for each slide.
+fn bounce(bench: &Bench, profile: &Profile, pixels: usize) {
+    for name in ["torso", "trapezoid"] {
+        let mut scene = Scene::load(name).expect("built in");
+        scene.interreflection = Some(Interreflection {
+            samples: 64,
+            step_px: 4,
+        });
+        let mut setup = Setup::of(profile, &scene, RenderOptions::default());
+        bench.run(
+            &format!("geometry, {name}, interreflection"),
+            1,
+            pixels,
+            45,
+            || {
+                setup.renderer.invalidate();
+                setup.renderer.prepare();
+            },
+        );
+        let frames = setup.slides.len();
+        let name = format!("exposure + sensor, {name}, interreflection");
+        bench.run(&name, frames, pixels, 41, || {
+            for i in 0..frames {
+                black_box(setup.renderer.expose(&setup.shot(i as u64, i)));
+            }
         });
     }
 }
@@ -186,9 +294,15 @@ impl Setup {
     }
 
     fn with_samples(profile: &Profile, scene: &str, samples: u32) -> Self {
-        let scene = Scene::load(scene).expect("built in");
-        let options = RenderOptions { samples };
-        let mut renderer = Renderer::with_options(profile, &scene, 1, options).expect("built in");
+        let options = RenderOptions {
+            samples,
+            ..RenderOptions::default()
+        };
+        Self::of(profile, &Scene::load(scene).expect("built in"), options)
+    }
+
+    fn of(profile: &Profile, scene: &Scene, options: RenderOptions) -> Self {
+        let mut renderer = Renderer::with_options(profile, scene, 1, options).expect("built in");
         let slide = |frame: &phasma::pattern::ManifestFrame| {
             let none = |_: &std::path::Path| unreachable!("no images");
             Arc::new(Slide::new(&frame.pattern, &profile.projector, &none).expect("has a formula"))

@@ -95,7 +95,12 @@ fn needing(term: Term, folder: &Path) -> (Profile, Scene) {
 
 /// Nanoseconds a pixel of the pass of a term without and with it.
 fn costs(term: Term, off: &(Profile, Scene), on: &(Profile, Scene)) -> [f64; 2] {
-    let [off_shots, on_shots] = [shots(&off.0), shots(&on.0)];
+    let [mut off_shots, mut on_shots] = [shots(&off.0), shots(&on.0)];
+    if term == Term::Motion {
+        // One frame has its geometry to do, as all have.
+        off_shots.truncate(1);
+        on_shots.truncate(1);
+    }
     let mut without = renderer(&off.0, &off.1, &off_shots);
     let mut timing = Timing::new(&mut without, &off_shots);
     if off == on {
@@ -147,6 +152,21 @@ fn need(term: Term, profile: &mut Profile, scene: &mut Scene) {
             intensity_w_sr: 0.1,
             flicker: None,
         }),
+        Term::Subsurface => {
+            for object in &mut scene.object {
+                object.skin = Some(toml::from_str("fitzpatrick = 2").expect("a skin"));
+            }
+        }
+        Term::Interreflection => {
+            let bounce = toml::from_str("samples = 64").expect("an interreflection");
+            scene.interreflection = Some(bounce);
+        }
+        // A breath of 10 mm: each frame has the geometry of four instants.
+        Term::Motion => {
+            let motion = "period_s = 4\n[[keyframes]]\ntime_s = 0\n\
+                          [[keyframes]]\ntime_s = 2\nposition_mm = [0, 0, -10]";
+            scene.object[1].motion = Some(toml::from_str(motion).expect("a motion"));
+        }
         Term::ProjectorResponse => projector.response = Some(Response::Gamma(2.2)),
         Term::ContrastRatio => projector.contrast_ratio = Some(800.0),
         Term::Flicker => scene.ambient.flicker = flicker,

@@ -25,7 +25,16 @@ fn shot(slide: Slide, light: f64) -> Shot {
 }
 
 fn renderer(profile: &Profile, scene: &Scene, samples: u32) -> Renderer {
-    Renderer::with_options(profile, scene, 1, Options { samples }).unwrap()
+    Renderer::with_options(
+        profile,
+        scene,
+        1,
+        Options {
+            samples,
+            ..Options::default()
+        },
+    )
+    .unwrap()
 }
 
 /// Signal of each pixel under ambient light alone.
@@ -116,7 +125,15 @@ fn where_the_closed_form_stands_more_samples_change_nothing() {
 fn numbers_of_samples_that_make_no_grid_are_refused() {
     let (profile, scene) = (bench(), Scene::load("plane").unwrap());
     for samples in [0, 2, 15, 17, 256, u32::MAX] {
-        let refused = Renderer::with_options(&profile, &scene, 1, Options { samples });
+        let refused = Renderer::with_options(
+            &profile,
+            &scene,
+            1,
+            Options {
+                samples,
+                ..Options::default()
+            },
+        );
         let message = refused.err().map(|e| e.to_string()).unwrap_or_default();
         assert!(message.contains("1, 4, 16 or 64"), "{samples}: {message}");
     }

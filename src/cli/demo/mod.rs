@@ -41,6 +41,10 @@ pub struct Args {
     /// as long, once for each scene
     #[arg(long, value_name = "N", default_value_t = 1)]
     samples: u32,
+    /// Instants of an exposure at which a scene that moves is looked at, 1 to 256: each takes as long
+    /// as a still scene takes once
+    #[arg(long, value_name = "N", default_value_t = 4)]
+    time_samples: u32,
     /// Leave the sensor's noise out
     #[arg(long)]
     no_noise: bool,
@@ -59,6 +63,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let start = Instant::now();
     RenderOptions {
         samples: args.samples,
+        time_samples: args.time_samples,
     }
     .checked()?;
     check_folder(&args.out)?;
@@ -175,6 +180,8 @@ fn serve_arguments(args: &Args) -> Vec<String> {
         args.seed.to_string(),
         "--samples".to_owned(),
         args.samples.to_string(),
+        "--time-samples".to_owned(),
+        args.time_samples.to_string(),
     ];
     if args.no_noise {
         arguments.push("--no-noise".to_owned());

@@ -33,6 +33,10 @@ pub(super) struct TermCost {
 /// The costs of a renderer's plan for the exposures of a sequence.
 pub(super) fn costs(renderer: &mut Renderer, shots: &[Shot]) -> (Vec<PassCost>, Vec<TermCost>) {
     step("timing the passes");
+    let decisions = renderer.decisions();
+    // Where a scene moves, each frame has geometry passes of its own: that is what motion costs, and
+    // the other terms are timed without.
+    renderer.force(Term::Motion, false);
     let mut timing = Timing::new(renderer, shots);
     let passes = vec![
         PassCost {
@@ -46,7 +50,6 @@ pub(super) fn costs(renderer: &mut Renderer, shots: &[Shot]) -> (Vec<PassCost>, 
             ns_per_pixel: timing.pass_ns(Pass::Exposure),
         },
     ];
-    let decisions = timing.renderer.decisions();
     let terms = decisions.into_iter().map(|decision| {
         step(&format!("timing {}", decision.term));
         let [without, with] = timing.term_ns(decision.term);
@@ -90,6 +93,11 @@ impl<'a> Timing<'a> {
     /// The pass that a term belongs to, without it and with it; the plan is as before after that.
     pub fn term_ns(&mut self, term: Term) -> [f64; 2] {
         let included = self.renderer.plan().has(term);
+        let shots = self.shots;
+        if term == Term::Motion {
+            // A frame alone: it has its geometry to do.
+            self.shots = &shots[..1];
+        }
         let mut fastest = [f64::INFINITY; 2];
         for _ in 0..ROUNDS {
             for (included, fastest) in [false, true].into_iter().zip(&mut fastest) {
@@ -98,6 +106,7 @@ impl<'a> Timing<'a> {
             }
         }
         self.renderer.force(term, included);
+        self.shots = shots;
         fastest
     }
 

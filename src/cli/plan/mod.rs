@@ -23,6 +23,9 @@ pub struct Args {
     /// Rays a pixel, as for `serve`: 1, 4, 16 or 64
     #[arg(long, value_name = "N", default_value_t = 1)]
     samples: u32,
+    /// Instants of an exposure at which a scene that moves is looked at, 1 to 256
+    #[arg(long, value_name = "N", default_value_t = 4)]
+    time_samples: u32,
     /// Print the plan as JSON
     #[arg(long)]
     json: bool,
@@ -49,6 +52,8 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let firmware = Firmware::new(&profile, &[])?;
     let options = Options {
         samples: args.samples,
+        time_samples: args.time_samples,
+        ..Options::default()
     };
     let mut renderer = Renderer::with_options(&profile, &scene, 0, options)?;
     let shots: Vec<Shot> = firmware

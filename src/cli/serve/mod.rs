@@ -62,6 +62,10 @@ pub(super) struct Args {
     /// as long, once for each scene.
     #[arg(long, value_name = "N", default_value_t = 1)]
     samples: u32,
+    /// Instants of an exposure at which a scene that moves is looked at, 1 to 256: each takes as long
+    /// as a still scene takes once.
+    #[arg(long, value_name = "N", default_value_t = 4)]
+    time_samples: u32,
     /// Leave the noise out.
     #[arg(long)]
     no_noise: bool,

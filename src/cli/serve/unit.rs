@@ -47,6 +47,7 @@ impl Unit {
         let seed = args.seed.wrapping_add(number as u64);
         let options = Options {
             samples: args.samples,
+            time_samples: args.time_samples,
         };
         let device = Device {
             firmware: Firmware::new(profile, &user)?,

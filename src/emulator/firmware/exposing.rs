@@ -15,8 +15,18 @@ const FREE_RUNNING: u64 = 1 << 63;
 
 impl Firmware {
     /// The selected sequence as it would be exposed with the present settings: what
-    /// ground truth is asked about. It exposes nothing.
+    /// ground truth is asked about. Its times are those at which it was exposed last, or, if it has
+    /// not been from its first pattern to its last, those of a trigger now. It exposes nothing.
     pub fn selected_sequence(&self) -> Vec<(Pattern, Shot)> {
+        let count = self.selected.slides.len();
+        let start_ns = |i: usize| {
+            let now = i as u64 * self.settings.period_ns + self.now_ns;
+            let taken = self
+                .taken_ns
+                .get(i)
+                .filter(|_| self.taken_ns.len() == count);
+            taken.copied().unwrap_or(now)
+        };
         let shots = self
             .selected
             .slides
@@ -26,7 +36,12 @@ impl Firmware {
                 pattern_index: Some(i as u32),
                 slide: Some(slide.clone()),
                 light: self.settings.current,
-                then: self.then(Some((i as u32 + 1, self.settings.period_ns)), 0, true),
+                then: self.then(
+                    (i + 1 < count).then(|| (i as u32 + 1, start_ns(i + 1))),
+                    start_ns(i),
+                    true,
+                ),
+                start_ns: start_ns(i),
                 exposure_ns: self.settings.exposure_ns,
                 shutter: self.settings.shutter(),
                 gain_db: self.settings.gain_db,
@@ -111,6 +126,7 @@ impl Firmware {
     pub(super) fn select(&mut self, stored: Arc<Stored>) {
         self.settings.period_ns = stored.period_ns;
         self.selected = stored;
+        self.taken_ns.clear();
         if matches!(self.settings.shown, Shown::Pattern(i) if i >= self.sequence_len()) {
             self.settings.shown = Shown::White;
         }
@@ -130,6 +146,10 @@ impl Firmware {
             Shown::Black => &self.black,
             Shown::Pattern(index) => &self.selected.slides[index as usize],
         };
+        if let Some(index) = exposed.index {
+            self.taken_ns.truncate(index as usize);
+            self.taken_ns.push(exposed.start_ns);
+        }
         let then = self.then(exposed.next, exposed.start_ns, lamp);
         let triggered = exposed.index.is_some();
         let noise_id = if triggered {

@@ -76,6 +76,8 @@ pub struct Firmware {
     next_id: u64,
     /// Exposures since power-on that were triggered.
     triggered: u64,
+    /// Starts of the exposures of the selected sequence's patterns, when it was last exposed.
+    taken_ns: Vec<u64>,
     /// Exposures whose frames have not left the device.
     in_flight: u64,
     streaming: bool,
@@ -115,6 +117,7 @@ impl Firmware {
             exposures: Vec::new(),
             next_id: 0,
             triggered: 0,
+            taken_ns: Vec::new(),
             in_flight: 0,
             streaming: false,
             line: LineCoding::default(),

@@ -5,8 +5,10 @@ use super::aperture::Aperture;
 use super::buffer::{Band, GeometryBuffer};
 use super::sampled::Sampler;
 use super::shade::{Optics, Shaded};
+use super::skin::SkinMaps;
 use super::world::{Hits, Surface, World};
-use super::{Options, Plan, Term, look, mixed};
+use super::worlds::Worlds;
+use super::{Options, Plan, Term, bounce, look, mixed};
 use crate::emulator::Truth;
 use crate::geometry::raycast::{LANES, Scratch};
 use glam::{DMat2, DVec2, DVec3};
@@ -51,7 +53,7 @@ impl Rays<'_> {
 /// Fills the buffer: first every pixel's centre, then the samples of pixels that their centres do
 /// not stand for, which it flags as creases.
 pub(super) fn run(
-    world: &World,
+    worlds: &Worlds,
     optics: &Optics,
     rays: &Rays<'_>,
     plan: &Plan,
@@ -62,17 +64,19 @@ pub(super) fn run(
     let lens = &optics.camera.lens;
     let (width, height) = (lens.width_px as usize, lens.height_px as usize);
     buffer.resize(width, height, plan);
+    let rows = worlds.rows_together();
     buffer
-        .bands(TILE)
+        .bands(rows)
         .into_par_iter()
         .for_each_init(Scratch::default, |scratch, mut band| {
-            for column in (0..width).step_by(TILE) {
+            let world = &worlds.at(band.first_row);
+            for column in (0..width).step_by(LANES / rows) {
                 tile(world, optics, rays, plan, &mut band, column, scratch);
             }
         });
     let depth_of_field = plan.has(Term::DepthOfField) && aperture.radius_mm > 0.0;
     let sampler = Sampler {
-        world,
+        worlds,
         optics,
         rays,
         plan,
@@ -80,8 +84,8 @@ pub(super) fn run(
         side: options.side(depth_of_field),
     };
     buffer.mixed = match sampler.side {
-        1 => mixed::run(world, optics, rays, plan, buffer, &[]),
-        2 => mixed::run(world, optics, rays, plan, buffer, &sampler.uneven(buffer)),
+        1 => mixed::run(worlds, optics, rays, plan, buffer, &[]),
+        2 => mixed::run(worlds, optics, rays, plan, buffer, &sampler.uneven(buffer)),
         _ => sampler.gather(buffer),
     };
     for mixed in &buffer.mixed {
@@ -89,6 +93,13 @@ pub(super) fn run(
     }
     if plan.has(Term::DepthOfField) {
         aperture.widen(buffer);
+    }
+    if plan.has(Term::Subsurface) {
+        buffer.skin = Some(SkinMaps::new(buffer, rays, optics, worlds.any()));
+    }
+    if plan.has(Term::Interreflection) {
+        // It varies slowly, from row to row of a rolling shutter too.
+        bounce::run(worlds.any(), rays, plan, buffer);
     }
     let slide = &optics.projector.lens;
     let size = [slide.width_px as usize, slide.height_px as usize];
@@ -106,7 +117,9 @@ fn tile(
 ) {
     let width = rays.width;
     let rows = band.x.len() / width;
-    let place = |lane: usize| (column + lane % TILE, lane / TILE);
+    // A tile of pixels, or a part of a row where rows are not together.
+    let across = if band.rows == TILE { TILE } else { LANES };
+    let place = |lane: usize| (column + lane % across, lane / across);
     let used: [bool; LANES] = std::array::from_fn(|lane| {
         let (u, v) = place(lane);
         u < width && v < rows
@@ -215,6 +228,9 @@ fn write(band: &mut Band<'_>, i: usize, optics: &Optics, cast: &Cast, lane: usiz
         if let Some(kept) = band.lamps.get_mut(i) {
             *kept = 0;
         }
+        if let Some(kept) = band.evenly.get_mut(i) {
+            *kept = 0.0;
+        }
         return;
     }
     let slope = |axis: usize| shaded.footprint[axis].map(|by| by[lane] as f32);
@@ -240,6 +256,9 @@ fn write(band: &mut Band<'_>, i: usize, optics: &Optics, cast: &Cast, lane: usiz
     }
     if let Some(kept) = band.lamps.get_mut(i) {
         *kept = shaded.lamps[lane];
+    }
+    if let Some(kept) = band.evenly.get_mut(i) {
+        *kept = shaded.evenly[lane] as f32;
     }
     band.depth[i] = shaded.point[2][lane] as f32;
     band.normal[i] = hits.normal.map(|axis| axis[lane] as f32);

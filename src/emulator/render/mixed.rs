@@ -9,7 +9,8 @@ use super::buffer::{GeometryBuffer, Mixed};
 use super::geometry::{Bundle, Cast, Rays, TILE, cast};
 use super::shade::Optics;
 use super::world::{Surface, World};
-use super::{Plan, Term};
+use super::worlds::Worlds;
+use super::{Plan, Term, skin};
 use crate::emulator::Truth;
 use crate::geometry::raycast::{LANES, Scratch};
 use glam::{DVec2, DVec3, Vec3};
@@ -21,7 +22,7 @@ pub(super) const COS_CREASE: f32 = 0.965_925_8;
 /// Finds the mixed pixels of the maps and samples them. Pixels that are known to be `uneven` are
 /// candidates too; it may be empty.
 pub(super) fn run(
-    world: &World,
+    worlds: &Worlds,
     optics: &Optics,
     rays: &Rays<'_>,
     plan: &Plan,
@@ -29,14 +30,14 @@ pub(super) fn run(
     uneven: &[bool],
 ) -> Vec<Mixed> {
     let found = {
-        let edges = Edges {
-            world,
-            rays,
-            pixel_slope: (1.0 / optics.camera.lens.focal_px.min_element()) as f32,
-        };
         (0..view.height)
             .into_par_iter()
             .map_init(Scratch::default, |scratch, row| {
+                let edges = Edges {
+                    world: &worlds.at(row),
+                    rays,
+                    pixel_slope: (1.0 / optics.camera.lens.focal_px.min_element()) as f32,
+                };
                 let mut samples = Vec::new();
                 for column in 0..view.width {
                     let known = uneven.get(row * view.width + column) == Some(&true);
@@ -192,7 +193,13 @@ fn sample(
     });
     edge.then(|| {
         let pixel = (row * edges.rays.width + column) as u32;
-        gather(optics, &cast, pixel)
+        let mut mixed = gather(optics, &cast, pixel);
+        if plan.has(Term::Subsurface) {
+            for lane in (0..LANES).filter(|&lane| cast.lit[lane]) {
+                skin::into_sample(edges.world, optics, &cast, lane, (&mut mixed, lane));
+            }
+        }
+        mixed
     })
 }
 

@@ -2,7 +2,7 @@
 //!
 //! 1. `geometry`: once per camera and state of the scene; what each pixel sees, where on the
 //!    slide its light comes from, how much of it arrives. `mixed` samples pixels on edges,
-//!    `sampled` all of them.
+//!    `sampled` all of them; `bounce` gathers what surfaces throw on each other.
 //! 2. `light`: per frame; the slide averaged over each pixel's footprint, as long as `schedule` says.
 //! 3. `sensor`: per frame; electrons, noise, gain, converter.
 //!
@@ -10,6 +10,8 @@
 //! slow f64 path that the tests hold them against.
 
 mod aperture;
+mod body;
+mod bounce;
 mod buffer;
 mod geometry;
 mod glare;
@@ -18,6 +20,7 @@ mod light;
 mod look;
 mod mixed;
 mod options;
+mod path;
 mod plan;
 pub mod reference;
 mod renderer;
@@ -26,9 +29,12 @@ mod schedule;
 mod sensor;
 mod shade;
 mod shape;
+pub mod skin;
 mod term;
+mod tree;
 mod triangle;
 mod world;
+mod worlds;
 
 pub use options::Options;
 pub use plan::{Decision, Plan};

@@ -1,5 +1,7 @@
 //! One camera before one scene: runs the passes that a shot needs.
 
+mod time;
+
 use super::aperture::Aperture;
 use super::buffer::GeometryBuffer;
 use super::geometry::{self, Rays};
@@ -8,7 +10,8 @@ use super::schedule::Schedule;
 use super::sensor::{FixedPattern, Sensor, bloom};
 use super::shade::Optics;
 use super::term::Needs;
-use super::world::World;
+use super::world::{Surface, World};
+use super::worlds::{Moment, Worlds};
 use super::{Decision, Options, Plan, Term, glare};
 use crate::emulator::{Shot, Slide, Truth, truth};
 use crate::error::Result;
@@ -19,6 +22,7 @@ use crate::protocol::Frame;
 use glam::DVec2;
 use rayon::prelude::*;
 use std::sync::Arc;
+use time::Light;
 
 /// Pixels that go through exposure and sensor together: they stay in the first-level cache, and
 /// are whole blocks of random numbers.
@@ -27,8 +31,10 @@ const CHUNK: usize = 2048;
 /// Renders the frames of one camera in front of one scene.
 pub struct Renderer {
     profile: Profile,
-    world: World,
+    worlds: Worlds,
     optics: Optics,
+    /// When the worlds are; `None` at power-on.
+    moment: Option<Moment>,
     plan: Plan,
     options: Options,
     seed: u64,
@@ -66,8 +72,8 @@ impl Renderer {
         options: Options,
     ) -> Result<Self> {
         let options = options.checked()?;
-        let world = World::new(scene)?;
         let optics = Optics::new(profile, scene);
+        let world = World::new(scene, &optics.skins)?;
         let plan = Plan::new(&Needs {
             profile,
             optics: &optics,
@@ -79,8 +85,9 @@ impl Renderer {
         let fixed = fixed_pattern(&plan, profile);
         Ok(Self {
             profile: profile.clone(),
-            world,
+            worlds: Worlds::new(world),
             optics,
+            moment: None,
             plan,
             options,
             seed,
@@ -102,7 +109,7 @@ impl Renderer {
         self.plan.decisions(&Needs {
             profile: &self.profile,
             optics: &self.optics,
-            world: &self.world,
+            world: self.worlds.any(),
         })
     }
 
@@ -119,7 +126,7 @@ impl Renderer {
 
     /// Triangles in the scene.
     pub fn triangle_count(&self) -> usize {
-        self.world.triangle_count()
+        self.worlds.any().triangle_count()
     }
 
     /// Pixels in a frame.
@@ -137,7 +144,8 @@ impl Renderer {
         }
     }
 
-    /// Runs the geometry pass if its result is not at hand; tells whether it ran.
+    /// Runs the geometry pass if its result is not at hand, for a scene that moves at the instant
+    /// that was looked at last; tells whether it ran.
     pub fn prepare(&mut self) -> bool {
         if self.geometry_done {
             return false;
@@ -148,7 +156,7 @@ impl Renderer {
             width: self.profile.camera.width_px as usize,
         };
         geometry::run(
-            &self.world,
+            &self.worlds,
             &self.optics,
             &rays,
             &self.plan,
@@ -168,13 +176,13 @@ impl Renderer {
     /// The frame of one exposure. The same seed, noise id and settings give the same bytes on any
     /// number of threads.
     pub fn expose(&mut self, shot: &Shot) -> Frame {
-        let schedule = self.schedule(shot);
+        let light = self.light(shot);
         let sensor = self.sensor(shot);
         let camera = &self.profile.camera;
         let bytes = camera.sensor.native_format().bytes_per_pixel();
         let mut data = vec![0; self.buffer.x.len() * bytes];
         self.pixels(
-            &schedule,
+            light,
             &sensor,
             |first, electrons, out| sensor.read(first, electrons, out),
             &mut data,
@@ -194,11 +202,15 @@ impl Renderer {
 
     /// Noise-free signal in digital numbers, before rounding: what the sensor would mean to say.
     pub fn expected_dn(&mut self, shot: &Shot) -> Vec<f32> {
-        let schedule = self.schedule(shot);
+        let light = self.light(shot);
+        self.expected(shot, light)
+    }
+
+    fn expected(&self, shot: &Shot, light: Light) -> Vec<f32> {
         let sensor = self.sensor(shot);
         let mut out = vec![0.0f32; self.buffer.x.len()];
         self.pixels(
-            &schedule,
+            light,
             &sensor,
             |first, electrons, out| sensor.expect(first, electrons, out),
             &mut out,
@@ -229,8 +241,7 @@ impl Renderer {
             .into_iter()
             .map(|slide| self.table(slide.as_ref()))
             .collect();
-        let size = [self.buffer.width, self.buffer.height];
-        Schedule::new(shot, tables, &self.plan, self.optics.flicker, size)
+        Schedule::new(shot, tables, &self.plan, self.optics.flicker, &self.buffer)
     }
 
     fn sensor(&self, shot: &Shot) -> Sensor<'_> {
@@ -245,11 +256,11 @@ impl Renderer {
 
     /// Exposes and gathers the electrons of chunks of pixels in parallel and reads each out, into
     /// the `per_pixel` elements of `out` that belong to each pixel. A term that carries light or
-    /// charge from pixel to pixel needs the whole frame between its stages; without one, a chunk
-    /// goes through all of them while it is in the cache.
+    /// charge from pixel to pixel needs the whole frame between its stages, and light summed over
+    /// instants is one; without either, a chunk goes through all of them while it is in the cache.
     fn pixels<T: Send>(
         &self,
-        schedule: &Schedule,
+        light: Light,
         sensor: &Sensor<'_>,
         read: impl Fn(usize, &mut [f32], &mut [T]) + Sync,
         out: &mut [T],
@@ -259,13 +270,21 @@ impl Renderer {
             sensor.gather(first, electrons);
             read(first, electrons, out);
         };
-        if !self.plan.has(Term::Glare) && !self.plan.has(Term::Blooming) {
-            self.electrons(schedule, gather, out, per_pixel);
-            return;
-        }
-        let mut frame = vec![0.0; self.buffer.x.len()];
-        let keep = |_, electrons: &mut [f32], out: &mut [f32]| out.copy_from_slice(electrons);
-        self.electrons(schedule, keep, &mut frame, 1);
+        let fused = !self.plan.has(Term::Glare) && !self.plan.has(Term::Blooming);
+        let mut frame = match light {
+            Light::Scheduled(schedule) if fused => {
+                self.electrons(&schedule, gather, out, per_pixel);
+                return;
+            }
+            Light::Scheduled(schedule) => {
+                let mut frame = vec![0.0; self.buffer.x.len()];
+                let keep =
+                    |_, electrons: &mut [f32], out: &mut [f32]| out.copy_from_slice(electrons);
+                self.electrons(&schedule, keep, &mut frame, 1);
+                frame
+            }
+            Light::Summed(frame) => frame,
+        };
         let camera = &self.profile.camera;
         if self.plan.has(Term::Glare)
             && let Some(glare) = &camera.glare
@@ -332,14 +351,26 @@ impl Renderer {
     }
 
     /// The truth behind the frames of a sequence: geometry, and the mean and modulation that its
-    /// finest fringes have before noise and rounding.
+    /// finest fringes have before noise and rounding. Of a scene that moves it is the truth half way
+    /// from the start of the first exposure to the end of the last one.
     pub fn truth(&mut self, sequence: &[(Pattern, Shot)]) -> Truth {
+        let middle = time::middle_ns(sequence.iter().map(|(_, shot)| shot));
+        self.truth_at(sequence, middle)
+    }
+
+    /// The same at a device time in nanoseconds: the fringes are those of a scene that stands still
+    /// as it is then.
+    pub fn truth_at(&mut self, sequence: &[(Pattern, Shot)], time_ns: u64) -> Truth {
         self.expect_slides(sequence.iter().filter_map(|(_, s)| s.slide.as_deref()));
+        self.go_to_time(time_ns);
         self.prepare();
         let fringes = finest_fringes(sequence);
         let signals: Vec<_> = fringes
             .iter()
-            .map(|(_, shot)| self.expected_dn(shot))
+            .map(|(_, shot)| {
+                let light = Light::Scheduled(self.schedule(shot));
+                self.expected(shot, light)
+            })
             .collect();
         let phases: Vec<_> = fringes.iter().map(|(phase, _)| *phase).collect();
         let mut flags = self.flags(sequence);
@@ -367,6 +398,13 @@ impl Renderer {
     fn flags(&self, sequence: &[(Pattern, Shot)]) -> Vec<u8> {
         let map = &self.buffer;
         let mut flags = map.flags.clone();
+        if self.plan.has(Term::Motion) {
+            for (flags, &surface) in flags.iter_mut().zip(&map.surface) {
+                if *flags & Truth::SEEN != 0 && self.worlds.any().moving(Surface(surface)) {
+                    *flags |= Truth::MOVING;
+                }
+            }
+        }
         let Some((axis, period)) = finest_fringe(sequence.iter().map(|(pattern, _)| pattern))
         else {
             return flags;
@@ -378,9 +416,11 @@ impl Renderer {
         let lit = |flags: u8| flags & Truth::LIT != 0;
         for (i, flags) in flags.iter_mut().enumerate().filter(|(_, f)| lit(**f)) {
             let blur = map.blur.get(i).copied().unwrap_or(0.0);
+            let skin = map.skin.as_ref();
+            let under = skin.map_or(1.0, |skin| skin.contrast(i, axis as usize, period));
             let resolved = slope
                 .get(i)
-                .is_none_or(|slope| light::is_resolved(*slope, blur, period));
+                .is_none_or(|slope| light::is_resolved(*slope, blur, under, period));
             if !resolved {
                 *flags |= Truth::UNRESOLVED;
             }

@@ -7,11 +7,12 @@
 
 use super::aperture::{Aperture, widened};
 use super::buffer::{GeometryBuffer, Mixed};
-use super::geometry::{Bundle, Cast, Rays, TILE, cast};
+use super::geometry::{Bundle, Cast, Rays, cast};
 use super::mixed::COS_CREASE;
 use super::shade::Optics;
 use super::world::{Surface, World};
-use super::{Plan, Term};
+use super::worlds::Worlds;
+use super::{Plan, Term, skin};
 use crate::emulator::Truth;
 use crate::geometry::raycast::{LANES, Scratch};
 use glam::{DMat2, DVec2, DVec3, Vec3};
@@ -28,7 +29,7 @@ const STEP: usize = 55;
 
 /// What casts the samples.
 pub(super) struct Sampler<'a> {
-    pub(super) world: &'a World,
+    pub(super) worlds: &'a Worlds,
     pub(super) optics: &'a Optics,
     pub(super) rays: &'a Rays<'a>,
     pub(super) plan: &'a Plan,
@@ -69,15 +70,17 @@ impl Sampler<'_> {
         map: &GeometryBuffer,
         found: impl Fn(&mut Vec<T>, usize, usize, &[Cast]) + Sync,
     ) -> Vec<Vec<T>> {
-        (0..map.height.div_ceil(TILE))
+        let rows = self.worlds.rows_together();
+        (0..map.height.div_ceil(rows))
             .into_par_iter()
             .map_init(
                 || (Scratch::default(), Vec::new()),
                 |(scratch, casts), band| {
                     let mut kept = Vec::new();
-                    for column in (0..map.width).step_by(TILE) {
-                        let tile = Tile::new(self, map, column, band * TILE);
-                        self.cast(&tile, casts, scratch);
+                    let world = &self.worlds.at(band * rows);
+                    for column in (0..map.width).step_by(LANES / rows) {
+                        let tile = Tile::new(self, map, column, band * rows);
+                        self.cast(world, &tile, casts, scratch);
                         for lane in (0..LANES).filter(|&lane| tile.used[lane]) {
                             if !self.even(map, &tile, lane, casts) {
                                 found(&mut kept, tile.pixel(map.width, lane), lane, casts);
@@ -90,7 +93,7 @@ impl Sampler<'_> {
             .collect()
     }
 
-    fn cast(&self, tile: &Tile, casts: &mut Vec<Cast>, scratch: &mut Scratch) {
+    fn cast(&self, world: &World, tile: &Tile, casts: &mut Vec<Cast>, scratch: &mut Scratch) {
         casts.clear();
         let count = self.side * self.side;
         for k in 0..count {
@@ -106,7 +109,7 @@ impl Sampler<'_> {
                 used: tile.used,
                 cell: 1.0 / self.side as f64,
             };
-            casts.push(cast(self.world, self.optics, self.plan, &bundle, scratch));
+            casts.push(cast(world, self.optics, self.plan, &bundle, scratch));
         }
     }
 
@@ -163,7 +166,11 @@ impl Sampler<'_> {
         self.aperture.radius_mm > 0.0
             && self.plan.has(Term::AlbedoMaps)
             && surface != Surface::NONE
-            && self.world.looks.vary(self.world.object(surface))
+            && self
+                .worlds
+                .any()
+                .looks
+                .vary(self.worlds.any().object(surface))
     }
 
     /// Whether another triangle of the centre's mesh goes on without a crease.
@@ -171,9 +178,9 @@ impl Sampler<'_> {
         let (here, there) = (Surface(map.surface[pixel]), cast.hits.surface[lane]);
         here != Surface::NONE
             && there != Surface::NONE
-            && self.world.is_triangle(here)
-            && self.world.is_triangle(there)
-            && self.world.object(here) == self.world.object(there)
+            && self.worlds.any().is_triangle(here)
+            && self.worlds.any().is_triangle(there)
+            && self.worlds.any().object(here) == self.worlds.any().object(there)
             && Vec3::from_array(map.normal[pixel]).dot(cast.hits.normal(lane).as_vec3())
                 >= COS_CREASE
     }
@@ -205,6 +212,9 @@ impl Sampler<'_> {
             mixed.y_slope[k] = slope(1);
             mixed.projected[k] = (shaded.projected[lane] * weight) as f32;
             mixed.blur[k] = self.optics.blur_px(cast.origin + cast.point(lane));
+            if self.plan.has(Term::Subsurface) {
+                skin::into_sample(self.worlds.any(), self.optics, cast, lane, (&mut mixed, k));
+            }
         }
         mixed
     }
@@ -214,6 +224,8 @@ impl Sampler<'_> {
 struct Tile {
     column: usize,
     row: usize,
+    /// Pixels side by side.
+    across: usize,
     used: [bool; LANES],
     /// Directions of the pixels' centres, with z = 1.
     center: [DVec3; LANES],
@@ -225,16 +237,19 @@ struct Tile {
 
 impl Tile {
     fn new(sampler: &Sampler<'_>, map: &GeometryBuffer, column: usize, row: usize) -> Self {
-        let place = |lane: usize| (column + lane % TILE, row + lane / TILE);
+        let rows = sampler.worlds.rows_together();
+        let across = LANES / rows;
+        let place = |lane: usize| (column + lane % across, row + lane / across);
         let rays = sampler.rays;
         let center = std::array::from_fn(|lane| {
             let (u, v) = place(lane);
             rays.center(u.min(map.width - 1), v.min(map.height - 1))
         });
-        let index = (row / TILE) * map.width.div_ceil(TILE) + column / TILE;
+        let index = (row / rows) * map.width.div_ceil(across) + column / across;
         Self {
             column,
             row,
+            across,
             used: std::array::from_fn(|lane| {
                 let (u, v) = place(lane);
                 u < map.width && v < map.height
@@ -247,6 +262,6 @@ impl Tile {
     }
 
     fn pixel(&self, width: usize, lane: usize) -> usize {
-        (self.row + lane / TILE) * width + self.column + lane % TILE
+        (self.row + lane / self.across) * width + self.column + lane % self.across
     }
 }

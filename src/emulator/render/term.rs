@@ -43,6 +43,10 @@ pub enum Term {
     Specular,
     /// Lamps beside the projector.
     Lights,
+    /// Light travels under skin: fringes lose contrast, oblique light emerges shifted.
+    Subsurface,
+    /// Light that surfaces throw on each other: one diffuse bounce.
+    Interreflection,
     /// Footprints along x, over which slides that vary along x are averaged.
     FootprintX,
     /// Footprints along y.
@@ -51,6 +55,8 @@ pub enum Term {
     ProjectorResponse,
     /// The projector's black is not dark.
     ContrastRatio,
+    /// Objects move: an exposure is the mean over instants.
+    Motion,
     /// Mains flicker of ambient light and lamps.
     Flicker,
     /// Rows start one after the other: each has its own place in the mains' period and in the
@@ -86,7 +92,7 @@ pub(super) struct Needs<'a> {
 
 impl Term {
     /// All terms in the order of the passes.
-    pub const ALL: [Self; 22] = [
+    pub const ALL: [Self; 25] = [
         Self::CameraDistortion,
         Self::ProjectorDistortion,
         Self::CameraVignetting,
@@ -97,10 +103,13 @@ impl Term {
         Self::AlbedoMaps,
         Self::Specular,
         Self::Lights,
+        Self::Subsurface,
+        Self::Interreflection,
         Self::FootprintX,
         Self::FootprintY,
         Self::ProjectorResponse,
         Self::ContrastRatio,
+        Self::Motion,
         Self::Flicker,
         Self::RollingShutter,
         Self::Glare,
@@ -124,10 +133,13 @@ impl Term {
             | Self::AlbedoMaps
             | Self::Specular
             | Self::Lights
+            | Self::Subsurface
+            | Self::Interreflection
             | Self::FootprintX
             | Self::FootprintY => Pass::Geometry,
             Self::ProjectorResponse
             | Self::ContrastRatio
+            | Self::Motion
             | Self::Flicker
             | Self::RollingShutter
             | Self::Glare => Pass::Exposure,
@@ -208,6 +220,19 @@ impl Needs<'_> {
                 "the scene has lamps",
                 "the scene has no [[light]]",
             ),
+            Term::Subsurface => choose(
+                self.optics.skins.any(),
+                "some object is skin",
+                "no object is skin",
+            ),
+            Term::Interreflection => match self.optics.interreflection {
+                None => (false, "the scene has no [interreflection]"),
+                Some(_) => choose(
+                    self.world.casts_shadows(),
+                    "the scene has [interreflection]",
+                    "one convex solid at most: it sees no other surface",
+                ),
+            },
             Term::FootprintX => (false, "no slide varies along x"),
             Term::FootprintY => (false, "no slide varies along y"),
             Term::ProjectorResponse => choose(
@@ -219,6 +244,11 @@ impl Needs<'_> {
                 self.profile.projector.contrast_ratio.is_some(),
                 "projector.contrast_ratio is set",
                 "projector.contrast_ratio is absent: black is dark",
+            ),
+            Term::Motion => choose(
+                self.world.moves(),
+                "some object moves or deforms",
+                "no object moves",
             ),
             Term::Flicker => choose(
                 self.optics.flicker.is_some(),

@@ -1,24 +1,25 @@
-//! A scene made ready for rays: closed-form solids, and all meshes in one hierarchy, in the rig's
-//! frame.
+//! A scene made ready for rays at one instant: closed-form solids, all meshes that stand still in
+//! one hierarchy in the rig's frame, and each that moves in one of its own.
 
-use super::look::Looks;
+mod build;
+mod leaving;
+
+use super::body::Body;
+use super::look::{Looks, Spot};
+use super::path::{Part, Path, State};
 use super::shade::Wide;
-use super::shape::{mesh, solid};
-use super::triangle::Triangle;
-use crate::error::{Error, Result};
-use crate::geometry::raycast::{Bvh, LANES, NO_TRIANGLE, Packet, Parallel, Scratch};
+use super::tree::{Here, Points, Tree};
+use crate::geometry::raycast::{Bvh, LANES, Scratch};
 use crate::geometry::{Pose, Solid};
-use crate::profile::{Object, Scene};
-use glam::{DVec3, Vec3};
+use glam::DVec3;
+use std::sync::Arc;
 
 /// What stands this fraction before a point's end of a shadow ray touches the point rather than
 /// shades it: 1 nm at 1 m, far above the error of f64.
 pub(super) const SHADOW_END: f64 = 1.0 - 1e-9;
 /// Where parallel rays start, relative to their point's distance from the rig, so that the f32
 /// error of a neighbouring triangle (some 1e-7 of it) does not shade the point: 10 um at 1 m.
-const OFF_POINT: f32 = 1e-5;
-/// Most triangles of a scene: some 10 GiB with their hierarchy.
-const MAX_TRIANGLES: usize = 50_000_000;
+pub(super) const OFF_POINT: f32 = 1e-5;
 /// Facets that a solid may have.
 const FACETS: u32 = 8;
 
@@ -41,7 +42,7 @@ pub(super) struct Hits {
 }
 
 impl Hits {
-    fn none() -> Self {
+    pub(super) fn none() -> Self {
         Self {
             t: [f64::INFINITY; LANES],
             normal: [[0.0; LANES]; 3],
@@ -77,8 +78,22 @@ impl Hits {
         }
         self.surface[lane] = surface;
     }
+
+    /// Takes the hits of another that are nearer.
+    fn take_nearer(&mut self, other: &Self) {
+        for lane in 0..LANES {
+            if other.t[lane] < self.t[lane] {
+                self.t[lane] = other.t[lane];
+                self.surface[lane] = other.surface[lane];
+                for axis in 0..3 {
+                    self.normal[axis][lane] = other.normal[axis][lane];
+                }
+            }
+        }
+    }
 }
 
+#[derive(Clone)]
 struct Placed {
     solid: Solid,
     rig_from_solid: Pose,
@@ -88,91 +103,120 @@ struct Placed {
     around_camera: bool,
 }
 
-/// All surfaces.
-pub(super) struct World {
+impl Placed {
+    fn new(solid: Solid, rig_from_solid: Pose, object: u16) -> Self {
+        let solid_from_rig = rig_from_solid.inverse();
+        Self {
+            solid,
+            rig_from_solid,
+            solid_from_rig,
+            object,
+            around_camera: solid.contains(solid_from_rig.translation_mm),
+        }
+    }
+}
+
+/// What no instant changes.
+#[derive(Default)]
+struct Fixed {
+    /// Of the meshes that stand still.
     vertices: Vec<DVec3>,
     triangles: Vec<[u32; 3]>,
-    /// Object of each triangle.
-    owner: Vec<u16>,
     bvh: Bvh,
+    /// Object of each triangle, those of meshes that move behind those of meshes that do not.
+    owner: Vec<u16>,
+    /// What moves, in the order of the objects.
+    paths: Vec<Path>,
+}
+
+/// All surfaces, as they are at one instant.
+#[derive(Clone)]
+pub(super) struct World {
+    fixed: Arc<Fixed>,
     solids: Vec<Placed>,
+    /// Meshes that move.
+    bodies: Vec<Body>,
     /// What the objects' surfaces look like.
-    pub(super) looks: Looks,
+    pub(super) looks: Arc<Looks>,
 }
 
 impl World {
-    pub(super) fn new(scene: &Scene) -> Result<Self> {
-        let mut world = Self {
-            vertices: Vec::new(),
-            triangles: Vec::new(),
-            owner: Vec::new(),
-            bvh: Bvh::default(),
-            solids: Vec::new(),
-            looks: Looks::new(scene)?,
-        };
-        for (i, object) in scene.object.iter().enumerate() {
-            world.add(scene, object, i as u16)?;
-        }
-        world.bvh = Bvh::build(&world.vertices, &world.triangles);
-        Ok(world)
+    pub(super) fn triangle_count(&self) -> usize {
+        self.fixed.owner.len()
     }
 
-    fn add(&mut self, scene: &Scene, object: &Object, index: u16) -> Result<()> {
-        let pose = scene.rig_from_object(object);
-        match solid(&object.shape, object.scale) {
-            Some(solid) => self.solids.push(Placed {
-                solid,
-                rig_from_solid: pose,
-                solid_from_rig: pose.inverse(),
-                object: index,
-                around_camera: solid.contains(pose.inverse().translation_mm),
-            }),
-            None => {
-                let place = || format!("scene, object[{index}].shape");
-                let mesh = mesh(&object.shape, &scene.folder).map_err(|e| e.at(place()))?;
-                let total = self.triangles.len() + mesh.triangles.len();
-                if total > MAX_TRIANGLES {
-                    return Err(Error::input(
-                        place(),
-                        format!("{total} triangles with those before it"),
-                        format!("up to {MAX_TRIANGLES} triangles in a scene"),
-                    ));
-                }
-                let first = self.vertices.len() as u32;
-                let placed = mesh.vertices.iter().map(|&v| pose.point(v * object.scale));
-                self.vertices.extend(placed);
-                let shifted = mesh.triangles.iter().map(|t| t.map(|i| i + first));
-                self.triangles.extend(shifted);
-                let range = self.triangles.len() - mesh.triangles.len()..self.triangles.len();
-                self.looks
-                    .mesh(index, range, &mesh, &self.vertices, &self.triangles)
-                    .map_err(|e| e.at(format!("scene, object[{index}]")))?;
-                self.owner.resize(self.triangles.len(), index);
+    /// Whether anything moves.
+    pub(super) fn moves(&self) -> bool {
+        !self.fixed.paths.is_empty()
+    }
+
+    /// Whether the object of a surface does.
+    pub(super) fn moving(&self, surface: Surface) -> bool {
+        self.object_moves(self.object(surface))
+    }
+
+    fn object_moves(&self, object: u16) -> bool {
+        let paths = &self.fixed.paths;
+        paths.binary_search_by_key(&object, |p| p.object).is_ok()
+    }
+
+    /// Triangles of the meshes that deform.
+    pub(super) fn deforming_triangles(&self) -> usize {
+        self.bodies.iter().map(Body::deforming_triangles).sum()
+    }
+
+    /// Where everything is at a device time in nanoseconds.
+    pub(super) fn state(&self, time_ns: f64) -> State {
+        State(
+            self.fixed
+                .paths
+                .iter()
+                .map(|path| path.at(time_ns))
+                .collect(),
+        )
+    }
+
+    /// Takes everything there, in the shape that it has there.
+    pub(super) fn set(&mut self, state: &State) {
+        for (path, placement) in self.fixed.paths.iter().zip(&state.0) {
+            if let (Part::Body(i), Some(blend)) = (path.part, placement.blend) {
+                self.bodies[i].deform(blend);
             }
         }
-        Ok(())
+        self.carry(state);
     }
 
-    pub(super) fn triangle_count(&self) -> usize {
-        self.triangles.len()
+    /// Takes everything there in the shape that it has.
+    pub(super) fn carry(&mut self, state: &State) {
+        for (path, placement) in self.fixed.paths.iter().zip(&state.0) {
+            match path.part {
+                Part::Body(i) => self.bodies[i].carry(placement.rig_from_object),
+                Part::Solid(i) => {
+                    let Placed { solid, object, .. } = self.solids[i];
+                    self.solids[i] = Placed::new(solid, placement.rig_from_object, object);
+                }
+            }
+        }
     }
 
     /// Whether some surface may stand in the light of another, or of itself: one convex solid, seen
-    /// from outside, shades itself only by facing away.
+    /// from outside, shades itself only by facing away. One that moves may come around the camera.
     pub(super) fn casts_shadows(&self) -> bool {
-        !self.triangles.is_empty()
-            || self.solids.len() > 1
-            || self.solids.iter().any(|s| s.around_camera)
+        let may_surround = |s: &Placed| {
+            let hollow = !matches!(s.solid, Solid::Plane { .. });
+            s.around_camera || hollow && self.object_moves(s.object)
+        };
+        self.triangle_count() > 0 || self.solids.len() > 1 || self.solids.iter().any(may_surround)
     }
 
     /// Whether a surface belongs to a mesh: neighbours of one mesh may form one smooth surface.
     pub(super) fn is_triangle(&self, surface: Surface) -> bool {
-        (surface.0 as usize) < self.triangles.len()
+        (surface.0 as usize) < self.triangle_count()
     }
 
     /// The object that a surface belongs to.
     pub(super) fn object(&self, surface: Surface) -> u16 {
-        match self.owner.get(surface.0 as usize) {
+        match self.fixed.owner.get(surface.0 as usize) {
             Some(&object) => object,
             None => self.solids[self.solid_of(surface)].object,
         }
@@ -180,12 +224,57 @@ impl World {
 
     /// The corners of a surface that is a triangle.
     pub(super) fn corners(&self, surface: Surface) -> Option<[DVec3; 3]> {
-        let triangle = self.triangles.get(surface.0 as usize)?;
-        Some(triangle.map(|i| self.vertices[i as usize]))
+        match self.fixed.triangles.get(surface.0 as usize) {
+            Some(triangle) => Some(triangle.map(|i| self.fixed.vertices[i as usize])),
+            None => Some(self.body(surface)?.corners(surface)),
+        }
+    }
+
+    /// The moving mesh that a surface belongs to.
+    fn body(&self, surface: Surface) -> Option<&Body> {
+        let after = self.bodies.partition_point(|b| b.first() <= surface.0);
+        let body = self.bodies.get(after.checked_sub(1)?)?;
+        body.holds(surface).then_some(body)
+    }
+
+    /// Smooth normals at the corners of a triangle now, of those that it has at rest.
+    pub(super) fn smooth(&self, surface: Surface, rest: [DVec3; 3]) -> [DVec3; 3] {
+        match self.body(surface) {
+            Some(body) => body.smooth(surface, rest),
+            None => rest,
+        }
+    }
+
+    /// Takes a spot on a surface to where it rests, which is where looks are laid on.
+    pub(super) fn at_rest(&self, surface: Surface, spot: Spot) -> Spot {
+        if let Some(body) = self.body(surface) {
+            return body.at_rest(surface, spot);
+        }
+        let object = self.object(surface);
+        let paths = &self.fixed.paths;
+        match paths.binary_search_by_key(&object, |p| p.object) {
+            Ok(i) => {
+                let now = &self.solids[self.solid_of(surface)];
+                spot.moved(&(paths[i].rig_from_rest * now.solid_from_rig))
+            }
+            Err(_) => spot,
+        }
     }
 
     fn solid_of(&self, surface: Surface) -> usize {
-        (surface.0 as usize - self.triangles.len()) / FACETS as usize
+        (surface.0 as usize - self.triangle_count()) / FACETS as usize
+    }
+
+    /// The hierarchy of all that stands still; `None` where there is none.
+    fn still(&self) -> Option<Tree<'_, Here>> {
+        let fixed = &self.fixed;
+        (!fixed.bvh.is_empty()).then_some(Tree {
+            bvh: &fixed.bvh,
+            vertices: &fixed.vertices,
+            triangles: &fixed.triangles,
+            first: 0,
+            frame: Here,
+        })
     }
 
     /// The nearest surface along each ray from a point of the camera's pupil, which lies about the
@@ -197,27 +286,18 @@ impl World {
         used: &[bool; LANES],
         scratch: &mut Scratch,
     ) -> Hits {
-        let mut hits = Hits::none();
-        if !self.bvh.is_empty() {
-            let ends = used.map(|u| if u { f32::INFINITY } else { -1.0 });
-            let rounded = directions.map(|d| d.as_vec3());
-            let mut packet = Packet::new(origin.as_vec3(), &rounded, &ends);
-            self.bvh.nearest(&mut packet, scratch);
-            for lane in 0..LANES {
-                if packet.triangle[lane] != NO_TRIANGLE {
-                    let triangle = self.triangle(packet.triangle[lane], origin);
-                    triangle.take(directions[lane], lane, &mut hits);
-                }
-            }
-            for &(lane, id) in &scratch.rivals {
-                let found = self.triangle(hits.surface[lane].0, origin);
-                let rival = self.triangle(id, origin);
-                rival.take_from(&found, directions[lane], lane, &mut hits);
-            }
+        let ends = used.map(|u| if u { f32::INFINITY } else { -1.0 });
+        let mut hits = match self.still() {
+            Some(tree) => tree.nearest(origin, directions, &ends, scratch),
+            None => Hits::none(),
+        };
+        for body in &self.bodies {
+            let found = body.tree().nearest(origin, directions, &ends, scratch);
+            hits.take_nearer(&found);
         }
         for (i, placed) in self.solids.iter().enumerate() {
             let origin = placed.solid_from_rig.point(origin);
-            let first = self.triangles.len() as u32 + i as u32 * FACETS;
+            let first = self.triangle_count() as u32 + i as u32 * FACETS;
             for lane in (0..LANES).filter(|&lane| used[lane]) {
                 let direction = directions[lane];
                 let local = placed.solid_from_rig.direction(direction);
@@ -233,37 +313,20 @@ impl World {
         hits
     }
 
-    fn triangle(&self, id: u32, origin: DVec3) -> Triangle {
-        let corner = |i: u32| self.vertices[i as usize] - origin;
-        Triangle {
-            id,
-            corners: self.triangles[id as usize].map(corner),
-        }
-    }
-
     /// Whether something stands between the projector's pupil and each point; lanes with no point
     /// are not asked.
     pub(super) fn blocked(
         &self,
         pupil: DVec3,
-        points: &[Option<(DVec3, Surface)>; LANES],
+        points: &Points,
         scratch: &mut Scratch,
     ) -> [bool; LANES] {
         let mut blocked = [false; LANES];
-        if !self.bvh.is_empty() {
-            let towards = points.map(|p| p.map_or(Vec3::ZERO, |(p, _)| (p - pupil).as_vec3()));
-            let ends = points.map(|p| if p.is_some() { 1.0 } else { -1.0 });
-            let mut packet = Packet::new(pupil.as_vec3(), &towards, &ends);
-            packet.triangle = points.map(|p| p.map_or(NO_TRIANGLE, |(_, surface)| surface.0));
-            self.bvh.blocked(&mut packet, scratch);
-            for lane in 0..LANES {
-                blocked[lane] = points[lane].is_some() && packet.t[lane] < 0.0;
-            }
-            for &(lane, id) in &scratch.rivals {
-                if let (Some((point, _)), false) = (points[lane], blocked[lane]) {
-                    blocked[lane] = self.triangle(id, pupil).stands_before(point - pupil);
-                }
-            }
+        if let Some(tree) = self.still() {
+            tree.blocked(pupil, points, &mut blocked, scratch);
+        }
+        for body in &self.bodies {
+            body.tree().blocked(pupil, points, &mut blocked, scratch);
         }
         self.solids_between(points, &mut blocked, |placed, point| {
             let origin = placed.solid_from_rig.point(pupil);
@@ -277,7 +340,7 @@ impl World {
     /// Adds the points that solids shade, where `shades` tells it of one solid and one point.
     fn solids_between(
         &self,
-        points: &[Option<(DVec3, Surface)>; LANES],
+        points: &Points,
         blocked: &mut [bool; LANES],
         shades: impl Fn(&Placed, DVec3) -> bool,
     ) {
@@ -298,20 +361,17 @@ impl World {
     pub(super) fn blocked_along(
         &self,
         towards: DVec3,
-        points: &[Option<(DVec3, Surface)>; LANES],
+        points: &Points,
         scratch: &mut Scratch,
     ) -> [bool; LANES] {
-        let mut blocked = if self.bvh.is_empty() {
-            [false; LANES]
-        } else {
-            let rays = points.map(|lane| {
-                let (point, surface) = lane?;
-                let start = point.length() as f32 * OFF_POINT;
-                Some((point.as_vec3(), start, surface.0))
-            });
-            let rays = Parallel::new(towards.as_vec3(), &rays);
-            self.bvh.blocked_along(rays, scratch)
-        };
+        let mut blocked = [false; LANES];
+        if let Some(tree) = self.still() {
+            tree.blocked_along(towards, points, &mut blocked, scratch);
+        }
+        for body in &self.bodies {
+            let tree = body.tree();
+            tree.blocked_along(towards, points, &mut blocked, scratch);
+        }
         self.solids_between(points, &mut blocked, |placed, point| {
             let origin = placed.solid_from_rig.point(point);
             let direction = placed.solid_from_rig.direction(towards);

@@ -213,3 +213,36 @@ fn same_triggers_same_shots() {
     assert_eq!(run(&[]), run(&[77 * MS, 33 * MS, 1]));
     assert_eq!(run(&[]).len(), 39);
 }
+
+#[test]
+fn the_truth_is_asked_about_the_exposures_that_were() {
+    let mut port = Port::new();
+    port.at(7 * MS);
+    let starts = |port: &Port| -> Vec<u64> {
+        let sequence = port.firmware.selected_sequence();
+        sequence.iter().map(|(_, shot)| shot.start_ns).collect()
+    };
+    let period: u64 = (seconds(&port.ask("SEQ:PER?")) * 1e9).round() as u64;
+    let count: u64 = port.ask("SEQ:COUN?").parse().unwrap();
+    let from = |start: u64| (0..count).map(|i| start + i * period).collect::<Vec<_>>();
+    assert_eq!(starts(&port), from(7 * MS), "as if triggered now");
+    port.tell("TRIG:SOUR BUS;:INIT");
+    port.at(100 * MS);
+    port.tell("*TRG");
+    port.at(100 * MS + period);
+    assert_eq!(
+        starts(&port),
+        from(100 * MS + period),
+        "not all have been taken"
+    );
+    port.at(100 * MS + count * period);
+    port.at(90_000 * MS);
+    assert_eq!(starts(&port), from(100 * MS));
+    let name = port.ask("SEQ:SEL?");
+    port.tell(&format!("SEQ:SEL {name}"));
+    assert_eq!(starts(&port), from(90_000 * MS), "selected anew");
+}
+
+fn seconds(text: &str) -> f64 {
+    text.parse().unwrap()
+}

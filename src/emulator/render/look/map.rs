@@ -1,12 +1,13 @@
 //! A texture on an object: by the mesh's own coordinates, or laid over the shape.
 
 use super::lay::Lay;
+use super::spot::Spot;
 use super::texture::Texture;
 use super::{barycentric, shares};
 use crate::error::{Error, Result};
 use crate::geometry::{Mesh, Pose};
 use crate::profile::{Object, Scene};
-use glam::{DVec2, DVec3};
+use glam::DVec2;
 use std::sync::Arc;
 
 pub(super) struct Map {
@@ -57,16 +58,15 @@ impl Map {
         Ok(())
     }
 
-    /// Mean over a footprint with two sides about a point, all in the rig's frame. `index` is the
-    /// triangle's among the object's.
-    pub(super) fn albedo(
-        &self,
-        index: usize,
-        corners: Option<[DVec3; 3]>,
-        point: DVec3,
-        normal: DVec3,
-        sides: [DVec3; 2],
-    ) -> f64 {
+    /// Mean over a spot's footprint, where the object rests. `index` is the triangle's among the
+    /// object's.
+    pub(super) fn albedo(&self, index: usize, spot: &Spot) -> f64 {
+        let Spot {
+            corners,
+            point,
+            normal,
+            sides,
+        } = *spot;
         let (at, [across, down]) = match &self.place {
             Place::Corners(uv) => {
                 let (Some(uv), Some(corners)) = (uv.get(index), corners) else {

@@ -1,24 +1,29 @@
 //! What surfaces look like beyond one albedo an object: done for the lanes that need it, after
 //! [`shade`](super::shade) has lit all of them as white or as Lambertian surfaces.
 
+mod evenly;
 mod ggx;
 mod lay;
 mod map;
 mod normals;
+mod spot;
 mod texture;
 
 use super::geometry::Bundle;
 use super::shade::{Optics, Shaded};
+use super::skin::Skins;
 use super::world::{Hits, Surface, World};
 use super::{Plan, Term, lamps};
 use crate::error::{Error, Result};
 use crate::geometry::Mesh;
 use crate::geometry::raycast::{LANES, Scratch};
 use crate::profile::{Object, Scene, Specular};
+pub(super) use evenly::{Evenly, Patch};
 use ggx::Ggx;
 use glam::{DVec3, Vec3};
 use map::Map;
-use std::ops::Range;
+pub(super) use normals::Smoother;
+pub(super) use spot::Spot;
 use std::path::PathBuf;
 use std::sync::Arc;
 use texture::Texture;
@@ -52,7 +57,7 @@ struct Made {
 impl Looks {
     /// # Errors
     /// Textures that cannot be read.
-    pub(super) fn new(scene: &Scene) -> Result<Self> {
+    pub(super) fn new(scene: &Scene, skins: &Skins) -> Result<Self> {
         let mut made = Made::default();
         let look = |(i, object): (usize, &Object)| {
             let map = match &object.texture {
@@ -64,7 +69,8 @@ impl Looks {
                 }
             };
             Ok(Look {
-                albedo: object.albedo,
+                // A factor on what skin reflects.
+                albedo: object.albedo * skins.reflectance(i).unwrap_or(1.0),
                 specular: object.specular.map(|specular| made.material(specular)),
                 wants_colours: object.vertex_colours,
                 map,
@@ -79,22 +85,23 @@ impl Looks {
         })
     }
 
-    /// Takes what an object's mesh, placed in the world, has to say; `range` is its triangles'.
+    /// Takes what an object's mesh, placed in the world at rest, has to say: vertices, and the
+    /// object's triangles over them, of which the first has this number.
     ///
     /// # Errors
     /// Colours or texture coordinates that the scene asks for and the mesh lacks.
     pub(super) fn mesh(
         &mut self,
         object: u16,
-        range: Range<usize>,
+        first_triangle: usize,
         mesh: &Mesh,
         vertices: &[DVec3],
         triangles: &[[u32; 3]],
     ) -> Result<()> {
         let look = &mut self.of[usize::from(object)];
-        look.first_triangle = range.start;
+        look.first_triangle = first_triangle;
         if look.specular.is_some() {
-            look.normals = normals::corners(vertices, &triangles[range]);
+            look.normals = Smoother::new(vertices, triangles).normals(vertices, triangles);
         }
         if look.wants_colours {
             if mesh.colours.is_empty() {
@@ -236,6 +243,7 @@ impl<'a> Local<'a> {
         let Some(ggx) = self.specular else {
             shaded.projected[lane] *= self.albedo;
             shaded.ambient[lane] *= self.albedo;
+            shaded.evenly[lane] *= self.albedo;
             return;
         };
         // Lit by the cosine at the facet so far.
@@ -247,7 +255,9 @@ impl<'a> Local<'a> {
             0.0
         };
         let cos_view = self.normal.dot(self.view);
-        shaded.ambient[lane] *= ggx.under_even_light(self.albedo, cos_view);
+        let reflected = ggx.under_even_light(self.albedo, cos_view);
+        shaded.ambient[lane] *= reflected;
+        shaded.evenly[lane] *= reflected;
     }
 }
 
@@ -322,14 +332,22 @@ impl Look {
         flat: DVec3,
         sides: [DVec3; 2],
     ) -> f64 {
-        let (index, corners) = (self.index(surface), world.corners(surface));
+        let corners = world.corners(surface);
+        let index = self.index(surface);
+        let spot = Spot {
+            corners,
+            point,
+            normal: flat,
+            sides,
+        };
+        let spot = world.at_rest(surface, spot);
         let mut factor = 1.0;
-        if let (Some(colours), Some(corners)) = (self.colours.get(index), corners) {
-            let weights = barycentric(corners, point);
+        if let (Some(colours), Some(corners)) = (self.colours.get(index), spot.corners) {
+            let weights = barycentric(corners, spot.point);
             factor = (0..3).map(|i| f64::from(colours[i]) * weights[i]).sum();
         }
         if let Some(map) = &self.map {
-            factor *= map.albedo(index, corners, point, flat, sides);
+            factor *= map.albedo(index, &spot);
         }
         factor
     }
@@ -341,7 +359,8 @@ impl Look {
             return flat;
         };
         let weights = barycentric(corners, point);
-        let sum: DVec3 = (0..3).map(|i| normals[i].as_dvec3() * weights[i]).sum();
+        let normals = world.smooth(surface, normals.map(|n| n.as_dvec3()));
+        let sum: DVec3 = (0..3).map(|i| normals[i] * weights[i]).sum();
         let smooth = sum.try_normalize().unwrap_or(flat);
         if smooth.dot(flat) < 0.0 {
             -smooth

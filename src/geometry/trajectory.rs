@@ -1,0 +1,148 @@
+//! Rigid motion through keyframes.
+
+use super::{Pose, Timeline};
+use glam::{DMat3, DQuat, DVec3};
+
+/// A pose over time.
+///
+/// Positions follow the [`Timeline`]'s splines. Rotations follow their like on the unit quaternions:
+/// cubic Hermite curves in cumulative form (Kim, Kim, Shin: "A general construction scheme for unit
+/// quaternion curves with simple high order derivatives", SIGGRAPH 1995, section 4.2), with the same
+/// tangents, so that a turn at constant speed stays one. Between two keyframes a body turns the
+/// short way round.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Trajectory {
+    timeline: Timeline,
+    positions_mm: Vec<DVec3>,
+    rotations: Vec<DQuat>,
+}
+
+impl Trajectory {
+    /// Takes a position in millimetres and a rotation for each keyframe of a timeline; rotations in
+    /// degrees as [`Pose::from_xyz_deg`] has them.
+    pub fn new(timeline: Timeline, keys: &[(DVec3, DVec3)]) -> Self {
+        let rotation = |deg: DVec3| {
+            let r = deg * (std::f64::consts::PI / 180.0);
+            DQuat::from_rotation_z(r.z) * DQuat::from_rotation_y(r.y) * DQuat::from_rotation_x(r.x)
+        };
+        Self {
+            timeline,
+            positions_mm: keys.iter().map(|key| key.0).collect(),
+            rotations: keys.iter().map(|key| rotation(key.1)).collect(),
+        }
+    }
+
+    /// The pose at a moment.
+    pub fn pose(&self, time_s: f64) -> Pose {
+        let span = self.timeline.span(time_s);
+        let weights = span.weights();
+        let positions = span.keys.map(|key| self.positions_mm[key]);
+        let turns = span.keys.map(|key| self.rotations[key]);
+        Pose {
+            rotation: DMat3::from_quat(turn(turns, span.times_s, span.share)),
+            translation_mm: (0..4).map(|i| positions[i] * weights[i]).sum(),
+        }
+    }
+}
+
+/// The rotation between the second and the third of four keyframes.
+fn turn(keys: [DQuat; 4], times: [f64; 4], share: f64) -> DQuat {
+    let steps = [0, 1, 2].map(|i| step(keys[i], keys[i + 1]));
+    let length = times[2] - times[1];
+    let tangent = |i: usize| {
+        let chord = times[i + 2] - times[i];
+        if chord > 0.0 {
+            (steps[i] + steps[i + 1]) * (length / chord)
+        } else {
+            DVec3::ZERO
+        }
+    };
+    let (leaving, arriving) = (tangent(0) / 3.0, tangent(1) / 3.0);
+    let (first, last) = (
+        DQuat::from_scaled_axis(leaving),
+        DQuat::from_scaled_axis(arriving),
+    );
+    let middle = step(keys[1] * first, keys[2] * last.conjugate());
+    // The cumulative basis of Bernstein's cubics.
+    let s = share;
+    let turned = DQuat::from_scaled_axis(leaving * (1.0 - (1.0 - s).powi(3)))
+        * DQuat::from_scaled_axis(middle * (s * s * (3.0 - 2.0 * s)))
+        * DQuat::from_scaled_axis(arriving * s.powi(3));
+    (keys[1] * turned).normalize()
+}
+
+/// The rotation vector, in the moving frame, that takes one rotation to another the short way.
+fn step(from: DQuat, to: DQuat) -> DVec3 {
+    let q = from.conjugate() * to;
+    let q = if q.w < 0.0 { -q } else { q };
+    let (v, sin) = (q.xyz(), q.xyz().length());
+    // To the last digit where the angle is too small for a quotient.
+    let scale = if sin > 1e-9 {
+        2.0 * sin.atan2(q.w) / sin
+    } else {
+        2.0
+    };
+    v * scale
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn keys(rotations: &[[f64; 3]]) -> Vec<(DVec3, DVec3)> {
+        let key = |deg: &[f64; 3]| (DVec3::new(deg[0], -1.0, 2.0), DVec3::from(*deg));
+        rotations.iter().map(key).collect()
+    }
+
+    #[test]
+    fn passes_through_its_poses_without_a_jerk() {
+        let keys = keys(&[[0.0; 3], [30.0, -20.0, 5.0], [80.0, 40.0, -60.0], [0.0; 3]]);
+        let times = [0.0, 0.4, 1.0, 2.0];
+        let path = Trajectory::new(Timeline::new(times.to_vec(), None), &keys);
+        for (t, (position, deg)) in times.into_iter().zip(&keys) {
+            let (found, exact) = (path.pose(t), Pose::from_xyz_deg(*position, *deg));
+            assert_eq!(found.translation_mm, exact.translation_mm);
+            let apart = (found.rotation - exact.rotation).to_cols_array();
+            assert!(apart.iter().all(|v| v.abs() < 1e-14), "{t}: {apart:?}");
+        }
+        assert_eq!(
+            path.pose(0.0),
+            Pose {
+                translation_mm: keys[0].0,
+                ..Pose::IDENTITY
+            }
+        );
+        assert_eq!(path.pose(2.0), path.pose(77.0));
+        // Angular velocity on both sides of the keyframes, in the body's frame.
+        let q = |t: f64| DQuat::from_mat3(&path.pose(t).rotation);
+        for t in [0.4, 1.0] {
+            let h = 1e-6;
+            let (left, right) = (step(q(t - h), q(t)) / h, step(q(t), q(t + h)) / h);
+            assert!((left - right).length() < 1e-4, "{left} {right}");
+        }
+        // And its rotation is one throughout.
+        for i in 0..200 {
+            let r = path.pose(f64::from(i) / 100.0).rotation;
+            let off = r * r.transpose() - DMat3::IDENTITY;
+            assert!(off.to_cols_array().iter().all(|v| v.abs() < 1e-14));
+        }
+    }
+
+    #[test]
+    fn an_even_turn_stays_even() {
+        let keys = keys(&[
+            [0.0; 3],
+            [0.0, 20.0, 0.0],
+            [0.0, 60.0, 0.0],
+            [0.0, 170.0, 0.0],
+        ]);
+        let line = Timeline::new(vec![0.0, 1.0, 3.0, 8.5], None);
+        let path = Trajectory::new(line, &keys);
+        for i in 0..85 {
+            let t = f64::from(i) / 10.0;
+            let exact = DMat3::from_rotation_y((20.0 * t).to_radians());
+            let off = (path.pose(t).rotation - exact).to_cols_array();
+            assert!(off.iter().all(|v| v.abs() < 1e-13), "{t}: {off:?}");
+        }
+    }
+}
