@@ -176,7 +176,7 @@ fn a_fringe_that_moves_keeps_the_contrast_of_its_integral() {
     let mut former = f64::INFINITY;
     for samples in [1, 2, 4, 8, 16] {
         let blurred = contrast(&moving, samples);
-        let (mut compared, mut worst, mut sum) = (0, 0.0f64, 0.0);
+        let (mut compared, mut worst, mut sums) = (0, 0.0f64, [0.0; 2]);
         for i in (0..sharp.len()).step_by(11) {
             if sharp[i] < 30.0 || blurred[i] == 0.0 {
                 continue;
@@ -184,22 +184,25 @@ fn a_fringe_that_moves_keeps_the_contrast_of_its_integral() {
             let at = |t: f64| column(&profile, ray(&profile, i) * (z + speed * t));
             let cycles = (at(4e-3) - at(-4e-3)) / period;
             let sinc = (PI * cycles).sin() / (PI * cycles);
-            // The midpoint rule's error on a cosine over that many cycles: Dirichlet's kernel.
+            // What the midpoint rule makes of a cosine over that many cycles, Dirichlet's kernel,
+            // is too much by some (pi cycles / samples)^2 / 6 of it.
             let step = PI * cycles / f64::from(samples);
-            let bar = sinc * (step / step.sin() - 1.0).abs();
+            let rule = sinc * (step / step.sin() - 1.0);
             let error = blurred[i] / sharp[i] - sinc;
-            worst = worst.max(error.abs() - 1.05 * bar.abs());
-            sum += error.abs();
+            worst = worst.max((error - rule).abs());
+            sums = [sums[0] + error, sums[1] + error - rule];
             compared += 1;
         }
         assert!(compared > 1000, "{compared}");
-        assert!(worst < 2.5e-3, "{samples} instants: {worst} over the bar");
-        let mean = sum / f64::from(compared);
+        // Edges of held pixels, which the closed form has not, come and go with a pixel's place.
+        assert!(worst < 8e-3, "{samples} instants: {worst}");
+        let [error, beyond] = sums.map(|sum| (sum / f64::from(compared)).abs());
+        assert!(beyond < 1e-3, "{samples} instants: {beyond}");
         assert!(
-            mean < former / 3.5 || mean < 1e-3,
-            "{samples}: {mean} {former}"
+            error < former / 3.5 || error < 1e-3,
+            "{samples}: {error} after {former}"
         );
-        former = mean;
+        former = error;
     }
 }
 
