@@ -307,7 +307,7 @@ fn room(object: &str, folder: &Path) -> Scene {
 
 /// A checker of squares.
 fn write_checker(path: &Path) {
-    let level = |x: u32, y: u32| image::Luma([if (x + y) % 2 == 0 { 230u8 } else { 90 }]);
+    let level = |x: u32, y: u32| image::Luma([if (x + y).is_multiple_of(2) { 230u8 } else { 90 }]);
     image::GrayImage::from_fn(8, 8, level).save(path).unwrap();
 }
 
