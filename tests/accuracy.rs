@@ -107,6 +107,24 @@ fn other_scenes_and_the_webcam() {
     assert!(s.crease.gross_error_rate <= 0.03, "{s:?}");
 }
 
+/// What lenses, projector and sensor add leaves the error where the noise bound has it: the decoder
+/// knows the distortions, and the rest only costs contrast.
+#[test]
+fn the_bench_with_real_parts() {
+    for scene in ["trapezoid", "torso", "couch"] {
+        let s = scan("pmp-real", scene, 4, true);
+        assert!(
+            s.mae_mm <= 0.035 && s.gross_error_rate <= 0.001,
+            "{scene} {s:?}"
+        );
+        assert!(
+            s.coverage >= 0.99 && s.ratio_to_bound <= 1.15,
+            "{scene} {s:?}"
+        );
+        assert!(s.crease.gross_error_rate <= 0.005, "{scene} {s:?}");
+    }
+}
+
 /// Error in projector pixels that held projector pixels leave in a fringe of `period` px at the
 /// coordinate `x`, seen through a footprint with the derivatives `a` and `b` of x by the camera's
 /// column and row.

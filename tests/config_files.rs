@@ -289,6 +289,46 @@ fn impossible_scenes_are_refused_with_line_and_range() {
             vec!["object[1].albedo", "0 to 1"],
         ),
         (
+            "albedo = 0.6",
+            "skin = { fitzpatrick = 7 }\nalbedo = 0.6",
+            vec!["object[1].skin.fitzpatrick", "7", "1 to 6"],
+        ),
+        (
+            "albedo = 0.6",
+            "skin = { fitzpatrick = 2, absorption_per_mm = 0.1 }\nalbedo = 0.6",
+            vec!["object[1].skin", "a class and coefficients"],
+        ),
+        (
+            "albedo = 0.6",
+            "skin = { absorption_per_mm = 0.1 }\nalbedo = 0.6",
+            vec!["object[1].skin", "one coefficient of two"],
+        ),
+        (
+            "albedo = 0.6",
+            "skin = {}\nalbedo = 0.6",
+            vec!["object[1].skin", "neither a class"],
+        ),
+        (
+            "albedo = 0.6",
+            "skin = { absorption_per_mm = nan, reduced_scattering_per_mm = 2 }\nalbedo = 0.6",
+            vec!["object[1].skin.absorption_per_mm", "0.001 to 100"],
+        ),
+        (
+            "albedo = 0.6",
+            "skin = { absorption_per_mm = 0.1, reduced_scattering_per_mm = 0 }\nalbedo = 0.6",
+            vec!["object[1].skin.reduced_scattering_per_mm", "0.1 to 10000"],
+        ),
+        (
+            "albedo = 0.6",
+            "skin = { fitzpatrick = 2, refractive_index = 0.9 }\nalbedo = 0.6",
+            vec!["object[1].skin.refractive_index", "1 to 1.6"],
+        ),
+        (
+            "albedo = 0.6",
+            "skin = { fitzpatrick = 2, tone = 3 }\nalbedo = 0.6",
+            vec!["tone", "unknown field"],
+        ),
+        (
             "kind = \"sphere\"",
             "kind = \"ball\"",
             vec!["ball", "sphere"],
@@ -359,6 +399,24 @@ fn impossible_scenes_are_refused_with_line_and_range() {
             "name = \"sphere\"",
             "rig = { position_mm = [0.0, 2e9, 0.0] }\nname = \"sphere\"",
             vec!["rig.position_mm", "-1000000000 to 1000000000"],
+        ),
+        (
+            "name = \"sphere\"",
+            "interreflection = { samples = 63 }\nname = \"sphere\"",
+            vec![
+                "interreflection.samples: 63",
+                "multiple of 16 from 16 to 1024",
+            ],
+        ),
+        (
+            "name = \"sphere\"",
+            "interreflection = { samples = 2048 }\nname = \"sphere\"",
+            vec!["interreflection.samples: 2048"],
+        ),
+        (
+            "name = \"sphere\"",
+            "interreflection = { samples = 64, step_px = 0 }\nname = \"sphere\"",
+            vec!["interreflection.step_px: 0", "1 to 64"],
         ),
         (
             "name = \"sphere\"",

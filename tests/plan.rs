@@ -82,6 +82,9 @@ fn the_table_says_the_same_and_mistakes_are_named() {
     ] {
         assert!(text.contains(words), "{words}: {text}");
     }
+    let output = plan(&["--samples", "5"]);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(String::from_utf8_lossy(&output.stderr).contains("1, 4, 16 or 64"));
     let output = plan(&["--scene", "no-such"]);
     assert_eq!(output.status.code(), Some(2));
     assert!(String::from_utf8_lossy(&output.stderr).contains("no-such"));

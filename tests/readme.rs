@@ -87,6 +87,16 @@ fn the_manifest_in_the_readme_reads() {
     assert_ne!(usb, phasma::profile::Usb::default());
 }
 
+#[test]
+fn skin_is_a_scene_s() {
+    let readme = include_str!("../README.md");
+    let examples = blocks(readme, "toml");
+    let skin = examples.iter().find(|text| text.contains("fitzpatrick"));
+    let text = format!("name = \"s\"\ndescription = \"\"\n{}", skin.unwrap());
+    let scene = phasma::profile::Scene::parse(&text, "README").unwrap();
+    assert_eq!(scene.object[0].skin.unwrap().fitzpatrick, Some(2));
+}
+
 /// Puts a table's values over another's, table by table.
 fn overlay(base: &mut toml::Table, over: toml::Table) {
     for (key, value) in over {
@@ -125,6 +135,8 @@ fn what_cameras_and_projectors_do_is_in_the_plan() {
         "albedo-maps",
         "specular",
         "lights",
+        "subsurface",
+        "interreflection",
         "footprint-x",
         "footprint-y",
         "motion",

@@ -34,6 +34,9 @@ impl Truth {
     pub const SQUARE: u8 = 4;
     /// The pixel's footprint meets more than one facet, object or shadow.
     pub const CREASE: u8 = 8;
+    /// Without noise, some frame of the sequence's finest fringes reads there what a full well reads,
+    /// or the converter's last number: how much light there was is lost.
+    pub const SATURATED: u8 = 16;
     /// The finest fringes of the sequence cannot be told there: the pixel's footprint spans one of
     /// their periods or more, so that their contrast has vanished or inverted, or blur leaves
     /// less than a twentieth of it.
@@ -51,6 +54,15 @@ impl Truth {
             ("mean_dn", &self.mean_dn),
             ("modulation_dn", &self.modulation_dn),
         ]
+    }
+}
+
+/// Flags the pixels whose signal, rounded, is at least the number that saturation reads.
+pub(super) fn flag_saturated(flags: &mut [u8], signal_dn: &[f32], saturation_dn: f64) {
+    for (flags, dn) in flags.iter_mut().zip(signal_dn) {
+        if f64::from(*dn).round() >= saturation_dn {
+            *flags |= Truth::SATURATED;
+        }
     }
 }
 

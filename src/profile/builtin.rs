@@ -5,10 +5,14 @@ use crate::error::{Error, Result};
 use std::path::{Path, PathBuf};
 
 /// Name and text of each profile.
-const PROFILES: [(&str, &str); 2] = [
+const PROFILES: [(&str, &str); 3] = [
     (
         "pmp-bench",
         include_str!("../../device-profiles/pmp-bench.toml"),
+    ),
+    (
+        "pmp-real",
+        include_str!("../../device-profiles/pmp-real.toml"),
     ),
     (
         "webcam-grey",

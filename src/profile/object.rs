@@ -2,6 +2,7 @@
 
 use super::check::Check;
 use super::motion::{self, Deform, Motion};
+use super::skin::{self, Skin};
 use super::surface::{self, Specular};
 use crate::error::Result;
 use crate::geometry::{Pose, shapes};
@@ -24,8 +25,13 @@ pub struct Object {
     /// Factor on its size, before rotation and position.
     #[serde(default = "one")]
     pub scale: f64,
-    /// Diffuse reflectance of its Lambertian surface, 0 to 1.
+    /// Diffuse reflectance of its Lambertian surface, 0 to 1; of skin a factor on the reflectance
+    /// that follows from its coefficients.
     pub albedo: f64,
+    /// Light travels under the surface: fringes lose contrast and oblique light emerges shifted. A
+    /// surface that reflects where it is hit when absent.
+    #[serde(default)]
+    pub skin: Option<Skin>,
     /// Whether the albedo varies with the colours of the mesh's vertices: it is multiplied by
     /// their reflectance, interpolated, which is the luminance of sRGB at any wavelength.
     #[serde(default)]
@@ -193,6 +199,9 @@ pub(super) fn check(o: &Object, at: &str, check: &Check<'_>) -> Result<()> {
             "a torso, a couch or a mesh",
         )?;
         motion::check_deform(deform, &field("deform"), check)?;
+    }
+    if let Some(skin) = &o.skin {
+        skin::check(skin, &field("skin"), check)?;
     }
     let size = 1e-6..=1e9;
     let shape = |name: &str| format!("{at}.shape.{name}");

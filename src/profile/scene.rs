@@ -2,7 +2,8 @@
 //! projector's. Without a `[rig]` the scene's frame is the rig's.
 
 use super::check::{Check, name};
-use super::{Ambient, Light, Object, TomlSource, builtin, light, object};
+use super::{Ambient, Interreflection, Light, Object, TomlSource};
+use super::{builtin, interreflection, light, object};
 use crate::error::Result;
 use crate::geometry::Pose;
 use glam::DVec3;
@@ -26,6 +27,9 @@ pub struct Scene {
     /// Lamps.
     #[serde(default)]
     pub light: Vec<Light>,
+    /// Light that surfaces throw on each other; left out when absent.
+    #[serde(default)]
+    pub interreflection: Option<Interreflection>,
     /// What can be seen; later objects win nothing over earlier ones.
     #[serde(default)]
     pub object: Vec<Object>,
@@ -92,6 +96,9 @@ fn check(s: &Scene, check: &Check<'_>) -> Result<()> {
     check.all_within("rig.position_mm", &s.rig.position_mm, -1e9..=1e9)?;
     check.all_within("rig.rotation_deg", &s.rig.rotation_deg, -360.0..=360.0)?;
     light::check(&s.ambient, &s.light, check)?;
+    if let Some(interreflection) = s.interreflection {
+        interreflection::check(interreflection, check)?;
+    }
     check.that(
         s.object.len() <= 4096,
         "object",

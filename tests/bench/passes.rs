@@ -8,7 +8,7 @@ use phasma::emulator::render::{Options as RenderOptions, Renderer};
 use phasma::emulator::{Shot, Slide};
 use phasma::geometry::raycast::Bvh;
 use phasma::geometry::{Mesh, ply, shapes};
-use phasma::profile::{Deform, Keyframe, MeshKeyframe, Motion, Profile, Scene};
+use phasma::profile::{Deform, Interreflection, Keyframe, MeshKeyframe, Motion, Profile, Scene};
 use std::hint::black_box;
 use std::sync::Arc;
 use std::time::Instant;
@@ -61,13 +61,33 @@ fn main() {
         );
     }
     samples(&bench, &profile, pixels);
+    bounce(&bench, &profile, pixels);
     motion(&bench, &profile, pixels);
     frames(&bench, &profile, pixels);
     decode(&bench, &profile, pixels);
 }
 
-/// Frames whose every pixel is lit, and black ones, where electrons are few.
+/// Frames of a projector out of focus, whose every pixel is lit, and black ones, where electrons are few.
 fn frames(bench: &Bench, profile: &Profile, pixels: usize) {
+    let mut blurred = profile.clone();
+    blurred.projector.focus = Some(phasma::profile::Focus {
+        distance_mm: 1000.0,
+        aperture_mm: 6.0,
+    });
+    let mut setup = Setup::new(&blurred, "torso");
+    let (count, mut id) = (setup.slides.len(), 0);
+    bench.run(
+        "exposure + sensor, torso, defocus",
+        count,
+        pixels,
+        21,
+        || {
+            for i in 0..count {
+                id += 1;
+                black_box(setup.renderer.expose(&setup.shot(id, i)));
+            }
+        },
+    );
     let mut setup = Setup::new(&lit_all_over(profile), "plane");
     let count = setup.slides.len();
     let mut id = 0;
@@ -186,6 +206,35 @@ fn samples(bench: &Bench, profile: &Profile, pixels: usize) {
     }
 }
 
+/// What surfaces throw on each other: gathered once, and averaged for each slide.
+fn bounce(bench: &Bench, profile: &Profile, pixels: usize) {
+    for name in ["torso", "trapezoid"] {
+        let mut scene = Scene::load(name).expect("built in");
+        scene.interreflection = Some(Interreflection {
+            samples: 64,
+            step_px: 4,
+        });
+        let mut setup = Setup::of(profile, &scene, RenderOptions::default());
+        bench.run(
+            &format!("geometry, {name}, interreflection"),
+            1,
+            pixels,
+            45,
+            || {
+                setup.renderer.invalidate();
+                setup.renderer.prepare();
+            },
+        );
+        let frames = setup.slides.len();
+        let name = format!("exposure + sensor, {name}, interreflection");
+        bench.run(&name, frames, pixels, 41, || {
+            for i in 0..frames {
+                black_box(setup.renderer.expose(&setup.shot(i as u64, i)));
+            }
+        });
+    }
+}
+
 fn is_white(slide: &Slide) -> bool {
     matches!(slide, Slide::Uniform(level) if *level > 0)
 }
@@ -245,12 +294,11 @@ impl Setup {
     }
 
     fn with_samples(profile: &Profile, scene: &str, samples: u32) -> Self {
-        let scene = Scene::load(scene).expect("built in");
         let options = RenderOptions {
             samples,
             ..RenderOptions::default()
         };
-        Self::of(profile, &scene, options)
+        Self::of(profile, &Scene::load(scene).expect("built in"), options)
     }
 
     fn of(profile: &Profile, scene: &Scene, options: RenderOptions) -> Self {

@@ -9,9 +9,9 @@ use phasma::protocol::usb::usbip::{Operation, bus_id_bytes};
 use proptest::prelude::*;
 use proptest::test_runner::{Config, TestRunner};
 use std::cell::RefCell;
-use std::io::{Read, Write};
+use std::io::{ErrorKind, Read, Write};
 use std::net::TcpStream;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// Sends bytes, and reads what comes until the server hangs up or is silent for a while.
 fn talk(host: &str, bytes: &[u8]) {
@@ -65,4 +65,29 @@ fn a_stream_goes_on_beside_nonsense() {
             Ok(())
         })
         .unwrap();
+}
+
+#[test]
+fn silent_sockets_keep_nobody_out() {
+    let served = Served::new(Speed::High, Transfer::Bulk);
+    // Many more than the server lets open at a time; each may be silent for 10 s.
+    let silent: Vec<_> = (0..200)
+        .map(|_| TcpStream::connect(&served.host).unwrap())
+        .collect();
+    let start = Instant::now();
+    let device = served.open();
+    let mut camera = UsbCamera::open(&device, None).unwrap();
+    assert!(camera.next_frame(TIMEOUT).unwrap().is_some());
+    assert!(
+        start.elapsed() < Duration::from_secs(5),
+        "{:?}",
+        start.elapsed()
+    );
+    // The oldest were let go, the newest still have their time.
+    let ended = |mut stream: &TcpStream| {
+        stream.set_nonblocking(true).unwrap();
+        !matches!(stream.read(&mut [0]), Err(e) if e.kind() == ErrorKind::WouldBlock)
+    };
+    assert!(ended(&silent[0]) && ended(&silent[100]));
+    assert!(!ended(&silent[199]));
 }

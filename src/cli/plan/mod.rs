@@ -7,6 +7,7 @@ use crate::emulator::render::Options;
 use crate::emulator::{Firmware, Renderer, Shot};
 use crate::error::Result;
 use crate::profile::{Profile, Scene};
+pub use measure::Timing;
 use measure::{PassCost, TermCost, costs};
 use serde::Serialize;
 
@@ -19,6 +20,9 @@ pub struct Args {
     /// What stands before it: a built-in name or a TOML file
     #[arg(long, default_value = "torso")]
     scene: String,
+    /// Rays a pixel, as for `serve`: 1, 4, 16 or 64
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    samples: u32,
     /// Instants of an exposure at which a scene that moves is looked at, 1 to 256
     #[arg(long, value_name = "N", default_value_t = 4)]
     time_samples: u32,
@@ -36,6 +40,7 @@ struct Report<'a> {
     frames: usize,
     pixels: usize,
     triangles: usize,
+    samples: u32,
     threads: usize,
     passes: Vec<PassCost>,
     terms: Vec<TermCost>,
@@ -46,6 +51,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let scene = Scene::load(&args.scene)?;
     let firmware = Firmware::new(&profile, &[])?;
     let options = Options {
+        samples: args.samples,
         time_samples: args.time_samples,
         ..Options::default()
     };
@@ -56,15 +62,15 @@ pub(super) fn run(args: &Args) -> Result<()> {
         .map(|(_, shot)| shot)
         .collect();
     renderer.expect_slides(shots.iter().filter_map(|shot| shot.slide.as_deref()));
-    let pixels = profile.camera.width_px as usize * profile.camera.height_px as usize;
-    let (passes, terms) = costs(&mut renderer, &shots, pixels);
+    let (passes, terms) = costs(&mut renderer, &shots);
     let report = Report {
         profile: &args.profile,
         scene: &args.scene,
         sequence: &profile.sequence[0].name,
         frames: shots.len(),
-        pixels,
+        pixels: renderer.pixel_count(),
         triangles: renderer.triangle_count(),
+        samples: args.samples,
         threads: rayon::current_num_threads(),
         passes,
         terms,
@@ -80,13 +86,14 @@ pub(super) fn run(args: &Args) -> Result<()> {
 
 fn table(report: &Report<'_>) {
     println!(
-        "{} looking at {}: {} pixels, {} triangles, {} ({} frames), {} threads",
+        "{} looking at {}: {} pixels, {} triangles, {} ({} frames), {} samples a pixel, {} threads",
         report.profile,
         report.scene,
         report.pixels,
         report.triangles,
         report.sequence,
         report.frames,
+        report.samples,
         report.threads
     );
     println!("\n{:<24}{:>8}  runs", "pass", "ns/px");

@@ -1,8 +1,11 @@
 //! What the geometry pass leaves for the passes after it: one value a pixel and quantity.
 
+use super::bounce::Bounce;
 use super::light::{Blurred, Kernels};
+use super::skin::{Samples, SkinMaps};
 use super::world::Surface;
 use super::{Plan, Term};
+use crate::pattern::Axis;
 
 /// Maps over the camera's pixels, row by row, and the samples of mixed pixels.
 #[derive(Debug, Clone, Default)]
@@ -32,9 +35,16 @@ pub(super) struct GeometryBuffer {
     pub(super) normal: Vec<[f32; 3]>,
     /// Standard deviation of the projector's blur in slide pixels; empty without defocus.
     pub(super) blur: Vec<f32>,
+    /// Electrons per second for 1 W/m^2 of light from everywhere; empty without interreflection.
+    pub(super) evenly: Vec<f32>,
+    /// Light that surfaces throw on each other; nothing without interreflection.
+    pub(super) bounce: Bounce,
     /// Weights of the slide's columns (x) and rows (y) under blur: of each pixel, then of the
-    /// sixteen samples of each mixed one; `None` without defocus, or without slides that vary so.
+    /// sixteen samples of each mixed one; `None` without defocus and skin, or without slides that
+    /// vary so.
     pub(super) kernels: [Option<Kernels>; 2],
+    /// Where light comes from and how far it spreads under skin; `None` without.
+    pub(super) skin: Option<SkinMaps>,
     /// `Truth::SEEN` and so on.
     pub(super) flags: Vec<u8>,
     /// Pixels whose footprint meets more than one surface, in order, and their samples.
@@ -59,6 +69,8 @@ pub(super) struct Mixed {
     pub(super) flickering: f32,
     /// Blur of each sample as in the maps; 0 without defocus.
     pub(super) blur: [f32; 16],
+    /// How light spreads under each sample; `None` where none is skin.
+    pub(super) skin: Option<Box<Samples>>,
 }
 
 impl Mixed {
@@ -74,6 +86,7 @@ impl Mixed {
             ambient: 0.0,
             flickering: 0.0,
             blur: [0.0; 16],
+            skin: None,
         }
     }
 }
@@ -95,6 +108,7 @@ pub(super) struct Band<'a> {
     pub(super) surface: &'a mut [u32],
     pub(super) normal: &'a mut [[f32; 3]],
     pub(super) blur: &'a mut [f32],
+    pub(super) evenly: &'a mut [f32],
     pub(super) flags: &'a mut [u8],
 }
 
@@ -126,7 +140,11 @@ impl GeometryBuffer {
             },
             0.0,
         );
+        let bounces = plan.has(Term::Interreflection);
+        self.evenly.resize(if bounces { n } else { 0 }, 0.0);
+        self.bounce = Bounce::default();
         self.kernels = [None, None];
+        self.skin = None;
         self.flags.resize(n, 0);
         self.mixed.clear();
     }
@@ -144,6 +162,7 @@ impl GeometryBuffer {
         let mut surface = self.surface.chunks_mut(n);
         let mut normal = self.normal.chunks_mut(n);
         let mut blur = self.blur.chunks_mut(n);
+        let mut evenly = self.evenly.chunks_mut(n);
         let mut flags = self.flags.chunks_mut(n);
         let same = "all maps have one length";
         self.x
@@ -164,6 +183,7 @@ impl GeometryBuffer {
                 surface: surface.next().expect(same),
                 normal: normal.next().expect(same),
                 blur: blur.next().unwrap_or_default(),
+                evenly: evenly.next().unwrap_or_default(),
                 flags: flags.next().expect(same),
             })
             .collect()
@@ -171,15 +191,25 @@ impl GeometryBuffer {
 }
 
 impl GeometryBuffer {
+    /// The coordinate along an axis of the slide that each pixel's light comes from.
+    pub(super) fn lit_from(&self, axis: Axis) -> &[f32] {
+        match (&self.skin, axis) {
+            (Some(skin), Axis::X) => &skin.from[0],
+            (Some(skin), Axis::Y) => &skin.from[1],
+            (None, Axis::X) => &self.x,
+            (None, Axis::Y) => &self.y,
+        }
+    }
+
     /// Works out the kernels that the plan asks for, on a slide of `size` columns and rows.
     pub(super) fn blur_footprints(&mut self, size: [usize; 2], plan: &Plan) {
-        if !plan.has(Term::ProjectorDefocus) {
+        if !plan.has(Term::ProjectorDefocus) && !plan.has(Term::Subsurface) {
             return;
         }
         let n = self.x.len();
         let axes = [
-            (Term::FootprintX, &self.x, &self.x_slope),
-            (Term::FootprintY, &self.y, &self.y_slope),
+            (Term::FootprintX, self.lit_from(Axis::X), &self.x_slope),
+            (Term::FootprintY, self.lit_from(Axis::Y), &self.y_slope),
         ];
         let of_mixed = |axis: usize, i: usize| {
             let (mixed, k) = (&self.mixed[i / 16], i % 16);
@@ -189,7 +219,14 @@ impl GeometryBuffer {
             };
             let lit = mixed.projected[k] > 0.0;
             let sigma = if lit { mixed.blur[k] } else { 0.0 };
-            Blurred { x, slope, sigma }
+            let samples = mixed.skin.as_ref().filter(|_| lit);
+            let skin = self.skin.as_ref().zip(samples);
+            Blurred {
+                x,
+                slope,
+                sigma,
+                spread: skin.and_then(|(skin, samples)| skin.sample(samples, k, axis)),
+            }
         };
         let kernels = std::array::from_fn(|axis| {
             let (term, x, slope) = axes[axis];
@@ -199,10 +236,13 @@ impl GeometryBuffer {
                         return of_mixed(axis, i - n);
                     }
                     let lit = self.projected[i] > 0.0;
+                    let sigma = self.blur.get(i).filter(|_| lit);
+                    let skin = self.skin.as_ref();
                     Blurred {
                         x: x[i],
                         slope: slope[i],
-                        sigma: if lit { self.blur[i] } else { 0.0 },
+                        sigma: sigma.copied().unwrap_or(0.0),
+                        spread: skin.and_then(|skin| skin.spread(i, axis)),
                     }
                 })
             })

@@ -5,9 +5,10 @@ use super::aperture::Aperture;
 use super::buffer::{Band, GeometryBuffer};
 use super::sampled::Sampler;
 use super::shade::{Optics, Shaded};
+use super::skin::SkinMaps;
 use super::world::{Hits, Surface, World};
 use super::worlds::Worlds;
-use super::{Options, Plan, Term, look, mixed};
+use super::{Options, Plan, Term, bounce, look, mixed};
 use crate::emulator::Truth;
 use crate::geometry::raycast::{LANES, Scratch};
 use glam::{DMat2, DVec2, DVec3};
@@ -92,6 +93,13 @@ pub(super) fn run(
     }
     if plan.has(Term::DepthOfField) {
         aperture.widen(buffer);
+    }
+    if plan.has(Term::Subsurface) {
+        buffer.skin = Some(SkinMaps::new(buffer, rays, optics, worlds.any()));
+    }
+    if plan.has(Term::Interreflection) {
+        // It varies slowly, from row to row of a rolling shutter too.
+        bounce::run(worlds.any(), rays, plan, buffer);
     }
     let slide = &optics.projector.lens;
     let size = [slide.width_px as usize, slide.height_px as usize];
@@ -220,6 +228,9 @@ fn write(band: &mut Band<'_>, i: usize, optics: &Optics, cast: &Cast, lane: usiz
         if let Some(kept) = band.lamps.get_mut(i) {
             *kept = 0;
         }
+        if let Some(kept) = band.evenly.get_mut(i) {
+            *kept = 0.0;
+        }
         return;
     }
     let slope = |axis: usize| shaded.footprint[axis].map(|by| by[lane] as f32);
@@ -245,6 +256,9 @@ fn write(band: &mut Band<'_>, i: usize, optics: &Optics, cast: &Cast, lane: usiz
     }
     if let Some(kept) = band.lamps.get_mut(i) {
         *kept = shaded.lamps[lane];
+    }
+    if let Some(kept) = band.evenly.get_mut(i) {
+        *kept = shaded.evenly[lane] as f32;
     }
     band.depth[i] = shaded.point[2][lane] as f32;
     band.normal[i] = hits.normal.map(|axis| axis[lane] as f32);

@@ -14,7 +14,7 @@ use glam::DVec3;
 pub(super) struct Lamp {
     shape: LampShape,
     /// Amplitude of its flicker relative to its mean.
-    depth: f64,
+    pub(super) depth: f64,
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -61,7 +61,7 @@ impl Lamp {
     }
 
     /// Direction to the lamp from a point, and irradiance in W/m^2 there of what faces it.
-    fn seen_from(&self, point: DVec3) -> (DVec3, f64) {
+    pub(super) fn seen_from(&self, point: DVec3) -> (DVec3, f64) {
         match self.shape {
             LampShape::Point { at, intensity_w_sr } => {
                 let way = at - point;
@@ -78,7 +78,8 @@ impl Lamp {
         }
     }
 
-    fn blocked(
+    /// Whether something stands between it and each point.
+    pub(super) fn blocked(
         &self,
         world: &World,
         points: &[Option<(DVec3, Surface)>; LANES],

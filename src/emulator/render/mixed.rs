@@ -10,7 +10,7 @@ use super::geometry::{Bundle, Cast, Rays, TILE, cast};
 use super::shade::Optics;
 use super::world::{Surface, World};
 use super::worlds::Worlds;
-use super::{Plan, Term};
+use super::{Plan, Term, skin};
 use crate::emulator::Truth;
 use crate::geometry::raycast::{LANES, Scratch};
 use glam::{DVec2, DVec3, Vec3};
@@ -193,7 +193,13 @@ fn sample(
     });
     edge.then(|| {
         let pixel = (row * edges.rays.width + column) as u32;
-        gather(optics, &cast, pixel)
+        let mut mixed = gather(optics, &cast, pixel);
+        if plan.has(Term::Subsurface) {
+            for lane in (0..LANES).filter(|&lane| cast.lit[lane]) {
+                skin::into_sample(edges.world, optics, &cast, lane, (&mut mixed, lane));
+            }
+        }
+        mixed
     })
 }
 

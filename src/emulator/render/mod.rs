@@ -2,7 +2,7 @@
 //!
 //! 1. `geometry`: once per camera and state of the scene; what each pixel sees, where on the
 //!    slide its light comes from, how much of it arrives. `mixed` samples pixels on edges,
-//!    `sampled` all of them.
+//!    `sampled` all of them; `bounce` gathers what surfaces throw on each other.
 //! 2. `light`: per frame; the slide averaged over each pixel's footprint, as long as `schedule` says.
 //! 3. `sensor`: per frame; electrons, noise, gain, converter.
 //!
@@ -11,6 +11,7 @@
 
 mod aperture;
 mod body;
+mod bounce;
 mod buffer;
 mod geometry;
 mod glare;
@@ -28,6 +29,7 @@ mod schedule;
 mod sensor;
 mod shade;
 mod shape;
+pub mod skin;
 mod term;
 mod tree;
 mod triangle;

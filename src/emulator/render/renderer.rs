@@ -72,8 +72,8 @@ impl Renderer {
         options: Options,
     ) -> Result<Self> {
         let options = options.checked()?;
-        let world = World::new(scene)?;
         let optics = Optics::new(profile, scene);
+        let world = World::new(scene, &optics.skins)?;
         let plan = Plan::new(&Needs {
             profile,
             optics: &optics,
@@ -127,6 +127,12 @@ impl Renderer {
     /// Triangles in the scene.
     pub fn triangle_count(&self) -> usize {
         self.worlds.any().triangle_count()
+    }
+
+    /// Pixels in a frame.
+    pub fn pixel_count(&self) -> usize {
+        let camera = &self.profile.camera;
+        camera.width_px as usize * camera.height_px as usize
     }
 
     /// Adds what slides need to the plan, so that one geometry pass serves them all.
@@ -213,6 +219,13 @@ impl Renderer {
         out
     }
 
+    /// Prepares all that shots need before they are exposed: the geometry, and tables of slides.
+    pub fn make_ready(&mut self, shots: &[Shot]) {
+        for shot in shots {
+            self.schedule(shot);
+        }
+    }
+
     /// Prepares what a shot needs: the geometry, and tables of the slides that it sees.
     fn schedule(&mut self, shot: &Shot) -> Schedule {
         let then = match self.plan.has(Term::RollingShutter) {
@@ -228,8 +241,7 @@ impl Renderer {
             .into_iter()
             .map(|slide| self.table(slide.as_ref()))
             .collect();
-        let size = [self.buffer.width, self.buffer.height];
-        Schedule::new(shot, tables, &self.plan, self.optics.flicker, size)
+        Schedule::new(shot, tables, &self.plan, self.optics.flicker, &self.buffer)
     }
 
     fn sensor(&self, shot: &Shot) -> Sensor<'_> {
@@ -361,7 +373,13 @@ impl Renderer {
             })
             .collect();
         let phases: Vec<_> = fringes.iter().map(|(phase, _)| *phase).collect();
-        let flags = self.flags(sequence);
+        let mut flags = self.flags(sequence);
+        for ((_, shot), signal) in fringes.iter().zip(&signals) {
+            let exposure_s = shot.exposure_ns as f64 * 1e-9;
+            let sensor = &self.profile.camera.sensor;
+            let full = sensor.noise_model(shot.gain_db, exposure_s).saturation_dn;
+            truth::flag_saturated(&mut flags, signal, full);
+        }
         let map = &self.buffer;
         let (mean_dn, modulation_dn) = truth::harmonic(&phases, &signals, map.x.len());
         Truth {
@@ -398,9 +416,11 @@ impl Renderer {
         let lit = |flags: u8| flags & Truth::LIT != 0;
         for (i, flags) in flags.iter_mut().enumerate().filter(|(_, f)| lit(**f)) {
             let blur = map.blur.get(i).copied().unwrap_or(0.0);
+            let skin = map.skin.as_ref();
+            let under = skin.map_or(1.0, |skin| skin.contrast(i, axis as usize, period));
             let resolved = slope
                 .get(i)
-                .is_none_or(|slope| light::is_resolved(*slope, blur, period));
+                .is_none_or(|slope| light::is_resolved(*slope, blur, under, period));
             if !resolved {
                 *flags |= Truth::UNRESOLVED;
             }

@@ -12,7 +12,7 @@ use super::mixed::COS_CREASE;
 use super::shade::Optics;
 use super::world::{Surface, World};
 use super::worlds::Worlds;
-use super::{Plan, Term};
+use super::{Plan, Term, skin};
 use crate::emulator::Truth;
 use crate::geometry::raycast::{LANES, Scratch};
 use glam::{DMat2, DVec2, DVec3, Vec3};
@@ -212,6 +212,9 @@ impl Sampler<'_> {
             mixed.y_slope[k] = slope(1);
             mixed.projected[k] = (shaded.projected[lane] * weight) as f32;
             mixed.blur[k] = self.optics.blur_px(cast.origin + cast.point(lane));
+            if self.plan.has(Term::Subsurface) {
+                skin::into_sample(self.worlds.any(), self.optics, cast, lane, (&mut mixed, k));
+            }
         }
         mixed
     }

@@ -5,7 +5,7 @@
 //! row has ended leaks into the lower rows, in proportion to the time that they share with it.
 
 use super::buffer::GeometryBuffer;
-use super::light::{self, Flicker, Table};
+use super::light::{self, Flicker, Indirect, Table};
 use super::{Plan, Term};
 use crate::emulator::Shot;
 use std::ops::Range;
@@ -15,6 +15,8 @@ use std::sync::Arc;
 pub(super) struct Schedule {
     /// Of the shot's slide and of those that follow.
     tables: Vec<Arc<Table>>,
+    /// What their light does by way of other surfaces; none where the plan leaves it out.
+    indirect: Vec<Indirect>,
     /// Pixels that are exposed alike: a row of them, or all.
     width: usize,
     lines: Vec<Line>,
@@ -37,14 +39,15 @@ struct Part {
 }
 
 impl Schedule {
-    /// Schedules a shot whose slides have these tables, for a sensor of so many columns and rows.
+    /// Schedules a shot whose slides have these tables.
     pub(super) fn new(
         shot: &Shot,
         tables: Vec<Arc<Table>>,
         plan: &Plan,
         flicker: Option<Flicker>,
-        [columns, rows]: [usize; 2],
+        map: &GeometryBuffer,
     ) -> Self {
+        let (columns, rows) = (map.width, map.height);
         let seconds = |ns: u64| (ns as f64 * 1e-9) as f32;
         // Forced in where nothing flickers, it swings by nothing.
         let swing = |start_ns: u64| {
@@ -60,8 +63,16 @@ impl Schedule {
             };
             if slide.is_some() { light as f32 } else { 0.0 }
         };
+        let indirect = match plan.has(Term::Interreflection) {
+            true => tables
+                .iter()
+                .map(|t| Indirect::new(&map.bounce, t))
+                .collect(),
+            false => Vec::new(),
+        };
         let mut schedule = Self {
             tables,
+            indirect,
             width: columns,
             lines: Vec::new(),
             parts: Vec::new(),
@@ -97,16 +108,39 @@ impl Schedule {
 
     /// Mean electrons of the pixels from `first` on.
     pub(super) fn run(&self, map: &GeometryBuffer, first: usize, electrons: &mut [f32]) {
+        self.by_line(first, electrons, |line, from, here| {
+            self.line(map, line, from, here);
+        });
+        self.mixed(map, first, electrons);
+        if !self.indirect.is_empty() {
+            self.by_line(first, electrons, |line, from, here| {
+                for part in &self.parts[line.parts.clone()] {
+                    let [seconds, light] = part.exposure;
+                    self.indirect[part.table].add(&map.bounce, from, seconds * light, here);
+                }
+            });
+        }
+    }
+
+    /// Goes through the pixels from `first` on by those that are exposed alike.
+    fn by_line(
+        &self,
+        first: usize,
+        electrons: &mut [f32],
+        mut run: impl FnMut(&Line, usize, &mut [f32]),
+    ) {
         let end = first + electrons.len();
         let mut from = first;
         while from < end {
             let line = from / self.width;
             let to = end.min((line + 1) * self.width);
-            let here = &mut electrons[from - first..to - first];
-            self.line(map, &self.lines[line], from, here);
+            run(
+                &self.lines[line],
+                from,
+                &mut electrons[from - first..to - first],
+            );
             from = to;
         }
-        self.mixed(map, first, electrons);
     }
 
     fn line(&self, map: &GeometryBuffer, line: &Line, first: usize, electrons: &mut [f32]) {

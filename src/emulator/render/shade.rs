@@ -3,11 +3,12 @@
 
 use super::lamps::Lamp;
 use super::light::{Defocus, Falloff, Flicker};
+use super::skin::Skins;
 use super::world::{Hits, World};
 use super::{Plan, Term};
 use crate::geometry::raycast::LANES;
 use crate::geometry::{Lens, View};
-use crate::profile::{self, Profile, Scene};
+use crate::profile::{self, Interreflection, Profile, Scene};
 use crate::simd::widest;
 use glam::{DMat2, DVec2, DVec3};
 
@@ -29,11 +30,15 @@ pub(super) struct Optics {
     intensity_w_sr: f64,
     ambient_w_m2: f64,
     seen: Falloff,
-    shown: Falloff,
+    pub(super) shown: Falloff,
     defocus: Defocus,
+    /// What objects are skin, and how light spreads in it.
+    pub(super) skins: Skins,
     /// Amplitude of the ambient light's flicker relative to its mean.
     pub(super) ambient_depth: f64,
     pub(super) lamps: Vec<Lamp>,
+    /// How to gather the light that surfaces throw on each other, where the scene wants it.
+    pub(super) interreflection: Option<Interreflection>,
     /// The pulse of all light that flickers.
     pub(super) flicker: Option<Flicker>,
 }
@@ -52,6 +57,9 @@ pub(super) struct Shaded {
     pub(super) ambient: Wide,
     /// Electrons per second by which ambient light and lamps swing about their mean.
     pub(super) flickering: Wide,
+    /// Electrons per second for 1 W/m^2 of light that is the same from everywhere; 0 where the plan
+    /// has no interreflection.
+    pub(super) evenly: Wide,
     /// A bit for each lamp that lights it.
     pub(super) lamps: [u32; LANES],
     /// The projector can light it, shadow aside: in its field and on its side.
@@ -81,10 +89,18 @@ impl Optics {
             seen: Falloff::of_camera(camera),
             shown: Falloff::of_projector(&profile.projector),
             defocus: Defocus::new(&profile.projector),
+            skins: Skins::new(profile, scene),
             ambient_depth: scene.ambient.flicker.map_or(0.0, |f| f.depth),
             lamps: Lamp::all(scene),
+            interreflection: scene.interreflection,
             flicker: mains.as_ref().map(Flicker::new),
         }
+    }
+
+    /// Irradiance in W/m^2 by the projector's white of what it strikes at an angle of this cosine to
+    /// the normal, a squared distance in mm^2 away.
+    pub(super) fn irradiance_w_m2(&self, cos: f64, distance2: f64) -> f64 {
+        self.intensity_w_sr * 1e6 * cos / distance2
     }
 
     /// Standard deviation of the projector's blur at a point in the rig's frame, in slide pixels.
@@ -123,6 +139,7 @@ impl Optics {
             projected: [0.0; LANES],
             ambient: [0.0; LANES],
             flickering: [0.0; LANES],
+            evenly: [0.0; LANES],
             lamps: [0; LANES],
             reachable: [false; LANES],
             square: [false; LANES],
@@ -136,6 +153,9 @@ impl Optics {
             &slope,
             &mut shaded,
         );
+        if plan.has(Term::Interreflection) {
+            shaded.evenly = albedo.map(|albedo| albedo * self.electrons_per_irradiance);
+        }
         if plan.has(Term::ProjectorVignetting) {
             self.shown.dim_projected(&mut shaded);
         }

@@ -43,6 +43,10 @@ pub enum Term {
     Specular,
     /// Lamps beside the projector.
     Lights,
+    /// Light travels under skin: fringes lose contrast, oblique light emerges shifted.
+    Subsurface,
+    /// Light that surfaces throw on each other: one diffuse bounce.
+    Interreflection,
     /// Footprints along x, over which slides that vary along x are averaged.
     FootprintX,
     /// Footprints along y.
@@ -88,7 +92,7 @@ pub(super) struct Needs<'a> {
 
 impl Term {
     /// All terms in the order of the passes.
-    pub const ALL: [Self; 23] = [
+    pub const ALL: [Self; 25] = [
         Self::CameraDistortion,
         Self::ProjectorDistortion,
         Self::CameraVignetting,
@@ -99,6 +103,8 @@ impl Term {
         Self::AlbedoMaps,
         Self::Specular,
         Self::Lights,
+        Self::Subsurface,
+        Self::Interreflection,
         Self::FootprintX,
         Self::FootprintY,
         Self::ProjectorResponse,
@@ -127,6 +133,8 @@ impl Term {
             | Self::AlbedoMaps
             | Self::Specular
             | Self::Lights
+            | Self::Subsurface
+            | Self::Interreflection
             | Self::FootprintX
             | Self::FootprintY => Pass::Geometry,
             Self::ProjectorResponse
@@ -212,6 +220,19 @@ impl Needs<'_> {
                 "the scene has lamps",
                 "the scene has no [[light]]",
             ),
+            Term::Subsurface => choose(
+                self.optics.skins.any(),
+                "some object is skin",
+                "no object is skin",
+            ),
+            Term::Interreflection => match self.optics.interreflection {
+                None => (false, "the scene has no [interreflection]"),
+                Some(_) => choose(
+                    self.world.casts_shadows(),
+                    "the scene has [interreflection]",
+                    "one convex solid at most: it sees no other surface",
+                ),
+            },
             Term::FootprintX => (false, "no slide varies along x"),
             Term::FootprintY => (false, "no slide varies along y"),
             Term::ProjectorResponse => choose(

@@ -115,6 +115,29 @@ impl<F: Frame> Tree<'_, F> {
         hits
     }
 
+    /// The nearest triangle along each ray from a point of some surface, that surface's plane
+    /// excepted; directions are of unit length.
+    pub(super) fn leaving(
+        &self,
+        point: DVec3,
+        directions: &[DVec3; LANES],
+        scratch: &mut Scratch,
+    ) -> Hits {
+        let mut hits = Hits::none();
+        let rounded = directions.map(|d| self.frame.direction(d).as_vec3());
+        let from = self.frame.point(point).as_vec3();
+        let mut packet = Packet::new(from, &rounded, &[f32::INFINITY; LANES]);
+        self.bvh.leaving(&mut packet, scratch);
+        for lane in 0..LANES {
+            if packet.triangle[lane] != NO_TRIANGLE {
+                let near = f64::from(packet.t[lane]);
+                let triangle = self.triangle(packet.triangle[lane], point);
+                triangle.take_near(near, directions[lane], lane, &mut hits);
+            }
+        }
+        hits
+    }
+
     /// Adds the points that its triangles keep from the light of a pupil; of those that are blocked
     /// already nothing is asked.
     pub(super) fn blocked(

@@ -45,7 +45,20 @@ impl Triangle {
         hits.set(lane, t, normal, direction, Surface(self.id));
     }
 
-    /// The same if the ray meets this triangle rather than the one found before: one that holds it
+    /// Takes a meeting that f32 has found `near` a ray parameter, of a ray in any direction.
+    pub(super) fn take_near(&self, near: f64, direction: DVec3, lane: usize, hits: &mut Hits) {
+        let normal = self.normal(direction);
+        let t = normal.dot(self.corners[0]) / normal.dot(direction);
+        // Edge-on the plane says nothing.
+        let t = if (t - near).abs() <= 1e-3 * near {
+            t
+        } else {
+            near
+        };
+        hits.set(lane, t, normal, direction, Surface(self.id));
+    }
+
+    /// As [`Self::take`] if the ray meets this triangle rather than the one found before: one that holds it
     /// before one that does not, then the nearer.
     pub(super) fn take_from(&self, found: &Self, direction: DVec3, lane: usize, hits: &mut Hits) {
         let normal = self.normal(direction);

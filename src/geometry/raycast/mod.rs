@@ -1,6 +1,7 @@
 //! Ray casting: packets of rays with one origin against triangles in a bounding volume hierarchy.
 //!
-//! Light from far away has rays of one direction instead: [`Parallel`].
+//! Light from far away has rays of one direction instead: [`Parallel`]. Rays that leave a point of
+//! a surface to all sides are packets too, for [`Bvh::leaving`].
 //!
 //! A packet holds [`LANES`] rays that start at one point: the camera's pupil for primary rays, the
 //! projector's for shadow rays. Neighbouring pixels visit the same nodes, so a node is loaded once
@@ -10,6 +11,7 @@
 //! on its error, and hits that f32 cannot put in order are all handed out, for f64 to do so.
 
 mod bvh;
+mod leaving;
 mod packet;
 mod parallel;
 mod refit;

@@ -73,7 +73,7 @@ pub struct Packet {
     /// Largest coordinate of the origin, which vertices near it are rounded like.
     pub(super) farthest: f32,
     /// Directions, an array a component.
-    direction: [Lanes; 3],
+    pub(super) direction: [Lanes; 3],
     /// One over each component of the directions.
     pub(super) inverse: [Lanes; 3],
     /// Ray parameter of the nearest hit so far, or the ray's end. Negative: the lane is not used.

@@ -1,6 +1,6 @@
 //! Walking the hierarchy with a packet: nearest hits, and hits at all.
 
-use super::bvh::{Bvh, NO_TRIANGLE, Node};
+use super::bvh::{Bvh, Corners, NO_TRIANGLE, Node};
 use super::packet::{LANES, Packet, Scratch, UNUSED, max, min, reduce};
 use super::triangle::{Hit, intersect};
 use crate::simd::widest;
@@ -59,7 +59,7 @@ widest! {
 
 #[inline(always)]
 fn nearest_body(bvh: &Bvh, packet: &mut Packet, scratch: &mut Scratch) {
-    walk(bvh, packet, scratch, |packet, scratch, id, lane, hit| {
+    let keep = |packet: &mut Packet, scratch: &mut Scratch, id, lane: usize, hit: Hit| {
         let former = packet.t[lane];
         if hit.t >= former {
             return scratch.rival(lane, id);
@@ -71,12 +71,17 @@ fn nearest_body(bvh: &Bvh, packet: &mut Packet, scratch: &mut Scratch) {
         packet.t[lane] = hit.t;
         packet.reach[lane] = hit.t + hit.error;
         packet.triangle[lane] = id;
+    };
+    walk(bvh, packet, scratch, |packet, scratch, corners| {
+        intersect(packet, corners, |packet, lane, hit| {
+            keep(packet, scratch, corners.id, lane, hit);
+        });
     });
 }
 
 #[inline(always)]
 fn blocked_body(bvh: &Bvh, packet: &mut Packet, scratch: &mut Scratch) {
-    walk(bvh, packet, scratch, |packet, scratch, id, lane, hit| {
+    let keep = |packet: &mut Packet, scratch: &mut Scratch, id, lane: usize, hit: Hit| {
         if id == packet.triangle[lane] {
             return;
         }
@@ -86,15 +91,21 @@ fn blocked_body(bvh: &Bvh, packet: &mut Packet, scratch: &mut Scratch) {
         } else {
             scratch.rival(lane, id);
         }
+    };
+    walk(bvh, packet, scratch, |packet, scratch, corners| {
+        intersect(packet, corners, |packet, lane, hit| {
+            keep(packet, scratch, corners.id, lane, hit);
+        });
     });
 }
 
+/// Goes through the leaves that a lane meets, near ones first, and tests each of their triangles.
 #[inline(always)]
-fn walk(
+pub(super) fn walk(
     bvh: &Bvh,
     packet: &mut Packet,
     scratch: &mut Scratch,
-    hit: impl Fn(&mut Packet, &mut Scratch, u32, usize, Hit) + Copy,
+    test: impl Fn(&mut Packet, &mut Scratch, &Corners),
 ) {
     scratch.stack.clear();
     let root = entry(&bvh.nodes[0], packet);
@@ -107,9 +118,7 @@ fn walk(
         if node.count > 0 {
             let first = node.first as usize;
             for corners in &bvh.triangles[first..first + node.count as usize] {
-                intersect(packet, corners, |packet, lane, found| {
-                    hit(packet, scratch, corners.id, lane, found);
-                });
+                test(packet, scratch, corners);
             }
         } else {
             let children = [node.first, node.first + 1];

@@ -5,11 +5,11 @@
 
 use super::super::buffer::GeometryBuffer;
 use super::super::{Plan, Term};
-use super::flicker;
 use super::kernel::{HeldRow, Kernels};
 use super::levels::Curve;
 use super::picture_table::PictureTable;
 use super::row_table::{LANES, RowTable};
+use super::{diffused, flicker};
 use crate::emulator::Slide;
 use crate::pattern::Axis;
 use crate::profile::Projector;
@@ -19,7 +19,8 @@ use crate::simd::widest;
 pub(in super::super) enum Table {
     /// One level, relative to full white.
     Uniform(f32),
-    /// Levels along one axis, and the same for kernels where the projector has a focus.
+    /// Levels along one axis, and the same for kernels where the projector has a focus, or light
+    /// spreads under skin.
     Row(Axis, RowTable, Option<HeldRow>),
     /// Levels of each slide pixel.
     Picture(PictureTable),
@@ -32,7 +33,8 @@ impl Table {
         match slide {
             Slide::Uniform(level) => Self::Uniform(curve.light(*level) as f32),
             Slide::Row(axis, levels) => {
-                let held = plan.has(Term::ProjectorDefocus).then(|| {
+                let blurs = plan.has(Term::ProjectorDefocus) || plan.has(Term::Subsurface);
+                let held = blurs.then(|| {
                     let light: Vec<_> = levels.iter().map(|&level| curve.light(level)).collect();
                     HeldRow::new(&light)
                 });
@@ -91,10 +93,11 @@ fn average(
     match table {
         Table::Uniform(level) => uniform(map, *level, [seconds, light], first, electrons),
         Table::Row(axis, row, held) => {
-            let (x, slope, kernels) = match axis {
-                Axis::X => (&map.x, &map.x_slope, &map.kernels[0]),
-                Axis::Y => (&map.y, &map.y_slope, &map.kernels[1]),
+            let (slope, kernels) = match axis {
+                Axis::X => (&map.x_slope, &map.kernels[0]),
+                Axis::Y => (&map.y_slope, &map.kernels[1]),
             };
+            let x = map.lit_from(*axis);
             along_row(map, row, (x, slope), [seconds, light], first, electrons);
             if let (Some(kernels), Some(held)) = (kernels, held) {
                 blurred(map, kernels, held, [seconds, light], first, electrons);
@@ -106,11 +109,15 @@ fn average(
                 let lit = map.projected[i];
                 let level = if lit > 0.0 {
                     let blur = map.blur.get(i).copied().unwrap_or(0.0);
-                    picture.average([map.x[i], map.y[i]], map.x_slope[i], map.y_slope[i], blur)
+                    let slopes = (map.x_slope[i], map.y_slope[i]);
+                    picture.average([map.x[i], map.y[i]], slopes.0, slopes.1, [blur; 2])
                 } else {
                     0.0
                 };
                 *e = seconds * (map.ambient[i] + light * lit * level);
+            }
+            if let Some(skin) = &map.skin {
+                diffused::pixels(map, skin, picture, [seconds, light], first, electrons);
             }
         }
     }
@@ -130,7 +137,8 @@ pub(in super::super) fn mixed(
         Table::Row(Axis::Y, row, _) => row.average_mixed(&pixel.y, &pixel.y_slope),
         Table::Picture(picture) => std::array::from_fn(|k| {
             let slopes = (pixel.x_slope[k], pixel.y_slope[k]);
-            picture.average([pixel.x[k], pixel.y[k]], slopes.0, slopes.1, pixel.blur[k])
+            let blur = [pixel.blur[k]; 2];
+            picture.average([pixel.x[k], pixel.y[k]], slopes.0, slopes.1, blur)
         }),
     };
     if let Table::Row(axis, _, Some(held)) = table
@@ -142,6 +150,9 @@ pub(in super::super) fn mixed(
                 *level = average;
             }
         }
+    }
+    if let (Table::Picture(picture), Some(skin)) = (table, &map.skin) {
+        diffused::samples(skin, picture, pixel, &mut levels);
     }
     let sum: f32 = levels
         .iter()

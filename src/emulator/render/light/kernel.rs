@@ -17,19 +17,21 @@
 //! footprint's width.
 
 use super::bell::Bell;
+use super::blend::{Blend, Spread};
 use super::row_table::WIDEST;
-use super::soft::Soft;
 use rayon::prelude::*;
 
 /// Products are summed in this many lanes; weights come in whole multiples of it.
 const LANES: usize = 8;
 /// Pixels that one task fills, and one lookup finds.
 const BLOCK: usize = 2048;
-/// Kernels reach this many standard deviations beyond the footprint; the rest, 6e-5, is the last
-/// pixel's.
-const REACH: f64 = 4.0;
 /// Blur narrower than this part of the footprint changes a level by less than 0.05 of 255.
 const SHARP: f64 = 2e-4;
+/// Least standard deviation of a part of a spread, in slide pixels.
+const LEAST: f64 = 1e-6;
+/// Blur takes no more groups than this, whatever its narrowest part asks for: what several
+/// Gaussians of very different widths could.
+const MOST_GROUPS: f64 = 1024.0;
 /// Groups of 2^0 to 2^10 slide pixels.
 const GROUPINGS: usize = 11;
 
@@ -59,21 +61,23 @@ struct Run {
 
 /// What a footprint needs for its kernel.
 #[derive(Debug, Clone, Copy)]
-pub(in super::super) struct Blurred {
+pub(in super::super) struct Blurred<'a> {
     /// Projector coordinate of its middle in pixels.
     pub(in super::super) x: f32,
     /// Derivatives of the coordinate by the camera's column and row.
     pub(in super::super) slope: [f32; 2],
     /// Standard deviation of the blur in slide pixels; 0 where it is sharp or unlit.
     pub(in super::super) sigma: f32,
+    /// Spread of light under the surface; `None` where it is not lit skin.
+    pub(in super::super) spread: Option<Spread<'a>>,
 }
 
 impl Kernels {
     /// The kernels of `count` footprints on a row of `len` held pixels.
-    pub(in super::super) fn new(
+    pub(in super::super) fn new<'a>(
         count: usize,
         len: usize,
-        footprint: impl Fn(usize) -> Blurred + Sync,
+        footprint: impl Fn(usize) -> Blurred<'a> + Sync,
     ) -> Self {
         let bell = Bell::new();
         let blocks = (0..count.div_ceil(BLOCK))
@@ -103,31 +107,37 @@ impl Kernels {
 }
 
 impl Block {
-    fn push(&mut self, bell: &Bell, len: usize, footprint: Blurred) {
+    fn push(&mut self, bell: &Bell, len: usize, footprint: Blurred<'_>) {
         let size = |slope: f32| f64::from(slope.abs().min(WIDEST));
         let (a, b) = (size(footprint.slope[0]), size(footprint.slope[1]));
         let sigma = f64::from(footprint.sigma);
-        if sigma.is_nan() || sigma <= SHARP * a.max(b) {
+        let sharp = SHARP * a.max(b);
+        // A spread may have sharp parts.
+        let least = sharp.max(LEAST);
+        let blend = Blend::new(bell, [a, b], sigma, footprint.spread, least);
+        let (outer, beyond) = blend.reach();
+        if sigma.is_nan() || beyond.is_nan() || blend.widest() <= sharp {
             self.runs.push(Run::default());
             return;
         }
-        let soft = Soft::new(bell, [a, b], sigma);
-        let grouping = ((sigma / 48.0).log2().max(0.0) as usize).min(GROUPINGS - 1);
+        let fine = (blend.narrowest() / 48.0).log2().max(0.0);
+        let few = (2.0 * beyond / MOST_GROUPS).log2().ceil().max(0.0);
+        let grouping = (fine.max(few) as usize).min(GROUPINGS - 1);
         let group = (1usize << grouping) as f64;
         let last = (len.div_ceil(1 << grouping) - 1) as f64;
         // From the slide's left end. Of what reaches beyond its ends the geometry pass knows; the
         // kernel is the mean over the part on the slide.
         let middle = f64::from(footprint.x) + 0.5;
-        let reach = soft.outer() + REACH * sigma;
+        let reach = outer + beyond;
         let low = ((middle - reach) / group).floor().clamp(0.0, last);
         let high = ((middle + reach) / group).floor().clamp(0.0, last);
         let from = self.weights.len();
-        let (start, end) = (soft.left_of(-middle), soft.left_of(len as f64 - middle));
+        let (start, end) = (blend.left_of(-middle), blend.left_of(len as f64 - middle));
         // Nothing of a kernel far beyond an end is left: all is the last pixel's.
         let part = (end - start).max(1e-9);
         let mut before = start;
         for i in low as usize..high as usize {
-            let left = soft
+            let left = blend
                 .left_of((i + 1) as f64 * group - middle)
                 .clamp(start, end);
             self.weights.push(((left - before) / part) as f32);
@@ -197,10 +207,19 @@ mod tests {
     use super::super::bell::distribution;
     use super::*;
 
+    fn blurred(x: f32, slope: [f32; 2], sigma: f32) -> Blurred<'static> {
+        Blurred {
+            x,
+            slope,
+            sigma,
+            spread: None,
+        }
+    }
+
     /// The mean of a blurred row over the footprint: at each of many places under the trapezoid
     /// (midpoint rule), the sum over held pixels of the normal distribution between their borders;
     /// over the part that is on the slide.
-    fn integrated(levels: &[f64], footprint: Blurred) -> f64 {
+    fn integrated(levels: &[f64], footprint: Blurred<'_>) -> f64 {
         let [a, b] = footprint.slope.map(|s| f64::from(s.abs()));
         let sigma = f64::from(footprint.sigma);
         let (wide, narrow) = (a.max(b), a.min(b));
@@ -245,7 +264,7 @@ mod tests {
                         // Pixels are taken together from here on.
                         let near_end = !(1.0..1198.0).contains(&x);
                         let bar = if near_end && sigma >= 96.0 { 0.5 } else { 0.05 };
-                        let footprint = Blurred { x, slope, sigma };
+                        let footprint = blurred(x, slope, sigma);
                         let kernels = Kernels::new(1, row.len(), |_| footprint);
                         let level = f64::from(kernels.average(0, &held).unwrap());
                         let error = 255.0 * (level - integrated(&row, footprint)).abs();
@@ -279,7 +298,7 @@ mod tests {
             let mut sums = [0.0; 3];
             for i in 0..240 {
                 let x = 400.0 + i as f32 * 0.1;
-                let kernels = Kernels::new(1, 960, |_| Blurred { x, slope, sigma });
+                let kernels = Kernels::new(1, 960, |_| blurred(x, slope, sigma));
                 let level = f64::from(kernels.average(0, &held).unwrap());
                 sums[0] += level / 240.0;
                 sums[1] += level * phase(x.into()).cos() / 120.0;
@@ -301,7 +320,7 @@ mod tests {
         for sigma in [1e-3, 1.0, 33.0, 1e4, 1e9] {
             for x in [-900.0, 0.0, 76.0, 1e5] {
                 for slope in [[0.0, 0.0], [2.0, 1.0], [1e9, f32::INFINITY]] {
-                    let kernels = Kernels::new(1, 77, |_| Blurred { x, slope, sigma });
+                    let kernels = Kernels::new(1, 77, |_| blurred(x, slope, sigma));
                     let level = kernels.average(0, &held).unwrap_or(1.0);
                     assert!((level - 1.0).abs() < 1e-5, "{sigma} {x} {slope:?} {level}");
                 }
@@ -309,11 +328,7 @@ mod tests {
         }
         for sigma in [0.0, 1e-5, f32::NAN] {
             let slope = [1.0, 0.2];
-            let kernels = Kernels::new(1, 77, |_| Blurred {
-                x: 3.0,
-                slope,
-                sigma,
-            });
+            let kernels = Kernels::new(1, 77, |_| blurred(3.0, slope, sigma));
             assert!(kernels.average(0, &held).is_none());
         }
     }

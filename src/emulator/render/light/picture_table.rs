@@ -36,14 +36,15 @@ impl PictureTable {
     /// Average level, 0 to 1, over the footprint, a parallelogram, in as many parts as it takes to
     /// follow its slant; each part counts as the rectangle of its second moments.
     ///
-    /// A blur of standard deviation `blur` joins those moments: an approximation, which keeps the
-    /// mean and the width of every part but not the Gaussian's shape.
+    /// A blur of standard deviations `blur` along columns and rows joins those moments: an
+    /// approximation, which keeps the mean and the width of every part but not the Gaussian's
+    /// shape.
     pub(super) fn average(
         &self,
         [x, y]: [f32; 2],
         x_slope: [f32; 2],
         y_slope: [f32; 2],
-        blur: f32,
+        blur: [f32; 2],
     ) -> f32 {
         let lesser = |s: [f32; 2]| s[0].abs().min(s[1].abs());
         let slant = lesser(x_slope).max(lesser(y_slope));
@@ -51,12 +52,11 @@ impl PictureTable {
         let parts = ((slant * PARTS_PER_PX).ceil() as usize).clamp(1, MOST_PARTS);
         let narrow = 1.0 / parts as f32;
         // A box of a Gaussian's variance is sqrt(12) deviations wide.
-        let blur = blur * 12f32.sqrt();
-        let width = |s: [f32; 2]| {
+        let width = |s: [f32; 2], blur: f32| {
             let part = s[0].hypot(s[1]) * narrow;
-            f64::from(part.hypot(blur).clamp(1e-3, WIDEST))
+            f64::from(part.hypot(blur * 12f32.sqrt()).clamp(1e-3, WIDEST))
         };
-        let size = (width(x_slope), width(y_slope));
+        let size = (width(x_slope, blur[0]), width(y_slope, blur[1]));
         let mut sum = 0.0;
         for k in 0..parts * parts {
             let along = |k: usize| (k as f32 + 0.5) * narrow - 0.5;
@@ -141,7 +141,7 @@ mod tests {
                     16.0 + f32::from(i % 10) * 3.17,
                     17.0 + f32::from(i / 10) * 3.03,
                 ];
-                let fast = 255.0 * f64::from(table.average(at, x_slope, y_slope, 0.0));
+                let fast = 255.0 * f64::from(table.average(at, x_slope, y_slope, [0.0; 2]));
                 let error = (fast - sampled(&levels, at, x_slope, y_slope)).abs();
                 assert!(error < bar, "{at:?} {x_slope:?} {y_slope:?}: {error}");
             }

@@ -12,7 +12,7 @@
 //! with S the second antiderivative of the levels, a quadratic on each held pixel. Levels are
 //! integers, of 8 bits as a slide has them or of 16 where a response curve bends them, so the sums
 //! are kept in wrapping integers relative to the middle, exact however far from the slide's
-//! origin. Only the levels' departure from the one at the middle is summed: nothing where the
+//! origin. Only the levels' departure from one under the footprint is summed: nothing where the
 //! footprint lies on one held pixel.
 //!
 //! The difference of S over b cancels where b is small. Where b is less than a held pixel, at most
@@ -75,10 +75,10 @@ struct Footprints {
     t: [[f32; LANES]; 4],
 }
 
-/// The cells that eight footprints look up.
-struct Lookups {
-    middle: [Cell; LANES],
-    corner: [[Cell; LANES]; 4],
+/// What eight footprints find at their corners.
+struct Corners {
+    level: [[u32; LANES]; 4],
+    sum: [[u32; LANES]; 4],
 }
 
 impl RowTable {
@@ -111,35 +111,45 @@ impl RowTable {
     /// `slope`. Beyond its ends the slide goes on with its last level: whether light falls there
     /// is the geometry's to say.
     ///
-    /// Written lane by lane in stages, so that all but the lookups runs in SIMD registers.
+    /// Written lane by lane in stages, so that all but the lookups runs in SIMD registers; without
+    /// closures over lanes, which are not inlined into them.
     #[inline(always)]
     pub(super) fn average(&self, x: &Lanes, slope: &[[f32; 2]; LANES]) -> Lanes {
         let at = self.place(x, slope);
-        let cells = |index: &[i32; LANES]| index.map(|i| self.cells[i as usize]);
-        let found = Lookups {
-            middle: cells(&at.middle),
-            corner: std::array::from_fn(|k| cells(&at.index[k])),
-        };
-        let mut departure = if at.narrow.iter().any(|&b| b < 1.0) {
-            thin(&at, &found)
-        } else {
-            [0.0; LANES]
-        };
+        let found = self.corners(&at.index);
+        let mut level = thin(&at, &found);
         if at.narrow.iter().any(|&b| b >= 1.0) {
             let thick = if self.long {
-                thick::<true>(&at, &found)
+                self.thick::<true>(&at, &found)
             } else {
-                thick::<false>(&at, &found)
+                self.thick::<false>(&at, &found)
             };
             for lane in 0..LANES {
                 if at.narrow[lane] >= 1.0 {
-                    departure[lane] = thick[lane];
+                    level[lane] = thick[lane];
                 }
             }
         }
-        std::array::from_fn(|lane| {
-            (found.middle[lane].level as i32 as f32 + departure[lane]) * self.scale
-        })
+        for level in &mut level {
+            *level *= self.scale;
+        }
+        level
+    }
+
+    #[inline(always)]
+    fn corners(&self, index: &[[i32; LANES]; 4]) -> Corners {
+        let mut found = Corners {
+            level: [[0; LANES]; 4],
+            sum: [[0; LANES]; 4],
+        };
+        for k in 0..4 {
+            for lane in 0..LANES {
+                let cell = &self.cells[index[k][lane] as usize];
+                found.level[k][lane] = cell.level;
+                found.sum[k][lane] = cell.sum;
+            }
+        }
+        found
     }
 
     #[inline(always)]
@@ -161,20 +171,55 @@ impl RowTable {
             let (outer, inner) = ((wide + narrow) * 0.5, (wide - narrow) * 0.5);
             // Positions are kept relative to the held pixel at x, so that they round like the
             // footprint and not like the coordinate.
-            let here = (least(greatest(x[lane], -0.5), LAST_PIXEL) + 0.5) as i32;
+            let here = floor(least(greatest(x[lane], -0.5), LAST_PIXEL) + 0.5);
             at.middle[lane] = here.clamp(0, last);
             let inside = x[lane] - here as f32;
-            for (k, offset) in [-outer, -inner, inner, outer].into_iter().enumerate() {
+            let corners = [-outer, -inner, inner, outer];
+            for k in 0..4 {
                 // From the left border of the held pixel at x.
-                let offset = inside + offset + 0.5;
-                let toward_zero = offset as i32;
-                let steps = toward_zero - i32::from(toward_zero as f32 > offset);
-                let index = (here + steps).clamp(0, last);
+                let offset = inside + corners[k] + 0.5;
+                let index = (here + floor(offset)).clamp(0, last);
                 at.index[k][lane] = index;
                 at.t[k][lane] = offset - (index - here) as f32;
             }
         }
         at
+    }
+
+    /// Levels by second differences, relative to the middle's; `LONG` where the sums need 64 bits.
+    #[inline(always)]
+    fn thick<const LONG: bool>(&self, at: &Footprints, found: &Corners) -> Lanes {
+        let mut average = [0.0; LANES];
+        for lane in 0..LANES {
+            let here = self.cells[at.middle[lane] as usize];
+            // S of the departure from the middle's level, from the middle pixel's left border.
+            let s = |k: usize| {
+                let t = at.t[k][lane];
+                let steps = (at.index[k][lane] - at.middle[lane]) as u32;
+                let sum = found.sum[k][lane].wrapping_sub(here.sum);
+                let rise = sum.wrapping_sub(here.level.wrapping_mul(steps)) as i32 as f32;
+                let sums = self.cells[at.index[k][lane] as usize].sum_of_sums;
+                let offset = if LONG {
+                    let steps = i64::from(steps as i32) as u64;
+                    sums.wrapping_sub(here.sum_of_sums)
+                        .wrapping_sub((2 * u64::from(here.sum)).wrapping_mul(steps))
+                        .wrapping_sub(u64::from(here.level).wrapping_mul(steps.wrapping_mul(steps)))
+                        as i64 as f32
+                } else {
+                    let difference = (sums as u32).wrapping_sub(here.sum_of_sums as u32);
+                    difference
+                        .wrapping_sub(here.sum.wrapping_mul(2).wrapping_mul(steps))
+                        .wrapping_sub(here.level.wrapping_mul(steps).wrapping_mul(steps))
+                        as i32 as f32
+                };
+                let level = found.level[k][lane].wrapping_sub(here.level) as i32 as f32;
+                0.5 * offset + t * (rise + 0.5 * level * t)
+            };
+            let area = at.wide[lane] * at.narrow[lane];
+            let departure = ((s(3) - s(2)) - (s(1) - s(0))) / area;
+            average[lane] = here.level as i32 as f32 + departure;
+        }
+        average
     }
 
     /// The averages of a mixed pixel's samples.
@@ -204,62 +249,35 @@ fn along_mixed_body(row: &RowTable, x: &[f32; 16], slope: &[[f32; 2]; 16]) -> [f
     levels
 }
 
-/// Departures from the middle's level where the narrower boxes are less than a held pixel.
+/// Levels where the narrower boxes are less than a held pixel, relative to the lowest corner's.
 #[inline(always)]
-fn thin(at: &Footprints, found: &Lookups) -> Lanes {
-    let mut departure = [0.0; LANES];
+fn thin(at: &Footprints, found: &Corners) -> Lanes {
+    let mut average = [0.0; LANES];
     for lane in 0..LANES {
-        let here = found.middle[lane];
+        let (from, to) = (found.level[0][lane], found.level[2][lane]);
         let narrow = at.narrow[lane];
-        // Mean of P over the flank from corner k to corner k + 1.
-        let flank = |k: usize| {
-            let (before, after) = (found.corner[k][lane], found.corner[k + 1][lane]);
-            let steps = (at.index[k][lane] - at.middle[lane]) as u32;
-            let sum = before.sum.wrapping_sub(here.sum);
-            let rise = sum.wrapping_sub(here.level.wrapping_mul(steps)) as i32 as f32;
-            let level = before.level.wrapping_sub(here.level) as i32 as f32;
-            let kink = after.level.wrapping_sub(before.level) as i32 as f32;
-            let beyond = at.t[k + 1][lane];
-            rise + level * (at.t[k][lane] + 0.5 * narrow) + kink * beyond * beyond / (2.0 * narrow)
-        };
-        departure[lane] = (flank(2) - flank(0)) / at.wide[lane];
+        let steps = (at.index[2][lane] - at.index[0][lane]) as u32;
+        let rise = found.sum[2][lane].wrapping_sub(found.sum[0][lane]);
+        let rise = rise.wrapping_sub(from.wrapping_mul(steps)) as i32 as f32;
+        let step = to.wrapping_sub(from) as i32 as f32;
+        // What the borders within the flanks add to the mean of P.
+        let low = found.level[1][lane].wrapping_sub(from) as i32 as f32;
+        let high = found.level[3][lane].wrapping_sub(to) as i32 as f32;
+        let (below, above) = (at.t[1][lane], at.t[3][lane]);
+        let kinks = (high * (above * above) - low * (below * below)) * (0.5 / narrow);
+        let departure = rise + step * (at.t[2][lane] + 0.5 * narrow) + kinks;
+        average[lane] = from as i32 as f32 + departure / at.wide[lane];
     }
-    departure
+    average
 }
 
-/// Departures from the middle's level by second differences; `LONG` where the sums need 64 bits.
+/// The whole number below; |x| less than 2^22. A cast would saturate, at several instructions.
 #[inline(always)]
-fn thick<const LONG: bool>(at: &Footprints, found: &Lookups) -> Lanes {
-    let mut departure = [0.0; LANES];
-    for lane in 0..LANES {
-        let here = found.middle[lane];
-        // S of the departure from the middle's level, from the middle pixel's left border.
-        let s = |k: usize| {
-            let (cell, t) = (found.corner[k][lane], at.t[k][lane]);
-            let steps = (at.index[k][lane] - at.middle[lane]) as u32;
-            let sum = cell.sum.wrapping_sub(here.sum);
-            let rise = sum.wrapping_sub(here.level.wrapping_mul(steps)) as i32 as f32;
-            let offset = if LONG {
-                let steps = i64::from(steps as i32) as u64;
-                cell.sum_of_sums
-                    .wrapping_sub(here.sum_of_sums)
-                    .wrapping_sub((2 * u64::from(here.sum)).wrapping_mul(steps))
-                    .wrapping_sub(u64::from(here.level).wrapping_mul(steps.wrapping_mul(steps)))
-                    as i64 as f32
-            } else {
-                let difference = (cell.sum_of_sums as u32).wrapping_sub(here.sum_of_sums as u32);
-                difference
-                    .wrapping_sub(here.sum.wrapping_mul(2).wrapping_mul(steps))
-                    .wrapping_sub(here.level.wrapping_mul(steps).wrapping_mul(steps))
-                    as i32 as f32
-            };
-            let level = cell.level.wrapping_sub(here.level) as i32 as f32;
-            0.5 * offset + t * (rise + 0.5 * level * t)
-        };
-        let area = at.wide[lane] * at.narrow[lane];
-        departure[lane] = ((s(3) - s(2)) - (s(1) - s(0))) / area;
-    }
-    departure
+fn floor(x: f32) -> i32 {
+    /// Adding it rounds to whole numbers, in the low bits.
+    const WHOLE: f32 = 1.5 * (1u32 << 23) as f32;
+    let rounded = x + WHOLE;
+    rounded.to_bits().wrapping_sub(WHOLE.to_bits()) as i32 - i32::from(rounded - WHOLE > x)
 }
 
 /// The lesser, the bound if NaN; one instruction.

@@ -3,6 +3,7 @@
 use super::bell::Bell;
 
 /// The convolution of two boxes and a Gaussian, along one axis of the slide.
+#[derive(Clone, Copy)]
 pub(super) struct Soft<'a> {
     bell: &'a Bell,
     sigma: f64,

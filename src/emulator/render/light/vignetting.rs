@@ -38,7 +38,7 @@ impl Falloff {
     }
 
     /// The factor at an ideal image point, whose length is the tangent of the angle to the axis.
-    fn at(&self, ideal: DVec2) -> f64 {
+    pub(in super::super) fn at(&self, ideal: DVec2) -> f64 {
         let tangent2 = ideal.length_squared();
         let natural = if self.vignetting.natural {
             (1.0 / (1.0 + tangent2)).sqrt().powi(self.cosines)
@@ -60,6 +60,7 @@ impl Falloff {
             shaded.projected[lane] *= factor;
             shaded.ambient[lane] *= factor;
             shaded.flickering[lane] *= factor;
+            shaded.evenly[lane] *= factor;
         }
     }
 

@@ -1,6 +1,7 @@
 //! What surfaces look like beyond one albedo an object: done for the lanes that need it, after
 //! [`shade`](super::shade) has lit all of them as white or as Lambertian surfaces.
 
+mod evenly;
 mod ggx;
 mod lay;
 mod map;
@@ -10,12 +11,14 @@ mod texture;
 
 use super::geometry::Bundle;
 use super::shade::{Optics, Shaded};
+use super::skin::Skins;
 use super::world::{Hits, Surface, World};
 use super::{Plan, Term, lamps};
 use crate::error::{Error, Result};
 use crate::geometry::Mesh;
 use crate::geometry::raycast::{LANES, Scratch};
 use crate::profile::{Object, Scene, Specular};
+pub(super) use evenly::{Evenly, Patch};
 use ggx::Ggx;
 use glam::{DVec3, Vec3};
 use map::Map;
@@ -54,7 +57,7 @@ struct Made {
 impl Looks {
     /// # Errors
     /// Textures that cannot be read.
-    pub(super) fn new(scene: &Scene) -> Result<Self> {
+    pub(super) fn new(scene: &Scene, skins: &Skins) -> Result<Self> {
         let mut made = Made::default();
         let look = |(i, object): (usize, &Object)| {
             let map = match &object.texture {
@@ -66,7 +69,8 @@ impl Looks {
                 }
             };
             Ok(Look {
-                albedo: object.albedo,
+                // A factor on what skin reflects.
+                albedo: object.albedo * skins.reflectance(i).unwrap_or(1.0),
                 specular: object.specular.map(|specular| made.material(specular)),
                 wants_colours: object.vertex_colours,
                 map,
@@ -239,6 +243,7 @@ impl<'a> Local<'a> {
         let Some(ggx) = self.specular else {
             shaded.projected[lane] *= self.albedo;
             shaded.ambient[lane] *= self.albedo;
+            shaded.evenly[lane] *= self.albedo;
             return;
         };
         // Lit by the cosine at the facet so far.
@@ -250,7 +255,9 @@ impl<'a> Local<'a> {
             0.0
         };
         let cos_view = self.normal.dot(self.view);
-        shaded.ambient[lane] *= ggx.under_even_light(self.albedo, cos_view);
+        let reflected = ggx.under_even_light(self.albedo, cos_view);
+        shaded.ambient[lane] *= reflected;
+        shaded.evenly[lane] *= reflected;
     }
 }
 

@@ -5,6 +5,7 @@ use crate::emulator::render::body::{Body, Model};
 use crate::emulator::render::look::{Looks, Smoother};
 use crate::emulator::render::path::{self, Part, Path};
 use crate::emulator::render::shape::{mesh, solid};
+use crate::emulator::render::skin::Skins;
 use crate::error::{Error, Result};
 use crate::geometry::raycast::Bvh;
 use crate::geometry::{Mesh, Solid};
@@ -100,13 +101,13 @@ impl Builder<'_> {
 
 impl World {
     /// The scene at power-on.
-    pub(in crate::emulator::render) fn new(scene: &Scene) -> Result<Self> {
+    pub(in crate::emulator::render) fn new(scene: &Scene, skins: &Skins) -> Result<Self> {
         let mut builder = Builder {
             scene,
             fixed: Fixed::default(),
             solids: Vec::new(),
             bodies: Vec::new(),
-            looks: Looks::new(scene)?,
+            looks: Looks::new(scene, skins)?,
         };
         let objects = || scene.object.iter().zip(0u16..);
         for (object, index) in objects() {

@@ -11,6 +11,11 @@ WORDS = re.compile(
     r"cannot find a urb|unlink.*(lost|fail)|WARNING:|BUG:|Call Trace|not accepting address"
     r"|descriptor read.*error|unable to (read|enumerate)|config.*invalid|Failed to (query|set|initialize)")
 
+# What drivers complain of in their own doing. EPERM is no answer of a device: it is what a transfer
+# gets that the driver itself has withdrawn. As it stops a stream, uvcvideo withdraws all transfers
+# first and only then waits for its workers, one of which may still hand one back.
+OWN_DOING = re.compile(r"uvcvideo [-0-9.:]+: Failed to resubmit video URB \(-1\)\.$")
+
 
 class KernelLog:
     """What the kernel logs from now on."""
@@ -27,6 +32,8 @@ class KernelLog:
         found = []
         for level, text in self.lines():
             keep.write(f"<{level}> {text}\n")
+            if OWN_DOING.match(text):
+                continue
             if WORDS.search(text) or (level <= WARNING and USB.match(text)):
                 found.append(text)
         return found

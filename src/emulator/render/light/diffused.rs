@@ -1,0 +1,86 @@
+//! Pictures on skin.
+//!
+//! A normal distribution is a mixture of uniform ones, whose squared half widths are distributed as
+//! chi-square of three degrees of freedom; three of them have its moments up to the eleventh (the
+//! nodes and weights of Gauss and Laguerre). So each Gaussian of the spread is three squares on the
+//! picture, which the table has the means of. Along column and row that is right to some 4 of 255
+//! levels of a fringe and 7 of Gray code; along diagonals it is coarser.
+
+use super::super::buffer::{GeometryBuffer, Mixed};
+use super::super::skin::{Component, SkinMaps};
+use super::blend::Spread;
+use super::picture_table::PictureTable;
+
+/// Weights of the three squares, and their squared half widths over the variance.
+const SQUARES: [(f32, f32); 3] = [
+    (0.640_001_2, 1.332_651_8),
+    (0.344_575_14, 5.601_55),
+    (0.015_423_678, 14.065_798),
+];
+
+/// Does again what the exposure pass did, for the pixels that see lit skin.
+pub(super) fn pixels(
+    map: &GeometryBuffer,
+    skin: &SkinMaps,
+    picture: &PictureTable,
+    [seconds, light]: [f32; 2],
+    first: usize,
+    electrons: &mut [f32],
+) {
+    for (k, e) in electrons.iter_mut().enumerate() {
+        let i = first + k;
+        if let (Some(x), Some(y)) = (skin.spread(i, 0), skin.spread(i, 1)) {
+            let footprint = Footprint {
+                at: [skin.from[0][i], skin.from[1][i]],
+                slopes: [map.x_slope[i], map.y_slope[i]],
+                blur: map.blur.get(i).copied().unwrap_or(0.0),
+            };
+            let level = footprint.average(picture, [x, y]);
+            *e = seconds * (map.ambient[i] + light * map.projected[i] * level);
+        }
+    }
+}
+
+/// The same for the samples of a mixed pixel.
+pub(super) fn samples(
+    skin: &SkinMaps,
+    picture: &PictureTable,
+    mixed: &Mixed,
+    levels: &mut [f32; 16],
+) {
+    let Some(samples) = &mixed.skin else { return };
+    for (k, level) in levels.iter_mut().enumerate() {
+        let spread = [0, 1].map(|axis| skin.sample(samples, k, axis));
+        if let [Some(x), Some(y)] = spread {
+            let footprint = Footprint {
+                at: [mixed.x[k], mixed.y[k]],
+                slopes: [mixed.x_slope[k], mixed.y_slope[k]],
+                blur: mixed.blur[k],
+            };
+            *level = footprint.average(picture, [x, y]);
+        }
+    }
+}
+
+struct Footprint {
+    at: [f32; 2],
+    slopes: [[f32; 2]; 2],
+    blur: f32,
+}
+
+impl Footprint {
+    fn average(&self, picture: &PictureTable, spread: [Spread<'_>; 2]) -> f32 {
+        let components = spread[0].mixture.components();
+        let [x, y] = self.slopes;
+        let level = |c: &Component| {
+            let sigma = spread.map(|s| (c.sigma_mm as f32 * s.px_per_mm).hypot(self.blur));
+            let square = |(weight, width): (f32, f32)| {
+                // The table takes the standard deviation of a box.
+                let blur = sigma.map(|sigma| sigma * (width / 3.0).sqrt());
+                weight * picture.average(self.at, x, y, blur)
+            };
+            c.weight as f32 * SQUARES.into_iter().map(square).sum::<f32>()
+        };
+        components.iter().map(level).sum()
+    }
+}

@@ -1,0 +1,60 @@
+//! Diffuse reflectance of a turbid half-space, by diffusion theory.
+
+/// Optical properties of a half-space of tissue at one wavelength.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Tissue {
+    /// Absorption coefficient mu_a in 1/mm.
+    pub absorption_per_mm: f64,
+    /// Reduced scattering coefficient mu_s' in 1/mm.
+    pub reduced_scattering_per_mm: f64,
+    /// Refractive index, of air 1.
+    pub refractive_index: f64,
+}
+
+impl Tissue {
+    /// Transport coefficient mu_a + mu_s' in 1/mm.
+    fn transport(&self) -> f64 {
+        self.absorption_per_mm + self.reduced_scattering_per_mm
+    }
+
+    /// Effective attenuation coefficient sqrt(3 mu_a mu_tr) in 1/mm: far light falls by e over its
+    /// inverse.
+    pub(super) fn attenuation(&self) -> f64 {
+        (3.0 * self.absorption_per_mm * self.transport()).sqrt()
+    }
+
+    /// Part of the light let in that comes out again, under light that varies along the surface as
+    /// a cosine of `k_per_mm` radians a millimetre (2 pi times its frequency): Cuccia, Bevilacqua,
+    /// Durkin, Ayers, Tromberg: "Quantitation and mapping of tissue optical properties using
+    /// modulated imaging", Journal of Biomedical Optics 14, 024012 (2009), equations 14 to 17.
+    ///
+    /// Diffusion wants many scatterings within what it tells apart: against a Monte Carlo of normal
+    /// incidence and g = 0.8 (tests/skin.rs) the contrast R(k)/R(0) is up to 4 % too high at
+    /// 0.1 cycles/mm and 13 % at 0.3 of tissue with mu_s' of 1.5 to 3.5, less under oblique light.
+    pub fn reflectance(&self, k_per_mm: f64) -> f64 {
+        let transport = self.transport();
+        let albedo = self.reduced_scattering_per_mm / transport;
+        let n = self.refractive_index;
+        let inside = 0.0636 * n + 0.668 + 0.710 / n - 1.440 / (n * n);
+        let a = (1.0 - inside) / (2.0 * (1.0 + inside));
+        let u = self.attenuation().hypot(k_per_mm) / transport;
+        3.0 * a * albedo / ((u + 1.0) * (u + 3.0 * a))
+    }
+
+    /// What is left of a cosine's contrast: R(k) / R(0).
+    pub fn transfer(&self, k_per_mm: f64) -> f64 {
+        self.reflectance(k_per_mm) / self.reflectance(0.0)
+    }
+
+    /// How far beyond its entry, along its way in the surface, light emerges that comes in at an
+    /// angle of this sine to the normal, in millimetres: sin(theta_t) / (0.35 mu_a + mu_s'), with
+    /// theta_t the refracted angle. Wang and Jacques, Applied Optics 34, 2362 (1995); the factor
+    /// 0.35 is of Lin, Wang, Jacques, Tittel, Applied Optics 36, 136 (1997).
+    ///
+    /// It is the middle of the far light; a fringe of finite frequency is shifted less: 2 to 10 %
+    /// at 0.05 cycles/mm and up to 24 % at 0.3 (tests/skin.rs).
+    pub fn shift_mm(&self, sin_incident: f64) -> f64 {
+        let refracted = sin_incident / self.refractive_index;
+        refracted / (0.35 * self.absorption_per_mm + self.reduced_scattering_per_mm)
+    }
+}

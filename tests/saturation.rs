@@ -1,0 +1,131 @@
+//! Where the sensor is full the truth says so, and the host's mask says the same.
+
+use phasma::decode::{Decoded, Decoder, FrameStack, Options, Samples, Verdict};
+use phasma::emulator::{Bench, Firmware, MemorySink, Renderer, Shot, Truth};
+use phasma::pattern::{Pattern, finest_fringe};
+use phasma::profile::{Profile, Scene};
+
+/// Light from little to much: a steep ball, much too bright in its middle, before a dark plane.
+fn profile(gain_dn_per_e: f64) -> Profile {
+    let mut profile = Profile::load("pmp-bench").unwrap();
+    profile.camera.data_line = false;
+    profile.camera.sensor.noiseless = true;
+    profile.camera.sensor.gain_dn_per_e = gain_dn_per_e;
+    profile
+}
+
+/// What the device says and shows, and what a host makes of it.
+struct Seen {
+    sequence: Vec<(Pattern, Shot)>,
+    truth: Truth,
+    decoded: Decoded,
+    renderer: Renderer,
+}
+
+fn see(profile: &Profile, commands: &str) -> Seen {
+    let scene = Scene::load("sphere").unwrap();
+    let renderer = || Renderer::new(profile, &scene, 1).unwrap();
+    let mut bench = Bench::new(
+        Firmware::new(profile, &[]).unwrap(),
+        renderer(),
+        MemorySink::default(),
+    );
+    let line = format!("TRIG:SOUR BUS;:{commands};:INIT;*TRG\nSYST:ERR?\n");
+    assert_eq!(bench.control(line.as_bytes()), b"0,\"No error\"\n");
+    let sequence = bench.firmware().selected_sequence();
+    // A block: #, the number of digits, the length in so many digits, the text.
+    let block = String::from_utf8(bench.control(b"CAL:DATA?\n")).unwrap();
+    let digits: usize = block[1..2].parse().unwrap();
+    let calibration = &block[2 + digits..];
+    let rig = phasma::geometry::Rig::from_toml(calibration, "CAL:DATA?").unwrap();
+    let manifest = profile.manifest(&profile.sequence[0]);
+    let frames = &bench.sink.frames;
+    let (w, h) = (frames[0].width as usize, frames[0].height as usize);
+    let samples = frames.iter().map(|f| Samples::U8(&f.data)).collect();
+    let stack = FrameStack::new(w, h, samples).unwrap();
+    let decoder = Decoder::new(&manifest, w, h, Some(&rig), Options::default()).unwrap();
+    let mut renderer = renderer();
+    Seen {
+        truth: renderer.truth(&sequence),
+        decoded: decoder.decode(&stack).unwrap(),
+        sequence,
+        renderer,
+    }
+}
+
+impl Seen {
+    /// Checks that the host's mask and the truth name the same pixels, and gives their number.
+    fn agreed(&self) -> usize {
+        let verdict = &self.decoded.x.as_ref().unwrap().verdict;
+        for (i, flags) in self.truth.flags.iter().enumerate() {
+            let told = flags & Truth::SATURATED != 0;
+            assert_eq!(
+                told,
+                verdict[i] == Verdict::Saturated,
+                "{i}: {:?}",
+                verdict[i]
+            );
+        }
+        let flags = self.truth.flags.iter();
+        flags.filter(|f| **f & Truth::SATURATED != 0).count()
+    }
+}
+
+/// By the linearity of light: a sixteenth of the exposure fills no pixel, and sixteen times its
+/// signal tells which ones would be. Once the full well ends it, once the converter, once both.
+#[test]
+fn truth_and_mask_name_the_pixels_that_would_be_beyond_full() {
+    for (gain, last) in [(0.0239, 254.0), (0.05, 255.0), (0.01805, 193.0)] {
+        let profile = profile(gain);
+        let mut seen = see(&profile, "SEQ:PER 40ms;:CAM:EXP 16ms");
+        let count = seen.agreed();
+        assert!((2000..200_000).contains(&count), "{gain}: {count}");
+        let finest = finest_fringe(seen.sequence.iter().map(|(pattern, _)| pattern));
+        let mut brightest = vec![0.0f64; seen.truth.flags.len()];
+        for (pattern, shot) in &seen.sequence {
+            let fine = matches!(*pattern, Pattern::Fringe { axis, period_px, .. }
+                if finest == Some((axis, period_px)));
+            if !fine {
+                continue;
+            }
+            let short = seen.renderer.expected_dn(&Shot {
+                exposure_ns: shot.exposure_ns / 16,
+                ..shot.clone()
+            });
+            for (most, dn) in brightest.iter_mut().zip(short) {
+                *most = most.max(4.0 + 16.0 * (f64::from(dn) - 4.0));
+            }
+        }
+        let mut near = 0;
+        for (i, most) in brightest.iter().enumerate() {
+            if (most - (last - 0.5)).abs() < 1e-2 {
+                near += 1;
+                continue;
+            }
+            let told = seen.truth.flags[i] & Truth::SATURATED != 0;
+            assert_eq!(told, *most >= last - 0.5, "{gain}, {i}: {most}");
+        }
+        assert!(near < 100, "{near}");
+    }
+}
+
+#[test]
+fn no_light_is_not_full_and_too_much_is_full_all_over() {
+    let profile = profile(0.0239);
+    let dark = see(&profile, "PROJ:POW OFF");
+    assert_eq!(dark.agreed(), 0);
+    assert_eq!(
+        (0..dark.truth.flags.len())
+            .filter(|&i| dark.decoded.is_valid(i))
+            .count(),
+        0
+    );
+    let bright = see(&profile, "SEQ:PER 2;:CAM:EXP 1");
+    let lit = Truth::LIT | Truth::SEEN;
+    let flags = &bright.truth.flags;
+    bright.agreed();
+    for (i, flags) in flags.iter().enumerate().filter(|(_, f)| **f & lit == lit) {
+        assert!(flags & Truth::SATURATED != 0, "{i}");
+        assert!(!bright.decoded.is_valid(i), "{i}");
+    }
+}

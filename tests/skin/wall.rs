@@ -1,0 +1,101 @@
+//! A flat piece of skin before a scanner, and what its frames have to be, worked out from the
+//! geometry by differences.
+
+use glam::{DVec2, DVec3};
+use phasma::emulator::render::Renderer;
+use phasma::emulator::{Shot, Slide, Truth};
+use phasma::geometry::View;
+use phasma::pattern::Pattern;
+use phasma::profile::{Profile, Scene};
+use std::sync::Arc;
+
+pub fn bench() -> Profile {
+    Profile::load("pmp-bench").unwrap()
+}
+
+/// A plane through z = 1000 mm with what the lines say of it.
+pub fn wall(rotation_deg: [f64; 3], lines: &str) -> Scene {
+    let text = format!(
+        "name = \"wall\"\ndescription = \"\"\nambient = {{ irradiance_w_m2 = 0.05 }}\n[[object]]\n\
+         position_mm = [150, 0, 1000]\nrotation_deg = {rotation_deg:?}\n{lines}\n"
+    );
+    Scene::parse(&text, "wall").unwrap()
+}
+
+pub const PLANE: &str = "shape = { kind = \"plane\" }\nalbedo = 0.9\n";
+
+pub fn slide(pattern: &Pattern, profile: &Profile) -> Arc<Slide> {
+    Arc::new(Slide::new(pattern, &profile.projector, &|_| unreachable!()).unwrap())
+}
+
+pub fn shot(slide: &Arc<Slide>) -> Shot {
+    Shot {
+        id: 1,
+        noise_id: 1,
+        slide: Some(slide.clone()),
+        light: 0.5,
+        exposure_ns: 8_000_000,
+        ..Shot::default()
+    }
+}
+
+/// Levels of a slide at each pixel, 0 to 1 of full white, NaN where that is dark.
+pub fn levels(renderer: &mut Renderer, profile: &Profile, slide: &Arc<Slide>) -> Vec<f64> {
+    let [black, white] = [Pattern::Black {}, Pattern::White {}]
+        .map(|pattern| renderer.expected_dn(&shot(&self::slide(&pattern, profile))));
+    let seen = renderer.expected_dn(&shot(slide));
+    (0..seen.len())
+        .map(|i| f64::from(seen[i] - black[i]) / f64::from(white[i] - black[i]))
+        .collect()
+}
+
+pub fn is_even(truth: &Truth, i: usize) -> bool {
+    truth.flags[i] & (Truth::LIT | Truth::CREASE) == Truth::LIT
+}
+
+/// What a pixel of a flat wall sees, in f64 and by central differences.
+pub struct Seen {
+    /// Slide column that lights the point.
+    pub x: f64,
+    /// Derivatives of it by the camera's pixel.
+    pub slope: DVec2,
+    /// Its gradient along the wall in 1/mm.
+    pub gradient: DVec3,
+    /// Unit direction of the light, and the part of it along the wall.
+    pub along: DVec3,
+    /// Depth before the projector in millimetres.
+    pub depth: f64,
+    pub point: DVec3,
+}
+
+impl Seen {
+    /// `normal` is the wall's.
+    pub fn new(profile: &Profile, normal: DVec3, px: DVec2) -> Self {
+        let (camera, projector) = (profile.camera.view(), profile.projector.view());
+        let middle = DVec3::new(150.0, 0.0, 1000.0);
+        let hit = |px: DVec2| {
+            let ray = camera.ray(px);
+            ray * (normal.dot(middle) / normal.dot(ray))
+        };
+        let column = |p: DVec3| projected(&projector, p).x;
+        let point = hit(px);
+        let by_pixel =
+            |step: DVec2| (column(hit(px + step * 1e-3)) - column(hit(px - step * 1e-3))) / 2e-3;
+        let e1 = normal.any_orthonormal_vector();
+        let gradient = [e1, normal.cross(e1)]
+            .map(|e| e * (column(point + e * 1e-2) - column(point - e * 1e-2)) / 2e-2);
+        let way = (point - projector.center()).normalize();
+        Self {
+            x: column(point),
+            slope: DVec2::new(by_pixel(DVec2::X), by_pixel(DVec2::Y)),
+            gradient: gradient[0] + gradient[1],
+            along: way - normal * normal.dot(way),
+            depth: projector.rig_from_view.inverse().point(point).z,
+            point,
+        }
+    }
+}
+
+fn projected(view: &View, point: DVec3) -> DVec2 {
+    view.project(point).unwrap()
+}
