@@ -387,6 +387,69 @@ fn what_moves_looks_like_what_stands_there() {
 }
 
 #[test]
+fn a_row_of_a_rolling_shutter_is_that_of_a_global_one_at_its_time() {
+    let dir = tempfile::tempdir().unwrap();
+    for (name, bulge) in [("out", 40.0), ("in", 10.0)] {
+        write_sheet(&dir.path().join(format!("{name}.obj")), bulge);
+    }
+    let way = "motion = { keyframes = [ { time_s = 0.0 }, \
+               { time_s = 0.1, position_mm = [40, 10, -60], rotation_deg = [0, 0, 25] } ] }";
+    let breath = "deform = { keyframes = [ { time_s = 0.0, file = \"in.obj\" }, \
+                  { time_s = 0.1, file = \"out.obj\" } ] }";
+    let object = |more: &str| {
+        let text = format!(
+            "shape = {{ kind = \"mesh\", file = \"in.obj\" }}\nalbedo = 0.8\n\
+             vertex_colours = true\nposition_mm = [0, 0, 1000]\n{more}\n"
+        );
+        room(&text, dir.path())
+    };
+    let mut profile = bench();
+    profile.camera.line_time_us = 30.0;
+    let line_time_ns = 30_000;
+    let (_, slide) = fringe(&profile, 16.0, 0.4);
+    let rolling = Shot {
+        shutter: Shutter {
+            line_time_ns,
+            first_row: 0,
+            rows: profile.camera.height_px,
+        },
+        ..shot(&slide, 20 * MS, 8 * MS)
+    };
+    let width = profile.camera.width_px as usize;
+    // What deforms has sixteen shapes in the 15 ms of a frame: half a millisecond off at most, or
+    // 0.15 mm at the top of the bulge.
+    for (more, samples, bar) in [(way, 1, 2e-3), (way, 16, 2e-3), (breath, 1, 3.0)] {
+        let options = Options {
+            samples,
+            time_samples: 2,
+        };
+        let scene = object(more);
+        let mut renderer = Renderer::with_options(&profile, &scene, 1, options).unwrap();
+        let rolled = renderer.expected_dn(&rolling);
+        let mut global = Renderer::with_options(&profile, &scene, 1, options).unwrap();
+        global.force(Term::RollingShutter, false);
+        let early = global.expected_dn(&rolling);
+        for row in [0, 170, 243, 330] {
+            let exposed = Shot {
+                start_ns: rolling.start_ns + row as u64 * line_time_ns,
+                ..rolling.clone()
+            };
+            let all = global.expected_dn(&exposed);
+            let of = |frame: &[f32]| frame[row * width..][..width].to_vec();
+            let off = |other: &[f32]| {
+                let pairs = of(&rolled).into_iter().zip(of(other));
+                pairs.filter(|(a, b)| (a - b).abs() > bar).count()
+            };
+            // On edges, neighbouring rows decide what is sampled.
+            assert!(off(&all) <= 6, "{more} {samples} {row}: {}", off(&all));
+            if row > 200 && bar < 1.0 {
+                assert!(off(&early) > 100, "{row}: it has moved: {}", off(&early));
+            }
+        }
+    }
+}
+
+#[test]
 fn a_mesh_that_deforms_is_its_keyframe_and_half_way_their_mean() {
     let dir = tempfile::tempdir().unwrap();
     for (name, bulge) in [("rest", 10.0), ("out", 45.0), ("in", 5.0), ("mean", 25.0)] {
