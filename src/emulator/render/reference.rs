@@ -14,7 +14,8 @@ use crate::pattern::Axis;
 use crate::profile::{Light, Profile, Response, Scene, Shape, Vignetting};
 use glam::{DVec2, DVec3};
 
-/// A scene as the reference path sees it: Lambertian surfaces, lamps at their mean.
+/// A scene as the reference path sees it: Lambertian surfaces, lamps at their mean, everything
+/// where it rests.
 pub struct Reference {
     camera: View,
     projector: View,
