@@ -96,3 +96,22 @@ impl Microfacets {
         sum / (slopes * turns) as f64
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// At alpha 1 and F 1: D = 1/pi and lambda(c) = (1/c - 1)/2, so that pi f = 1/(2 (n.l + n.v)),
+    /// the share is 1 - c ln(1 + 1/c), and its mean 4/3 (1 - ln 2).
+    #[test]
+    fn the_roughest_metal_has_a_closed_form() {
+        let facets = Microfacets::new(1.0, 1.0);
+        for cos in [0.05, 0.2, 0.5, 0.8, 1.0f64] {
+            let exact = 1.0 - cos * (1.0 + 1.0 / cos).ln();
+            let found = facets.share(cos);
+            assert!((found - exact).abs() < 2e-3, "{cos}: {found} {exact}");
+        }
+        let mean = 4.0 / 3.0 * (1.0 - 2f64.ln());
+        assert!((facets.mean - mean).abs() < 2e-3, "{} {mean}", facets.mean);
+    }
+}
