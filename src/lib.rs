@@ -52,6 +52,9 @@
 //! - Samples of a pixel only decide whether the closed form of its footprint stands for it; their
 //!   mean counts where it does not. Depth of field widens that footprint by two boxes with the
 //!   disc's moments, so that it costs a frame nothing.
+//! - A mesh that moves has a hierarchy of its own, in its own frame, and packets of rays are taken
+//!   there; an exposure of it is the mean of frames at a few instants. Instants between which nothing
+//!   has moved are one, so a scene pays for motion only while it lasts.
 //! - STL, OBJ, PLY and `.npy` are read and written here: the crates lose the line of an error, f64
 //!   vertices, or bounds on memory.
 //! - Ambient light, radiometry and the sensor work in SI units and electrons from the start, so that

@@ -176,7 +176,7 @@ fn a_fringe_that_moves_keeps_the_contrast_of_its_integral() {
     let mut former = f64::INFINITY;
     for samples in [1, 2, 4, 8, 16] {
         let blurred = contrast(&moving, samples);
-        let (mut compared, mut worst, mut sum) = (0, 0.0f64, 0.0);
+        let (mut compared, mut worst, mut sums) = (0, 0.0f64, [0.0; 2]);
         for i in (0..sharp.len()).step_by(11) {
             if sharp[i] < 30.0 || blurred[i] == 0.0 {
                 continue;
@@ -184,22 +184,25 @@ fn a_fringe_that_moves_keeps_the_contrast_of_its_integral() {
             let at = |t: f64| column(&profile, ray(&profile, i) * (z + speed * t));
             let cycles = (at(4e-3) - at(-4e-3)) / period;
             let sinc = (PI * cycles).sin() / (PI * cycles);
-            // The midpoint rule's error on a cosine over that many cycles: Dirichlet's kernel.
+            // What the midpoint rule makes of a cosine over that many cycles, Dirichlet's kernel,
+            // is too much by some (pi cycles / samples)^2 / 6 of it.
             let step = PI * cycles / f64::from(samples);
-            let bar = sinc * (step / step.sin() - 1.0).abs();
+            let rule = sinc * (step / step.sin() - 1.0);
             let error = blurred[i] / sharp[i] - sinc;
-            worst = worst.max(error.abs() - 1.05 * bar.abs());
-            sum += error.abs();
+            worst = worst.max((error - rule).abs());
+            sums = [sums[0] + error, sums[1] + error - rule];
             compared += 1;
         }
         assert!(compared > 1000, "{compared}");
-        assert!(worst < 2.5e-3, "{samples} instants: {worst} over the bar");
-        let mean = sum / f64::from(compared);
+        // Edges of held pixels, which the closed form has not, come and go with a pixel's place.
+        assert!(worst < 8e-3, "{samples} instants: {worst}");
+        let [error, beyond] = sums.map(|sum| (sum / f64::from(compared)).abs());
+        assert!(beyond < 1e-3, "{samples} instants: {beyond}");
         assert!(
-            mean < former / 3.5 || mean < 1e-3,
-            "{samples}: {mean} {former}"
+            error < former / 3.5 || error < 1e-3,
+            "{samples}: {error} after {former}"
         );
-        former = mean;
+        former = error;
     }
 }
 
@@ -304,7 +307,7 @@ fn room(object: &str, folder: &Path) -> Scene {
 
 /// A checker of squares.
 fn write_checker(path: &Path) {
-    let level = |x: u32, y: u32| image::Luma([if (x + y) % 2 == 0 { 230u8 } else { 90 }]);
+    let level = |x: u32, y: u32| image::Luma([if (x + y).is_multiple_of(2) { 230u8 } else { 90 }]);
     image::GrayImage::from_fn(8, 8, level).save(path).unwrap();
 }
 
@@ -380,6 +383,69 @@ fn what_moves_looks_like_what_stands_there() {
              { time_s = 3.0, position_mm = [9, 0, 0] } ] }",
         );
         same(&profile, &still, &moving, 41_250_000_000, shape);
+    }
+}
+
+#[test]
+fn a_row_of_a_rolling_shutter_is_that_of_a_global_one_at_its_time() {
+    let dir = tempfile::tempdir().unwrap();
+    for (name, bulge) in [("out", 40.0), ("in", 10.0)] {
+        write_sheet(&dir.path().join(format!("{name}.obj")), bulge);
+    }
+    let way = "motion = { keyframes = [ { time_s = 0.0 }, \
+               { time_s = 0.1, position_mm = [40, 10, -60], rotation_deg = [0, 0, 25] } ] }";
+    let breath = "deform = { keyframes = [ { time_s = 0.0, file = \"in.obj\" }, \
+                  { time_s = 0.1, file = \"out.obj\" } ] }";
+    let object = |more: &str| {
+        let text = format!(
+            "shape = {{ kind = \"mesh\", file = \"in.obj\" }}\nalbedo = 0.8\n\
+             vertex_colours = true\nposition_mm = [0, 0, 1000]\n{more}\n"
+        );
+        room(&text, dir.path())
+    };
+    let mut profile = bench();
+    profile.camera.line_time_us = 30.0;
+    let line_time_ns = 30_000;
+    let (_, slide) = fringe(&profile, 16.0, 0.4);
+    let rolling = Shot {
+        shutter: Shutter {
+            line_time_ns,
+            first_row: 0,
+            rows: profile.camera.height_px,
+        },
+        ..shot(&slide, 20 * MS, 8 * MS)
+    };
+    let width = profile.camera.width_px as usize;
+    // What deforms has sixteen shapes in the 15 ms of a frame: half a millisecond off at most, or
+    // 0.15 mm at the top of the bulge.
+    for (more, samples, bar) in [(way, 1, 2e-3), (way, 16, 2e-3), (breath, 1, 3.0)] {
+        let options = Options {
+            samples,
+            time_samples: 2,
+        };
+        let scene = object(more);
+        let mut renderer = Renderer::with_options(&profile, &scene, 1, options).unwrap();
+        let rolled = renderer.expected_dn(&rolling);
+        let mut global = Renderer::with_options(&profile, &scene, 1, options).unwrap();
+        global.force(Term::RollingShutter, false);
+        let early = global.expected_dn(&rolling);
+        for row in [0, 170, 243, 330] {
+            let exposed = Shot {
+                start_ns: rolling.start_ns + row as u64 * line_time_ns,
+                ..rolling.clone()
+            };
+            let all = global.expected_dn(&exposed);
+            let of = |frame: &[f32]| frame[row * width..][..width].to_vec();
+            let off = |other: &[f32]| {
+                let pairs = of(&rolled).into_iter().zip(of(other));
+                pairs.filter(|(a, b)| (a - b).abs() > bar).count()
+            };
+            // On edges, neighbouring rows decide what is sampled.
+            assert!(off(&all) <= 6, "{more} {samples} {row}: {}", off(&all));
+            if row == 243 && bar < 1.0 {
+                assert!(off(&early) > 100, "{row}: it has moved: {}", off(&early));
+            }
+        }
     }
 }
 

@@ -35,6 +35,8 @@ mod without_link;
 #[cfg(not(target_os = "linux"))]
 use {without_link as demo, without_link as doctor, without_link as serve};
 
+pub use plan::Timing;
+
 use crate::error::Result;
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;

@@ -38,6 +38,11 @@ pub(super) fn run(args: &Args) -> Result<()> {
                     let mesh = Mesh::read(&scene.folder.join(mesh)).map_err(|e| e.at(place))?;
                     triangles += mesh.triangles.len();
                 }
+                let deform = object.deform.iter().flat_map(|d| &d.keyframes);
+                for (j, key) in deform.enumerate() {
+                    let place = format!("{file}: object[{i}].deform.keyframes[{j}].file");
+                    Mesh::read(&scene.folder.join(&key.file)).map_err(|e| e.at(place))?;
+                }
             }
             println!(
                 "{file}: ok, {} objects, {triangles} triangles from files",

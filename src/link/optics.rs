@@ -14,7 +14,8 @@ use tokio::sync::oneshot;
 
 enum Job {
     Expose(Box<Exposure>),
-    Truth(Vec<(Pattern, Shot)>, oneshot::Sender<Truth>),
+    /// Of a sequence, at a device time or in its middle.
+    Truth(Vec<(Pattern, Shot)>, Option<u64>, oneshot::Sender<Truth>),
 }
 
 /// Frames that wait to be handed on; the optics stand still beyond that.
@@ -58,8 +59,12 @@ impl Optics {
                         // The other end is gone when the device is switched off.
                         let _ = done.blocking_send(Arc::new(exposure.readout.read(frame)));
                     }
-                    Job::Truth(sequence, reply) => {
-                        let _ = reply.send(renderer.truth(&sequence));
+                    Job::Truth(sequence, time_ns, reply) => {
+                        let truth = match time_ns {
+                            Some(time_ns) => renderer.truth_at(&sequence, time_ns),
+                            None => renderer.truth(&sequence),
+                        };
+                        let _ = reply.send(truth);
                     }
                 }
             }
@@ -86,9 +91,14 @@ impl Optics {
         self.submit(Job::Expose(Box::new(exposure)));
     }
 
-    /// Asks for the truth behind a sequence.
-    pub(super) fn truth(&self, sequence: Vec<(Pattern, Shot)>, reply: oneshot::Sender<Truth>) {
-        self.submit(Job::Truth(sequence, reply));
+    /// Asks for the truth behind a sequence, at a device time in nanoseconds or in its middle.
+    pub(super) fn truth(
+        &self,
+        sequence: Vec<(Pattern, Shot)>,
+        time_ns: Option<u64>,
+        reply: oneshot::Sender<Truth>,
+    ) {
+        self.submit(Job::Truth(sequence, time_ns, reply));
     }
 
     /// Microseconds spent on frames since power-on.

@@ -319,9 +319,14 @@ impl Server {
 
     fn serve_call(&mut self, (request, reply): Call, now_ns: u64) {
         match request {
-            Request::Get(Item::Truth) => {
+            Request::Get(Item::Truth) | Request::TruthAt(_) => {
+                let time_ns = match request {
+                    Request::TruthAt(time_ns) => Some(time_ns),
+                    _ => None,
+                };
                 let (sender, truth) = oneshot::channel();
-                self.optics.truth(self.firmware.selected_sequence(), sender);
+                let sequence = self.firmware.selected_sequence();
+                self.optics.truth(sequence, time_ns, sender);
                 let render_us = self.optics.render_us();
                 tokio::spawn(async move {
                     let answer = match truth.await {

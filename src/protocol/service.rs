@@ -1,5 +1,5 @@
 //! The service channel: what no physical scanner has. One line of JSON asks, for instance
-//! `{"get":"truth"}`; one line of JSON answers, followed by as many bytes as it says. A connection
+//! `{"get":"truth"}` or `{"truth_at_ns":1500000000}`; one line of JSON answers, followed by as many bytes as it says. A connection
 //! takes any number of requests, one after the other.
 //!
 //! Maps follow one another in the order of their names, each width * height little-endian f32 row
@@ -23,6 +23,10 @@ pub const MAX_PAYLOAD: u64 = 2 << 30;
 pub enum Request {
     /// Something of the emulator's inside.
     Get(Item),
+    /// The truth at a device time in nanoseconds, of a scene that moves; [`Item::Truth`] is that of
+    /// the middle of the last sequence.
+    #[serde(rename = "truth_at_ns")]
+    TruthAt(u64),
     /// Something that happens to the device.
     Do(Action),
 }
@@ -267,9 +271,14 @@ mod tests {
             Request::parse(b"{\"do\":\"trigger\"}"),
             Ok(Request::Do(Action::Trigger))
         );
+        let at = Request::TruthAt(1_500_000_000);
+        assert_eq!(at.to_line(), "{\"truth_at_ns\":1500000000}\n");
+        assert_eq!(Request::parse(at.to_line().as_bytes()), Ok(at));
         for bad in [
             "",
             "{",
+            "{\"truth_at_ns\":-1}",
+            "{\"truth_at_ns\":1.5}",
             "{\"get\":\"moon\"}",
             "{\"get\":\"truth\",\"x\":1}",
             "[]",

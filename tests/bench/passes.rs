@@ -67,8 +67,27 @@ fn main() {
     decode(&bench, &profile, pixels);
 }
 
-/// Frames whose every pixel is lit, and black ones, where electrons are few.
+/// Frames of a projector out of focus, whose every pixel is lit, and black ones, where electrons are few.
 fn frames(bench: &Bench, profile: &Profile, pixels: usize) {
+    let mut blurred = profile.clone();
+    blurred.projector.focus = Some(phasma::profile::Focus {
+        distance_mm: 1000.0,
+        aperture_mm: 6.0,
+    });
+    let mut setup = Setup::new(&blurred, "torso");
+    let (count, mut id) = (setup.slides.len(), 0);
+    bench.run(
+        "exposure + sensor, torso, defocus",
+        count,
+        pixels,
+        21,
+        || {
+            for i in 0..count {
+                id += 1;
+                black_box(setup.renderer.expose(&setup.shot(id, i)));
+            }
+        },
+    );
     let mut setup = Setup::new(&lit_all_over(profile), "plane");
     let count = setup.slides.len();
     let mut id = 0;

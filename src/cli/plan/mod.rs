@@ -7,6 +7,7 @@ use crate::emulator::render::Options;
 use crate::emulator::{Firmware, Renderer, Shot};
 use crate::error::Result;
 use crate::profile::{Profile, Scene};
+pub use measure::Timing;
 use measure::{PassCost, TermCost, costs};
 use serde::Serialize;
 
@@ -52,7 +53,6 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let options = Options {
         samples: args.samples,
         time_samples: args.time_samples,
-        ..Options::default()
     };
     let mut renderer = Renderer::with_options(&profile, &scene, 0, options)?;
     let shots: Vec<Shot> = firmware
@@ -61,14 +61,13 @@ pub(super) fn run(args: &Args) -> Result<()> {
         .map(|(_, shot)| shot)
         .collect();
     renderer.expect_slides(shots.iter().filter_map(|shot| shot.slide.as_deref()));
-    let pixels = profile.camera.width_px as usize * profile.camera.height_px as usize;
-    let (passes, terms) = costs(&mut renderer, &shots, pixels);
+    let (passes, terms) = costs(&mut renderer, &shots);
     let report = Report {
         profile: &args.profile,
         scene: &args.scene,
         sequence: &profile.sequence[0].name,
         frames: shots.len(),
-        pixels,
+        pixels: renderer.pixel_count(),
         triangles: renderer.triangle_count(),
         samples: args.samples,
         threads: rayon::current_num_threads(),

@@ -6,6 +6,9 @@
 //! 2. `light`: per frame; the slide averaged over each pixel's footprint, as long as `schedule` says.
 //! 3. `sensor`: per frame; electrons, noise, gain, converter.
 //!
+//! A scene that moves is looked at anew at several instants of each exposure, or row by row under a
+//! rolling shutter: `path`, `body` and `worlds` know where things are then.
+//!
 //! The second and third run fused over chunks of pixels that stay in cache. [`mod@reference`] is the
 //! slow f64 path that the tests hold them against.
 

@@ -21,7 +21,8 @@ use glam::{DVec2, DVec3};
 use look::Look;
 use primitive::{Crossing, Primitive, frustum};
 
-/// A scene as the reference path sees it: lamps at their mean, no light between surfaces, no skin.
+/// A scene as the reference path sees it: lamps at their mean, everything where it rests, no light
+/// between surfaces, no skin.
 pub struct Reference {
     camera: View,
     projector: View,

@@ -129,6 +129,12 @@ impl Renderer {
         self.worlds.any().triangle_count()
     }
 
+    /// Pixels in a frame.
+    pub fn pixel_count(&self) -> usize {
+        let camera = &self.profile.camera;
+        camera.width_px as usize * camera.height_px as usize
+    }
+
     /// Adds what slides need to the plan, so that one geometry pass serves them all.
     pub fn expect_slides<'a>(&mut self, slides: impl IntoIterator<Item = &'a Slide>) {
         for slide in slides {
@@ -211,6 +217,13 @@ impl Renderer {
             1,
         );
         out
+    }
+
+    /// Prepares all that shots need before they are exposed: the geometry, and tables of slides.
+    pub fn make_ready(&mut self, shots: &[Shot]) {
+        for shot in shots {
+            self.schedule(shot);
+        }
     }
 
     /// Prepares what a shot needs: the geometry, and tables of the slides that it sees.
