@@ -4,7 +4,7 @@ mod photometry;
 
 use glam::{DVec2, DVec3};
 use phasma::emulator::render::{Renderer, Term};
-use phasma::emulator::{Shot, Slide, Truth};
+use phasma::emulator::{Shot, Shutter, Slide, Truth};
 use phasma::geometry::{Mesh, ply};
 use phasma::pattern::{Axis, Pattern};
 use phasma::profile::{Profile, Scene};
@@ -168,6 +168,48 @@ fn a_right_angled_wedge_has_the_form_factors_profile() {
         assert!(mean(&many).abs() < 5e-4 && mean(&few).abs() < 2e-3);
         assert!(rms(&few) > 4.0 * rms(&many), "errors fall with the samples");
     }
+}
+
+/// Under a rolling shutter each row sees moving walls at its own time; the light between them is
+/// that of walls that stand still, for they stay what they are to each other.
+#[test]
+fn walls_that_move_while_rows_start_bounce_as_still_ones_do() {
+    let profile = Profile::load("pmp-bench").unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let walls = mesh_walls(folder.path(), 1.0);
+    // Toward the camera by 1.5 mm while the rows start.
+    let motion = "motion = { keyframes = [{ time_s = 0.0, position_mm = [0, 0, 0] }, \
+                  { time_s = 10.0, position_mm = [0, 0, -1000] }] }\nalbedo";
+    let text = format!("{}{}{walls}", wanted(64, 8), lamp());
+    let mut renderer = Renderer::new(&profile, &scene(&text, folder.path()), 1).unwrap();
+    let still = bounced(&profile, &mut renderer, &shot(None));
+    let rolling = Shot {
+        shutter: Shutter {
+            line_time_ns: 30_000,
+            first_row: 0,
+            rows: profile.camera.height_px,
+        },
+        ..shot(None)
+    };
+    let mut rolls = profile.clone();
+    rolls.camera.line_time_us = 30.0;
+    let text = format!(
+        "{}{}{}",
+        wanted(64, 8),
+        lamp(),
+        walls.replace("albedo", motion)
+    );
+    let mut renderer = Renderer::new(&rolls, &scene(&text, folder.path()), 1).unwrap();
+    assert!(renderer.plan().has(Term::RollingShutter) && renderer.plan().has(Term::Motion));
+    let moving = bounced(&profile, &mut renderer, &rolling);
+    let errors: Vec<f64> = still.iter().zip(&moving).map(|(a, b)| a - b).collect();
+    assert!(rms(&still) > 0.03, "{}", rms(&still));
+    assert!(
+        rms(&errors) < 0.05 * rms(&still),
+        "{} {}",
+        rms(&errors),
+        rms(&still)
+    );
 }
 
 #[test]

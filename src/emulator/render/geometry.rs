@@ -98,8 +98,7 @@ pub(super) fn run(
         buffer.skin = Some(SkinMaps::new(buffer, rays, optics, worlds.any()));
     }
     if plan.has(Term::Interreflection) {
-        // It varies slowly, from row to row of a rolling shutter too.
-        bounce::run(worlds.any(), rays, plan, buffer);
+        bounce::run(worlds, rays, plan, buffer);
     }
     let slide = &optics.projector.lens;
     let size = [slide.width_px as usize, slide.height_px as usize];

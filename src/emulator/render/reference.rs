@@ -5,7 +5,12 @@
 //! second method (a frustum as twelve triangles, quadrics by the plain quadratic formula). A
 //! pixel's signal is the mean over rays through its whole area, each of which looks up one held
 //! pixel of the slide: no footprints, no derivatives, no sums of the slide. With a focus they also
-//! go through its whole pupil.
+//! go through its whole pupil. Surfaces have one texel, one blend of vertex colours and one value of
+//! the microfacet formula for each ray; facets shine by their own normals.
+
+mod look;
+mod microfacets;
+mod primitive;
 
 use crate::emulator::Slide;
 use crate::error::Result;
@@ -13,9 +18,11 @@ use crate::geometry::{Pose, View};
 use crate::pattern::Axis;
 use crate::profile::{Light, Profile, Response, Scene, Shape, Vignetting};
 use glam::{DVec2, DVec3};
+use look::Look;
+use primitive::{Crossing, Primitive, frustum};
 
-/// A scene as the reference path sees it: Lambertian surfaces, lamps at their mean, everything
-/// where it rests.
+/// A scene as the reference path sees it: lamps at their mean, everything where it rests, no light
+/// between surfaces, no skin.
 pub struct Reference {
     camera: View,
     projector: View,
@@ -29,15 +36,7 @@ pub struct Reference {
 struct Part {
     surface: Primitive,
     rig_from_part: Pose,
-    albedo: f64,
-}
-
-enum Primitive {
-    Triangles(Vec<[DVec3; 3]>),
-    Plane(DVec2),
-    Sphere(f64),
-    /// Radius and half length along y.
-    Cylinder(f64, f64),
+    look: Look,
 }
 
 /// What one ray of the camera finds.
@@ -51,6 +50,10 @@ pub struct Found {
     pub projector_px: DVec2,
     /// In the projector's field, facing it, and with nothing between.
     pub lit: bool,
+    /// Unit vector back along the ray.
+    view: DVec3,
+    /// Which of the scene's objects, and its albedo there.
+    part: usize,
     albedo: f64,
 }
 
@@ -58,13 +61,14 @@ impl Reference {
     /// Takes a scene; meshes are those that the fast path would load.
     ///
     /// # Errors
-    /// Mesh files that cannot be read.
+    /// Mesh files and textures that cannot be read.
     pub fn new(profile: &Profile, scene: &Scene) -> Result<Self> {
         let parts = scene
             .object
             .iter()
             .map(|object| {
                 let scale = object.scale;
+                let mut look = Look::new(object, &scene.folder)?;
                 let surface = match &object.shape {
                     Shape::Plane { size_mm } => Primitive::Plane(
                         size_mm.map_or(DVec2::INFINITY, |s| DVec2::from(s) * scale / 2.0),
@@ -85,6 +89,7 @@ impl Reference {
                     )),
                     other => {
                         let mesh = super::shape::mesh(other, &scene.folder)?;
+                        look.take(object, &mesh);
                         let corner = |i: u32| mesh.vertices[i as usize] * scale;
                         Primitive::Triangles(mesh.triangles.iter().map(|t| t.map(corner)).collect())
                     }
@@ -92,7 +97,7 @@ impl Reference {
                 Ok(Part {
                     surface,
                     rig_from_part: scene.rig_from_object(object),
-                    albedo: object.albedo,
+                    look,
                 })
             })
             .collect::<Result<_>>()?;
@@ -114,8 +119,27 @@ impl Reference {
 
     /// What a ray with a unit direction finds.
     fn follow(&self, origin: DVec3, direction: DVec3) -> Option<Found> {
-        let (t, normal, albedo) = self.first(origin, direction, 0.0)?;
+        let (
+            part,
+            Crossing {
+                t,
+                triangle,
+                normal,
+            },
+        ) = self.first(origin, direction, 0.0)?;
         let point = origin + direction * t;
+        let Part {
+            surface,
+            rig_from_part,
+            look,
+        } = &self.parts[part];
+        let local = rig_from_part.inverse();
+        let albedo = look.albedo(
+            surface,
+            triangle,
+            local.point(point),
+            local.direction(normal),
+        );
         let normal = if normal.dot(direction) > 0.0 {
             -normal
         } else {
@@ -127,7 +151,7 @@ impl Reference {
         let in_field = projected.is_some_and(|px| self.projector.lens.contains(px));
         let facing = normal.dot(way) < 0.0;
         let clear = || match self.first(pupil, way.normalize(), 0.0) {
-            Some((t, ..)) => t > way.length() * (1.0 - 1e-9),
+            Some((_, Crossing { t, .. })) => t > way.length() * (1.0 - 1e-9),
             None => true,
         };
         Some(Found {
@@ -135,6 +159,8 @@ impl Reference {
             normal,
             projector_px: projected.unwrap_or(DVec2::NAN),
             lit: in_field && facing && clear(),
+            view: -direction,
+            part,
             albedo,
         })
     }
@@ -181,8 +207,8 @@ impl Reference {
         (from, (center + ray * focus - from).normalize())
     }
 
-    /// Albedo times irradiance of the surface at a point of the image seen from a place of the
-    /// pupil, in W/m^2; the slide is looked up at one place of the blur about the point, which two
+    /// What the surface throws back at a point of the image seen from a place of the
+    /// pupil, as the irradiance in W/m^2 of a white Lambertian one; the slide is looked up at one place of the blur about the point, which two
     /// numbers of 0 to 1 choose.
     fn irradiance(&self, px: DVec2, pupil: [f64; 2], slide: &Slide, blur: [f64; 2]) -> f64 {
         let (origin, direction) = self.sight(px, pupil);
@@ -190,10 +216,15 @@ impl Reference {
             return 0.0;
         };
         let projector = &self.profile.projector;
-        let mut irradiance = self.ambient_w_m2;
+        let look = &self.parts[found.part].look;
+        let thrown_back = |towards: DVec3| {
+            look.reflectance(found.albedo, found.normal, towards, found.view)
+                * found.normal.dot(towards)
+        };
+        let cos_view = found.normal.dot(found.view);
+        let mut irradiance = self.ambient_w_m2 * look.under_even_light(found.albedo, cos_view);
         if found.lit {
             let way = self.projector.center() - found.point;
-            let cos = found.normal.dot(way.normalize());
             let px = found.projector_px + self.blur(found.point, blur);
             let on_slide = self.projector.lens.contains(px);
             let level = level(slide, px) / f64::from((1u32 << projector.bits) - 1);
@@ -218,15 +249,19 @@ impl Reference {
             let axis = self.projector.rig_from_view.direction(DVec3::Z);
             let off_axis = -axis.dot(way.normalize());
             let falloff = falloff(&projector.vignetting, &self.projector, off_axis, 1);
-            irradiance += light * falloff * projector.radiant_intensity_w_sr * cos
-                / (way.length_squared() * 1e-6);
+            irradiance +=
+                light * falloff * projector.radiant_intensity_w_sr * thrown_back(way.normalize())
+                    / (way.length_squared() * 1e-6);
         }
         for light in &self.lights {
-            irradiance += self.lamp(light, &found);
+            let (towards, facing) = self.lamp(light, &found);
+            if facing > 0.0 {
+                irradiance += facing * thrown_back(towards);
+            }
         }
         let off_axis = self.camera.lens.ray(px).normalize().z;
         let camera = &self.profile.camera;
-        found.albedo * irradiance * falloff(&camera.vignetting, &self.camera, off_axis, 4)
+        irradiance * falloff(&camera.vignetting, &self.camera, off_axis, 4)
     }
 
     /// A draw of the projector's blur about a point, in slide pixels. The cone of light from the
@@ -244,8 +279,9 @@ impl Reference {
         DVec2::from_angle(v * std::f64::consts::TAU) * radius
     }
 
-    /// Irradiance in W/m^2 that a lamp gives a point.
-    fn lamp(&self, light: &Light, found: &Found) -> f64 {
+    /// Direction of a lamp from a point, and the irradiance in W/m^2 there of what faces it; 0 where
+    /// it does not shine.
+    fn lamp(&self, light: &Light, found: &Found) -> (DVec3, f64) {
         let (way, facing) = match *light {
             Light::Point {
                 position_mm,
@@ -265,67 +301,29 @@ impl Reference {
                 (along.normalize() * -1e12, irradiance_w_m2)
             }
         };
-        let cos = found.normal.dot(way.normalize());
+        let towards = way.normalize();
         let near = found.point.length() * 1e-5;
         let shaded = self
-            .first(found.point, way.normalize(), near)
-            .is_some_and(|(t, ..)| t < way.length());
-        if cos > 0.0 && !shaded {
-            facing * cos
-        } else {
-            0.0
-        }
+            .first(found.point, towards, near)
+            .is_some_and(|(_, Crossing { t, .. })| t < way.length());
+        let shines = found.normal.dot(towards) > 0.0 && !shaded;
+        (towards, if shines { facing } else { 0.0 })
     }
 
-    /// Nearest surface along a ray with a unit direction: distance, normal, albedo.
-    fn first(&self, origin: DVec3, direction: DVec3, t_min: f64) -> Option<(f64, DVec3, f64)> {
-        let mut nearest: Option<(f64, DVec3, f64)> = None;
-        for part in &self.parts {
+    /// The object that is nearest along a ray with a unit direction, and where it is met.
+    fn first(&self, origin: DVec3, direction: DVec3, t_min: f64) -> Option<(usize, Crossing)> {
+        let mut nearest: Option<(usize, Crossing)> = None;
+        for (i, part) in self.parts.iter().enumerate() {
             let inverse = part.rig_from_part.inverse();
             let (o, d) = (inverse.point(origin), inverse.direction(direction));
-            for (t, normal) in part.surface.crossings(o, d) {
-                if t > t_min && nearest.is_none_or(|n| t < n.0) {
-                    nearest = Some((t, part.rig_from_part.direction(normal), part.albedo));
+            for met in part.surface.crossings(o, d) {
+                if met.t > t_min && nearest.is_none_or(|(_, n)| met.t < n.t) {
+                    let normal = part.rig_from_part.direction(met.normal);
+                    nearest = Some((i, Crossing { normal, ..met }));
                 }
             }
         }
         nearest
-    }
-}
-
-impl Primitive {
-    fn crossings(&self, o: DVec3, d: DVec3) -> Vec<(f64, DVec3)> {
-        match self {
-            Self::Triangles(triangles) => triangles
-                .iter()
-                .filter_map(|t| moller_trumbore(t, o, d))
-                .collect(),
-            Self::Plane(half) => {
-                let t = -o.z / d.z;
-                let p = o + d * t;
-                let inside = p.x.abs() <= half.x && p.y.abs() <= half.y;
-                if inside && t.is_finite() {
-                    vec![(t, DVec3::NEG_Z)]
-                } else {
-                    vec![]
-                }
-            }
-            Self::Sphere(r) => quadratic(d.dot(d), 2.0 * o.dot(d), o.dot(o) - r * r)
-                .map(|t| (t, (o + d * t).normalize()))
-                .collect(),
-            Self::Cylinder(r, half) => {
-                let flat = DVec3::new(1.0, 0.0, 1.0);
-                let (fo, fd) = (o * flat, d * flat);
-                let side = quadratic(fd.dot(fd), 2.0 * fo.dot(fd), fo.dot(fo) - r * r)
-                    .map(|t| (t, ((o + d * t) * flat).normalize()))
-                    .filter(|(t, _)| (o.y + d.y * t).abs() <= *half);
-                let caps = [1.0, -1.0]
-                    .map(|s| ((s * half - o.y) / d.y, DVec3::Y * s))
-                    .into_iter()
-                    .filter(|(t, _)| ((o + d * *t) * flat).length() <= *r);
-                side.chain(caps).collect()
-            }
-        }
     }
 }
 
@@ -341,43 +339,6 @@ fn falloff(vignetting: &Vignetting, view: &View, cos: f64, cosines: i32) -> f64 
         1.0
     };
     natural * (1.0 + a2 * r.powi(2) + a4 * r.powi(4) + a6 * r.powi(6))
-}
-
-fn quadratic(a: f64, b: f64, c: f64) -> impl Iterator<Item = f64> {
-    let root = (b * b - 4.0 * a * c).sqrt();
-    [(-b - root) / (2.0 * a), (-b + root) / (2.0 * a)]
-        .into_iter()
-        .filter(|t| t.is_finite())
-}
-
-fn moller_trumbore([a, b, c]: &[DVec3; 3], o: DVec3, d: DVec3) -> Option<(f64, DVec3)> {
-    let (e1, e2) = (*b - *a, *c - *a);
-    let p = d.cross(e2);
-    let det = e1.dot(p);
-    if det == 0.0 {
-        return None;
-    }
-    let s = o - *a;
-    let u = s.dot(p) / det;
-    let q = s.cross(e1);
-    let v = d.dot(q) / det;
-    let inside = u >= 0.0 && v >= 0.0 && u + v <= 1.0;
-    inside.then(|| (e2.dot(q) / det, e1.cross(e2).normalize()))
-}
-
-/// Two triangles for each of the six faces.
-fn frustum(base: f64, top: f64, height: f64) -> Vec<[DVec3; 3]> {
-    let ring = |half: f64, z: f64| {
-        [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)]
-            .map(|(x, y)| DVec3::new(x * half, y * half, z))
-    };
-    let (b, t) = (ring(base, 0.0), ring(top, -height));
-    let mut faces = vec![[b[0], b[1], b[2], b[3]], [t[0], t[1], t[2], t[3]]];
-    faces.extend((0..4).map(|i| [b[i], b[(i + 1) % 4], t[(i + 1) % 4], t[i]]));
-    faces
-        .into_iter()
-        .flat_map(|[p, q, r, s]| [[p, q, r], [p, r, s]])
-        .collect()
 }
 
 /// Level of the held pixel that a projector coordinate lies in.

@@ -7,6 +7,7 @@ use crate::emulator::render::buffer::GeometryBuffer;
 use crate::emulator::render::geometry::Rays;
 use crate::emulator::render::look::{Evenly, Patch};
 use crate::emulator::render::world::{Surface, World};
+use crate::emulator::render::worlds::Worlds;
 use crate::emulator::render::{Plan, Term};
 use crate::geometry::raycast::{LANES, Scratch};
 use glam::{DVec3, Vec3};
@@ -17,7 +18,7 @@ const TASK: usize = 64;
 
 /// Gathers light.
 pub(super) struct Gatherer<'a> {
-    world: &'a World,
+    worlds: &'a Worlds,
     rays: &'a Rays<'a>,
     plan: &'a Plan,
     hemisphere: Hemisphere,
@@ -25,10 +26,14 @@ pub(super) struct Gatherer<'a> {
 }
 
 /// A point that light is gathered at.
-struct Place {
+struct Place<'w> {
+    /// As the point's row sees it: another instant's surface would stand in the way of itself.
+    world: &'w World,
     point: DVec3,
     normal: DVec3,
     own: Surface,
+    /// Angle that the rays are turned by about the normal.
+    turn: f64,
 }
 
 /// Where sixteen rays end.
@@ -44,9 +49,14 @@ struct Gathered {
 }
 
 impl<'a> Gatherer<'a> {
-    pub(super) fn new(world: &'a World, rays: &'a Rays<'a>, plan: &'a Plan, count: usize) -> Self {
+    pub(super) fn new(
+        worlds: &'a Worlds,
+        rays: &'a Rays<'a>,
+        plan: &'a Plan,
+        count: usize,
+    ) -> Self {
         Self {
-            world,
+            worlds,
             rays,
             plan,
             hemisphere: Hemisphere::new(count),
@@ -69,7 +79,9 @@ impl<'a> Gatherer<'a> {
                     let before = gathered.rays.len();
                     let mut lamps = [0.0; 2];
                     if let Some(pixel) = *pixel {
-                        self.point(map, pixel, &mut gathered.rays, &mut lamps, scratch);
+                        let world = self.worlds.at(pixel / map.width);
+                        let place = self.place(&world, map, pixel);
+                        self.point(&place, &mut gathered.rays, &mut lamps, scratch);
                     }
                     gathered.counts.push(gathered.rays.len() - before);
                     gathered.lamps.push(lamps.map(|w_m2| w_m2 as f32));
@@ -90,10 +102,15 @@ impl<'a> Gatherer<'a> {
         (bounce, lamps)
     }
 
-    fn place(&self, map: &GeometryBuffer, pixel: usize) -> Place {
+    fn place<'w>(&self, world: &'w World, map: &GeometryBuffer, pixel: usize) -> Place<'w> {
         let width = map.width;
         let direction = self.rays.center(pixel % width, pixel / width);
+        // Neighbours' rays are turned against each other, so that what a few rays miss is not the
+        // same all over: by the multiplicative hash of Knuth's (TAOCP 3, section 6.4).
+        let hash = (pixel as u32).wrapping_mul(2_654_435_769);
         Place {
+            world,
+            turn: f64::from(hash) / 4_294_967_296.0 * std::f64::consts::TAU,
             point: direction * f64::from(map.depth[pixel]),
             normal: Vec3::from_array(map.normal[pixel]).as_dvec3().normalize(),
             own: Surface(map.surface[pixel]),
@@ -102,34 +119,27 @@ impl<'a> Gatherer<'a> {
 
     fn point(
         &self,
-        map: &GeometryBuffer,
-        pixel: usize,
+        place: &Place<'_>,
         kept: &mut Vec<[f32; 7]>,
         lamps: &mut [f64; 2],
         scratch: &mut Scratch,
     ) {
-        let place = self.place(map, pixel);
-        // Neighbours' rays are turned against each other, so that what a few rays miss is not the
-        // same all over: by the multiplicative hash of Knuth's (TAOCP 3, section 6.4).
-        let hash = (pixel as u32).wrapping_mul(2_654_435_769);
-        let turn = f64::from(hash) / 4_294_967_296.0 * std::f64::consts::TAU;
-        for rays in self.hemisphere.above(place.normal, turn) {
-            let met = self.meet(&place, &rays, scratch);
+        for rays in self.hemisphere.above(place.normal, place.turn) {
+            let met = self.meet(place, &rays, scratch);
             if met.iter().any(Option::is_some) {
-                self.projected(&met, kept, scratch);
+                self.projected(place.world, &met, kept, scratch);
                 if self.plan.has(Term::Lights) {
-                    self.lamps(&met, lamps, scratch);
+                    self.lamps(place.world, &met, lamps, scratch);
                 }
             }
         }
     }
 
     /// The patches where sixteen rays end.
-    fn meet(&self, place: &Place, rays: &[Ray; LANES], scratch: &mut Scratch) -> Met<'a> {
+    fn meet<'w>(&self, place: &Place<'w>, rays: &[Ray; LANES], scratch: &mut Scratch) -> Met<'w> {
         let directions = std::array::from_fn(|lane| rays[lane].direction);
-        let hits = self
-            .world
-            .leaving(place.point, place.own, &directions, scratch);
+        let world = place.world;
+        let hits = world.leaving(place.point, place.own, &directions, scratch);
         std::array::from_fn(|lane| {
             if !hits.is_hit(lane) {
                 return None;
@@ -144,13 +154,19 @@ impl<'a> Gatherer<'a> {
                 surface: hits.surface[lane],
                 sides: rays[lane].sides.map(onto),
             };
-            let evenly = self.world.looks.evenly(self.plan, self.world, &patch);
+            let evenly = world.looks.evenly(self.plan, world, &patch);
             Some((patch, evenly))
         })
     }
 
     /// Keeps the rays that end in the projector's light.
-    fn projected(&self, met: &Met<'_>, kept: &mut Vec<[f32; 7]>, scratch: &mut Scratch) {
+    fn projected(
+        &self,
+        world: &World,
+        met: &Met<'_>,
+        kept: &mut Vec<[f32; 7]>,
+        scratch: &mut Scratch,
+    ) {
         let optics = self.rays.optics;
         let mut found: [Option<Shown>; LANES] = std::array::from_fn(|lane| {
             let (patch, evenly) = met[lane].as_ref()?;
@@ -159,7 +175,7 @@ impl<'a> Gatherer<'a> {
         if self.plan.has(Term::Shadows) && found.iter().any(Option::is_some) {
             let points = points(met, |lane| found[lane].is_some());
             let pupil = optics.projector.center();
-            let blocked = self.world.blocked(pupil, &points, scratch);
+            let blocked = world.blocked(pupil, &points, scratch);
             for lane in (0..LANES).filter(|&lane| blocked[lane]) {
                 found[lane] = None;
             }
@@ -181,7 +197,7 @@ impl<'a> Gatherer<'a> {
     }
 
     /// Adds what rays bring of the lamps' light, and by how much it swings.
-    fn lamps(&self, met: &Met<'_>, sum: &mut [f64; 2], scratch: &mut Scratch) {
+    fn lamps(&self, world: &World, met: &Met<'_>, sum: &mut [f64; 2], scratch: &mut Scratch) {
         for lamp in &self.rays.optics.lamps {
             let thrown_back: [f64; LANES] = std::array::from_fn(|lane| {
                 met[lane].as_ref().map_or(0.0, |(patch, evenly)| {
@@ -197,7 +213,7 @@ impl<'a> Gatherer<'a> {
             let points = points(met, |lane| thrown_back[lane] > 0.0);
             let mut blocked = [false; LANES];
             if self.plan.has(Term::Shadows) && points.iter().any(Option::is_some) {
-                blocked = lamp.blocked(self.world, &points, scratch);
+                blocked = lamp.blocked(world, &points, scratch);
             }
             for lane in (0..LANES).filter(|&lane| !blocked[lane]) {
                 let brought = thrown_back[lane] / self.samples;

@@ -22,7 +22,7 @@ mod patch;
 
 use super::buffer::GeometryBuffer;
 use super::geometry::Rays;
-use super::world::World;
+use super::worlds::Worlds;
 use super::{Plan, Term};
 use gather::Gatherer;
 use grid::Grid;
@@ -55,13 +55,13 @@ pub(super) struct Bounce {
 }
 
 /// Fills the buffer's bounce, and adds what bounces of the lamps' light to its ambient maps.
-pub(super) fn run(world: &World, rays: &Rays<'_>, plan: &Plan, map: &mut GeometryBuffer) {
+pub(super) fn run(worlds: &Worlds, rays: &Rays<'_>, plan: &Plan, map: &mut GeometryBuffer) {
     map.bounce = Bounce::default();
     let Some(wanted) = rays.optics.interreflection else {
         return;
     };
     let grid = Grid::new(map, rays, wanted.step_px as usize);
-    let gatherer = Gatherer::new(world, rays, plan, wanted.samples as usize);
+    let gatherer = Gatherer::new(worlds, rays, plan, wanted.samples as usize);
     let (mut bounce, lamps) = gatherer.gather(map, &grid.pixels);
     (bounce.first, bounce.shares, bounce.stride) = (grid.first, grid.shares, grid.stride);
     if plan.has(Term::Lights) {

@@ -27,6 +27,7 @@ pub(super) use spot::Spot;
 use std::path::PathBuf;
 use std::sync::Arc;
 use texture::Texture;
+pub(super) use texture::texels;
 
 /// The looks of all objects.
 pub(super) struct Looks {

@@ -35,30 +35,10 @@ impl Texture {
     /// Reads a picture in sRGB; its luminance is the albedo.
     ///
     /// # Errors
-    /// What the system refuses, bytes that are no picture, one that is too large.
+    /// What [`texels`] refuses.
     pub(super) fn read(path: &Path) -> Result<Self> {
-        let place = path.display().to_string();
-        let bytes = picture::bytes_of(path)?;
-        let allowed =
-            format!("a PNG, BMP, TIFF or JPEG file of at most {MAX_SIDE} x {MAX_SIDE} pixels");
-        let bad = |e: &dyn std::fmt::Display| Error::input(&place, e, &allowed);
-        let mut reader = ImageReader::new(Cursor::new(bytes))
-            .with_guessed_format()
-            .map_err(|e| bad(&e))?;
-        let mut limits = Limits::default();
-        limits.max_image_width = Some(MAX_SIDE);
-        limits.max_image_height = Some(MAX_SIDE);
-        limits.max_alloc = Some(u64::from(MAX_SIDE * MAX_SIDE) * 16);
-        reader.limits(limits);
-        let picture = reader.decode().map_err(|e| bad(&e))?.into_rgb16();
-        let linear: Vec<f64> = (0..=u16::MAX)
-            .map(|v| colour::linear(f64::from(v) / 65535.0))
-            .collect();
-        let (width, height) = (picture.width() as usize, picture.height() as usize);
-        let albedo = picture
-            .pixels()
-            .map(|p| colour::luminance(p.0.map(|c| linear[usize::from(c)])));
-        Ok(Self::new(width, height, albedo))
+        let (width, height, albedo) = texels(path)?;
+        Ok(Self::new(width, height, albedo.into_iter()))
     }
 
     /// Takes albedos row by row, at least one.
@@ -152,6 +132,35 @@ impl Texture {
         };
         row(j) + t * (row(j + 1) - row(j))
     }
+}
+
+/// Columns, rows and albedos of a picture's texels, row by row.
+///
+/// # Errors
+/// What the system refuses, bytes that are no picture, one that is too large.
+pub(in super::super) fn texels(path: &Path) -> Result<(usize, usize, Vec<f64>)> {
+    let place = path.display().to_string();
+    let bytes = picture::bytes_of(path)?;
+    let allowed =
+        format!("a PNG, BMP, TIFF or JPEG file of at most {MAX_SIDE} x {MAX_SIDE} pixels");
+    let bad = |e: &dyn std::fmt::Display| Error::input(&place, e, &allowed);
+    let mut reader = ImageReader::new(Cursor::new(bytes))
+        .with_guessed_format()
+        .map_err(|e| bad(&e))?;
+    let mut limits = Limits::default();
+    limits.max_image_width = Some(MAX_SIDE);
+    limits.max_image_height = Some(MAX_SIDE);
+    limits.max_alloc = Some(u64::from(MAX_SIDE * MAX_SIDE) * 16);
+    reader.limits(limits);
+    let picture = reader.decode().map_err(|e| bad(&e))?.into_rgb16();
+    let linear: Vec<f64> = (0..=u16::MAX)
+        .map(|v| colour::linear(f64::from(v) / 65535.0))
+        .collect();
+    let (width, height) = (picture.width() as usize, picture.height() as usize);
+    let albedo = picture
+        .pixels()
+        .map(|p| colour::luminance(p.0.map(|c| linear[usize::from(c)])));
+    Ok((width, height, albedo.collect()))
 }
 
 #[cfg(test)]
