@@ -17,9 +17,13 @@ pub(in super::super) struct Spread<'a> {
 const REACH: f64 = 4.0;
 /// Beyond this many nothing is left.
 const END: f64 = 6.0;
+/// A Gaussian this many times as wide as the wider box, convolved with both, is a Gaussian of their
+/// variances' sum: to 8e-5 of its light left of a border, from the boxes' fourth cumulant.
+const SMOOTH: f64 = 1.25;
 
 /// The convolution of two boxes with a mixture of Gaussians, along one axis of the slide.
 pub(super) struct Blend<'a> {
+    bell: &'a Bell,
     parts: [Part<'a>; MOST],
     len: usize,
 }
@@ -30,6 +34,10 @@ struct Part<'a> {
     soft: Soft<'a>,
     sigma: f64,
     reach: f64,
+    /// Distance from which all its light lies on one side.
+    end: f64,
+    /// One over the standard deviation where it counts as a Gaussian, boxes and all; else 0.
+    smooth: f64,
 }
 
 impl<'a> Blend<'a> {
@@ -42,25 +50,40 @@ impl<'a> Blend<'a> {
         spread: Option<Spread<'_>>,
         least: f64,
     ) -> Self {
-        let part = |weight, sigma: f64, reach| Part {
-            weight,
-            soft: Soft::new(bell, slope, sigma),
-            sigma,
-            reach,
+        let part = |weight, sigma: f64, reach| {
+            let soft = Soft::new(bell, slope, sigma);
+            let end = soft.outer() + END * sigma;
+            Part {
+                weight,
+                soft,
+                sigma,
+                reach,
+                end,
+                smooth: 0.0,
+            }
         };
         let Some(spread) = spread else {
             return Self {
+                bell,
                 parts: [part(1.0, sigma, REACH); MOST],
                 len: 1,
             };
         };
+        let boxes = slope.map(|s| s * s / 12.0);
+        let widest = slope[0].abs().max(slope[1].abs());
         let components = spread.mixture.components();
         let scale = f64::from(spread.px_per_mm);
         Self {
+            bell,
             parts: std::array::from_fn(|i| {
                 let c = components[i.min(components.len() - 1)];
                 let sigma = (c.sigma_mm * scale).hypot(sigma).max(least);
-                part(c.weight, sigma, c.reach)
+                let mut part = part(c.weight, sigma, c.reach);
+                part.end = part.soft.outer() + c.reach * sigma;
+                if sigma >= SMOOTH * widest {
+                    part.smooth = (sigma * sigma + boxes[0] + boxes[1]).sqrt().recip();
+                }
+                part
             }),
             len: components.len(),
         }
@@ -99,11 +122,12 @@ impl<'a> Blend<'a> {
         self.parts()
             .iter()
             .map(|part| {
-                let end = part.soft.outer() + END * part.sigma;
-                let left = if e > end {
+                let left = if e > part.end {
                     1.0
-                } else if e < -end {
+                } else if e < -part.end {
                     0.0
+                } else if part.smooth > 0.0 {
+                    self.bell.second(e * part.smooth)
                 } else {
                     part.soft.left_of(e)
                 };

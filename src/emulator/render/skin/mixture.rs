@@ -119,15 +119,15 @@ impl Mixture {
 }
 
 /// Least squares under weights that are not negative: Lawson and Hanson, "Solving Least Squares
-/// Problems" (1974), chapter 23.
+/// Problems" (1974), chapter 23, on the normal equations: how good a fit is, its error says.
 fn not_negative(matrix: &DMatrix<f64>, values: &DVector<f64>) -> Vec<f64> {
     let n = matrix.ncols();
+    let (normal, right) = (matrix.tr_mul(matrix), matrix.tr_mul(values));
     let mut weights = vec![0.0; n];
     let mut free = vec![false; n];
     // Each round frees one more; rounds that take back are few.
     for _ in 0..4 * n {
-        let rest = values - matrix * DVector::from_column_slice(&weights);
-        let pull = matrix.tr_mul(&rest);
+        let pull = &right - &normal * DVector::from_column_slice(&weights);
         let next = (0..n)
             .filter(|&j| !free[j] && pull[j] > 1e-9)
             .max_by(|&a, &b| pull[a].total_cmp(&pull[b]));
@@ -135,10 +135,11 @@ fn not_negative(matrix: &DMatrix<f64>, values: &DVector<f64>) -> Vec<f64> {
         free[next] = true;
         loop {
             let chosen: Vec<_> = (0..n).filter(|&j| free[j]).collect();
-            let part = matrix.select_columns(&chosen);
-            let Ok(solved) = part.svd(true, true).solve(values, 1e-12) else {
+            let part = normal.select_columns(&chosen).select_rows(&chosen);
+            let Some(factor) = part.cholesky() else {
                 return weights;
             };
+            let solved = factor.solve(&right.select_rows(&chosen));
             let blocking = |(&j, &s): (&usize, &f64)| {
                 (s <= 0.0).then(|| weights[j] / (weights[j] - s).max(f64::MIN_POSITIVE))
             };

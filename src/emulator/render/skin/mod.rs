@@ -6,6 +6,12 @@
 //! defocus. `preset` has the classes of Fitzpatrick's scale, `blood` what colours them. `maps` is
 //! what the geometry pass leaves of it.
 //!
+//! It costs a scene without skin nothing. With it, the geometry pass works out a kernel for each
+//! pixel of lit skin, some microseconds each, and a kernel takes four bytes a slide pixel (or group
+//! of them, of at most 1024 beyond the footprint) within about four of the widest Gaussian's
+//! standard deviations: some 200 bytes a pixel and axis for a class of Fitzpatrick's scale at 3
+//! slide pixels a millimetre.
+//!
 //! The surface counts as flat and endless within the reach of its light, some millimetres. Light of
 //! the slide is spread within its field: what skin carries over an edge of the field, of a shadow or
 //! of the object is left out, and so is the spread of lamps' light.
