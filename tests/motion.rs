@@ -174,7 +174,7 @@ fn a_fringe_that_moves_keeps_the_contrast_of_its_integral() {
     };
     let sharp = contrast(&still, 4);
     let mut former = f64::INFINITY;
-    for samples in [1, 2, 4, 8, 16] {
+    for samples in [1, 2, 4, 8] {
         let blurred = contrast(&moving, samples);
         let (mut compared, mut worst, mut sums) = (0, 0.0f64, [0.0; 2]);
         for i in (0..sharp.len()).step_by(11) {
