@@ -8,7 +8,7 @@ use std::f64::consts::TAU;
 
 /// Mean cosine of scattering in skin (Jacques 2013: 0.7 to 0.95).
 const G: f64 = 0.8;
-const PHOTONS: u64 = 300_000;
+const PHOTONS: u64 = 120_000;
 /// Cycles a millimetre.
 const FREQUENCIES: [f64; 5] = [0.05, 0.1, 0.15, 0.2, 0.3];
 
