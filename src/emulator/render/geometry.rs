@@ -17,6 +17,29 @@ use rayon::prelude::*;
 /// Side of the tile of pixels that one packet of rays covers.
 pub(super) const TILE: usize = 4;
 
+/// How the pixels of a packet lie: as a tile, or, where rows are not together, as a part of a row.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Layout {
+    /// Binary logarithm of how many lie side by side.
+    across: u32,
+}
+
+impl Layout {
+    /// Where so many rows are together: the side of a tile, or one.
+    pub(super) fn of(rows: usize) -> Self {
+        Self {
+            across: if rows == TILE { 2 } else { 4 },
+        }
+    }
+
+    /// How many columns and rows a lane's pixel is from the first one. Without a division, which
+    /// would cost as much as some of the tracing.
+    #[inline(always)]
+    pub(super) fn place(self, lane: usize) -> (usize, usize) {
+        (lane & ((1 << self.across) - 1), lane >> self.across)
+    }
+}
+
 /// Directions of the camera's rays: computed, or looked up where the lens is distorted.
 pub(super) struct Rays<'a> {
     pub(super) optics: &'a Optics,
@@ -116,9 +139,11 @@ fn tile(
 ) {
     let width = rays.width;
     let rows = band.x.len() / width;
-    // A tile of pixels, or a part of a row where rows are not together.
-    let across = if band.rows == TILE { TILE } else { LANES };
-    let place = |lane: usize| (column + lane % across, lane / across);
+    let layout = Layout::of(band.rows);
+    let place = |lane: usize| {
+        let (right, down) = layout.place(lane);
+        (column + right, down)
+    };
     let used: [bool; LANES] = std::array::from_fn(|lane| {
         let (u, v) = place(lane);
         u < width && v < rows

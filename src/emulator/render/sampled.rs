@@ -7,7 +7,7 @@
 
 use super::aperture::{Aperture, widened};
 use super::buffer::{GeometryBuffer, Mixed};
-use super::geometry::{Bundle, Cast, Rays, cast};
+use super::geometry::{Bundle, Cast, Layout, Rays, cast};
 use super::mixed::COS_CREASE;
 use super::shade::Optics;
 use super::world::{Surface, World};
@@ -224,8 +224,7 @@ impl Sampler<'_> {
 struct Tile {
     column: usize,
     row: usize,
-    /// Pixels side by side.
-    across: usize,
+    layout: Layout,
     used: [bool; LANES],
     /// Directions of the pixels' centres, with z = 1.
     center: [DVec3; LANES],
@@ -239,7 +238,11 @@ impl Tile {
     fn new(sampler: &Sampler<'_>, map: &GeometryBuffer, column: usize, row: usize) -> Self {
         let rows = sampler.worlds.rows_together();
         let across = LANES / rows;
-        let place = |lane: usize| (column + lane % across, row + lane / across);
+        let layout = Layout::of(rows);
+        let place = |lane: usize| {
+            let (right, down) = layout.place(lane);
+            (column + right, row + down)
+        };
         let rays = sampler.rays;
         let center = std::array::from_fn(|lane| {
             let (u, v) = place(lane);
@@ -249,7 +252,7 @@ impl Tile {
         Self {
             column,
             row,
-            across,
+            layout,
             used: std::array::from_fn(|lane| {
                 let (u, v) = place(lane);
                 u < map.width && v < map.height
@@ -262,6 +265,7 @@ impl Tile {
     }
 
     fn pixel(&self, width: usize, lane: usize) -> usize {
-        (self.row + lane / self.across) * width + self.column + lane % self.across
+        let (right, down) = self.layout.place(lane);
+        (self.row + down) * width + self.column + right
     }
 }
