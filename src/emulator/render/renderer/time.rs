@@ -93,14 +93,10 @@ impl Renderer {
 }
 
 /// The device time in nanoseconds that the truth of a scene that moves is taken at: half way from
-/// the start of a sequence's first exposure to the end of its last, 0 of none.
+/// the start of a sequence's first exposure to the end of its last, of all rows of a rolling shutter;
+/// 0 of none.
 pub(super) fn middle_ns<'a>(shots: impl Iterator<Item = &'a Shot>) -> u64 {
-    let ends = |shot: &Shot| {
-        (
-            shot.start_ns,
-            shot.start_ns.saturating_add(shot.exposure_ns),
-        )
-    };
+    let ends = |shot: &Shot| (shot.start_ns, shot.end_ns());
     shots
         .map(ends)
         .reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)))
