@@ -1,0 +1,60 @@
+//! Scenes that move: against closed forms, and against the same scene standing still where it is.
+
+mod closed_form;
+mod instants;
+mod still;
+
+use phasma::emulator::render::{Options, Renderer};
+use phasma::emulator::{Shot, Slide};
+use phasma::pattern::{Axis, Pattern};
+use phasma::profile::{Profile, Scene};
+use std::path::Path;
+use std::sync::Arc;
+
+const MS: u64 = 1_000_000;
+
+/// A scene of a few lines; its files are in `folder`.
+fn scene(lines: &str, folder: &Path) -> Scene {
+    let text = format!("name = \"s\"\ndescription = \"\"\n{lines}");
+    let mut scene = Scene::parse(&text, "s").unwrap();
+    scene.folder = folder.to_path_buf();
+    scene
+}
+
+fn bench() -> Profile {
+    let mut profile = Profile::load("pmp-bench").unwrap();
+    profile.camera.sensor.noiseless = true;
+    profile
+}
+
+fn fringe(profile: &Profile, period_px: f64, phase_rad: f64) -> (Pattern, Arc<Slide>) {
+    let pattern = Pattern::Fringe {
+        axis: Axis::X,
+        period_px,
+        phase_rad,
+    };
+    let slide = Slide::new(&pattern, &profile.projector, &|_| unreachable!()).unwrap();
+    (pattern, Arc::new(slide))
+}
+
+fn shot(slide: &Arc<Slide>, start_ns: u64, exposure_ns: u64) -> Shot {
+    Shot {
+        slide: Some(slide.clone()),
+        light: 1.0,
+        start_ns,
+        exposure_ns,
+        ..Shot::default()
+    }
+}
+
+fn instants(profile: &Profile, scene: &Scene, time_samples: u32) -> Renderer {
+    renderer(profile, scene, time_samples, 1)
+}
+
+fn renderer(profile: &Profile, scene: &Scene, time_samples: u32, seed: u64) -> Renderer {
+    let options = Options {
+        time_samples,
+        ..Options::default()
+    };
+    Renderer::with_options(profile, scene, seed, options).unwrap()
+}
