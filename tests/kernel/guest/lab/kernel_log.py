@@ -11,10 +11,13 @@ WORDS = re.compile(
     r"cannot find a urb|unlink.*(lost|fail)|WARNING:|BUG:|Call Trace|not accepting address"
     r"|descriptor read.*error|unable to (read|enumerate)|config.*invalid|Failed to (query|set|initialize)")
 
-# What drivers complain of in their own doing. EPERM is no answer of a device: it is what a transfer
-# gets that the driver itself has withdrawn. As it stops a stream, uvcvideo withdraws all transfers
-# first and only then waits for its workers, one of which may still hand one back.
-OWN_DOING = re.compile(r"uvcvideo [-0-9.:]+: Failed to resubmit video URB \(-1\)\.$")
+# What drivers complain of in their own doing, or in ours. EPERM is no answer of a device: it is what
+# a transfer gets that the driver itself has withdrawn. As it stops a stream, uvcvideo withdraws all
+# transfers first and only then waits for its workers, one of which may still hand one back. ENODEV
+# is what a transfer gets in the moment between a device's unplugging and the driver's hearing of it.
+NO_COMPLAINT = re.compile(
+    r"(uvcvideo [-0-9.:]+: Failed to resubmit video URB \(-(1|19)\)\."
+    r"|cdc_acm [-0-9.:]+: acm_\w+ - usb_submit_urb(\(write bulk\))? failed: -(1|19))$")
 
 
 class KernelLog:
@@ -32,7 +35,7 @@ class KernelLog:
         found = []
         for level, text in self.lines():
             keep.write(f"<{level}> {text}\n")
-            if OWN_DOING.match(text):
+            if NO_COMPLAINT.match(text):
                 continue
             if WORDS.search(text) or (level <= WARNING and USB.match(text)):
                 found.append(text)
