@@ -9,7 +9,8 @@
 //!
 //! Where the coordinate changes by a fringe's period or more from pixel to pixel, a pixel averages
 //! over all of the fringe: its contrast is lost, and beyond comes back inverted, half a period off.
-//! Such a pixel is not told, however bright its modulation.
+//! Such a pixel is not told, however bright its modulation; nor is one without a neighbour on either
+//! side along the row, or along the column, which would show how steep it is.
 
 use super::turns::nearest;
 
@@ -17,7 +18,7 @@ use super::turns::nearest;
 pub(super) const KEEP: u8 = 0;
 /// On neither side's extrapolation.
 pub(super) const MIXED: u8 = 1;
-/// No neighbours to compare with.
+/// No neighbours to compare with, along the row or along the column.
 pub(super) const STRAY: u8 = 2;
 
 /// So steep that a pixel spans a period of the finest fringe.
@@ -41,6 +42,9 @@ pub(super) struct Around<'a> {
     pub(super) sigma: &'a [f32],
     /// The finest fringe's period in projector pixels, infinite without fringes.
     pub(super) finest: f32,
+    /// Whether the image has more than two columns and rows, so that a pixel without a neighbour
+    /// on either side stands alone there.
+    pub(super) has_beside: [bool; 2],
 }
 
 /// Writes [`MIXED`], [`FINE`] or [`STRAY`] into `flags` where the row deserves it and they hold [`KEEP`];
@@ -62,6 +66,7 @@ fn judge<const WRAPPED: bool>(around: &Around<'_>, period: f32, flags: &mut [u8]
     let v = around.rows.map(|row| &row[..n]);
     let sigma = &around.sigma[..n];
     let span = SPAN * around.finest;
+    let beside = around.has_beside;
     for i in 0..n {
         let x = v[3][i];
         let base = NOISE * sigma[i] + FLOOR_PX;
@@ -79,14 +84,20 @@ fn judge<const WRAPPED: bool>(around: &Around<'_>, period: f32, flags: &mut [u8]
             base,
             period,
         );
-        let stray = if row_has | col_has { KEEP } else { STRAY };
         // The gentler of both sides, so that a depth step is not taken for a slope.
         let step = |a: f32, b: f32| {
             let (a, b) = (less::<WRAPPED>(x, a, period), less::<WRAPPED>(x, b, period));
             a.abs().min(b.abs())
         };
-        let fine = (step(l1[i], r1[i]) >= span) | (step(v[2][i], v[4][i]) >= span);
-        let even = if fine { FINE } else { stray };
+        let (across, along) = (step(l1[i], r1[i]), step(v[2][i], v[4][i]));
+        let fine = (across >= span) | (along >= span);
+        let alone = (across.is_nan() & beside[0]) | (along.is_nan() & beside[1]);
+        let stray = alone | !(row_has | col_has);
+        let even = match (fine, stray) {
+            (true, _) => FINE,
+            (false, true) => STRAY,
+            (false, false) => KEEP,
+        };
         let verdict = if row_bad | col_bad { MIXED } else { even };
         flags[i] = if (flags[i] == KEEP) & !x.is_nan() {
             verdict
@@ -166,6 +177,7 @@ mod tests {
             padded: &padded,
             sigma: &sigma,
             finest,
+            has_beside: [x.len() > 2, false],
         };
         let mut flags = vec![KEEP; x.len()];
         judge_row(&around, period, &mut flags);
@@ -225,6 +237,27 @@ mod tests {
         assert_eq!(flags_with(&less, 0.02, 0.0, 16.0), [KEEP; 9]);
         let step = [4.0, 8.0, 12.0, 16.0, 80.0, 84.0, 88.0, 92.0];
         assert_eq!(flags_with(&step, 0.02, 0.0, 16.0), [KEEP; 8]);
+    }
+
+    #[test]
+    fn a_column_or_row_by_itself_does_not_tell_how_steep_it_is() {
+        let n = f32::NAN;
+        let (nan, row) = ([n; 5], [n, n, 7.0, n, n]);
+        let mut padded = vec![n; 3];
+        padded.extend(row);
+        padded.extend([n; 3]);
+        for (has_beside, wanted) in [([true, true], STRAY), ([false, true], KEEP)] {
+            let mut flags = vec![KEEP; 5];
+            let around = Around {
+                rows: [&nan, &row, &row, &row, &row, &row, &nan],
+                padded: &padded,
+                sigma: &[0.02; 5],
+                finest: 16.0,
+                has_beside,
+            };
+            judge_row(&around, 0.0, &mut flags);
+            assert_eq!(flags, [KEEP, KEEP, wanted, KEEP, KEEP]);
+        }
     }
 
     #[test]

@@ -60,7 +60,31 @@ pub struct Flicker {
     pub phase_deg: f64,
 }
 
+impl Ambient {
+    /// How it pulsates, if it does.
+    pub fn pulse(&self) -> Option<Flicker> {
+        let pulsates = |f: &Flicker| f.depth > 0.0 && self.irradiance_w_m2 > 0.0;
+        self.flicker.filter(pulsates)
+    }
+}
+
 impl Light {
+    /// Whether it gives any light.
+    pub fn is_on(&self) -> bool {
+        match *self {
+            Self::Point { intensity_w_sr, .. } => intensity_w_sr > 0.0,
+            Self::Directional {
+                irradiance_w_m2, ..
+            } => irradiance_w_m2 > 0.0,
+        }
+    }
+
+    /// How it pulsates, if it does.
+    pub fn pulse(&self) -> Option<Flicker> {
+        let pulsates = |f: &Flicker| f.depth > 0.0 && self.is_on();
+        self.flicker().filter(pulsates)
+    }
+
     /// How it pulsates.
     pub fn flicker(&self) -> Option<Flicker> {
         match *self {

@@ -66,6 +66,12 @@ pub struct MeshKeyframe {
 }
 
 impl Motion {
+    /// Whether some keyframe is elsewhere than where the object rests.
+    pub fn goes_anywhere(&self) -> bool {
+        let elsewhere = |k: &Keyframe| k.position_mm != [0.0; 3] || k.rotation_deg != [0.0; 3];
+        self.keyframes.iter().any(elsewhere)
+    }
+
     /// The pose over time that takes the object's coordinates to those that it has at rest.
     pub fn trajectory(&self) -> Trajectory {
         let key = |k: &Keyframe| {

@@ -134,6 +134,12 @@ fn torso_triangles() -> u32 {
 }
 
 impl Object {
+    /// Its specular lobe; none of a surface that reflects nothing at right angles, whose refractive
+    /// index is the air's.
+    pub fn lobe(&self) -> Option<Specular> {
+        self.specular.filter(|specular| specular.f0 > 0.0)
+    }
+
     /// Takes the object's own coordinates, after scaling, to the scene's, where it rests.
     pub fn scene_from_object(&self) -> Pose {
         Pose::from_xyz_deg(

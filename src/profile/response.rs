@@ -18,6 +18,18 @@ pub enum Response {
 }
 
 impl Response {
+    /// Whether light just follows the level.
+    pub fn is_straight(&self) -> bool {
+        match self {
+            Self::Gamma(gamma) => *gamma == 1.0,
+            Self::Table(table) => {
+                let last = (table.len() - 1) as f64;
+                let step = |(i, &light): (usize, &f64)| light == i as f64 / last;
+                table.iter().enumerate().all(step)
+            }
+        }
+    }
+
     /// Light, 0 to 1, of a level from 0 to 1.
     pub fn light(&self, level: f64) -> f64 {
         match self {

@@ -32,6 +32,7 @@ fn flag_edges(out: &Decoded, finest: [f32; 2], flags: &mut [u8]) {
                 rows,
                 sigma: &map.sigma[v * width..(v + 1) * width],
                 finest: finest[axis as usize],
+                has_beside: [out.width > 2, out.height > 2],
             };
             judge_row(&around, period(map), flags);
         }

@@ -33,7 +33,8 @@ impl Lamp {
     pub(super) fn all(scene: &Scene) -> Vec<Self> {
         let rig_from_scene = scene.rig_from_scene();
         let lamp = |light| Self::new(light, rig_from_scene);
-        scene.light.iter().map(lamp).collect()
+        let lit = scene.light.iter().filter(|light| light.is_on());
+        lit.map(lamp).collect()
     }
 
     fn new(light: &profile::Light, rig_from_scene: Pose) -> Self {

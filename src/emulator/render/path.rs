@@ -2,7 +2,7 @@
 
 use crate::error::{Error, Result};
 use crate::geometry::{Mesh, Pose, Timeline, Trajectory};
-use crate::profile::{Object, Scene};
+use crate::profile::{Motion, Object, Scene};
 use glam::DVec3;
 
 /// Most vertices of all meshes of a deformation together: 1.2 GB.
@@ -38,9 +38,9 @@ pub(super) type Blend = ([usize; 4], [f64; 4]);
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct State(pub(super) Vec<Placement>);
 
-/// Whether an object has a way at all.
+/// Whether an object ever leaves its place or its shape.
 pub(super) fn moves(object: &Object) -> bool {
-    object.motion.is_some() || object.deform.is_some()
+    object.motion.as_ref().is_some_and(Motion::goes_anywhere) || object.deform.is_some()
 }
 
 impl Path {

@@ -76,8 +76,8 @@ impl Optics {
     pub(super) fn new(profile: &Profile, scene: &Scene) -> Self {
         let camera = &profile.camera;
         let pixel_m2 = (camera.pixel_pitch_mm() * 1e-3).powi(2);
-        let of_lamps = scene.light.iter().find_map(profile::Light::flicker);
-        let mains = scene.ambient.flicker.or(of_lamps);
+        let of_lamps = scene.light.iter().find_map(profile::Light::pulse);
+        let mains = scene.ambient.pulse().or(of_lamps);
         let photon_j = HC / (profile.projector.wavelength_nm * 1e-9);
         Self {
             camera: camera.view(),

@@ -218,7 +218,7 @@ impl Needs<'_> {
             Term::Lights => choose(
                 !self.optics.lamps.is_empty(),
                 "the scene has lamps",
-                "the scene has no [[light]]",
+                "the scene has no [[light]] that is on",
             ),
             Term::Subsurface => choose(
                 self.optics.skins.any(),
@@ -236,9 +236,13 @@ impl Needs<'_> {
             Term::FootprintX => (false, "no slide varies along x"),
             Term::FootprintY => (false, "no slide varies along y"),
             Term::ProjectorResponse => choose(
-                self.profile.projector.response.is_some(),
-                "projector.response is set",
-                "projector.response is absent: light follows the levels",
+                self.profile
+                    .projector
+                    .response
+                    .as_ref()
+                    .is_some_and(|response| !response.is_straight()),
+                "projector.response is not straight",
+                "projector.response is absent or straight: light follows the levels",
             ),
             Term::ContrastRatio => choose(
                 self.profile.projector.contrast_ratio.is_some(),
@@ -256,7 +260,7 @@ impl Needs<'_> {
                 "all light is steady",
             ),
             Term::RollingShutter => choose(
-                self.profile.camera.line_time_us > 0.0,
+                self.profile.camera.line_time_ns() > 0,
                 "camera.line_time_us is above 0",
                 "camera.line_time_us is 0: the shutter is global",
             ),

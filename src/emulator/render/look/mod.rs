@@ -72,7 +72,7 @@ impl Looks {
             Ok(Look {
                 // A factor on what skin reflects.
                 albedo: object.albedo * skins.reflectance(i).unwrap_or(1.0),
-                specular: object.specular.map(|specular| made.material(specular)),
+                specular: object.lobe().map(|specular| made.material(specular)),
                 wants_colours: object.vertex_colours,
                 map,
                 first_triangle: 0,

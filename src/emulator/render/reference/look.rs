@@ -47,7 +47,7 @@ impl Look {
         };
         Ok(Self {
             albedo: object.albedo,
-            specular: object.specular.map(|s| Microfacets::new(s.f0, s.roughness)),
+            specular: object.lobe().map(|s| Microfacets::new(s.f0, s.roughness)),
             picture,
             colours: Vec::new(),
         })

@@ -77,7 +77,7 @@ impl Builder<'_> {
             .mesh(index, first, &mesh, &placed, &mesh.triangles)
             .map_err(|e| e.at(place()))?;
         let keys = path::keys(self.scene, object, &mesh).map_err(|e| e.at(place()))?;
-        let shines = object.specular.is_some() && !keys.is_empty();
+        let shines = object.lobe().is_some() && !keys.is_empty();
         let smoother = shines.then(|| Smoother::new(&scaled, &mesh.triangles));
         self.fixed.owner.resize(first + mesh.triangles.len(), index);
         self.bodies.push(Body::new(Model {
