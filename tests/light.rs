@@ -345,12 +345,14 @@ fn fringes_finer_than_pixels_or_blur_are_unresolved_and_not_valid() {
         distance_mm: 500.0,
         aperture_mm: 25.0,
     });
-    for (profile, period, unresolved) in [
-        (bench(), 2.1 * width, false),
-        (bench(), 1.0 * width, true),
-        (bench(), 0.7 * width, true),
-        (bench(), 0.4 * width, true),
-        (soft, 16.0, true),
+    for (profile, light, period, unresolved) in [
+        (bench(), 0.4, 2.1 * width, false),
+        (bench(), 0.4, 1.0 * width, true),
+        (bench(), 0.4, 0.7 * width, true),
+        // White is clipped, the fringes, which have little contrast, are not.
+        (bench(), 2.6, 0.7 * width, true),
+        (bench(), 0.4, 0.4 * width, true),
+        (soft, 0.4, 16.0, true),
     ] {
         let manifest = &sequence(period, &profile);
         let mut renderer = Renderer::new(&profile, &wall(1000.0, 0.02), 1).unwrap();
@@ -358,7 +360,7 @@ fn fringes_finer_than_pixels_or_blur_are_unresolved_and_not_valid() {
             .zip(&manifest.frame)
             .map(|(id, frame)| {
                 let mut shot = shot(&slide(&frame.pattern, &profile));
-                (shot.id, shot.noise_id) = (id, id);
+                (shot.id, shot.noise_id, shot.light) = (id, id, light);
                 (frame.pattern.clone(), shot)
             })
             .collect();
@@ -382,6 +384,8 @@ fn fringes_finer_than_pixels_or_blur_are_unresolved_and_not_valid() {
         for &i in &lit {
             counts[map.verdict[i] as usize] += 1;
         }
+        let white = frames.iter().map(|f| f[lit[0]]).max();
+        assert_eq!(white == Some(255), light > 1.0, "{white:?}");
         if unresolved {
             assert_eq!(counts[0], 0, "{period} px: {counts:?}");
         } else {

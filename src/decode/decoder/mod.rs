@@ -28,7 +28,8 @@ pub struct Options {
     pub unwrap_spatial: bool,
     /// Least modulation B in DN.
     pub min_modulation_dn: f32,
-    /// Least modulation B over half of white minus black, where the sequence has both. A pixel that
+    /// Least modulation B over half of white minus black, or over the fringes' mean less black where
+    /// that is more (a clipped white), where the sequence has both. A pixel that
     /// spans more than a period sees the fringe inverted, half a period off, with at most
     /// max |sin(pi w) / (pi w)| = 0.217 of its contrast for w > 1; so that much, and a little for
     /// noise, is not told.

@@ -41,12 +41,12 @@ pub(super) fn axis_row<'f, T: Sample>(
         sets,
         gray,
         top,
+        middle,
         half,
         sigma,
         variance,
         ok,
         candidate,
-        ..
     } = scratch;
     let sets = &sets[..kernel.sets.len()];
     match sets {
@@ -95,8 +95,16 @@ pub(super) fn axis_row<'f, T: Sample>(
     for (set, k) in sets.iter().zip(&kernel.sets) {
         let worst = k.variance_of_phase(job.max_phase_sigma);
         let (b, var, half) = (&set.modulation[..n], &set.variance[..n], &half[..n]);
+        let (mean, middle) = (&set.mean[..n], &middle[..n]);
+        let has_black = job.references.is_some();
         for i in 0..n {
-            let least = job.min_modulation.max(job.min_contrast * half[i]);
+            // White may be clipped where the fringes, on which all goes by, are not: their mean is
+            // as far from black.
+            let black = middle[i] - half[i];
+            let light = if has_black { mean[i] - black } else { 0.0 };
+            let least = job
+                .min_modulation
+                .max(job.min_contrast * half[i].max(light));
             let dim = (b[i] < least) | (var[i] > worst);
             let was = verdict[i];
             verdict[i] = if dim & (was as u8 != Verdict::Saturated as u8) {
