@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 #[serde(deny_unknown_fields)]
 pub struct Skin {
     /// Class of Fitzpatrick's scale, 1 (palest) to 6: melanin of the epidermis over one dermis. For
-    /// wavelengths of 300 to 1000 nm; beyond, those at 1000 nm.
+    /// wavelengths of 310 to 1000 nm; blood absorbs beyond them as at the nearer end.
     #[serde(default)]
     pub fitzpatrick: Option<u8>,
     /// Absorption coefficient in 1/mm, instead of a class.

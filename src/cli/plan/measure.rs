@@ -9,6 +9,14 @@ use std::time::Instant;
 
 /// Rounds, of which the fastest counts: what else runs here only ever adds.
 const ROUNDS: usize = 5;
+/// No round begins after this many seconds: heavy scenes have fewer of them.
+const ENOUGH_S: f64 = 1.5;
+
+/// The rounds of one figure.
+fn rounds() -> impl Iterator<Item = usize> {
+    let begin = Instant::now();
+    (0..ROUNDS).take_while(move |&i| i == 0 || begin.elapsed().as_secs_f64() < ENOUGH_S)
+}
 
 /// A pass as it runs, and what it costs.
 #[derive(Debug, Serialize)]
@@ -81,12 +89,12 @@ impl<'a> Timing<'a> {
     /// frames this is.
     pub fn pass_ns(&mut self, pass: Pass) -> f64 {
         let once = |_| self.once_ns(pass);
-        (0..ROUNDS).map(once).fold(f64::INFINITY, f64::min)
+        rounds().map(once).fold(f64::INFINITY, f64::min)
     }
 
     /// The same of this renderer and another one, in turns.
     pub fn beside_ns(&mut self, other: &mut Self, pass: Pass) -> [f64; 2] {
-        let rounds = (0..ROUNDS).map(|_| [self.once_ns(pass), other.once_ns(pass)]);
+        let rounds = rounds().map(|_| [self.once_ns(pass), other.once_ns(pass)]);
         rounds.fold([f64::INFINITY; 2], |[a, b], [c, d]| [a.min(c), b.min(d)])
     }
 
@@ -99,7 +107,7 @@ impl<'a> Timing<'a> {
             self.shots = &shots[..1];
         }
         let mut fastest = [f64::INFINITY; 2];
-        for _ in 0..ROUNDS {
+        for _ in rounds() {
             for (included, fastest) in [false, true].into_iter().zip(&mut fastest) {
                 self.renderer.force(term, included);
                 *fastest = fastest.min(self.once_ns(term.pass()));
