@@ -18,6 +18,7 @@ mod bounce;
 mod buffer;
 mod geometry;
 mod glare;
+pub mod gpu;
 mod lamps;
 mod light;
 mod look;

@@ -1,0 +1,7 @@
+// Marks of pixels, and the number of no surface. Twin of the constants of `truth.rs` and `world.rs`.
+
+const SEEN: u32 = 1u;
+const LIT: u32 = 2u;
+const SQUARE: u32 = 4u;
+const CREASE: u32 = 8u;
+const NO_SURFACE: u32 = 0xffffffffu;

@@ -1,0 +1,16 @@
+//! The passes on a GPU, through wgpu: the shaders in `shaders/` are their twins, by name and order.
+//!
+//! `device` finds an adapter; `shaders` holds the sources and puts them together; `engine` runs them
+//! over named buffers (`store`), specialised by the plan (`stage`), and times them (`timing`).
+
+mod device;
+mod engine;
+mod shaders;
+mod stage;
+mod store;
+mod timing;
+mod upload;
+
+pub use device::{Adapter, Gpu, adapters};
+pub(super) use engine::Engine;
+pub(super) use stage::{Stage, grid};

@@ -1,0 +1,79 @@
+//! Buffers in the GPU's memory, by the names that shaders have for them.
+
+use super::Gpu;
+use crate::error::{Error, Result};
+use std::collections::HashMap;
+use std::sync::Arc;
+
+/// Named buffers.
+pub(super) struct Store {
+    gpu: Arc<Gpu>,
+    buffers: HashMap<&'static str, wgpu::Buffer>,
+    /// Changes with every buffer that takes another's place.
+    generation: u64,
+}
+
+impl Store {
+    pub(super) fn new(gpu: Arc<Gpu>) -> Self {
+        Self {
+            gpu,
+            buffers: HashMap::new(),
+            generation: 0,
+        }
+    }
+
+    pub(super) fn generation(&self) -> u64 {
+        self.generation
+    }
+
+    /// Gives a buffer contents, and room for them. Empty contents are one zero word, as no binding
+    /// may be empty.
+    pub(super) fn write(&mut self, name: &'static str, bytes: &[u8]) {
+        let bytes = if bytes.is_empty() { &[0; 16] } else { bytes };
+        self.reserve(name, bytes.len() as u64);
+        if let Some(buffer) = self.buffers.get(name) {
+            // A whole number of words.
+            let whole = bytes.len() & !3;
+            self.gpu.queue.write_buffer(buffer, 0, &bytes[..whole]);
+            if whole < bytes.len() {
+                let mut word = [0; 4];
+                word[..bytes.len() - whole].copy_from_slice(&bytes[whole..]);
+                self.gpu.queue.write_buffer(buffer, whole as u64, &word);
+            }
+        }
+    }
+
+    /// Sees that a buffer has room; what it held is lost where it had not. One that is far too large
+    /// gives its memory back.
+    pub(super) fn reserve(&mut self, name: &'static str, bytes: u64) {
+        let bytes = bytes.next_multiple_of(16).max(16);
+        let fits = |b: &wgpu::Buffer| b.size() >= bytes && b.size() <= bytes.max(1 << 20) * 4;
+        if self.buffers.get(name).is_some_and(fits) {
+            return;
+        }
+        let limits = self.gpu.device.limits();
+        let most = limits.max_buffer_size.min(limits.max_storage_buffer_binding_size);
+        if bytes > most {
+            self.gpu.fail(format!("{name} takes {bytes} bytes; a buffer has up to {most}"));
+            return;
+        }
+        // The one before goes first, so that both need not fit.
+        self.buffers.remove(name);
+        self.generation += 1;
+        let buffer = self.gpu.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some(name),
+            size: bytes,
+            usage: wgpu::BufferUsages::STORAGE
+                | wgpu::BufferUsages::INDIRECT
+                | wgpu::BufferUsages::COPY_SRC
+                | wgpu::BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        });
+        self.buffers.insert(name, buffer);
+    }
+
+    pub(super) fn get(&self, name: &str) -> Result<&wgpu::Buffer> {
+        let missing = || Error::device(format!("GPU: no buffer {name}"));
+        self.buffers.get(name).ok_or_else(missing)
+    }
+}
