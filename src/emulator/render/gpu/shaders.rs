@@ -13,11 +13,22 @@ macro_rules! pieces {
 }
 
 /// All pieces by name.
-const PIECES: &[(&str, &str)] = pieces!["maps_in", "maps_out", "marks", "plan"];
+const PIECES: &[(&str, &str)] = pieces![
+    "maps_in",
+    "maps_out",
+    "marks",
+    "plan",
+    // Skin and interreflection.
+    "bounce_in",
+    "bounce_types",
+    "hemisphere",
+    "skin_in",
+    "skin_types",
+];
 
 /// Entry points that test functions of shaders.
 #[cfg(test)]
-const TESTS: &[(&str, &str)] = pieces!["tests/linear_test"];
+const TESTS: &[(&str, &str)] = pieces!["tests/linear_test", "tests/hemisphere_test"];
 #[cfg(not(test))]
 const TESTS: &[(&str, &str)] = &[];
 
