@@ -3,9 +3,11 @@
 //! `device` finds an adapter; `shaders` holds the sources and puts them together; `engine` runs them
 //! over named buffers (`store`), specialised by the plan (`stage`), and times them (`timing`).
 
+mod bounce;
 mod device;
 mod engine;
 mod shaders;
+mod skin;
 mod stage;
 mod store;
 mod timing;
