@@ -5,6 +5,7 @@
 
 mod device;
 mod engine;
+pub(super) mod optics;
 mod shaders;
 mod stage;
 mod store;

@@ -13,7 +13,28 @@ macro_rules! pieces {
 }
 
 /// All pieces by name.
-const PIECES: &[(&str, &str)] = pieces!["maps_in", "maps_out", "marks", "plan"];
+const PIECES: &[(&str, &str)] = pieces![
+    "bvh",
+    "cast",
+    "cast_types",
+    "center",
+    "defocus",
+    "geometry",
+    "leaving",
+    "lens",
+    "look",
+    "maps_in",
+    "maps_out",
+    "marks",
+    "optics",
+    "plan",
+    "shade",
+    "slopes",
+    "solid",
+    "triangle",
+    "vignetting",
+    "world",
+];
 
 /// Entry points that test functions of shaders.
 #[cfg(test)]
@@ -94,7 +115,8 @@ mod tests {
     fn every_shader_is_valid() {
         for name in all() {
             let module = parsed(name);
-            let found = Validator::new(ValidationFlags::all(), Capabilities::empty()).validate(&module);
+            let found =
+                Validator::new(ValidationFlags::all(), Capabilities::empty()).validate(&module);
             if let Err(e) = found {
                 panic!("{name}: {}", e.emit_to_string(&assemble(name).unwrap()));
             }
@@ -115,7 +137,10 @@ mod tests {
                 let before = numbers.insert(binding.binding, variable.clone());
                 assert!(before.is_none_or(|b| b == *variable), "{name}: {variable}");
                 let before = names.insert(variable.clone(), binding.binding);
-                assert!(before.is_none_or(|b| b == binding.binding), "{name}: {variable}");
+                assert!(
+                    before.is_none_or(|b| b == binding.binding),
+                    "{name}: {variable}"
+                );
             }
         }
     }
