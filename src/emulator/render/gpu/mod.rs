@@ -6,6 +6,7 @@
 mod bounce;
 mod device;
 mod engine;
+pub(super) mod optics;
 mod shaders;
 mod skin;
 mod stage;

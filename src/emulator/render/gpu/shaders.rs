@@ -14,16 +14,41 @@ macro_rules! pieces {
 
 /// All pieces by name.
 const PIECES: &[(&str, &str)] = pieces![
+    "add_lamps",
+    "bounce_in",
+    "bounce_types",
+    "bvh",
+    "cast",
+    "cast_types",
+    "center",
+    "center_ray",
+    "defocus",
+    "evenly",
+    "gather",
+    "geometry",
+    "grid",
+    "hemisphere",
+    "leaving",
+    "lens",
+    "look",
     "maps_in",
     "maps_out",
     "marks",
+    "optics",
+    "patch",
     "plan",
-    // Skin and interreflection.
-    "bounce_in",
-    "bounce_types",
-    "hemisphere",
+    "shade",
     "skin_in",
+    "skin_maps",
+    "skin_sample",
+    "skin_scatter",
     "skin_types",
+    "slide_axes",
+    "slopes",
+    "solid",
+    "triangle",
+    "vignetting",
+    "world",
 ];
 
 /// Entry points that test functions of shaders.
@@ -105,7 +130,8 @@ mod tests {
     fn every_shader_is_valid() {
         for name in all() {
             let module = parsed(name);
-            let found = Validator::new(ValidationFlags::all(), Capabilities::empty()).validate(&module);
+            let found =
+                Validator::new(ValidationFlags::all(), Capabilities::empty()).validate(&module);
             if let Err(e) = found {
                 panic!("{name}: {}", e.emit_to_string(&assemble(name).unwrap()));
             }
@@ -126,7 +152,10 @@ mod tests {
                 let before = numbers.insert(binding.binding, variable.clone());
                 assert!(before.is_none_or(|b| b == *variable), "{name}: {variable}");
                 let before = names.insert(variable.clone(), binding.binding);
-                assert!(before.is_none_or(|b| b == binding.binding), "{name}: {variable}");
+                assert!(
+                    before.is_none_or(|b| b == binding.binding),
+                    "{name}: {variable}"
+                );
             }
         }
     }
