@@ -1,4 +1,4 @@
-// needs: plan, bounce_types, mixed_types
+// needs: plan, bounce_types
 // Adds the light of lamps that bounces, which no slide changes, to the ambient maps. Twin of
 // `add_lamps` in `bounce/mod.rs`.
 

@@ -5,7 +5,6 @@
 //! that bring light come first: at every fourth pixel both ways 64 rays take 128 bytes a pixel of the
 //! camera and axis... 
 
-use super::engine::Commands;
 use super::{Engine, Stage, grid, upload};
 use crate::emulator::render::bounce::{Bounce, Hemisphere};
 use crate::emulator::render::{Plan, Term};
