@@ -5,6 +5,8 @@
 
 mod device;
 mod engine;
+mod frames;
+mod passes;
 mod shaders;
 mod stage;
 mod store;
@@ -12,5 +14,8 @@ mod timing;
 mod upload;
 
 pub use device::{Adapter, Gpu, adapters};
-pub(super) use engine::Engine;
+pub(super) use engine::{Commands, Engine};
+pub(super) use frames::{DEPTH, Ticket};
+pub(super) use passes::Passes;
 pub(super) use stage::{Stage, grid};
+pub use timing::PassTime;

@@ -94,7 +94,8 @@ mod tests {
     fn every_shader_is_valid() {
         for name in all() {
             let module = parsed(name);
-            let found = Validator::new(ValidationFlags::all(), Capabilities::empty()).validate(&module);
+            let found =
+                Validator::new(ValidationFlags::all(), Capabilities::empty()).validate(&module);
             if let Err(e) = found {
                 panic!("{name}: {}", e.emit_to_string(&assemble(name).unwrap()));
             }
@@ -115,7 +116,10 @@ mod tests {
                 let before = numbers.insert(binding.binding, variable.clone());
                 assert!(before.is_none_or(|b| b == *variable), "{name}: {variable}");
                 let before = names.insert(variable.clone(), binding.binding);
-                assert!(before.is_none_or(|b| b == binding.binding), "{name}: {variable}");
+                assert!(
+                    before.is_none_or(|b| b == binding.binding),
+                    "{name}: {variable}"
+                );
             }
         }
     }
