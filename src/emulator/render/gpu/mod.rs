@@ -5,6 +5,9 @@
 
 mod device;
 mod engine;
+mod sensor;
+#[cfg(test)]
+mod sensor_tests;
 mod shaders;
 mod stage;
 mod store;
@@ -12,5 +15,5 @@ mod timing;
 mod upload;
 
 pub use device::{Adapter, Gpu, adapters};
-pub(super) use engine::Engine;
+pub(super) use engine::{Commands, Engine};
 pub(super) use stage::{Stage, grid};
