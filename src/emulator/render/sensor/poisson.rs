@@ -205,7 +205,9 @@ mod tests {
                     }
                 }
             }
-            println!("far tail {far}: {differ}, {differ_far} of {count} differ, the rest by {rest:e}");
+            println!(
+                "far tail {far}: {differ}, {differ_far} of {count} differ, the rest by {rest:e}"
+            );
             // At the very border of two numbers.
             assert!(differ_far <= 5, "{differ_far}");
             assert!(differ <= if far { 20 } else { 2 }, "{differ}");
