@@ -5,6 +5,8 @@
 
 mod device;
 mod engine;
+mod frames;
+mod passes;
 mod sensor;
 #[cfg(test)]
 mod sensor_tests;
@@ -16,4 +18,7 @@ mod upload;
 
 pub use device::{Adapter, Gpu, adapters};
 pub(super) use engine::{Commands, Engine};
+pub(super) use frames::{DEPTH, Ticket};
+pub(super) use passes::Passes;
 pub(super) use stage::{Stage, grid};
+pub use timing::PassTime;
