@@ -7,6 +7,9 @@ mod device;
 mod engine;
 mod frames;
 mod passes;
+mod sensor;
+#[cfg(test)]
+mod sensor_tests;
 mod shaders;
 mod stage;
 mod store;

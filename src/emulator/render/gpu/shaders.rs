@@ -13,11 +13,33 @@ macro_rules! pieces {
 }
 
 /// All pieces by name.
-const PIECES: &[(&str, &str)] = pieces!["maps_in", "maps_out", "marks", "plan"];
+const PIECES: &[(&str, &str)] = pieces![
+    "bloom",
+    "elementary",
+    "fixed",
+    "gathered",
+    "maps_in",
+    "maps_out",
+    "marks",
+    "noise",
+    "normal",
+    "philox",
+    "plan",
+    "poisson",
+    "response",
+    "sensor",
+    "sensor_gather",
+    "sensor_parameters"
+];
 
 /// Entry points that test functions of shaders.
 #[cfg(test)]
-const TESTS: &[(&str, &str)] = pieces!["tests/linear_test"];
+const TESTS: &[(&str, &str)] = pieces![
+    "tests/linear_test",
+    "tests/normal_test",
+    "tests/philox_test",
+    "tests/poisson_test"
+];
 #[cfg(not(test))]
 const TESTS: &[(&str, &str)] = &[];
 
