@@ -5,7 +5,9 @@
 
 mod device;
 mod engine;
+pub(super) mod geometry;
 pub(super) mod optics;
+pub(super) mod scene;
 mod shaders;
 mod stage;
 mod store;
@@ -13,5 +15,5 @@ mod timing;
 mod upload;
 
 pub use device::{Adapter, Gpu, adapters};
-pub(super) use engine::Engine;
+pub(super) use engine::{Commands, Engine};
 pub(super) use stage::{Stage, grid};
