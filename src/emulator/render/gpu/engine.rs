@@ -38,7 +38,19 @@ struct Pipeline {
 impl Gpu {
     /// Waits until all that was submitted is done.
     pub(super) fn wait(&self) -> Result<()> {
-        let done = self.device.poll(wgpu::PollType::wait_indefinitely());
+        self.poll(wgpu::PollType::wait_indefinitely())
+    }
+
+    /// Waits until what was submitted then is done.
+    pub(super) fn wait_for(&self, submission: wgpu::SubmissionIndex) -> Result<()> {
+        self.poll(wgpu::PollType::Wait {
+            submission_index: Some(submission),
+            timeout: None,
+        })
+    }
+
+    fn poll(&self, how: wgpu::PollType) -> Result<()> {
+        let done = self.device.poll(how);
         if let Err(e) = done {
             self.fail(e);
         }
@@ -139,8 +151,8 @@ impl Engine {
     }
 
     /// Hands passes over to the GPU.
-    pub(in crate::emulator::render) fn submit(&self, commands: Commands) {
-        self.gpu.queue.submit([commands.0.finish()]);
+    pub(in crate::emulator::render) fn submit(&self, commands: Commands) -> wgpu::SubmissionIndex {
+        self.gpu.queue.submit([commands.0.finish()])
     }
 
     /// Adds a copy of a part of a buffer, whole words, to one of the caller's.

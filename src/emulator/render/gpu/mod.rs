@@ -8,6 +8,8 @@ mod engine;
 pub(super) mod geometry;
 pub(super) mod optics;
 pub(super) mod scene;
+mod frames;
+mod passes;
 mod shaders;
 mod stage;
 mod store;
@@ -16,4 +18,7 @@ mod upload;
 
 pub use device::{Adapter, Gpu, adapters};
 pub(super) use engine::{Commands, Engine};
+pub(super) use frames::{DEPTH, Ticket};
+pub(super) use passes::Passes;
 pub(super) use stage::{Stage, grid};
+pub use timing::PassTime;
