@@ -5,6 +5,7 @@
 
 mod device;
 mod engine;
+mod looks;
 mod shaders;
 mod stage;
 mod store;
