@@ -143,7 +143,9 @@ impl Engine {
     ) -> Result<()> {
         let from = self.store.get(name)?;
         let length = bytes.end - bytes.start;
-        commands.0.copy_buffer_to_buffer(from, bytes.start, to, 0, length);
+        commands
+            .0
+            .copy_buffer_to_buffer(from, bytes.start, to, 0, length);
         Ok(())
     }
 
@@ -230,10 +232,12 @@ impl Module {
             (entry.name.clone(), bound.collect())
         });
         let used = used.collect();
-        let shader = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
-            label: Some(name),
-            source: wgpu::ShaderSource::Wgsl(source.into()),
-        });
+        let shader = gpu
+            .device
+            .create_shader_module(wgpu::ShaderModuleDescriptor {
+                label: Some(name),
+                source: wgpu::ShaderSource::Wgsl(source.into()),
+            });
         Ok(Self { shader, used })
     }
 
@@ -351,7 +355,8 @@ impl Engine {
         self.write("input", bytemuck::cast_slice(input));
         self.write("output", &vec![0; output_len * 4]);
         let mut commands = self.commands();
-        self.run(&mut commands, stage, super::grid(threads)).unwrap();
+        self.run(&mut commands, stage, super::grid(threads))
+            .unwrap();
         self.submit(commands);
         let bytes = self.read_back("output", 0..output_len as u64 * 4).unwrap();
         bytemuck::pod_collect_to_vec(&bytes)

@@ -3,26 +3,24 @@
 
 mod pack;
 mod tables;
-#[cfg(test)]
-mod tests;
 
 use super::Engine;
 use crate::emulator::render::lamps::{Lamp, LampShape};
 use crate::emulator::render::shade::Optics;
-use crate::emulator::render::world::World;
+use crate::emulator::render::worlds::Worlds;
 use pack::Packer;
 
 /// Room for the lamps in front of the look's values.
 const LAMPS: usize = 32 * 8;
 
-/// Takes all looks and lamps of a scene to the GPU, with meshes in the shapes that they have in this
-/// world: buffers `looks`, `look_values` and `texel_sums`.
-pub(in crate::emulator::render) fn write(engine: &mut Engine, optics: &Optics, world: &World) {
+/// Takes all looks and lamps of a scene to the GPU, with meshes in the shapes that they have now:
+/// buffers `looks`, `look_values` and `texel_sums`.
+pub(in crate::emulator::render) fn write(engine: &mut Engine, optics: &Optics, worlds: &Worlds) {
     let mut values: Vec<f32> = optics.lamps.iter().flat_map(lamp).collect();
     values.resize(LAMPS, 0.0);
     values.extend(tables::soft());
     let mut packer = Packer::new(values);
-    packer.objects(world);
+    packer.objects(worlds.shapes());
     engine.write("looks", bytemuck::cast_slice(&packer.looks));
     engine.write("look_values", bytemuck::cast_slice(&packer.values));
     engine.write("texel_sums", bytemuck::cast_slice(&packer.sums));

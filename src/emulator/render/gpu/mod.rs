@@ -5,7 +5,8 @@
 
 mod device;
 mod engine;
-mod looks;
+pub(super) mod looks;
+pub(super) mod optics;
 mod shaders;
 mod stage;
 mod store;

@@ -13,11 +13,52 @@ macro_rules! pieces {
 }
 
 /// All pieces by name.
-const PIECES: &[(&str, &str)] = pieces!["maps_in", "maps_out", "marks", "plan"];
+const PIECES: &[(&str, &str)] = pieces![
+    "bvh",
+    "cast",
+    "cast_types",
+    "center",
+    "defocus",
+    "evenly",
+    "geometry",
+    "ggx",
+    "laid",
+    "lamp",
+    "lamps",
+    "leaving",
+    "lens",
+    "local",
+    "look",
+    "look_values",
+    "looks",
+    "map",
+    "maps_in",
+    "maps_out",
+    "marks",
+    "normals",
+    "optics",
+    "plan",
+    "shade",
+    "slopes",
+    "soft",
+    "solid",
+    "texture",
+    "there",
+    "triangle",
+    "vignetting",
+    "world",
+];
 
 /// Entry points that test functions of shaders.
 #[cfg(test)]
-const TESTS: &[(&str, &str)] = pieces!["tests/linear_test"];
+const TESTS: &[(&str, &str)] = pieces![
+    "tests/falloff_test",
+    "tests/ggx_test",
+    "tests/laid_test",
+    "tests/linear_test",
+    "tests/soft_test",
+    "tests/texture_test",
+];
 #[cfg(not(test))]
 const TESTS: &[(&str, &str)] = &[];
 
@@ -94,7 +135,8 @@ mod tests {
     fn every_shader_is_valid() {
         for name in all() {
             let module = parsed(name);
-            let found = Validator::new(ValidationFlags::all(), Capabilities::empty()).validate(&module);
+            let found =
+                Validator::new(ValidationFlags::all(), Capabilities::empty()).validate(&module);
             if let Err(e) = found {
                 panic!("{name}: {}", e.emit_to_string(&assemble(name).unwrap()));
             }
@@ -115,7 +157,10 @@ mod tests {
                 let before = numbers.insert(binding.binding, variable.clone());
                 assert!(before.is_none_or(|b| b == *variable), "{name}: {variable}");
                 let before = names.insert(variable.clone(), binding.binding);
-                assert!(before.is_none_or(|b| b == binding.binding), "{name}: {variable}");
+                assert!(
+                    before.is_none_or(|b| b == binding.binding),
+                    "{name}: {variable}"
+                );
             }
         }
     }

@@ -52,9 +52,13 @@ impl Store {
             return;
         }
         let limits = self.gpu.device.limits();
-        let most = limits.max_buffer_size.min(limits.max_storage_buffer_binding_size);
+        let most = limits
+            .max_buffer_size
+            .min(limits.max_storage_buffer_binding_size);
         if bytes > most {
-            self.gpu.fail(format!("{name} takes {bytes} bytes; a buffer has up to {most}"));
+            self.gpu.fail(format!(
+                "{name} takes {bytes} bytes; a buffer has up to {most}"
+            ));
             return;
         }
         // The one before goes first, so that both need not fit.

@@ -6,7 +6,7 @@ use crate::emulator::render::look::{Ggx, Lay, Look, Map, Place, Texture};
 use crate::emulator::render::world::{Surface, World};
 use crate::geometry::Pose;
 use bytemuck::{Pod, Zeroable};
-use glam::{DMat3, Vec3};
+use glam::Vec3;
 use std::sync::Arc;
 
 /// No place among the values.
@@ -27,6 +27,7 @@ pub(super) struct Packed {
     first_triangle: u32,
     lay: u32,
     normals: u32,
+    normals_step: u32,
     colours: u32,
     coordinates: u32,
     rest: u32,
@@ -34,7 +35,7 @@ pub(super) struct Packed {
     width: u32,
     height: u32,
     mean: f32,
-    pad: [u32; 2],
+    pad: u32,
     size_mm: [f32; 2],
     own_from_there: [[f32; 4]; 3],
 }
@@ -61,14 +62,17 @@ impl Packer {
         }
     }
 
-    pub(super) fn objects(&mut self, world: &World) {
+    /// Adds all objects, in all shapes that they have while a shutter rolls.
+    pub(super) fn objects(&mut self, worlds: &[World]) {
+        let world = &worlds[0];
         for (object, look) in world.looks.of.iter().enumerate() {
             let first = Surface(look.first_triangle as u32);
             let is_mesh = world.is_triangle(first) && usize::from(world.object(first)) == object;
-            let body = world.body_of(object as u16);
+            let bodies = worlds.iter().filter_map(|world| world.body_of(object as u16));
+            let bodies: Vec<&Body> = bodies.collect();
             // Solids, and meshes that move, are kept in their own frames.
-            let is_here = is_mesh && body.is_none();
-            self.object(look, body, is_here);
+            let is_here = is_mesh && bodies.is_empty();
+            self.object(look, &bodies, is_here);
         }
         if self.looks.is_empty() {
             // No binding is smaller than an element.
@@ -76,7 +80,7 @@ impl Packer {
         }
     }
 
-    fn object(&mut self, look: &Look, body: Option<&Body>, is_here: bool) {
+    fn object(&mut self, look: &Look, bodies: &[&Body], is_here: bool) {
         let mut packed = Packed {
             albedo: look.albedo as f32,
             material: NOTHING,
@@ -92,31 +96,32 @@ impl Packer {
             packed.material = self.material(ggx);
         }
         if !look.normals.is_empty() {
-            packed.normals = self.normals(look, body);
+            (packed.normals, packed.normals_step) = self.normals(look, bodies);
         }
         if !look.colours.is_empty() {
             packed.colours = self.put(look.colours.iter().flatten().copied());
         }
         if let Some(map) = &look.map {
-            self.map(map, body, is_here, &mut packed);
+            self.map(map, bodies.first().copied(), is_here, &mut packed);
         }
         self.looks.push(packed);
     }
 
-    /// Smooth normals, in the body's own frame where it is one.
-    fn normals(&mut self, look: &Look, body: Option<&Body>) -> u32 {
-        let put = |packer: &mut Self, normals: &[[Vec3; 3]], turn: DMat3| {
+    /// Smooth normals, in the body's own frame where it is one, and from one shape to the next.
+    fn normals(&mut self, look: &Look, bodies: &[&Body]) -> (u32, u32) {
+        let at = self.values.len() as u32;
+        let first = bodies.first();
+        if first.is_none_or(|body| body.smooth_normals().is_empty()) {
+            let rig_from_own = first.map_or(Pose::IDENTITY, |body| body.model().rig_from_rest);
+            let turn = rig_from_own.inverse().rotation;
             let own = |n: &Vec3| (turn * n.as_dvec3()).as_vec3().to_array();
-            packer.put(normals.iter().flatten().flat_map(own))
-        };
-        match body {
-            None => put(self, &look.normals, DMat3::IDENTITY),
-            Some(body) if body.smooth_normals().is_empty() => {
-                let rig_from_rest = body.model().rig_from_rest;
-                put(self, &look.normals, rig_from_rest.inverse().rotation)
-            }
-            Some(body) => put(self, body.smooth_normals(), DMat3::IDENTITY),
+            return (self.put(look.normals.iter().flatten().flat_map(own)), 0);
         }
+        for body in bodies {
+            let normals = body.smooth_normals().iter().flatten();
+            self.put(normals.flat_map(|n| n.to_array()));
+        }
+        (at, 9 * look.normals.len() as u32)
     }
 
     fn map(&mut self, map: &Map, body: Option<&Body>, is_here: bool, packed: &mut Packed) {
