@@ -5,11 +5,12 @@
 
 mod device;
 mod engine;
-pub(super) mod geometry;
-pub(super) mod optics;
-pub(super) mod scene;
 mod frames;
+pub(super) mod geometry;
+pub(super) mod looks;
+pub(super) mod optics;
 mod passes;
+pub(super) mod scene;
 mod shaders;
 mod stage;
 mod store;

@@ -148,7 +148,7 @@ impl Scene {
         worlds: &Worlds,
         height: usize,
     ) {
-        let steps = worlds.steps();
+        let steps = worlds.shapes();
         if self.shapes == steps.len() {
             self.reshape(engine, steps);
         } else {
@@ -222,6 +222,9 @@ impl Scene {
             }
             solids.extend(world.solids.iter().map(SolidData::new));
         }
+        // No binding may be shorter than what it is an array of.
+        trees.resize(trees.len().max(1), TreeData::zeroed());
+        solids.resize(solids.len().max(1), SolidData::zeroed());
         let world = worlds.any();
         let data = WorldData {
             trees: self.places.len() as u32,

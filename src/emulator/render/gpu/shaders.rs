@@ -19,18 +19,31 @@ const PIECES: &[(&str, &str)] = pieces![
     "cast_types",
     "center",
     "defocus",
+    "evenly",
     "geometry",
+    "ggx",
+    "laid",
+    "lamp",
+    "lamps",
     "leaving",
     "lens",
+    "local",
     "look",
+    "look_values",
+    "looks",
+    "map",
     "maps_in",
     "maps_out",
     "marks",
+    "normals",
     "optics",
     "plan",
     "shade",
     "slopes",
+    "soft",
     "solid",
+    "texture",
+    "there",
     "triangle",
     "vignetting",
     "world",
@@ -38,7 +51,14 @@ const PIECES: &[(&str, &str)] = pieces![
 
 /// Entry points that test functions of shaders.
 #[cfg(test)]
-const TESTS: &[(&str, &str)] = pieces!["tests/linear_test"];
+const TESTS: &[(&str, &str)] = pieces![
+    "tests/falloff_test",
+    "tests/ggx_test",
+    "tests/laid_test",
+    "tests/linear_test",
+    "tests/soft_test",
+    "tests/texture_test",
+];
 #[cfg(not(test))]
 const TESTS: &[(&str, &str)] = &[];
 
