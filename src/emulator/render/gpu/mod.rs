@@ -6,7 +6,11 @@
 mod device;
 mod engine;
 mod frames;
+pub(super) mod geometry;
+pub(super) mod looks;
+pub(super) mod optics;
 mod passes;
+pub(super) mod scene;
 mod sensor;
 #[cfg(test)]
 mod sensor_tests;

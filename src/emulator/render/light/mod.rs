@@ -21,6 +21,7 @@ mod row_table;
 mod soft;
 mod vignetting;
 
+pub(super) use bell::{density, distribution};
 pub(super) use blend::Spread;
 pub(super) use defocus::Defocus;
 pub(super) use exposure::{Table, mixed, run};
