@@ -3,6 +3,8 @@
 
 mod pack;
 mod tables;
+#[cfg(test)]
+mod tests;
 
 use super::Engine;
 use crate::emulator::render::lamps::{Lamp, LampShape};
