@@ -5,8 +5,12 @@
 
 mod device;
 mod engine;
+mod frames;
+pub(super) mod geometry;
 pub(super) mod looks;
 pub(super) mod optics;
+mod passes;
+pub(super) mod scene;
 mod shaders;
 mod stage;
 mod store;
@@ -14,5 +18,8 @@ mod timing;
 mod upload;
 
 pub use device::{Adapter, Gpu, adapters};
-pub(super) use engine::Engine;
+pub(super) use engine::{Commands, Engine};
+pub(super) use frames::{DEPTH, Ticket};
+pub(super) use passes::Passes;
 pub(super) use stage::{Stage, grid};
+pub use timing::PassTime;
