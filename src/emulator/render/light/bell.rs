@@ -15,7 +15,7 @@ pub(in super::super) struct Bell {
 }
 
 impl Bell {
-    pub(super) fn new() -> Self {
+    pub(in super::super) fn new() -> Self {
         let nodes = 2 * END as usize * FINE;
         let h = 1.0 / FINE as f64;
         let node = |i: usize| {
