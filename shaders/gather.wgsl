@@ -1,4 +1,4 @@
-// needs: plan, maps_in, leaving, center_ray, bounce_types, evenly, defocus, hemisphere, patch
+// needs: plan, maps_in, leaving, center_ray, bounce_types, evenly, lamp, defocus, hemisphere, patch
 // Gathers the light of points of surfaces: rays to all sides, and the light where they end. Twin of
 // `bounce/gather.rs`. A workgroup has a point, each of its threads every 64th ray; rays that end in
 // the projector's light are put side by side in the order of their directions.
@@ -124,36 +124,55 @@ fn follow(here: BouncePlace, number: u32) -> Brought {
     }
     // From the sphere to the tangent plane, along the ray.
     let slant = ray.direction / dot(hit.normal, ray.direction);
-    let met = Patch(
-        here.at + ray.direction * hit.t,
-        hit.normal,
-        hit.surface,
-        mat2x3f(
-            (ray.sides[0] - slant * dot(hit.normal, ray.sides[0])) * hit.t,
-            (ray.sides[1] - slant * dot(hit.normal, ray.sides[1])) * hit.t,
-        ),
-    );
-    let look = evenly_of(met, object_of(hit.surface));
-    let lit = shown(met);
+    let across = (ray.sides[0] - slant * dot(hit.normal, ray.sides[0])) * hit.t;
+    let down = (ray.sides[1] - slant * dot(hit.normal, ray.sides[1])) * hit.t;
+    let at = here.at + ray.direction * hit.t;
+    let look = evenly_at(here.row, hit, at, across, down);
+    let lit = shown(Patch(at, hit.normal, across, down));
+    let part = 1.0 / f32(rays_a_point);
     if lit.irradiance > 0.0 {
-        let weight = evenly_share(look, lit.cos) * lit.irradiance / f32(rays_a_point);
+        let weight = evenly_share(look, lit.cos) * lit.irradiance * part;
         var dark = !(weight > 0.0);
         if has_shadows && !dark {
-            dark = blocked(here.row, met.at, met.surface);
+            dark = blocked(here.row, at, hit.surface);
         }
         if !dark {
-            var sides = lit.sides;
+            var x = lit.x;
+            var y = lit.y;
             if has_projector_defocus {
-                let blur = blur_px(met.at);
-                sides = mat2x2f(
-                    wide_under(sides[0].x, blur), wide_under(sides[0].y, blur),
-                    wide_under(sides[1].x, blur), wide_under(sides[1].y, blur),
-                );
+                let blur = blur_px(at);
+                x = vec2f(wide_under(x.x, blur), wide_under(x.y, blur));
+                y = vec2f(wide_under(y.x, blur), wide_under(y.y, blur));
             }
-            found.x = vec4f(lit.px.x, sides[0].x, sides[1].x, weight);
-            found.y = vec4f(lit.px.y, sides[0].y, sides[1].y, weight);
+            found.x = vec4f(lit.px.x, x, weight);
+            found.y = vec4f(lit.px.y, y, weight);
             found.light.x = weight;
         }
     }
+    if has_lights {
+        let lamps = lamps_on(here.row, hit, at, look) * part;
+        found.light = vec3f(found.light.x, lamps);
+    }
     return found;
+}
+
+// What a surface throws back of the lamps' light, and by how much it swings.
+fn lamps_on(row: u32, hit: Hit, at: vec3f, look: Evenly) -> vec2f {
+    var sum = vec2f(0.0);
+    for (var i = 0u; i < optics[0].lamps; i++) {
+        let lamp = lamp_number(i);
+        let from_it = lamp_seen_from(lamp, at);
+        let cosine = dot(hit.normal, from_it.xyz);
+        if !(cosine > 0.0) {
+            continue;
+        }
+        let thrown = from_it.w * cosine * evenly_share(look, cosine);
+        if has_shadows && thrown > 0.0 {
+            if lamp_blocked(row, lamp, at, hit.surface) {
+                continue;
+            }
+        }
+        sum += vec2f(thrown, thrown * lamp.depth);
+    }
+    return sum;
 }

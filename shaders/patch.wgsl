@@ -1,4 +1,4 @@
-// needs: plan, slide_axes, cast_types, vignetting
+// needs: plan, slide_axes, vignetting
 // The light of the projector on a patch of surface that some ray has met. Twin of `bounce/patch.rs`.
 
 // A place of a surface, and the sides of a patch about it.
@@ -6,16 +6,17 @@ struct Patch {
     at: vec3f,
     // Unit normal of the facet.
     normal: vec3f,
-    surface: u32,
-    sides: mat2x3f,
+    across: vec3f,
+    down: vec3f,
 }
 
 // A patch in the projector's field, shadows aside.
 struct Shown {
     // Place on the slide.
     px: vec2f,
-    // Sides of the patch there.
-    sides: mat2x2f,
+    // Sides of the patch there: their columns, and their rows.
+    x: vec2f,
+    y: vec2f,
     // Irradiance in W/m^2 under full white; 0 outside of the field and on the far side.
     irradiance: f32,
     // Of the angle that light comes in at.
@@ -23,7 +24,7 @@ struct Shown {
 }
 
 fn shown(found: Patch) -> Shown {
-    let none = Shown(vec2f(0.0), mat2x2f(), 0.0, 0.0);
+    let none = Shown(vec2f(0.0), vec2f(0.0), vec2f(0.0), 0.0, 0.0);
     let axes = projector_axes();
     let way = found.at - projector_pupil();
     let local = way * axes;
@@ -48,18 +49,13 @@ fn shown(found: Patch) -> Shown {
     }
     var irradiance = optics[0].projected / optics[0].electrons_per_irradiance * cos / distance2;
     if has_projector_vignetting {
-        var shaded: Shaded;
-        shaded.projected = irradiance;
-        dim_projected(ideal, &shaded);
-        irradiance = shaded.projected;
+        irradiance *= falloff_at(optics[0].shown, ideal);
     }
-    let a = found.sides[0] * axes;
-    let b = found.sides[1] * axes;
-    let sides = mat2x2f(
-        lens.focal * (bent * ((a.xy - ideal * a.z) / local.z)),
-        lens.focal * (bent * ((b.xy - ideal * b.z) / local.z)),
-    );
-    return Shown(px, sides, irradiance, cos);
+    let a = found.across * axes;
+    let b = found.down * axes;
+    let across = lens.focal * (bent * ((a.xy - ideal * a.z) / local.z));
+    let down = lens.focal * (bent * ((b.xy - ideal * b.z) / local.z));
+    return Shown(px, vec2f(across.x, down.x), vec2f(across.y, down.y), irradiance, cos);
 }
 
 // A box's width with half of a blur's variance: a box of width w has w^2 / 12, and a footprint is

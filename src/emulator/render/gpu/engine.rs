@@ -38,7 +38,19 @@ struct Pipeline {
 impl Gpu {
     /// Waits until all that was submitted is done.
     pub(super) fn wait(&self) -> Result<()> {
-        let done = self.device.poll(wgpu::PollType::wait_indefinitely());
+        self.poll(wgpu::PollType::wait_indefinitely())
+    }
+
+    /// Waits until what was submitted then is done.
+    pub(super) fn wait_for(&self, submission: wgpu::SubmissionIndex) -> Result<()> {
+        self.poll(wgpu::PollType::Wait {
+            submission_index: Some(submission),
+            timeout: None,
+        })
+    }
+
+    fn poll(&self, how: wgpu::PollType) -> Result<()> {
+        let done = self.device.poll(how);
         if let Err(e) = done {
             self.fail(e);
         }
@@ -64,6 +76,16 @@ impl Engine {
     /// Gives a buffer contents.
     pub(in crate::emulator::render) fn write(&mut self, name: &'static str, bytes: &[u8]) {
         self.store.write(name, bytes);
+    }
+
+    /// Gives a part of a buffer contents: whole words at an offset in bytes, within what it holds.
+    pub(in crate::emulator::render) fn write_at(
+        &mut self,
+        name: &'static str,
+        offset: u64,
+        bytes: &[u8],
+    ) {
+        self.store.write_at(name, offset, bytes);
     }
 
     /// Sees that a buffer has room for so many bytes.
@@ -129,8 +151,8 @@ impl Engine {
     }
 
     /// Hands passes over to the GPU.
-    pub(in crate::emulator::render) fn submit(&self, commands: Commands) {
-        self.gpu.queue.submit([commands.0.finish()]);
+    pub(in crate::emulator::render) fn submit(&self, commands: Commands) -> wgpu::SubmissionIndex {
+        self.gpu.queue.submit([commands.0.finish()])
     }
 
     /// Adds a copy of a part of a buffer, whole words, to one of the caller's.

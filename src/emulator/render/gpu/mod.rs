@@ -3,10 +3,20 @@
 //! `device` finds an adapter; `shaders` holds the sources and puts them together; `engine` runs them
 //! over named buffers (`store`), specialised by the plan (`stage`), and times them (`timing`).
 
+#[cfg(test)]
+mod bench;
 mod bounce;
 mod device;
 mod engine;
+mod frames;
+pub(super) mod geometry;
+pub(super) mod looks;
 pub(super) mod optics;
+mod passes;
+pub(super) mod scene;
+mod sensor;
+#[cfg(test)]
+mod sensor_tests;
 mod shaders;
 mod skin;
 mod stage;
@@ -15,5 +25,8 @@ mod timing;
 mod upload;
 
 pub use device::{Adapter, Gpu, adapters};
-pub(super) use engine::Engine;
+pub(super) use engine::{Commands, Engine};
+pub(super) use frames::{DEPTH, Ticket};
+pub(super) use passes::Passes;
 pub(super) use stage::{Stage, grid};
+pub use timing::PassTime;

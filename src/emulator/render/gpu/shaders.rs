@@ -13,8 +13,10 @@ macro_rules! pieces {
 }
 
 /// All pieces by name.
+#[rustfmt::skip] // One a line.
 const PIECES: &[(&str, &str)] = pieces![
     "add_lamps",
+    "bloom",
     "bounce_in",
     "bounce_types",
     "bvh",
@@ -23,20 +25,40 @@ const PIECES: &[(&str, &str)] = pieces![
     "center",
     "center_ray",
     "defocus",
+    "elementary",
     "evenly",
+    "fixed",
     "gather",
+    "gathered",
     "geometry",
+    "ggx",
     "grid",
     "hemisphere",
+    "laid",
+    "lamp",
+    "lamps",
     "leaving",
     "lens",
+    "local",
     "look",
+    "look_values",
+    "looks",
+    "map",
     "maps_in",
     "maps_out",
     "marks",
+    "noise",
+    "normal",
+    "normals",
     "optics",
     "patch",
+    "philox",
     "plan",
+    "poisson",
+    "response",
+    "sensor",
+    "sensor_gather",
+    "sensor_parameters",
     "shade",
     "skin_in",
     "skin_maps",
@@ -45,7 +67,10 @@ const PIECES: &[(&str, &str)] = pieces![
     "skin_types",
     "slide_axes",
     "slopes",
+    "soft",
     "solid",
+    "texture",
+    "there",
     "triangle",
     "vignetting",
     "world",
@@ -53,7 +78,19 @@ const PIECES: &[(&str, &str)] = pieces![
 
 /// Entry points that test functions of shaders.
 #[cfg(test)]
-const TESTS: &[(&str, &str)] = pieces!["tests/linear_test", "tests/hemisphere_test"];
+#[rustfmt::skip] // One a line.
+const TESTS: &[(&str, &str)] = pieces![
+    "tests/falloff_test",
+    "tests/ggx_test",
+    "tests/hemisphere_test",
+    "tests/laid_test",
+    "tests/linear_test",
+    "tests/normal_test",
+    "tests/philox_test",
+    "tests/poisson_test",
+    "tests/soft_test",
+    "tests/texture_test",
+];
 #[cfg(not(test))]
 const TESTS: &[(&str, &str)] = &[];
 

@@ -1,8 +1,7 @@
 //! Skin on the GPU: the tissues of a scene, where light comes from and how far it spreads. Twin of
 //! `skin/maps.rs`.
 
-use super::engine::Commands;
-use super::{Engine, Stage, grid};
+use super::{Commands, Engine, Stage, grid};
 use crate::emulator::render::Plan;
 use crate::emulator::render::buffer::GeometryBuffer;
 use crate::emulator::render::skin::{Component, MOST, NONE, Skins};
@@ -64,14 +63,19 @@ pub(in crate::emulator::render) fn run(
     pixels: usize,
 ) -> Result<()> {
     engine.reserve("under_skin", (pixels * size_of::<UnderSkin>()) as u64);
-    engine.run(commands, &Stage::new("skin_maps", "main", plan), grid(pixels))
+    engine.run(
+        commands,
+        &Stage::new("skin_maps", "main", plan),
+        grid(pixels),
+    )
 }
 
 /// Takes what the CPU's geometry pass has found to the GPU, in the order of its mixed pixels.
 pub(in crate::emulator::render) fn upload(engine: &mut Engine, map: &GeometryBuffer) {
     let Some(skin) = &map.skin else { return };
     let pixels = 0..map.x.len();
-    let pixels = pixels.map(|i| UnderSkin::new(skin.from.each_ref().map(|from| from[i]), skin.at(i)));
+    let pixels =
+        pixels.map(|i| UnderSkin::new(skin.from.each_ref().map(|from| from[i]), skin.at(i)));
     let samples = map.mixed.iter().flat_map(|mixed| {
         (0..16).map(|k| {
             let none = ([0.0; 2], NONE);
@@ -82,4 +86,58 @@ pub(in crate::emulator::render) fn upload(engine: &mut Engine, map: &GeometryBuf
     let (pixels, samples): (Vec<_>, Vec<_>) = (pixels.collect(), samples.collect());
     engine.write("under_skin", bytemuck::cast_slice(&pixels));
     engine.write("mixed_skin", bytemuck::cast_slice(&samples));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{bench::Bench, upload};
+    use super::*;
+    use std::path::Path;
+
+    const SKINS: &str = "ambient = { irradiance_w_m2 = 0.05 }\n\
+        [[object]]\nshape = { kind = \"plane\" }\nposition_mm = [0, 0, 1000]\n\
+        rotation_deg = [10, 35, 0]\nalbedo = 0.9\nskin = { fitzpatrick = 3 }\n\
+        [[object]]\nshape = { kind = \"sphere\", radius_mm = 50.0 }\nposition_mm = [0, 0, 900]\n\
+        albedo = 0.9\nskin = { absorption_per_mm = 0.02, reduced_scattering_per_mm = 2.0 }\n\
+        [[object]]\nshape = { kind = \"sphere\", radius_mm = 30.0 }\nposition_mm = [80, 0, 850]\n\
+        albedo = 0.5\n";
+
+    #[test]
+    #[ignore = "needs a Vulkan adapter"]
+    fn light_travels_under_skin_as_on_the_cpu() {
+        for distorted in [false, true] {
+            let bench = Bench::new(SKINS, Path::new(""), |profile| {
+                if distorted {
+                    profile.camera.distortion = [-0.12, 0.05, 8e-4, -5e-4, -0.004];
+                    profile.projector.distortion = [-0.05, 0.02, -4e-4, 6e-4, 0.001];
+                }
+            });
+            let mut engine = bench.engine();
+            let mut commands = engine.commands();
+            let pixels = bench.map.x.len();
+            run(&mut engine, &mut commands, &bench.plan, pixels).unwrap();
+            engine.submit(commands);
+            let found: Vec<UnderSkin> =
+                upload::words(&engine, "under_skin", pixels as u64).unwrap();
+            let skin = bench.map.skin.as_ref().unwrap();
+            let (mut place, mut spread, mut count) = (0.0f32, 0.0f32, [0; 2]);
+            for (i, found) in found.iter().enumerate() {
+                let (px_per_mm, tissue) = skin.at(i);
+                assert_eq!(found.tissue, u32::from(tissue), "{i}");
+                if let Some(count) = count.get_mut(usize::from(tissue)) {
+                    *count += 1;
+                }
+                for axis in 0..2 {
+                    if skin.from[axis][i].is_finite() {
+                        place = place.max((found.origin[axis] - skin.from[axis][i]).abs());
+                    }
+                    let off = (found.px_per_mm[axis] - px_per_mm[axis]).abs();
+                    spread = spread.max(off / px_per_mm[axis].max(1e-3));
+                }
+            }
+            println!("{count:?} pixels; {place:.1e} px, {spread:.1e}");
+            assert!(count[0] > 10_000 && count[1] > 500);
+            assert!(place < 3e-4 && spread < 1e-5);
+        }
+    }
 }

@@ -105,7 +105,10 @@ impl Skins {
     pub(super) fn of_objects(&self) -> impl Iterator<Item = (u16, f64)> {
         self.of.iter().map(|&tissue| {
             let material = self.materials.get(usize::from(tissue));
-            (tissue, material.map_or(0.0, |m| m.layers.tissue.shift_mm(1.0)))
+            (
+                tissue,
+                material.map_or(0.0, |m| m.layers.tissue.shift_mm(1.0)),
+            )
         })
     }
 
