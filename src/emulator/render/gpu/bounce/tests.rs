@@ -164,7 +164,7 @@ fn check(name: &str, bench: &mut Bench) {
     };
     let by_white = of(&|i| map.bounce.at(i, &padded) - white(i));
     let by_lamps = of(&|i| map.ambient[i] - light[i][1]);
-    println!("{name}: {most:.2} W/m^2 at most; white {by_white:.1e?}, lamps {by_lamps:.1e?}");
+    println!("{name}: {most:.2} W/m^2 at most; white {by_white:?}, lamps {by_lamps:?}");
     // A ray may end on the other side of an edge: one of some dozens.
     for off in [by_white, by_lamps] {
         assert!(
@@ -222,7 +222,7 @@ fn check(name: &str, bench: &mut Bench) {
             }
         }
     }
-    println!("{name}: {same} of {rays} rays; place, sides, weight {worst:.1e?}");
+    println!("{name}: {same} of {rays} rays; place, sides, weight {worst:?}");
     assert!(same as f64 > 0.98 * rays as f64 && rays > 1000);
 }
 
