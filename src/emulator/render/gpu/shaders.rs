@@ -13,7 +13,10 @@ macro_rules! pieces {
 }
 
 /// All pieces by name.
-const PIECES: &[(&str, &str)] = pieces!["maps_in", "maps_out", "marks", "plan"];
+const PIECES: &[(&str, &str)] = pieces![
+    "aperture", "centers", "maps_in", "maps_out", "marks", "mixed_in", "mixed_out", "mixed_types",
+    "plan", "sampling", "sheared", "widen",
+];
 
 /// Entry points that test functions of shaders.
 #[cfg(test)]
