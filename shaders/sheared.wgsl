@@ -1,4 +1,4 @@
-// Places of samples within a pixel. Twin of `Sampler::offset`.
+// Places of samples within a pixel. Twin of `sampled::offset`.
 
 // Place of the kth of side x side samples from the pixel's centre: one a cell of the grid, sheared
 // so that all differ in column and in row (Chiu, Shirley, Wang: "Multi-Jittered Sampling", Graphics

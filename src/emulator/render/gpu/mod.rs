@@ -3,8 +3,11 @@
 //! `device` finds an adapter; `shaders` holds the sources and puts them together; `engine` runs them
 //! over named buffers (`store`), specialised by the plan (`stage`), and times them (`timing`).
 
+mod aperture;
 mod device;
 mod engine;
+mod mixed;
+mod sampled;
 mod shaders;
 mod stage;
 mod store;

@@ -14,13 +14,23 @@ macro_rules! pieces {
 
 /// All pieces by name.
 const PIECES: &[(&str, &str)] = pieces![
-    "aperture", "centers", "maps_in", "maps_out", "marks", "mixed_in", "mixed_out", "mixed_types",
-    "plan", "sampling", "sheared", "widen",
+    "aperture",
+    "centers",
+    "maps_in",
+    "maps_out",
+    "marks",
+    "mixed_in",
+    "mixed_out",
+    "mixed_types",
+    "plan",
+    "sampling",
+    "sheared",
+    "widen",
 ];
 
 /// Entry points that test functions of shaders.
 #[cfg(test)]
-const TESTS: &[(&str, &str)] = pieces!["tests/linear_test"];
+const TESTS: &[(&str, &str)] = pieces!["tests/linear_test", "tests/samples_test"];
 #[cfg(not(test))]
 const TESTS: &[(&str, &str)] = &[];
 
@@ -97,7 +107,8 @@ mod tests {
     fn every_shader_is_valid() {
         for name in all() {
             let module = parsed(name);
-            let found = Validator::new(ValidationFlags::all(), Capabilities::empty()).validate(&module);
+            let found =
+                Validator::new(ValidationFlags::all(), Capabilities::empty()).validate(&module);
             if let Err(e) = found {
                 panic!("{name}: {}", e.emit_to_string(&assemble(name).unwrap()));
             }
@@ -118,7 +129,10 @@ mod tests {
                 let before = numbers.insert(binding.binding, variable.clone());
                 assert!(before.is_none_or(|b| b == *variable), "{name}: {variable}");
                 let before = names.insert(variable.clone(), binding.binding);
-                assert!(before.is_none_or(|b| b == binding.binding), "{name}: {variable}");
+                assert!(
+                    before.is_none_or(|b| b == binding.binding),
+                    "{name}: {variable}"
+                );
             }
         }
     }
