@@ -16,6 +16,7 @@ macro_rules! println {
     ($($arg:tt)*) => { print!("{}\n", format_args!($($arg)*)) };
 }
 
+mod backend;
 mod camera;
 mod compare;
 mod decode;

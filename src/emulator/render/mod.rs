@@ -40,7 +40,7 @@ mod triangle;
 mod world;
 mod worlds;
 
-pub use options::Options;
+pub use options::{Backend, Options};
 pub use plan::{Decision, Plan};
-pub use renderer::Renderer;
+pub use renderer::{Pending, Renderer};
 pub use term::{Pass, Term};

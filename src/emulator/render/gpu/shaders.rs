@@ -15,22 +15,46 @@ macro_rules! pieces {
 /// All pieces by name.
 const PIECES: &[(&str, &str)] = pieces![
     "aperture",
+    "bvh",
+    "cast",
+    "cast_types",
+    "center",
     "centers",
+    "defocus",
+    "edges",
+    "geometry",
+    "leaving",
+    "lens",
+    "look",
     "maps_in",
     "maps_out",
     "marks",
+    "mixed",
     "mixed_in",
     "mixed_out",
+    "mixed_sample",
     "mixed_types",
+    "optics",
     "plan",
+    "rays",
+    "sampled",
     "sampling",
+    "shade",
     "sheared",
+    "slopes",
+    "solid",
+    "triangle",
+    "vignetting",
     "widen",
+    "world",
 ];
 
 /// Entry points that test functions of shaders.
 #[cfg(test)]
-const TESTS: &[(&str, &str)] = pieces!["tests/linear_test", "tests/samples_test"];
+const TESTS: &[(&str, &str)] = pieces![
+    "tests/linear_test",
+    "tests/samples_test",
+];
 #[cfg(not(test))]
 const TESTS: &[(&str, &str)] = &[];
 

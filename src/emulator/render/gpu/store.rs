@@ -43,6 +43,13 @@ impl Store {
         }
     }
 
+    /// Gives a part of a buffer contents.
+    pub(super) fn write_at(&self, name: &str, offset: u64, bytes: &[u8]) {
+        if let Some(buffer) = self.buffers.get(name) {
+            self.gpu.queue.write_buffer(buffer, offset, bytes);
+        }
+    }
+
     /// Sees that a buffer has room; what it held is lost where it had not. One that is far too large
     /// gives its memory back.
     pub(super) fn reserve(&mut self, name: &'static str, bytes: u64) {
@@ -52,9 +59,13 @@ impl Store {
             return;
         }
         let limits = self.gpu.device.limits();
-        let most = limits.max_buffer_size.min(limits.max_storage_buffer_binding_size);
+        let most = limits
+            .max_buffer_size
+            .min(limits.max_storage_buffer_binding_size);
         if bytes > most {
-            self.gpu.fail(format!("{name} takes {bytes} bytes; a buffer has up to {most}"));
+            self.gpu.fail(format!(
+                "{name} takes {bytes} bytes; a buffer has up to {most}"
+            ));
             return;
         }
         // The one before goes first, so that both need not fit.
