@@ -82,6 +82,16 @@ impl Body {
         self.form.blend
     }
 
+    /// What no motion changes.
+    pub(super) fn model(&self) -> &Model {
+        &self.model
+    }
+
+    /// Smooth normals of its triangles' corners in its own frame; empty where those at rest count.
+    pub(super) fn smooth_normals(&self) -> &[[Vec3; 3]] {
+        &self.form.normals
+    }
+
     /// Gives it another shape.
     pub(super) fn deform(&mut self, blend: Blend) {
         let (keys, weights) = blend;

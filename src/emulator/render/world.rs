@@ -242,6 +242,12 @@ impl World {
         body.holds(surface).then_some(body)
     }
 
+    /// An object that is a moving mesh.
+    pub(super) fn body_of(&self, object: u16) -> Option<&Body> {
+        let is_its = |body: &&Body| self.object(Surface(body.first())) == object;
+        self.bodies.iter().find(is_its)
+    }
+
     /// Smooth normals at the corners of a triangle now, of those that it has at rest.
     pub(super) fn smooth(&self, surface: Surface, rest: [DVec3; 3]) -> [DVec3; 3] {
         match self.body(surface) {

@@ -9,6 +9,7 @@ mod engine;
 mod mixed;
 mod sampled;
 pub(super) mod geometry;
+pub(super) mod looks;
 pub(super) mod optics;
 pub(super) mod scene;
 mod frames;

@@ -22,10 +22,19 @@ const PIECES: &[(&str, &str)] = pieces![
     "centers",
     "defocus",
     "edges",
+    "evenly",
     "geometry",
+    "ggx",
+    "laid",
+    "lamp",
+    "lamps",
     "leaving",
     "lens",
+    "local",
     "look",
+    "look_values",
+    "looks",
+    "map",
     "maps_in",
     "maps_out",
     "marks",
@@ -34,6 +43,7 @@ const PIECES: &[(&str, &str)] = pieces![
     "mixed_out",
     "mixed_sample",
     "mixed_types",
+    "normals",
     "optics",
     "plan",
     "rays",
@@ -42,7 +52,10 @@ const PIECES: &[(&str, &str)] = pieces![
     "shade",
     "sheared",
     "slopes",
+    "soft",
     "solid",
+    "texture",
+    "there",
     "triangle",
     "vignetting",
     "widen",
@@ -52,8 +65,13 @@ const PIECES: &[(&str, &str)] = pieces![
 /// Entry points that test functions of shaders.
 #[cfg(test)]
 const TESTS: &[(&str, &str)] = pieces![
+    "tests/falloff_test",
+    "tests/ggx_test",
+    "tests/laid_test",
     "tests/linear_test",
     "tests/samples_test",
+    "tests/soft_test",
+    "tests/texture_test",
 ];
 #[cfg(not(test))]
 const TESTS: &[(&str, &str)] = &[];
