@@ -3,8 +3,15 @@
 //! `device` finds an adapter; `shaders` holds the sources and puts them together; `engine` runs them
 //! over named buffers (`store`), specialised by the plan (`stage`), and times them (`timing`).
 
+mod aperture;
 mod device;
 mod engine;
+mod mixed;
+mod sampled;
+pub(super) mod geometry;
+pub(super) mod looks;
+pub(super) mod optics;
+pub(super) mod scene;
 mod frames;
 pub(super) mod geometry;
 pub(super) mod looks;
