@@ -6,18 +6,14 @@
 mod aperture;
 mod device;
 mod engine;
-mod mixed;
-mod sampled;
-pub(super) mod geometry;
-pub(super) mod looks;
-pub(super) mod optics;
-pub(super) mod scene;
 mod frames;
-pub(super) mod geometry;
-pub(super) mod looks;
-pub(super) mod optics;
+mod geometry;
+mod looks;
+mod mixed;
+mod optics;
 mod passes;
-pub(super) mod scene;
+mod sampled;
+mod scene;
 mod sensor;
 #[cfg(test)]
 mod sensor_tests;
