@@ -13,11 +13,41 @@ macro_rules! pieces {
 }
 
 /// All pieces by name.
-const PIECES: &[(&str, &str)] = pieces!["maps_in", "maps_out", "marks", "plan"];
+const PIECES: &[(&str, &str)] = pieces![
+    "bell",
+    "blend",
+    "bounce_in",
+    "bounce_types",
+    "diffused",
+    "exposure",
+    "flicker",
+    "footprint",
+    "glare",
+    "indirect",
+    "kernel",
+    "maps_in",
+    "maps_out",
+    "marks",
+    "mixed_exposure",
+    "mixed_in",
+    "mixed_types",
+    "picture_table",
+    "plan",
+    "row_table",
+    "schedule",
+    "skin_in",
+    "skin_types",
+    "slides",
+    "wide",
+];
 
 /// Entry points that test functions of shaders.
 #[cfg(test)]
-const TESTS: &[(&str, &str)] = pieces!["tests/linear_test"];
+const TESTS: &[(&str, &str)] = pieces![
+    "tests/footprint_test",
+    "tests/linear_test",
+    "tests/wide_test",
+];
 #[cfg(not(test))]
 const TESTS: &[(&str, &str)] = &[];
 
