@@ -59,7 +59,7 @@ fn kernel_average(table: Table, x: f32, slope: vec2f, sigma: f32, tissue: u32, p
 
 // Level times weight on the slide, weight, and the level beyond, of one Gaussian.
 fn kernel_part(table: Table, x: f32, sizes: vec2f, sigma: f32, reaches: vec2f) -> vec3f {
-    let soft = soft_new(sizes.x, sizes.y, sigma, reaches.y);
+    let blend = blend_new(sizes.x, sizes.y, sigma, reaches.y);
     let reach = reaches.x * sigma;
     var grouping = 0u;
     var group = 1.0;
@@ -74,13 +74,13 @@ fn kernel_part(table: Table, x: f32, sizes: vec2f, sigma: f32, reaches: vec2f) -
     let whole = 0.5 * (sizes.x + sizes.y) + reach;
     let low = u32(clamp((pixel + inside - whole) / group, 0.0, f32(last)));
     let high = u32(clamp((pixel + inside + whole) / group, 0.0, f32(last)));
-    let start = soft_left_of(soft, -pixel - inside);
-    let end = soft_left_of(soft, f32(table.width) - pixel - inside);
+    let start = blend_left_of(blend, -pixel - inside);
+    let end = blend_left_of(blend, f32(table.width) - pixel - inside);
     let levels = slide_word(table.held, grouping);
     var before = start;
     var sum = 0.0;
     for (var i = low; i <= high; i += 1u) {
-        let left = clamp(soft_left_of(soft, f32(i + 1u) * group - pixel - inside), start, end);
+        let left = clamp(blend_left_of(blend, f32(i + 1u) * group - pixel - inside), start, end);
         sum += (left - before) * held_level(table, levels + i);
         before = left;
     }

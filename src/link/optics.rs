@@ -1,9 +1,11 @@
 //! The optics on a thread of their own: rendering takes all cores for milliseconds, and the ports
 //! stay responsive meanwhile. Jobs are done in order.
 
+use crate::emulator::render::Pending;
 use crate::emulator::{Exposure, Renderer, Shot, Truth};
 use crate::pattern::Pattern;
 use crate::protocol::Frame;
+use std::collections::VecDeque;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc;
@@ -33,39 +35,118 @@ pub(super) struct Optics {
     thread: Option<JoinHandle<()>>,
 }
 
+/// What the thread does.
+struct Work<W> {
+    renderer: Renderer,
+    /// Frames that the renderer has begun, in the order of their exposures.
+    under_way: VecDeque<(Box<Exposure>, Pending)>,
+    wall: W,
+    spent: Arc<AtomicU64>,
+    done: results::Sender<Arc<Frame>>,
+}
+
+impl<W: Fn() -> Duration> Work<W> {
+    /// The next job; frames that are under way are finished while there is none, or where there are
+    /// as many as the renderer works at together. `None` when nobody asks any more.
+    fn next(&mut self, queue: &mpsc::Receiver<Job>) -> Option<Job> {
+        loop {
+            if self.under_way.is_empty() {
+                return queue.recv().ok();
+            }
+            if self.under_way.len() < self.renderer.depth() {
+                match queue.try_recv() {
+                    Ok(job) => return Some(job),
+                    Err(mpsc::TryRecvError::Disconnected) => return None,
+                    Err(mpsc::TryRecvError::Empty) => {}
+                }
+            }
+            self.finish();
+        }
+    }
+
+    fn run(&mut self, job: Job) {
+        match job {
+            Job::Expose(exposure) => {
+                let start = (self.wall)();
+                let pending = self.renderer.submit(&exposure.shot);
+                self.account(start);
+                self.under_way.push_back((exposure, pending));
+            }
+            Job::Truth(sequence, time_ns, reply) => {
+                while !self.under_way.is_empty() {
+                    self.finish();
+                }
+                let truth = match time_ns {
+                    Some(time_ns) => self.renderer.truth_at(&sequence, time_ns),
+                    None => self.renderer.truth(&sequence),
+                };
+                let _ = reply.send(truth);
+            }
+        }
+    }
+
+    /// Hands on the frame that has been under way the longest.
+    fn finish(&mut self) {
+        if let Some((exposure, pending)) = self.under_way.pop_front() {
+            let start = (self.wall)();
+            let frame = self.renderer.finish(pending);
+            self.account(start);
+            // The other end is gone when the device is switched off.
+            let _ = self
+                .done
+                .blocking_send(Arc::new(exposure.readout.read(frame)));
+        }
+    }
+
+    fn account(&self, start: Duration) {
+        let took = (self.wall)().saturating_sub(start).as_micros() as u64;
+        self.spent.fetch_add(took, Ordering::Relaxed);
+    }
+
+    /// Says what the user should know of the renderer; false when it cannot go on.
+    fn goes_on(&mut self, notice: fn(&str)) -> bool {
+        match self.renderer.news() {
+            Ok(news) => {
+                if let Some(news) = news {
+                    notice(&news);
+                }
+                true
+            }
+            Err(e) => {
+                notice(&e.to_string());
+                false
+            }
+        }
+    }
+}
+
 impl Optics {
-    /// `wall` tells for how long the device has been on.
+    /// `wall` tells for how long the device has been on; `notice` hears what the user should know.
     pub(super) fn start(
-        mut renderer: Renderer,
+        renderer: Renderer,
         wall: impl Fn() -> Duration + Send + 'static,
+        notice: fn(&str),
     ) -> std::io::Result<Self> {
         let (jobs, queue) = mpsc::channel();
         let (done, frames) = results::channel(MAX_FRAMES);
         let stop = Arc::new(AtomicBool::new(false));
         let stopped = stop.clone();
         let render_us = Arc::new(AtomicU64::new(0));
-        let spent = render_us.clone();
+        let mut work = Work {
+            renderer,
+            under_way: VecDeque::new(),
+            wall,
+            spent: render_us.clone(),
+            done,
+        };
         let work = move || {
-            for job in queue {
+            while let Some(job) = work.next(&queue) {
                 if stopped.load(Ordering::Relaxed) {
                     return;
                 }
-                match job {
-                    Job::Expose(exposure) => {
-                        let start = wall();
-                        let frame = renderer.expose(&exposure.shot);
-                        let took = wall().saturating_sub(start).as_micros() as u64;
-                        spent.fetch_add(took, Ordering::Relaxed);
-                        // The other end is gone when the device is switched off.
-                        let _ = done.blocking_send(Arc::new(exposure.readout.read(frame)));
-                    }
-                    Job::Truth(sequence, time_ns, reply) => {
-                        let truth = match time_ns {
-                            Some(time_ns) => renderer.truth_at(&sequence, time_ns),
-                            None => renderer.truth(&sequence),
-                        };
-                        let _ = reply.send(truth);
-                    }
+                work.run(job);
+                if !work.goes_on(notice) {
+                    return;
                 }
             }
         };

@@ -107,8 +107,8 @@ pub async fn serve(
         usb: usb_address,
         service: service_path,
     };
-    let optics =
-        Optics::start(device.renderer, wall.clone()).map_err(|e| Error::io("optics", e))?;
+    let optics = Optics::start(device.renderer, wall.clone(), device.notice)
+        .map_err(|e| Error::io("optics", e))?;
     if let Some(video) = &device.video {
         device.firmware.attach(Box::new(video.clone()));
     }

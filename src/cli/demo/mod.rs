@@ -2,6 +2,7 @@
 
 mod served;
 
+use super::backend::Choice;
 use super::scan::capture;
 use super::step;
 use crate::decode::{Options, Summary as Decoding};
@@ -45,6 +46,9 @@ pub struct Args {
     /// as a still scene takes once
     #[arg(long, value_name = "N", default_value_t = 4)]
     time_samples: u32,
+    /// What runs the passes of the rendering
+    #[arg(long, value_enum, default_value_t = Choice::Cpu)]
+    backend: Choice,
     /// Leave the sensor's noise out
     #[arg(long)]
     no_noise: bool,
@@ -64,6 +68,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     RenderOptions {
         samples: args.samples,
         time_samples: args.time_samples,
+        backend: args.backend.into(),
     }
     .checked()?;
     check_folder(&args.out)?;
@@ -182,6 +187,8 @@ fn serve_arguments(args: &Args) -> Vec<String> {
         args.samples.to_string(),
         "--time-samples".to_owned(),
         args.time_samples.to_string(),
+        "--backend".to_owned(),
+        args.backend.word().to_owned(),
     ];
     if args.no_noise {
         arguments.push("--no-noise".to_owned());

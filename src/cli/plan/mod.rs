@@ -53,6 +53,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let options = Options {
         samples: args.samples,
         time_samples: args.time_samples,
+        ..Options::default()
     };
     let mut renderer = Renderer::with_options(&profile, &scene, 0, options)?;
     let shots: Vec<Shot> = firmware

@@ -9,6 +9,7 @@ mod video;
 
 pub(super) use run_dirs::run_parent;
 
+use super::backend::Choice;
 use crate::error::{Error, Result};
 use crate::link::RunDir;
 use crate::profile::{Profile, Scene};
@@ -66,6 +67,9 @@ pub(super) struct Args {
     /// as a still scene takes once.
     #[arg(long, value_name = "N", default_value_t = 4)]
     time_samples: u32,
+    /// What runs the passes of the rendering.
+    #[arg(long, value_enum, default_value_t = Choice::Cpu)]
+    backend: Choice,
     /// Leave the noise out.
     #[arg(long)]
     no_noise: bool,

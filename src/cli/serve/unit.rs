@@ -48,6 +48,7 @@ impl Unit {
         let options = Options {
             samples: args.samples,
             time_samples: args.time_samples,
+            backend: args.backend.into(),
         };
         let device = Device {
             firmware: Firmware::new(profile, &user)?,

@@ -40,7 +40,8 @@ mod triangle;
 mod world;
 mod worlds;
 
-pub use options::Options;
+pub use gpu::{Adapter, PassTime};
+pub use options::{Backend, Options};
 pub use plan::{Decision, Plan};
-pub use renderer::Renderer;
+pub use renderer::{Pending, Renderer};
 pub use term::{Pass, Term};

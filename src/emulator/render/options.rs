@@ -1,6 +1,7 @@
 //! What a rendering may spend: the knob of its error against its time.
 
 use crate::error::{Error, Result};
+use serde::Serialize;
 
 /// What a rendering may spend.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -14,6 +15,23 @@ pub struct Options {
     /// geometry pass, and the error of what they blur falls as the square of their number. A scene
     /// that stands still while an exposure lasts is looked at once.
     pub time_samples: u32,
+    /// What runs the passes.
+    pub backend: Backend,
+}
+
+/// What runs the passes. Pictures of the two differ by the rounding of f32, and so now and then by a
+/// grey level; the truth behind them is always the CPU's, in f64.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Backend {
+    /// The processor: the same seed gives the same bytes on any machine.
+    #[default]
+    Cpu,
+    /// A Vulkan adapter, software where there is no other; without one there is no rendering.
+    Gpu,
+    /// A Vulkan adapter that is hardware, where there is one that holds the scene; else the
+    /// processor.
+    Auto,
 }
 
 impl Default for Options {
@@ -21,6 +39,7 @@ impl Default for Options {
         Self {
             samples: 1,
             time_samples: 4,
+            backend: Backend::Cpu,
         }
     }
 }

@@ -2,10 +2,14 @@
 
 mod time;
 mod truth;
+mod under_way;
+
+pub use under_way::Pending;
 
 use super::aperture::Aperture;
 use super::buffer::GeometryBuffer;
 use super::geometry::{self, Rays};
+use super::gpu::Passes;
 use super::light::{self, Table};
 use super::schedule::Schedule;
 use super::sensor::{FixedPattern, Sensor, bloom};
@@ -23,6 +27,7 @@ use glam::DVec2;
 use rayon::prelude::*;
 use std::sync::Arc;
 use time::Light;
+use under_way::News;
 
 /// Pixels that go through exposure and sensor together: they stay in the first-level cache, and
 /// are whole blocks of random numbers.
@@ -47,6 +52,11 @@ pub struct Renderer {
     fixed: Option<FixedPattern>,
     /// Tables of the slides seen so far.
     tables: Vec<(Arc<Slide>, Arc<Table>)>,
+    /// Counts states of scene and plan.
+    revision: u64,
+    /// The passes on a GPU, where one runs them.
+    gpu: Option<Box<Passes>>,
+    news: News,
 }
 
 /// Memory for tables of slides: hundreds of fringes, or a dozen pictures. The oldest go first.
@@ -83,6 +93,7 @@ impl Renderer {
             .has(Term::CameraDistortion)
             .then(|| ideal_points(&optics));
         let fixed = fixed_pattern(&plan, profile);
+        let (gpu, news) = under_way::open(options.backend, || Ok(()))?;
         Ok(Self {
             profile: profile.clone(),
             worlds: Worlds::new(world),
@@ -96,6 +107,9 @@ impl Renderer {
             geometry_done: false,
             fixed,
             tables: Vec::new(),
+            revision: 0,
+            gpu,
+            news,
         })
     }
 
@@ -120,7 +134,7 @@ impl Renderer {
         let table = || ideal_points(&self.optics);
         self.rays = self.plan.has(Term::CameraDistortion).then(table);
         self.fixed = fixed_pattern(&self.plan, &self.profile);
-        self.geometry_done = false;
+        self.outdate();
         self.tables.clear();
     }
 
@@ -139,7 +153,7 @@ impl Renderer {
     pub fn expect_slides<'a>(&mut self, slides: impl IntoIterator<Item = &'a Slide>) {
         for slide in slides {
             if self.plan.include(slide) {
-                self.geometry_done = false;
+                self.outdate();
             }
         }
     }
@@ -170,16 +184,20 @@ impl Renderer {
 
     /// Forgets the geometry pass's result, as a scene that has moved does.
     pub fn invalidate(&mut self) {
-        self.geometry_done = false;
+        self.outdate();
     }
 
-    /// The frame of one exposure. The same seed, noise id and settings give the same bytes on any
-    /// number of threads.
-    pub fn expose(&mut self, shot: &Shot) -> Frame {
+    /// Scene or plan are others than they were.
+    fn outdate(&mut self) {
+        self.geometry_done = false;
+        self.revision += 1;
+    }
+
+    /// The frame of one exposure, made by the processor.
+    fn expose_here(&mut self, shot: &Shot) -> Frame {
         let light = self.light(shot);
         let sensor = self.sensor(shot);
-        let camera = &self.profile.camera;
-        let bytes = camera.sensor.native_format().bytes_per_pixel();
+        let bytes = self.profile.camera.sensor.native_format().bytes_per_pixel();
         let mut data = vec![0; self.buffer.x.len() * bytes];
         self.pixels(
             light,
@@ -188,6 +206,11 @@ impl Renderer {
             &mut data,
             bytes,
         );
+        self.frame(shot, data)
+    }
+
+    fn frame(&self, shot: &Shot, data: Vec<u8>) -> Frame {
+        let camera = &self.profile.camera;
         Frame {
             id: shot.id,
             pattern_index: shot.pattern_index,
@@ -359,7 +382,7 @@ fn fixed_pattern(plan: &Plan, profile: &Profile) -> Option<FixedPattern> {
         .then(|| FixedPattern::new(&camera.sensor, pixels))
 }
 
-fn ideal_points(optics: &Optics) -> Vec<DVec2> {
+pub(super) fn ideal_points(optics: &Optics) -> Vec<DVec2> {
     let lens = optics.camera.lens;
     (0..lens.height_px)
         .into_par_iter()

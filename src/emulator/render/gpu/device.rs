@@ -185,10 +185,9 @@ mod tests {
     use super::*;
 
     #[test]
+    #[ignore = "needs a Vulkan adapter"]
     fn a_failure_is_said_as_it_was_first() {
-        let Ok(gpu) = Gpu::open(true) else {
-            return;
-        };
+        let gpu = Gpu::open(true).unwrap();
         gpu.check().unwrap();
         gpu.fail("first");
         gpu.fail("second");

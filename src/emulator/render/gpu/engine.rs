@@ -38,7 +38,19 @@ struct Pipeline {
 impl Gpu {
     /// Waits until all that was submitted is done.
     pub(super) fn wait(&self) -> Result<()> {
-        let done = self.device.poll(wgpu::PollType::wait_indefinitely());
+        self.poll(wgpu::PollType::wait_indefinitely())
+    }
+
+    /// Waits until what was submitted then is done.
+    pub(super) fn wait_for(&self, submission: wgpu::SubmissionIndex) -> Result<()> {
+        self.poll(wgpu::PollType::Wait {
+            submission_index: Some(submission),
+            timeout: None,
+        })
+    }
+
+    fn poll(&self, how: wgpu::PollType) -> Result<()> {
+        let done = self.device.poll(how);
         if let Err(e) = done {
             self.fail(e);
         }
@@ -64,6 +76,16 @@ impl Engine {
     /// Gives a buffer contents.
     pub(in crate::emulator::render) fn write(&mut self, name: &'static str, bytes: &[u8]) {
         self.store.write(name, bytes);
+    }
+
+    /// Gives a part of a buffer contents: whole words at an offset in bytes, within what it holds.
+    pub(in crate::emulator::render) fn write_at(
+        &mut self,
+        name: &'static str,
+        offset: u64,
+        bytes: &[u8],
+    ) {
+        self.store.write_at(name, offset, bytes);
     }
 
     /// Sees that a buffer has room for so many bytes.
@@ -149,8 +171,8 @@ impl Engine {
     }
 
     /// Hands passes over to the GPU.
-    pub(in crate::emulator::render) fn submit(&self, commands: Commands) {
-        self.gpu.queue.submit([commands.0.finish()]);
+    pub(in crate::emulator::render) fn submit(&self, commands: Commands) -> wgpu::SubmissionIndex {
+        self.gpu.queue.submit([commands.0.finish()])
     }
 
     /// Adds a copy of a part of a buffer, whole words, to one of the caller's.
@@ -163,7 +185,9 @@ impl Engine {
     ) -> Result<()> {
         let from = self.store.get(name)?;
         let length = bytes.end - bytes.start;
-        commands.0.copy_buffer_to_buffer(from, bytes.start, to, 0, length);
+        commands
+            .0
+            .copy_buffer_to_buffer(from, bytes.start, to, 0, length);
         Ok(())
     }
 
@@ -250,10 +274,12 @@ impl Module {
             (entry.name.clone(), bound.collect())
         });
         let used = used.collect();
-        let shader = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
-            label: Some(name),
-            source: wgpu::ShaderSource::Wgsl(source.into()),
-        });
+        let shader = gpu
+            .device
+            .create_shader_module(wgpu::ShaderModuleDescriptor {
+                label: Some(name),
+                source: wgpu::ShaderSource::Wgsl(source.into()),
+            });
         Ok(Self { shader, used })
     }
 
@@ -371,7 +397,8 @@ impl Engine {
         self.write("input", bytemuck::cast_slice(input));
         self.write("output", &vec![0; output_len * 4]);
         let mut commands = self.commands();
-        self.run(&mut commands, stage, super::grid(threads)).unwrap();
+        self.run(&mut commands, stage, super::grid(threads))
+            .unwrap();
         self.submit(commands);
         let bytes = self.read_back("output", 0..output_len as u64 * 4).unwrap();
         bytemuck::pod_collect_to_vec(&bytes)

@@ -9,7 +9,16 @@ mod engine;
 mod exposure;
 #[cfg(test)]
 mod exposure_tests;
+mod frames;
+pub(super) mod geometry;
 mod glare;
+pub(super) mod looks;
+pub(super) mod optics;
+mod passes;
+pub(super) mod scene;
+mod sensor;
+#[cfg(test)]
+mod sensor_tests;
 mod shaders;
 mod stage;
 mod store;
@@ -21,5 +30,8 @@ mod upload;
 mod upload_mixed;
 
 pub use device::{Adapter, Gpu, adapters};
-pub(super) use engine::Engine;
+pub(super) use engine::{Commands, Engine};
+pub(super) use frames::{DEPTH, Ticket};
+pub(super) use passes::Passes;
 pub(super) use stage::{Stage, grid};
+pub use timing::PassTime;

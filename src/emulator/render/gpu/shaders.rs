@@ -13,39 +13,90 @@ macro_rules! pieces {
 }
 
 /// All pieces by name.
+#[rustfmt::skip] // One a line.
 const PIECES: &[(&str, &str)] = pieces![
     "bell",
     "blend",
+    "bloom",
     "bounce_in",
     "bounce_types",
+    "bvh",
+    "cast",
+    "cast_types",
+    "center",
+    "defocus",
     "diffused",
+    "elementary",
+    "evenly",
     "exposure",
+    "fixed",
     "flicker",
     "footprint",
+    "gathered",
+    "geometry",
+    "ggx",
     "glare",
     "indirect",
     "kernel",
+    "laid",
+    "lamp",
+    "lamps",
+    "leaving",
+    "lens",
+    "local",
+    "look",
+    "look_values",
+    "looks",
+    "map",
     "maps_in",
     "maps_out",
     "marks",
     "mixed_exposure",
     "mixed_in",
     "mixed_types",
+    "noise",
+    "normal",
+    "normals",
+    "optics",
+    "philox",
     "picture_table",
     "plan",
+    "poisson",
+    "response",
     "row_table",
     "schedule",
+    "sensor",
+    "sensor_gather",
+    "sensor_parameters",
+    "shade",
     "skin_in",
     "skin_types",
     "slides",
+    "slopes",
+    "soft",
+    "solid",
+    "texture",
+    "there",
+    "triangle",
+    "vignetting",
     "wide",
+    "world",
 ];
 
 /// Entry points that test functions of shaders.
 #[cfg(test)]
+#[rustfmt::skip] // One a line.
 const TESTS: &[(&str, &str)] = pieces![
+    "tests/falloff_test",
     "tests/footprint_test",
+    "tests/ggx_test",
+    "tests/laid_test",
     "tests/linear_test",
+    "tests/normal_test",
+    "tests/philox_test",
+    "tests/poisson_test",
+    "tests/soft_test",
+    "tests/texture_test",
     "tests/wide_test",
 ];
 #[cfg(not(test))]
@@ -124,7 +175,8 @@ mod tests {
     fn every_shader_is_valid() {
         for name in all() {
             let module = parsed(name);
-            let found = Validator::new(ValidationFlags::all(), Capabilities::empty()).validate(&module);
+            let found =
+                Validator::new(ValidationFlags::all(), Capabilities::empty()).validate(&module);
             if let Err(e) = found {
                 panic!("{name}: {}", e.emit_to_string(&assemble(name).unwrap()));
             }
@@ -145,7 +197,10 @@ mod tests {
                 let before = numbers.insert(binding.binding, variable.clone());
                 assert!(before.is_none_or(|b| b == *variable), "{name}: {variable}");
                 let before = names.insert(variable.clone(), binding.binding);
-                assert!(before.is_none_or(|b| b == binding.binding), "{name}: {variable}");
+                assert!(
+                    before.is_none_or(|b| b == binding.binding),
+                    "{name}: {variable}"
+                );
             }
         }
     }

@@ -29,7 +29,10 @@ pub(in crate::emulator::render) fn maps(engine: &mut Engine, map: &GeometryBuffe
     reserve_maps(engine, map.x.len());
     let real = |v: f32| if v.is_finite() { v } else { 0.0 };
     let pixels = 0..map.x.len();
-    let place: Vec<[f32; 2]> = pixels.clone().map(|i| [map.x[i], map.y[i]].map(real)).collect();
+    let place: Vec<[f32; 2]> = pixels
+        .clone()
+        .map(|i| [map.x[i], map.y[i]].map(real))
+        .collect();
     let slope = |slopes: &[[f32; 2]], i: usize| slopes.get(i).copied().unwrap_or_default();
     let slopes: Vec<[f32; 4]> = pixels
         .clone()
@@ -38,7 +41,10 @@ pub(in crate::emulator::render) fn maps(engine: &mut Engine, map: &GeometryBuffe
             [a, b, c, d].map(real)
         })
         .collect();
-    let light: Vec<[f32; 2]> = pixels.clone().map(|i| [map.projected[i], map.ambient[i]]).collect();
+    let light: Vec<[f32; 2]> = pixels
+        .clone()
+        .map(|i| [map.projected[i], map.ambient[i]])
+        .collect();
     let seen: Vec<[f32; 4]> = pixels
         .map(|i| {
             let [x, y, z] = map.normal[i];

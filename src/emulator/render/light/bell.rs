@@ -86,12 +86,12 @@ fn hermite(a: [f64; 3], b: [f64; 3]) -> [f64; 6] {
     ]
 }
 
-fn density(z: f64) -> f64 {
+pub(in super::super) fn density(z: f64) -> f64 {
     (-0.5 * z * z).exp() / std::f64::consts::TAU.sqrt()
 }
 
 /// Phi by its series of positive terms (Abramowitz and Stegun 26.2.11).
-pub(super) fn distribution(z: f64) -> f64 {
+pub(in super::super) fn distribution(z: f64) -> f64 {
     let x = z.abs();
     if x > 9.0 {
         return if z < 0.0 { 0.0 } else { 1.0 };

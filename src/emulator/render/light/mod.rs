@@ -21,7 +21,7 @@ mod row_table;
 mod soft;
 mod vignetting;
 
-pub(super) use bell::Bell;
+pub(super) use bell::{Bell, density, distribution};
 pub(super) use blend::Spread;
 pub(super) use defocus::Defocus;
 pub(super) use exposure::{Table, mixed, run};
@@ -31,4 +31,6 @@ pub(super) use kernel::{Blurred, HeldRow, Kernels};
 pub(super) use picture_table::PictureTable;
 pub(super) use resolution::is_resolved;
 pub(super) use row_table::RowTable;
+#[cfg(test)]
+pub(super) use soft::Soft;
 pub(super) use vignetting::Falloff;

@@ -87,7 +87,7 @@ impl Renderer {
         if self.moment.as_ref() != Some(moment) {
             self.worlds.set(moment);
             self.moment = Some(moment.clone());
-            self.geometry_done = false;
+            self.outdate();
         }
     }
 }

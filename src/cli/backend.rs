@@ -1,0 +1,35 @@
+//! `--backend`: what runs the passes of a rendering.
+
+use crate::emulator::render::Backend;
+
+/// What a command line may ask for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+pub(super) enum Choice {
+    /// The processor
+    Cpu,
+    /// A Vulkan adapter, software where there is no other
+    Gpu,
+    /// A Vulkan adapter that is hardware, where there is one that holds the scene; else the processor
+    Auto,
+}
+
+impl From<Choice> for Backend {
+    fn from(choice: Choice) -> Self {
+        match choice {
+            Choice::Cpu => Self::Cpu,
+            Choice::Gpu => Self::Gpu,
+            Choice::Auto => Self::Auto,
+        }
+    }
+}
+
+impl Choice {
+    /// As it is written on a command line.
+    pub(super) fn word(self) -> &'static str {
+        match self {
+            Self::Cpu => "cpu",
+            Self::Gpu => "gpu",
+            Self::Auto => "auto",
+        }
+    }
+}

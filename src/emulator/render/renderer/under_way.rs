@@ -1,0 +1,150 @@
+//! Frames under way: a GPU works at several, the processor makes each at once.
+
+use super::{Passes, Renderer};
+use crate::emulator::Shot;
+use crate::emulator::render::gpu::{self, Adapter, Gpu, PassTime, Ticket};
+use crate::emulator::render::{Backend, Plan};
+use crate::error::{Error, Result};
+use crate::protocol::Frame;
+use std::collections::BTreeMap;
+
+/// A frame that a renderer has begun.
+pub struct Pending(State);
+
+enum State {
+    Done(Frame),
+    /// On the GPU.
+    Coming(Ticket, Box<Shot>),
+}
+
+/// What became of the GPU that was asked for.
+#[derive(Default)]
+pub(super) struct News {
+    /// Not said yet.
+    text: Option<String>,
+    /// The GPU that was asked for in so many words has failed.
+    failed: Option<String>,
+}
+
+/// The GPU that a backend asks for, or why there is none and the processor does it.
+///
+/// # Errors
+/// No GPU where one was asked for in so many words.
+pub(super) fn open(
+    backend: Backend,
+    fits: impl Fn() -> Result<(), String>,
+) -> Result<(Option<Box<Passes>>, News)> {
+    let opened = match backend {
+        Backend::Cpu => return Ok((None, News::default())),
+        Backend::Gpu => fits()
+            .map_err(|why| Error::input("--backend gpu", why, "--backend cpu for this scene"))
+            .and_then(|()| Gpu::open(true)),
+        Backend::Auto => fits()
+            .map_err(Error::device)
+            .and_then(|()| Gpu::open(false)),
+    };
+    match opened {
+        Ok(gpu) => Ok((Some(Box::new(Passes::new(gpu))), News::default())),
+        Err(e) if backend == Backend::Auto => {
+            let text = Some(format!("rendering on the processor: {e}"));
+            Ok((None, News { text, failed: None }))
+        }
+        Err(e) => Err(e),
+    }
+}
+
+impl Renderer {
+    /// Frames that it works at together: so many may be begun before the first is finished.
+    pub fn depth(&self) -> usize {
+        match self.gpu {
+            Some(_) => gpu::DEPTH,
+            None => 1,
+        }
+    }
+
+    /// The GPU that it works on, if it does.
+    pub fn adapter(&self) -> Option<&Adapter> {
+        self.gpu.as_ref().map(|gpu| &gpu.engine.gpu().adapter)
+    }
+
+    /// Begins the frame of one exposure. Frames are finished in the order in which they were begun.
+    pub fn submit(&mut self, shot: &Shot) -> Pending {
+        if let Some(mut gpu) = self.gpu.take() {
+            match self.submit_to(&mut gpu, shot) {
+                Ok(ticket) => {
+                    self.gpu = Some(gpu);
+                    return Pending(State::Coming(ticket, Box::new(shot.clone())));
+                }
+                Err(e) => self.give_up(&e),
+            }
+        }
+        Pending(State::Done(self.expose_here(shot)))
+    }
+
+    /// The frame that was begun. No frame is lost with a GPU: the processor renders what it had
+    /// begun.
+    pub fn finish(&mut self, pending: Pending) -> Frame {
+        match pending.0 {
+            State::Done(frame) => frame,
+            State::Coming(ticket, shot) => {
+                if let Some(mut gpu) = self.gpu.take() {
+                    match gpu.take(ticket) {
+                        Ok(data) => {
+                            self.gpu = Some(gpu);
+                            return self.frame(&shot, data);
+                        }
+                        Err(e) => self.give_up(&e),
+                    }
+                }
+                self.expose_here(&shot)
+            }
+        }
+    }
+
+    /// The frame of one exposure. The same seed, noise id and settings give the same bytes on any
+    /// number of threads.
+    pub fn expose(&mut self, shot: &Shot) -> Frame {
+        let pending = self.submit(shot);
+        self.finish(pending)
+    }
+
+    /// What the user should know of what runs the passes, once.
+    ///
+    /// # Errors
+    /// The GPU that was asked for in so many words has failed; the frames so far are whole.
+    pub fn news(&mut self) -> Result<Option<String>> {
+        match self.news.failed.take() {
+            Some(words) => Err(Error::device(words)),
+            None => Ok(self.news.text.take()),
+        }
+    }
+
+    /// Times the GPU's passes from now on.
+    pub fn time_passes(&mut self) {
+        if let Some(gpu) = &mut self.gpu {
+            gpu.engine.time_passes();
+        }
+    }
+
+    /// What the GPU's passes have taken by its own clock since they are timed, by shader and entry
+    /// point; none where the adapter has no clock.
+    pub fn pass_times(&mut self) -> BTreeMap<String, PassTime> {
+        self.gpu.as_mut().map(|gpu| gpu.times()).unwrap_or_default()
+    }
+
+    /// Goes on without the GPU.
+    fn give_up(&mut self, e: &Error) {
+        self.gpu = None;
+        match self.options.backend {
+            Backend::Gpu => self.news.failed = Some(e.to_string()),
+            _ => self.news.text = Some(format!("{e}; the processor goes on")),
+        }
+    }
+
+    /// Has the GPU work at a frame.
+    fn submit_to(&mut self, gpu: &mut Passes, shot: &Shot) -> Result<Ticket> {
+        let plan: Plan = self.plan;
+        let _ = (gpu, shot, plan);
+        Err(Error::device("not yet"))
+    }
+}
