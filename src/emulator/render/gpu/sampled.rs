@@ -67,6 +67,9 @@ impl Sampler {
         };
         engine.reserve("candidates", pixels * 4);
         engine.reserve("candidate_count", 16);
+        for name in ["mixed_skin", "skin_of"] {
+            engine.provide(name);
+        }
         let mut sampler = Self {
             aperture,
             side,

@@ -206,7 +206,7 @@ fn check(name: &str, bench: &mut Bench) {
         }
         for (k, &(block, lane)) in own.iter().enumerate() {
             let b = &map.bounce;
-            let there = [x, y].each_ref().map(|rays| rays[point.first as usize + k]);
+            let there = [&x, &y].map(|rays| rays[point.first as usize + k]);
             let slope = [b.x_slope[block][lane], b.y_slope[block][lane]];
             let at = [b.x[block][lane], b.y[block][lane]];
             same += 1;
