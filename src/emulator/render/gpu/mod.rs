@@ -39,6 +39,7 @@ mod upload_mixed;
 pub use device::{Adapter, Gpu, adapters};
 pub(super) use engine::{Commands, Engine};
 pub(super) use frames::{DEPTH, Ticket};
-pub(super) use passes::Passes;
+pub(super) use exposure::Shown;
+pub(super) use passes::{Passes, View};
 pub(super) use stage::{Stage, grid};
 pub use timing::PassTime;
