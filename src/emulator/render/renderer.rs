@@ -9,7 +9,7 @@ pub use under_way::Pending;
 use super::aperture::Aperture;
 use super::buffer::GeometryBuffer;
 use super::geometry::{self, Rays};
-use super::gpu::Passes;
+use super::gpu::{self, Passes};
 use super::light::{self, Table};
 use super::schedule::Schedule;
 use super::sensor::{FixedPattern, Sensor, bloom};
@@ -93,7 +93,7 @@ impl Renderer {
             .has(Term::CameraDistortion)
             .then(|| ideal_points(&optics));
         let fixed = fixed_pattern(&plan, profile);
-        let (gpu, news) = under_way::open(options.backend, || Ok(()))?;
+        let (gpu, news) = under_way::open(options.backend, || gpu::fits(&world, &optics))?;
         Ok(Self {
             profile: profile.clone(),
             worlds: Worlds::new(world),

@@ -5,6 +5,7 @@
 
 mod device;
 mod engine;
+mod fits;
 mod frames;
 pub(super) mod geometry;
 pub(super) mod looks;
@@ -19,6 +20,7 @@ mod upload;
 
 pub use device::{Adapter, Gpu, adapters};
 pub(super) use engine::{Commands, Engine};
+pub(super) use fits::fits;
 pub(super) use frames::{DEPTH, Ticket};
 pub(super) use passes::Passes;
 pub(super) use stage::{Stage, grid};

@@ -55,9 +55,12 @@ const TESTS: &[(&str, &str)] = pieces![
     "tests/falloff_test",
     "tests/ggx_test",
     "tests/laid_test",
+    "tests/lens_test",
     "tests/linear_test",
     "tests/soft_test",
+    "tests/solid_test",
     "tests/texture_test",
+    "tests/world_test",
 ];
 #[cfg(not(test))]
 const TESTS: &[(&str, &str)] = &[];

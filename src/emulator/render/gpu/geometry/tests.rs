@@ -1,6 +1,6 @@
 //! The geometry pass on the GPU against the CPU's: every pixel of every scene.
 
-use super::super::{Engine, optics, scene, upload};
+use super::super::{Engine, looks, optics, scene, upload};
 use crate::emulator::Shutter;
 use crate::emulator::Truth;
 use crate::emulator::render::aperture::Aperture;
@@ -19,16 +19,16 @@ use glam::DVec3;
 use std::path::Path;
 
 /// A camera before a scene, whose maps both make.
-struct Case {
+pub(super) struct Case {
     profile: Profile,
-    optics: Optics,
-    worlds: Worlds,
+    pub(super) optics: Optics,
+    pub(super) worlds: Worlds,
     plan: Plan,
-    scene: scene::Scene,
+    pub(super) scene: scene::Scene,
 }
 
 impl Case {
-    fn new(profile: Profile, scene: &Scene) -> Self {
+    pub(super) fn new(profile: Profile, scene: &Scene) -> Self {
         let optics = Optics::new(&profile, scene);
         let world = World::new(scene, &optics.skins).unwrap();
         let mut plan = Plan::new(&Needs {
@@ -70,6 +70,7 @@ impl Case {
         );
         optics::write(engine, &self.optics);
         super::write_rays(engine, table.as_deref());
+        looks::write(engine, &self.optics, &self.worlds);
         self.scene.update(engine, &self.worlds, size.1);
         let mut commands = engine.commands();
         super::run(engine, &mut commands, &self.plan, lens).unwrap();
@@ -78,7 +79,7 @@ impl Case {
     }
 
     /// The same of rows that follow each other, from a device time on.
-    fn roll(&mut self, from_ns: f64, line_time_ns: u64) {
+    pub(super) fn roll(&mut self, from_ns: f64, line_time_ns: u64) {
         let shutter = Shutter {
             line_time_ns,
             first_row: 0,
@@ -91,7 +92,7 @@ impl Case {
     fn check(&mut self, engine: &mut Engine, name: &str) {
         let [wanted, found] = self.both(engine);
         let off = Off::new(self.worlds.any(), &wanted, &found);
-        println!("{name:<30}{off:.2?}");
+        println!("{name:<30}{off:?}");
         off.check(name, wanted.x.len());
     }
 }
@@ -225,7 +226,7 @@ fn at_silhouette(world: &World, map: &GeometryBuffer, i: usize) -> bool {
 }
 
 /// Eight times fewer pixels, with the same field.
-fn small(mut profile: Profile) -> Profile {
+pub(super) fn small(mut profile: Profile) -> Profile {
     let camera = &mut profile.camera;
     (camera.width_px, camera.height_px) = (398, 171);
     profile
@@ -236,7 +237,7 @@ fn profiles() -> [(&'static str, Profile); 2] {
 }
 
 /// Solids that shade each other, tilted, one of them without a floor behind a part of it.
-const SOLIDS: &str = r#"
+pub(super) const SOLIDS: &str = r#"
 name = "solids"
 description = ""
 ambient = { irradiance_w_m2 = 0.05 }
@@ -312,7 +313,7 @@ fn write(folder: &Path, name: &str, mesh: &Mesh, bend: impl Fn(DVec3) -> DVec3) 
 }
 
 /// A torso that breathes and turns, and a couch and a ball that pass in front of it.
-fn moving(folder: &Path) -> Scene {
+pub(super) fn moving(folder: &Path) -> Scene {
     let mesh = torso(&Torso {
         triangles: 4000,
         ..Torso::default()

@@ -68,7 +68,9 @@ impl Packer {
         for (object, look) in world.looks.of.iter().enumerate() {
             let first = Surface(look.first_triangle as u32);
             let is_mesh = world.is_triangle(first) && usize::from(world.object(first)) == object;
-            let bodies = worlds.iter().filter_map(|world| world.body_of(object as u16));
+            let bodies = worlds
+                .iter()
+                .filter_map(|world| world.body_of(object as u16));
             let bodies: Vec<&Body> = bodies.collect();
             // Solids, and meshes that move, are kept in their own frames.
             let is_here = is_mesh && bodies.is_empty();
@@ -166,7 +168,10 @@ impl Packer {
     }
 
     fn texture(&mut self, texture: &Arc<Texture>) -> u32 {
-        let known = self.textures.iter().find(|(had, _)| Arc::ptr_eq(had, texture));
+        let known = self
+            .textures
+            .iter()
+            .find(|(had, _)| Arc::ptr_eq(had, texture));
         if let Some((_, at)) = known {
             return *at;
         }
