@@ -97,7 +97,9 @@ impl Store {
     /// How many bytes a buffer may have.
     pub(super) fn largest(&self) -> u64 {
         let limits = self.gpu.device.limits();
-        limits.max_buffer_size.min(limits.max_storage_buffer_binding_size)
+        limits
+            .max_buffer_size
+            .min(limits.max_storage_buffer_binding_size)
     }
 
     pub(super) fn get(&self, name: &str) -> Result<&wgpu::Buffer> {
