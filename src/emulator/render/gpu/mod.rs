@@ -2,20 +2,22 @@
 //!
 //! `device` finds an adapter; `shaders` holds the sources and puts them together; `engine` runs them
 //! over named buffers (`store`), specialised by the plan (`stage`), and times them (`timing`).
-//! `exposure` is light, its slides in `tables`; `glare` spreads it.
 
+mod aperture;
 mod device;
 mod engine;
 mod exposure;
 #[cfg(test)]
 mod exposure_tests;
 mod frames;
-pub(super) mod geometry;
+mod geometry;
 mod glare;
-pub(super) mod looks;
-pub(super) mod optics;
+mod looks;
+mod mixed;
+mod optics;
 mod passes;
-pub(super) mod scene;
+mod sampled;
+mod scene;
 mod sensor;
 #[cfg(test)]
 mod sensor_tests;
