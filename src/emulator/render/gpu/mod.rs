@@ -4,6 +4,9 @@
 //! over named buffers (`store`), specialised by the plan (`stage`), and times them (`timing`).
 
 mod aperture;
+#[cfg(test)]
+mod bench;
+mod bounce;
 mod device;
 mod engine;
 mod exposure;
@@ -22,6 +25,7 @@ mod sensor;
 #[cfg(test)]
 mod sensor_tests;
 mod shaders;
+mod skin;
 mod stage;
 mod store;
 mod tables;
