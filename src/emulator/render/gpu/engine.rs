@@ -93,11 +93,6 @@ impl Engine {
         self.store.reserve(name, bytes);
     }
 
-    /// Gives a part of a buffer contents, whole words; it has room for them.
-    pub(in crate::emulator::render) fn write_at(&mut self, name: &str, offset: u64, bytes: &[u8]) {
-        self.store.write_at(name, offset, bytes);
-    }
-
     /// Sees that there is a buffer, of whatever size, for shaders that name it and do without it.
     pub(in crate::emulator::render) fn provide(&mut self, name: &'static str) {
         self.store.provide(name);

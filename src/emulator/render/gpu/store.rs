@@ -80,15 +80,6 @@ impl Store {
         self.buffers.insert(name, buffer);
     }
 
-    /// Gives a part of a buffer contents, whole words; there is room for them.
-    pub(super) fn write_at(&self, name: &str, offset: u64, bytes: &[u8]) {
-        if let Some(buffer) = self.buffers.get(name)
-            && !bytes.is_empty()
-        {
-            self.gpu.queue.write_buffer(buffer, offset, bytes);
-        }
-    }
-
     /// Sees that there is a buffer, of whatever size, for shaders that name it and do without it.
     pub(super) fn provide(&mut self, name: &'static str) {
         if !self.buffers.contains_key(name) {
@@ -104,7 +95,9 @@ impl Store {
     /// How many bytes a buffer may have.
     pub(super) fn largest(&self) -> u64 {
         let limits = self.gpu.device.limits();
-        limits.max_buffer_size.min(limits.max_storage_buffer_binding_size)
+        limits
+            .max_buffer_size
+            .min(limits.max_storage_buffer_binding_size)
     }
 
     pub(super) fn get(&self, name: &str) -> Result<&wgpu::Buffer> {

@@ -164,7 +164,7 @@ fn check(name: &str, bench: &mut Bench) {
     };
     let by_white = of(&|i| map.bounce.at(i, &padded) - white(i));
     let by_lamps = of(&|i| map.ambient[i] - light[i][1]);
-    println!("{name}: {most:.2} W/m^2 at most; white {by_white:.1e?}, lamps {by_lamps:.1e?}");
+    println!("{name}: {most:.2} W/m^2 at most; white {by_white:?}, lamps {by_lamps:?}");
     // A ray may end on the other side of an edge: one of some dozens.
     for off in [by_white, by_lamps] {
         assert!(
@@ -206,7 +206,7 @@ fn check(name: &str, bench: &mut Bench) {
         }
         for (k, &(block, lane)) in own.iter().enumerate() {
             let b = &map.bounce;
-            let there = [x, y].each_ref().map(|rays| rays[point.first as usize + k]);
+            let there = [&x, &y].map(|rays| rays[point.first as usize + k]);
             let slope = [b.x_slope[block][lane], b.y_slope[block][lane]];
             let at = [b.x[block][lane], b.y[block][lane]];
             same += 1;
@@ -222,7 +222,7 @@ fn check(name: &str, bench: &mut Bench) {
             }
         }
     }
-    println!("{name}: {same} of {rays} rays; place, sides, weight {worst:.1e?}");
+    println!("{name}: {same} of {rays} rays; place, sides, weight {worst:?}");
     assert!(same as f64 > 0.98 * rays as f64 && rays > 1000);
 }
 
