@@ -78,9 +78,9 @@ impl Bench {
         }
     }
 
-    pub(super) fn size(&self) -> (u32, u32) {
+    pub(super) fn size(&self) -> [usize; 2] {
         let lens = &self.optics.camera.lens;
-        (lens.width_px, lens.height_px)
+        [lens.width_px, lens.height_px].map(|side| side as usize)
     }
 
     /// The CPU's maps with what bounces.

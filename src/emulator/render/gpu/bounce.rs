@@ -7,7 +7,7 @@
 //! the GPU holds is an error.
 
 use super::{Engine, Stage, grid, upload};
-use crate::emulator::render::bounce::{Bounce, Hemisphere};
+use crate::emulator::render::bounce::Hemisphere;
 use crate::emulator::render::{Plan, Term};
 use crate::error::{Error, Result};
 use crate::profile::Interreflection;
@@ -42,13 +42,14 @@ pub(in crate::emulator::render) struct Point {
 }
 
 impl Params {
-    fn new(wanted: Interreflection, (width, height): (u32, u32)) -> Self {
+    fn new(wanted: Interreflection, size: [usize; 2]) -> Self {
+        let size = size.map(|side| side as u32);
         let step = wanted.step_px;
         // Every `step`th of them, and the last.
         let places = |count: u32| (count - 1).div_ceil(step) + 1;
         Self {
-            size: [width, height],
-            places: [places(width), places(height)],
+            size,
+            places: size.map(places),
             step,
             samples: wanted.samples,
             ..Self::default()
@@ -70,10 +71,10 @@ pub(in crate::emulator::render) fn run(
     engine: &mut Engine,
     wanted: Interreflection,
     plan: &Plan,
-    (width, height): (u32, u32),
+    size: [usize; 2],
 ) -> Result<()> {
-    let mut params = Params::new(wanted, (width, height));
-    let pixels = width as usize * height as usize;
+    let mut params = Params::new(wanted, size);
+    let pixels = size[0] * size[1];
     shares(engine, &params, plan)?;
     params.points = upload::words::<u32>(engine, "bounce_count", 1)?[0];
     reserve(engine, &params, plan)?;
@@ -156,52 +157,6 @@ fn disc(samples: u32) -> Vec<[f32; 4]> {
         [p.x, p.y, height, height.max(lowest)].map(|v| v as f32)
     };
     hemisphere.points().map(point).collect()
-}
-
-/// Takes what the CPU has gathered to the GPU.
-pub(in crate::emulator::render) fn upload(
-    engine: &mut Engine,
-    bounce: &Bounce,
-    wanted: Interreflection,
-    size: (u32, u32),
-) {
-    let mut params = Params::new(wanted, size);
-    params.points = bounce.ends.len() as u32;
-    let (mut points, mut x, mut y) = (Vec::new(), Vec::new(), Vec::new());
-    let mut before = 0;
-    for (&end, &white) in bounce.ends.iter().zip(&bounce.white) {
-        let first = x.len().max(y.len()) as u32;
-        let mut kept = 0;
-        for block in before..end as usize {
-            for lane in (0..bounce.weight[block].len()).filter(|&l| bounce.weight[block][l] > 0.0) {
-                let weight = bounce.weight[block][lane];
-                let ray = |at: &[[f32; 8]], slope: &[[[f32; 2]; 8]]| {
-                    let [a, b] = slope[block][lane];
-                    [at[block][lane], a, b, weight]
-                };
-                if !bounce.x.is_empty() {
-                    x.push(ray(&bounce.x, &bounce.x_slope));
-                }
-                if !bounce.y.is_empty() {
-                    y.push(ray(&bounce.y, &bounce.y_slope));
-                }
-                kept += 1;
-            }
-        }
-        before = end as usize;
-        points.push(Point {
-            pixel: 0,
-            first,
-            kept,
-            white,
-        });
-    }
-    engine.write("bounce_params", bytemuck::bytes_of(&params));
-    engine.write("bounce_points", bytemuck::cast_slice(&points));
-    engine.write("bounce_x", bytemuck::cast_slice(&x));
-    engine.write("bounce_y", bytemuck::cast_slice(&y));
-    engine.write("bounce_first", bytemuck::cast_slice(&bounce.first));
-    engine.write("bounce_shares", bytemuck::cast_slice(&bounce.shares));
 }
 
 #[cfg(test)]

@@ -35,7 +35,7 @@ pub(super) struct Room {
 }
 
 /// Bytes of the spread of light under skin at one sample.
-const SKIN: u64 = 16;
+const SKIN: u64 = 24;
 
 impl Room {
     /// For so many heads, or as many as the adapter can hold if that is less.

@@ -2,6 +2,7 @@
 //!
 //! `device` finds an adapter; `shaders` holds the sources and puts them together; `engine` runs them
 //! over named buffers (`store`), specialised by the plan (`stage`), and times them (`timing`).
+//! `exposure` is light, its slides in `tables`; `glare` spreads it.
 
 mod aperture;
 #[cfg(test)]
@@ -38,6 +39,7 @@ mod upload_mixed;
 pub use device::{Adapter, Gpu, adapters};
 pub(super) use engine::{Commands, Engine};
 pub(super) use frames::{DEPTH, Ticket};
-pub(super) use passes::Passes;
+pub(super) use exposure::Shown;
+pub(super) use passes::{Passes, View};
 pub(super) use stage::{Stage, grid};
 pub use timing::PassTime;

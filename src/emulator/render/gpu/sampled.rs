@@ -67,6 +67,9 @@ impl Sampler {
         };
         engine.reserve("candidates", pixels * 4);
         engine.reserve("candidate_count", 16);
+        for name in ["mixed_skin", "skin_of"] {
+            engine.provide(name);
+        }
         let mut sampler = Self {
             aperture,
             side,
@@ -87,6 +90,11 @@ impl Sampler {
             self.data.rows = rows;
             self.write(engine);
         }
+    }
+
+    /// Groups of sixteen samples that there is room for.
+    pub(super) fn room(&self) -> u64 {
+        self.room.heads
     }
 
     fn write(&mut self, engine: &mut Engine) {

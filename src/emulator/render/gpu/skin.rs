@@ -3,8 +3,7 @@
 
 use super::{Commands, Engine, Stage, grid};
 use crate::emulator::render::Plan;
-use crate::emulator::render::buffer::GeometryBuffer;
-use crate::emulator::render::skin::{Component, MOST, NONE, Skins};
+use crate::emulator::render::skin::{Component, MOST, Skins};
 use crate::error::Result;
 use bytemuck::{Pod, Zeroable};
 
@@ -16,18 +15,6 @@ struct UnderSkin {
     px_per_mm: [f32; 2],
     tissue: u32,
     unused: u32,
-}
-
-impl UnderSkin {
-    fn new(origin: [f32; 2], (px_per_mm, tissue): ([f32; 2], u16)) -> Self {
-        Self {
-            // Nowhere is 0 rather than NaN.
-            origin: origin.map(|v| if v.is_finite() { v } else { 0.0 }),
-            px_per_mm,
-            tissue: tissue.into(),
-            unused: 0,
-        }
-    }
 }
 
 /// Takes the scene's tissues to the GPU: buffers `mixtures` and `skin_of`.
@@ -47,11 +34,6 @@ pub(in crate::emulator::render) fn write(engine: &mut Engine, skins: &Skins) {
     engine.write("skin_of", bytemuck::cast_slice(&of));
 }
 
-/// Room for the samples of so many heads of mixed pixels: `mixed_skin`.
-pub(in crate::emulator::render) fn reserve_samples(engine: &mut Engine, heads: usize) {
-    engine.reserve("mixed_skin", 16 * (heads * size_of::<UnderSkin>()) as u64);
-}
-
 /// Follows the light of all pixels' centres: fills `under_skin`.
 ///
 /// # Errors
@@ -68,24 +50,6 @@ pub(in crate::emulator::render) fn run(
         &Stage::new("skin_maps", "main", plan),
         grid(pixels),
     )
-}
-
-/// Takes what the CPU's geometry pass has found to the GPU, in the order of its mixed pixels.
-pub(in crate::emulator::render) fn upload(engine: &mut Engine, map: &GeometryBuffer) {
-    let Some(skin) = &map.skin else { return };
-    let pixels = 0..map.x.len();
-    let pixels =
-        pixels.map(|i| UnderSkin::new(skin.from.each_ref().map(|from| from[i]), skin.at(i)));
-    let samples = map.mixed.iter().flat_map(|mixed| {
-        (0..16).map(|k| {
-            let none = ([0.0; 2], NONE);
-            let skin = mixed.skin.as_ref().map_or(none, |samples| samples.at(k));
-            UnderSkin::new([mixed.x[k], mixed.y[k]], skin)
-        })
-    });
-    let (pixels, samples): (Vec<_>, Vec<_>) = (pixels.collect(), samples.collect());
-    engine.write("under_skin", bytemuck::cast_slice(&pixels));
-    engine.write("mixed_skin", bytemuck::cast_slice(&samples));
 }
 
 #[cfg(test)]

@@ -43,13 +43,6 @@ impl Store {
         }
     }
 
-    /// Gives a part of a buffer contents.
-    pub(super) fn write_at(&self, name: &str, offset: u64, bytes: &[u8]) {
-        if let Some(buffer) = self.buffers.get(name) {
-            self.gpu.queue.write_buffer(buffer, offset, bytes);
-        }
-    }
-
     /// Sees that a buffer has room; what it held is lost where it had not. One that is far too large
     /// gives its memory back.
     pub(super) fn reserve(&mut self, name: &'static str, bytes: u64) {
@@ -78,6 +71,15 @@ impl Store {
             mapped_at_creation: false,
         });
         self.buffers.insert(name, buffer);
+    }
+
+    /// Gives a part of a buffer contents, whole words; there is room for them.
+    pub(super) fn write_at(&self, name: &str, offset: u64, bytes: &[u8]) {
+        if let Some(buffer) = self.buffers.get(name)
+            && !bytes.is_empty()
+        {
+            self.gpu.queue.write_buffer(buffer, offset, bytes);
+        }
     }
 
     /// Sees that there is a buffer, of whatever size, for shaders that name it and do without it.

@@ -42,6 +42,7 @@ impl Default for Samples {
     }
 }
 
+#[cfg(test)]
 impl Samples {
     /// Slide pixels a millimetre of a sample's skin, and the index of its tissue.
     pub(in super::super) fn at(&self, k: usize) -> ([f32; 2], u16) {
@@ -91,6 +92,7 @@ impl SkinMaps {
     }
 
     /// Slide pixels a millimetre of a pixel's skin, and the index of its tissue.
+    #[cfg(test)]
     pub(in super::super) fn at(&self, i: usize) -> ([f32; 2], u16) {
         (self.px_per_mm[i], self.tissue[i])
     }
