@@ -13,6 +13,7 @@ mod engine;
 mod exposure;
 #[cfg(test)]
 mod exposure_tests;
+mod fits;
 mod frames;
 mod geometry;
 mod glare;
@@ -38,8 +39,9 @@ mod upload_mixed;
 
 pub use device::{Adapter, Gpu, adapters};
 pub(super) use engine::{Commands, Engine};
-pub(super) use frames::{DEPTH, Ticket};
 pub(super) use exposure::Shown;
+pub(super) use fits::fits;
+pub(super) use frames::{DEPTH, Ticket};
 pub(super) use passes::{Passes, View};
 pub(super) use stage::{Stage, grid};
 pub use timing::PassTime;

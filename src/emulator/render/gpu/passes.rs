@@ -112,11 +112,19 @@ impl Passes {
     /// A GPU that has failed.
     pub(in crate::emulator::render) fn look(&mut self, view: &View<'_>) -> Result<()> {
         let engine = &mut self.engine;
-        if self.made.as_ref().is_none_or(|made| made.plan != *view.plan) {
+        if self
+            .made
+            .as_ref()
+            .is_none_or(|made| made.plan != *view.plan)
+        {
             self.made = Some(Made::new(engine, view));
             self.holds = None;
         }
-        let Some(made) = self.made.as_mut().filter(|_| self.holds != Some(view.revision)) else {
+        let Some(made) = self
+            .made
+            .as_mut()
+            .filter(|_| self.holds != Some(view.revision))
+        else {
             return engine.gpu().check();
         };
         made.scene.update(engine, view.worlds, view.size()[1]);

@@ -113,14 +113,17 @@ const TESTS: &[(&str, &str)] = pieces![
     "tests/ggx_test",
     "tests/hemisphere_test",
     "tests/laid_test",
+    "tests/lens_test",
     "tests/linear_test",
     "tests/normal_test",
     "tests/philox_test",
     "tests/poisson_test",
     "tests/samples_test",
     "tests/soft_test",
+    "tests/solid_test",
     "tests/texture_test",
     "tests/wide_test",
+    "tests/world_test",
 ];
 #[cfg(not(test))]
 const TESTS: &[(&str, &str)] = &[];
