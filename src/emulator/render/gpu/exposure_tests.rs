@@ -2,14 +2,15 @@
 //! CPU's geometry pass: what differs is the exposure alone.
 
 use super::exposure::{Exposure, Shown};
-use super::{Engine, bounce, skin, upload, upload_mixed};
+use super::{Engine, skin, upload, upload_mixed};
 use crate::emulator::render::aperture::Aperture;
 use crate::emulator::render::buffer::GeometryBuffer;
 use crate::emulator::render::geometry::{self, Rays};
-use crate::emulator::render::light::Table;
+use crate::emulator::render::light::{Spread, Table};
 use crate::emulator::render::renderer::ideal_points;
 use crate::emulator::render::schedule::{Schedule, Timetable};
 use crate::emulator::render::shade::Optics;
+use crate::emulator::render::skin::Mixture;
 use crate::emulator::render::term::Needs;
 use crate::emulator::render::world::World;
 use crate::emulator::render::worlds::Worlds;
@@ -137,11 +138,43 @@ impl Setup {
         upload::maps(engine, &self.map);
         upload_mixed::mixed(engine, &self.map);
         skin::write(engine, &self.optics.skins);
-        skin::upload(engine, &self.map);
-        if let Some(wanted) = self.optics.interreflection {
-            let size = [self.map.width, self.map.height].map(|side| side as u32);
-            bounce::upload(engine, &self.map.bounce, wanted, size.into());
+        self.upload_skin(engine);
+        if self.plan.has(Term::Interreflection) {
+            upload_bounce(engine, &self.map);
         }
+    }
+
+    /// What light does under pixels and samples, as `skin_types.wgsl` has it.
+    fn upload_skin(&self, engine: &mut Engine) {
+        let Some(skin) = &self.map.skin else { return };
+        let mixtures: Vec<&Mixture> = self.optics.skins.mixtures().collect();
+        let under = |origin: [f32; 2], spreads: [Option<Spread<'_>>; 2]| {
+            let [x, y] = origin.map(|v| if v.is_finite() { v.to_bits() } else { 0 });
+            match spreads {
+                [Some(across), Some(down)] => {
+                    let tissue = mixtures.iter().position(|m| *m == across.mixture);
+                    let [a, b] = [across, down].map(|s| s.px_per_mm.to_bits());
+                    [x, y, a, b, tissue.unwrap() as u32, 0]
+                }
+                _ => [x, y, 0, 0, 0xffff, 0],
+            }
+        };
+        let pixels: Vec<_> = (0..self.map.x.len())
+            .map(|i| {
+                let origin = [skin.from[0][i], skin.from[1][i]];
+                under(origin, [0, 1].map(|axis| skin.spread(i, axis)))
+            })
+            .collect();
+        let mut samples = Vec::new();
+        for mixed in &self.map.mixed {
+            for k in 0..16 {
+                let of = mixed.skin.as_ref();
+                let spreads = [0, 1].map(|axis| of.and_then(|of| skin.sample(of, k, axis)));
+                samples.push(under([mixed.x[k], mixed.y[k]], spreads));
+            }
+        }
+        engine.write("under_skin", bytemuck::cast_slice(&pixels));
+        engine.write("mixed_skin", bytemuck::cast_slice(&samples));
     }
 
     /// Exposes as often as is said, each time adding to the last.
@@ -208,6 +241,33 @@ impl Setup {
         println!("{name}: worst {worst:.2e} of {most:.0} grey levels, {kind}: {b} for {a}");
         assert!(worst <= bar && most > 20.0, "{name}: {worst} of {most}");
     }
+}
+
+/// The CPU's bounce, as `bounce_types.wgsl` has it.
+fn upload_bounce(engine: &mut Engine, map: &GeometryBuffer) {
+    let (bounce, mut before) = (&map.bounce, 0);
+    let (mut points, mut x, mut y) = (Vec::new(), Vec::new(), Vec::new());
+    for (&end, white) in bounce.ends.iter().zip(&bounce.white) {
+        let first = x.len();
+        for block in before..end as usize {
+            for lane in 0..bounce.weight[block].len() {
+                let weight = bounce.weight[block][lane];
+                let ([a, b], [c, d]) = (bounce.x_slope[block][lane], bounce.y_slope[block][lane]);
+                x.push([bounce.x[block][lane], a, b, weight]);
+                y.push([bounce.y[block][lane], c, d, weight]);
+            }
+        }
+        before = end as usize;
+        points.push([0, first as u32, (x.len() - first) as u32, white.to_bits()]);
+    }
+    let [width, height, columns] = [map.width, map.height, bounce.stride].map(|n| n as u32);
+    let params = [width, height, columns, 0, 0, 0, points.len() as u32, 0];
+    engine.write("bounce_params", bytemuck::cast_slice(&params));
+    engine.write("bounce_points", bytemuck::cast_slice(&points));
+    engine.write("bounce_x", bytemuck::cast_slice(&x));
+    engine.write("bounce_y", bytemuck::cast_slice(&y));
+    engine.write("bounce_first", bytemuck::cast_slice(&bounce.first));
+    engine.write("bounce_shares", bytemuck::cast_slice(&bounce.shares));
 }
 
 #[test]
