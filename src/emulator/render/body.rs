@@ -27,6 +27,8 @@ pub(super) struct Model {
 /// Its shape at an instant, in its own frame.
 #[derive(Clone)]
 struct Form {
+    /// The keyframes that it is made of; `None` where it rests.
+    blend: Option<Blend>,
     vertices: Vec<DVec3>,
     bvh: Bvh,
     normals: Vec<[Vec3; 3]>,
@@ -46,6 +48,7 @@ impl Body {
         let deforms = !model.keys.is_empty();
         Self {
             form: Arc::new(Form {
+                blend: None,
                 vertices: model.vertices.clone(),
                 bvh: if deforms { bvh.ordered() } else { bvh },
                 normals: Vec::new(),
@@ -74,10 +77,27 @@ impl Body {
         }
     }
 
+    /// What no motion changes.
+    pub(super) fn model(&self) -> &Model {
+        &self.model
+    }
+
+    /// Smooth normals of its triangles' corners in its own frame; empty where those at rest count.
+    pub(super) fn smooth_normals(&self) -> &[[Vec3; 3]] {
+        &self.form.normals
+    }
+
+    /// The keyframes that its shape is made of; `None` where it rests.
+    pub(super) fn blend(&self) -> Option<Blend> {
+        self.form.blend
+    }
+
     /// Gives it another shape.
-    pub(super) fn deform(&mut self, (keys, weights): Blend) {
+    pub(super) fn deform(&mut self, blend: Blend) {
+        let (keys, weights) = blend;
         let model = &self.model;
         let form = Arc::make_mut(&mut self.form);
+        form.blend = Some(blend);
         let meshes = keys.map(|key| &model.keys[key]);
         for (i, vertex) in form.vertices.iter_mut().enumerate() {
             *vertex = (0..4).map(|k| meshes[k][i] * weights[k]).sum();

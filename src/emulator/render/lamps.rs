@@ -12,13 +12,13 @@ use glam::DVec3;
 /// A lamp of the scene, in the rig's frame.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Lamp {
-    shape: LampShape,
+    pub(super) shape: LampShape,
     /// Amplitude of its flicker relative to its mean.
     pub(super) depth: f64,
 }
 
 #[derive(Debug, Clone, Copy)]
-enum LampShape {
+pub(super) enum LampShape {
     Point {
         at: DVec3,
         intensity_w_sr: f64,

@@ -382,7 +382,7 @@ fn fixed_pattern(plan: &Plan, profile: &Profile) -> Option<FixedPattern> {
         .then(|| FixedPattern::new(&camera.sensor, pixels))
 }
 
-fn ideal_points(optics: &Optics) -> Vec<DVec2> {
+pub(super) fn ideal_points(optics: &Optics) -> Vec<DVec2> {
     let lens = optics.camera.lens;
     (0..lens.height_px)
         .into_par_iter()

@@ -27,11 +27,11 @@ pub(super) struct Optics {
     /// Electrons per second of a pixel that looks at a white surface under 1 W/m^2.
     pub(super) electrons_per_irradiance: f64,
     /// Radiant intensity of the projector's white in W/sr.
-    intensity_w_sr: f64,
-    ambient_w_m2: f64,
-    seen: Falloff,
+    pub(super) intensity_w_sr: f64,
+    pub(super) ambient_w_m2: f64,
+    pub(super) seen: Falloff,
     pub(super) shown: Falloff,
-    defocus: Defocus,
+    pub(super) defocus: Defocus,
     /// What objects are skin, and how light spreads in it.
     pub(super) skins: Skins,
     /// Amplitude of the ambient light's flicker relative to its mean.

@@ -94,13 +94,13 @@ impl Hits {
 }
 
 #[derive(Clone)]
-struct Placed {
-    solid: Solid,
+pub(super) struct Placed {
+    pub(super) solid: Solid,
     rig_from_solid: Pose,
-    solid_from_rig: Pose,
-    object: u16,
+    pub(super) solid_from_rig: Pose,
+    pub(super) object: u16,
     /// The camera is inside and sees the inner wall, which the outer one shades.
-    around_camera: bool,
+    pub(super) around_camera: bool,
 }
 
 impl Placed {
@@ -133,9 +133,9 @@ struct Fixed {
 #[derive(Clone)]
 pub(super) struct World {
     fixed: Arc<Fixed>,
-    solids: Vec<Placed>,
+    pub(super) solids: Vec<Placed>,
     /// Meshes that move.
-    bodies: Vec<Body>,
+    pub(super) bodies: Vec<Body>,
     /// What the objects' surfaces look like.
     pub(super) looks: Arc<Looks>,
 }
@@ -143,6 +143,11 @@ pub(super) struct World {
 impl World {
     pub(super) fn triangle_count(&self) -> usize {
         self.fixed.owner.len()
+    }
+
+    /// Object of each triangle.
+    pub(super) fn owners(&self) -> &[u16] {
+        &self.fixed.owner
     }
 
     /// Whether anything moves.
@@ -237,6 +242,12 @@ impl World {
         body.holds(surface).then_some(body)
     }
 
+    /// An object that is a moving mesh.
+    pub(super) fn body_of(&self, object: u16) -> Option<&Body> {
+        let is_its = |body: &&Body| self.object(Surface(body.first())) == object;
+        self.bodies.iter().find(is_its)
+    }
+
     /// Smooth normals at the corners of a triangle now, of those that it has at rest.
     pub(super) fn smooth(&self, surface: Surface, rest: [DVec3; 3]) -> [DVec3; 3] {
         match self.body(surface) {
@@ -266,7 +277,7 @@ impl World {
     }
 
     /// The hierarchy of all that stands still; `None` where there is none.
-    fn still(&self) -> Option<Tree<'_, Here>> {
+    pub(super) fn still(&self) -> Option<Tree<'_, Here>> {
         let fixed = &self.fixed;
         (!fixed.bvh.is_empty()).then_some(Tree {
             bvh: &fixed.bvh,

@@ -73,6 +73,11 @@ impl Worlds {
         &self.steps[0]
     }
 
+    /// The scene at the instants that what deforms is kept for.
+    pub(super) fn steps(&self) -> &[World] {
+        &self.steps
+    }
+
     /// Takes the scene to another moment.
     pub(super) fn set(&mut self, moment: &Moment) {
         match moment {
@@ -103,16 +108,23 @@ impl Worlds {
         if self.rows.is_some() { 1 } else { TILE }
     }
 
+    /// Which of the steps a row sees the shapes of.
+    pub(super) fn step(&self, row: usize) -> usize {
+        let Some(Rows { shutter, .. }) = &self.rows else {
+            return 0;
+        };
+        let (delay, skew) = (shutter.delay_ns(row as u32), shutter.skew_ns());
+        let step = u128::from(delay) * self.steps.len() as u128 / (u128::from(skew) + 1);
+        step as usize
+    }
+
     /// The scene as a row sees it.
     pub(super) fn at(&self, row: usize) -> Cow<'_, World> {
         let Some(rows) = &self.rows else {
             return Cow::Borrowed(self.any());
         };
-        let row = row as u32;
-        let (delay, skew) = (rows.shutter.delay_ns(row), rows.shutter.skew_ns());
-        let step = u128::from(delay) * self.steps.len() as u128 / (u128::from(skew) + 1);
-        let mut world = self.steps[step as usize].clone();
-        let state = world.state(rows.time_ns(row));
+        let mut world = self.steps[self.step(row)].clone();
+        let state = world.state(rows.time_ns(row as u32));
         world.carry(&state);
         Cow::Owned(world)
     }

@@ -10,20 +10,24 @@ pub const NO_TRIANGLE: u32 = u32::MAX;
 
 /// A node of 32 bytes.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Node {
-    pub(super) min: Vec3,
+pub struct Node {
+    /// Lowest corner of its box.
+    pub min: Vec3,
     /// First of two children, or first triangle of a leaf.
-    pub(super) first: u32,
-    pub(super) max: Vec3,
+    pub first: u32,
+    /// Highest corner of its box.
+    pub max: Vec3,
     /// Triangles of a leaf; 0 in an inner node.
-    pub(super) count: u32,
+    pub count: u32,
 }
 
 /// Triangles of a leaf stand side by side; `id` is the caller's index.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Corners {
-    pub(super) v: [Vec3; 3],
-    pub(super) id: u32,
+pub struct Corners {
+    /// Where they are.
+    pub v: [Vec3; 3],
+    /// Which of the triangles that the hierarchy was built over.
+    pub id: u32,
 }
 
 /// A bounding volume hierarchy over triangles.
@@ -73,6 +77,16 @@ impl Bvh {
             .map(|&id| Corners { v: corners(id), id })
             .collect();
         Self { nodes, triangles }
+    }
+
+    /// The root, and pairs of children.
+    pub fn nodes(&self) -> &[Node] {
+        &self.nodes
+    }
+
+    /// The triangles of leaves, leaf by leaf.
+    pub fn corners(&self) -> &[Corners] {
+        &self.triangles
     }
 
     /// Number of triangles.

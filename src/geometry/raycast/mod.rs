@@ -20,6 +20,6 @@ mod tests;
 mod traverse;
 mod triangle;
 
-pub use bvh::{Bvh, NO_TRIANGLE};
+pub use bvh::{Bvh, Corners, NO_TRIANGLE, Node};
 pub use packet::{LANES, Packet, Scratch};
 pub use parallel::Parallel;

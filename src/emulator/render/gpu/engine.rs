@@ -78,6 +78,16 @@ impl Engine {
         self.store.write(name, bytes);
     }
 
+    /// Gives a part of a buffer contents: whole words at an offset in bytes, within what it holds.
+    pub(in crate::emulator::render) fn write_at(
+        &mut self,
+        name: &'static str,
+        offset: u64,
+        bytes: &[u8],
+    ) {
+        self.store.write_at(name, offset, bytes);
+    }
+
     /// Sees that a buffer has room for so many bytes.
     pub(in crate::emulator::render) fn reserve(&mut self, name: &'static str, bytes: u64) {
         self.store.reserve(name, bytes);

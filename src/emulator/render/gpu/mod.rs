@@ -3,10 +3,17 @@
 //! `device` finds an adapter; `shaders` holds the sources and puts them together; `engine` runs them
 //! over named buffers (`store`), specialised by the plan (`stage`), and times them (`timing`).
 
+mod aperture;
 mod device;
 mod engine;
 mod frames;
+mod geometry;
+mod looks;
+mod mixed;
+mod optics;
 mod passes;
+mod sampled;
+mod scene;
 mod sensor;
 #[cfg(test)]
 mod sensor_tests;

@@ -13,32 +13,82 @@ macro_rules! pieces {
 }
 
 /// All pieces by name.
+#[rustfmt::skip] // One a line.
 const PIECES: &[(&str, &str)] = pieces![
+    "aperture",
     "bloom",
+    "bvh",
+    "cast",
+    "cast_types",
+    "center",
+    "centers",
+    "defocus",
+    "edges",
     "elementary",
+    "evenly",
     "fixed",
     "gathered",
+    "geometry",
+    "ggx",
+    "laid",
+    "lamp",
+    "lamps",
+    "leaving",
+    "lens",
+    "local",
+    "look",
+    "look_values",
+    "looks",
+    "map",
     "maps_in",
     "maps_out",
     "marks",
+    "mixed",
+    "mixed_in",
+    "mixed_out",
+    "mixed_sample",
+    "mixed_types",
     "noise",
     "normal",
+    "normals",
+    "optics",
     "philox",
     "plan",
     "poisson",
+    "rays",
     "response",
+    "sampled",
+    "sampling",
     "sensor",
     "sensor_gather",
-    "sensor_parameters"
+    "sensor_parameters",
+    "shade",
+    "sheared",
+    "slopes",
+    "soft",
+    "solid",
+    "texture",
+    "there",
+    "triangle",
+    "vignetting",
+    "widen",
+    "world",
 ];
 
 /// Entry points that test functions of shaders.
 #[cfg(test)]
+#[rustfmt::skip] // One a line.
 const TESTS: &[(&str, &str)] = pieces![
+    "tests/falloff_test",
+    "tests/ggx_test",
+    "tests/laid_test",
     "tests/linear_test",
     "tests/normal_test",
     "tests/philox_test",
-    "tests/poisson_test"
+    "tests/poisson_test",
+    "tests/samples_test",
+    "tests/soft_test",
+    "tests/texture_test",
 ];
 #[cfg(not(test))]
 const TESTS: &[(&str, &str)] = &[];

@@ -43,6 +43,13 @@ impl Store {
         }
     }
 
+    /// Gives a part of a buffer contents.
+    pub(super) fn write_at(&self, name: &str, offset: u64, bytes: &[u8]) {
+        if let Some(buffer) = self.buffers.get(name) {
+            self.gpu.queue.write_buffer(buffer, offset, bytes);
+        }
+    }
+
     /// Sees that a buffer has room; what it held is lost where it had not. One that is far too large
     /// gives its memory back.
     pub(super) fn reserve(&mut self, name: &'static str, bytes: u64) {

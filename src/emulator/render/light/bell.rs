@@ -10,12 +10,12 @@ const FINE: usize = 16;
 ///
 /// Tabulated as quintic Hermite pieces, whose first two derivatives are continuous too, so that
 /// second differences do not see the pieces: G within 1e-11, its second derivative within 1e-8.
-pub(super) struct Bell {
+pub(in super::super) struct Bell {
     pieces: Vec<[f64; 6]>,
 }
 
 impl Bell {
-    pub(super) fn new() -> Self {
+    pub(in super::super) fn new() -> Self {
         let nodes = 2 * END as usize * FINE;
         let h = 1.0 / FINE as f64;
         let node = |i: usize| {
@@ -81,12 +81,12 @@ fn hermite(a: [f64; 3], b: [f64; 3]) -> [f64; 6] {
     ]
 }
 
-fn density(z: f64) -> f64 {
+pub(in super::super) fn density(z: f64) -> f64 {
     (-0.5 * z * z).exp() / std::f64::consts::TAU.sqrt()
 }
 
 /// Phi by its series of positive terms (Abramowitz and Stegun 26.2.11).
-pub(super) fn distribution(z: f64) -> f64 {
+pub(in super::super) fn distribution(z: f64) -> f64 {
     let x = z.abs();
     if x > 9.0 {
         return if z < 0.0 { 0.0 } else { 1.0 };

@@ -17,9 +17,9 @@ pub(in super::super) struct Defocus {
     /// The projector's optical axis in the rig's frame.
     axis: DVec3,
     /// focal_px times aperture over 4, in mm px.
-    strength: f64,
+    pub(in super::super) strength: f64,
     /// 1 / focused distance.
-    sharp: f64,
+    pub(in super::super) sharp: f64,
     /// Columns and rows of the slide.
     size: [f64; 2],
     bell: Bell,

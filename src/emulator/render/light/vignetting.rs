@@ -9,11 +9,11 @@ use glam::{DVec2, DVec3};
 
 /// One lens's factor over its field.
 pub(in super::super) struct Falloff {
-    vignetting: Vignetting,
+    pub(in super::super) vignetting: Vignetting,
     /// Half of the image's diagonal in ideal image coordinates.
-    unit: f64,
+    pub(in super::super) unit: f64,
     /// How many cosines of the natural fall are the factor's.
-    cosines: i32,
+    pub(in super::super) cosines: i32,
     lens: Lens,
 }
 

@@ -26,12 +26,12 @@ const GRAZING: f64 = 1e-4;
 /// A material with a specular lobe.
 #[derive(Debug, Clone)]
 pub(in super::super) struct Ggx {
-    f0: f64,
-    alpha: f64,
+    pub(in super::super) f0: f64,
+    pub(in super::super) alpha: f64,
     /// E at cosines (i / PIECES)^2.
-    reflected: Vec<f64>,
+    pub(in super::super) reflected: Vec<f64>,
     /// One over 1 - mean E; 0 where nothing enters the body.
-    coupling: f64,
+    pub(in super::super) coupling: f64,
 }
 
 impl Ggx {

@@ -12,13 +12,13 @@ use crate::profile::Shape;
 use glam::{DVec2, DVec3};
 
 /// Coordinates on a surface with their gradients by the place.
-pub(super) struct Laid {
-    pub(super) at: DVec2,
-    pub(super) gradient: [DVec3; 2],
+pub(in super::super) struct Laid {
+    pub(in super::super) at: DVec2,
+    pub(in super::super) gradient: [DVec3; 2],
 }
 
 #[derive(Debug, Clone, Copy)]
-pub(super) enum Lay {
+pub(in super::super) enum Lay {
     Along,
     Sphere,
     Cylinder,
@@ -34,7 +34,7 @@ impl Lay {
     }
 
     /// At a point with a unit normal, both in the shape's own frame.
-    pub(super) fn at(self, p: DVec3, normal: DVec3) -> Laid {
+    pub(in super::super) fn at(self, p: DVec3, normal: DVec3) -> Laid {
         let flat = |a: DVec3, b: DVec3| Laid {
             at: DVec2::new(a.dot(p), b.dot(p)),
             gradient: [a, b],

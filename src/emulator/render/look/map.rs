@@ -10,12 +10,12 @@ use crate::profile::{Object, Scene};
 use glam::DVec2;
 use std::sync::Arc;
 
-pub(super) struct Map {
-    texture: Arc<Texture>,
-    place: Place,
+pub(in super::super) struct Map {
+    pub(in super::super) texture: Arc<Texture>,
+    pub(in super::super) place: Place,
 }
 
-enum Place {
+pub(in super::super) enum Place {
     /// Texture coordinates at the corners of the object's triangles, v up.
     Corners(Vec<[[f32; 2]; 3]>),
     /// Over the shape, at a size in millimetres.

@@ -19,33 +19,33 @@ use crate::geometry::Mesh;
 use crate::geometry::raycast::{LANES, Scratch};
 use crate::profile::{Object, Scene, Specular};
 pub(super) use evenly::{Evenly, Patch};
-use ggx::Ggx;
+pub(super) use ggx::Ggx;
 use glam::{DVec3, Vec3};
-use map::Map;
+pub(super) use lay::Lay;
+pub(super) use map::{Map, Place};
 pub(super) use normals::Smoother;
 pub(super) use spot::Spot;
 use std::path::PathBuf;
 use std::sync::Arc;
-use texture::Texture;
-pub(super) use texture::texels;
+pub(super) use texture::{Texture, texels};
 
 /// The looks of all objects.
 pub(super) struct Looks {
-    of: Vec<Look>,
+    pub(super) of: Vec<Look>,
 }
 
-struct Look {
-    albedo: f64,
-    specular: Option<Arc<Ggx>>,
+pub(super) struct Look {
+    pub(super) albedo: f64,
+    pub(super) specular: Option<Arc<Ggx>>,
     /// The mesh's vertex colours are to be taken.
     wants_colours: bool,
-    map: Option<Map>,
+    pub(super) map: Option<Map>,
     /// Of the object's first triangle among the world's.
-    first_triangle: usize,
+    pub(super) first_triangle: usize,
     /// Smooth normals at the corners of its triangles; empty where nothing needs them.
-    normals: Vec<[Vec3; 3]>,
+    pub(super) normals: Vec<[Vec3; 3]>,
     /// Reflectances at the corners of its triangles; empty where they are all one.
-    colours: Vec<[f32; 3]>,
+    pub(super) colours: Vec<[f32; 3]>,
 }
 
 /// What has been made for objects before, for those that want the same.
@@ -139,6 +139,11 @@ impl Looks {
     /// Whether an object's albedo varies over its surface.
     pub(super) fn vary(&self, object: u16) -> bool {
         self.of[usize::from(object)].varies()
+    }
+
+    /// How many objects there are.
+    pub(super) fn len(&self) -> usize {
+        self.of.len()
     }
 
     pub(super) fn any_map(&self) -> bool {

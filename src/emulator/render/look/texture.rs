@@ -24,11 +24,11 @@ const STRAIGHT: f64 = 1e-2;
 const NARROWEST: f64 = 1e-3;
 
 /// Albedo over the unit square, u to the right and v down, repeated.
-pub(super) struct Texture {
-    width: usize,
-    height: usize,
+pub(in super::super) struct Texture {
+    pub(in super::super) width: usize,
+    pub(in super::super) height: usize,
     /// Sums over the texels left of and above each of (width + 1) x (height + 1) corners.
-    sums: Vec<f64>,
+    pub(in super::super) sums: Vec<f64>,
 }
 
 impl Texture {
@@ -42,7 +42,11 @@ impl Texture {
     }
 
     /// Takes albedos row by row, at least one.
-    fn new(width: usize, height: usize, mut albedo: impl Iterator<Item = f64>) -> Self {
+    pub(in super::super) fn new(
+        width: usize,
+        height: usize,
+        mut albedo: impl Iterator<Item = f64>,
+    ) -> Self {
         let stride = width + 1;
         let mut sums = vec![0.0; stride * (height + 1)];
         for y in 0..height {
@@ -61,7 +65,7 @@ impl Texture {
 
     /// Mean over the parallelogram about `uv` with sides `across` and `down`, in units of the
     /// picture.
-    pub(super) fn average(&self, uv: DVec2, across: DVec2, down: DVec2) -> f64 {
+    pub(in super::super) fn average(&self, uv: DVec2, across: DVec2, down: DVec2) -> f64 {
         let size = DVec2::new(self.width as f64, self.height as f64);
         let (center, a, b) = (uv * size, across * size, down * size);
         if !(center.is_finite() && a.is_finite() && b.is_finite()) {

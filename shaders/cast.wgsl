@@ -1,0 +1,25 @@
+// needs: plan, cast_types, world, shade, look, vignetting
+// Casts a ray of the camera, and the shadow rays that matter. Twin of `geometry::cast`.
+
+fn cast_ray(ray: Ray) -> Cast {
+    var shaded: Shaded;
+    let hit = nearest(ray);
+    if hit.surface == NO_SURFACE {
+        return Cast(hit, shaded, false);
+    }
+    shaded = shade(ray, hit);
+    // Rays to points that the projector cannot light anyway are not traced.
+    var lit = shaded.reachable;
+    if has_shadows {
+        if lit {
+            lit = !blocked(ray.row, ray.origin + shaded.point, hit.surface);
+        }
+    }
+    if has_albedo_maps || has_specular || has_lights || has_flicker {
+        look(ray, hit, &shaded);
+    }
+    if has_camera_vignetting {
+        dim_seen(ray.direction, &shaded);
+    }
+    return Cast(hit, shaded, lit);
+}

@@ -1,0 +1,41 @@
+// needs: plan, optics, cast_types, soft
+//
+// Twin of light/defocus.rs: how wide the projector's blur lies over each point.
+
+// Blur wider than this many slide pixels counts as this wide: that of points beside the pupil.
+const WIDEST_BLUR_PX: f32 = 1e6;
+
+// Standard deviation of the blur along each axis of the slide, in its pixels, at a point in the
+// rig's frame.
+fn blur_px(point: vec3f) -> f32 {
+    let z = dot(optics[0].projector_z.xyz, point - projector_pupil());
+    let nearest = select(max(z, 1e-6), min(z, -1e-6), z < 0.0);
+    return min(optics[0].defocus_strength * abs(optics[0].defocus_sharp - 1.0 / nearest), WIDEST_BLUR_PX);
+}
+
+// Dims what lies within reach of the slide's border: the part that blur takes from a footprint
+// beyond the border brings no light. `point` in the rig's frame.
+fn dim_border(point: vec3f, shaded: ptr<function, Shaded>) {
+    let sigma = blur_px(point);
+    if !((*shaded).reachable && sigma > 0.0) {
+        return;
+    }
+    let size = optics[0].projector.size;
+    let px = (*shaded).px;
+    let footprint = (*shaded).footprint;
+    let x = border_kept(px.x, size.x, footprint.xy, sigma);
+    let y = border_kept(px.y, size.y, footprint.zw, sigma);
+    (*shaded).projected *= x * y;
+}
+
+// What is left along one axis of the slide.
+fn border_kept(px: f32, size: f32, slope: vec2f, sigma: f32) -> f32 {
+    let low = px + 0.5;
+    let high = size - 0.5 - px;
+    if min(low, high) >= 6.0 * sigma + abs(slope.x) + abs(slope.y) {
+        return 1.0;
+    }
+    let soft = soft_new(slope, sigma);
+    let lost = max(soft_beyond(soft, -low), 0.0) + max(soft_beyond(soft, -high), 0.0);
+    return max(1.0 - lost, 0.0);
+}

@@ -1,0 +1,39 @@
+// needs: plan, looks, map, ggx
+//
+// Twin of look/evenly.rs: what a surface throws back of a light, counted as if it went evenly in
+// all directions.
+
+// The material of a patch.
+struct Evenly {
+    albedo: f32,
+    // NO_MATERIAL where it is Lambertian.
+    material: u32,
+}
+
+// That of a patch about the point of a hit, in the rig's frame, with its albedo averaged over the
+// patch's sides.
+fn evenly_at(row: u32, hit: Hit, point: vec3f, across: vec3f, down: vec3f) -> Evenly {
+    let object = object_of(hit.surface);
+    var albedo = looks[object].albedo;
+    var material = NO_MATERIAL;
+    if has_albedo_maps {
+        if look_varies(object) {
+            albedo *= look_factor(hit, there_of(row, hit), point, across, down);
+        }
+    }
+    if has_specular {
+        material = looks[object].material;
+    }
+    return Evenly(albedo, material);
+}
+
+// Share of light from a direction at this cosine to the normal that is thrown back, by the body and
+// the lobe together.
+fn evenly_share(evenly: Evenly, cosine: f32) -> f32 {
+    if has_specular {
+        if evenly.material != NO_MATERIAL {
+            return ggx_under_even_light(evenly.material, evenly.albedo, cosine);
+        }
+    }
+    return evenly.albedo;
+}

@@ -1,0 +1,67 @@
+// needs: plan, look_values
+//
+// Twin of look/ggx.rs: a rough dielectric or metal over a diffuse body. E, the part of light that
+// the lobe reflects, is a table made on the CPU.
+
+// A material is, from its place among the look's values on: reflectance at normal incidence, alpha,
+// coupling, 0, then E at cosines (i / PIECES)^2, i from 0 to PIECES.
+const GGX_PIECES: u32 = 128u;
+// Smallest cosine towards the camera: where an interpolated normal turns away from it.
+const GGX_GRAZING: f32 = 1e-4;
+const NO_MATERIAL: u32 = 0xffffffffu;
+
+// What a surface of a material, by its place, reflects of light from one direction,
+// relative to a white Lambertian one; all three are unit vectors away from it.
+fn ggx_reflectance(material: u32, albedo: f32, normal: vec3f, light: vec3f, view: vec3f) -> f32 {
+    let cos_light = dot(normal, light);
+    if !(cos_light > 0.0) {
+        return 0.0;
+    }
+    let cos_view = max(dot(normal, view), GGX_GRAZING);
+    let entered = (1.0 - ggx_albedo(material, cos_light)) * (1.0 - ggx_albedo(material, cos_view));
+    let diffuse = albedo * entered * look_values[material + 2u];
+    return diffuse + ggx_lobe(material, normal, light, view, cos_light, cos_view);
+}
+
+// What it reflects towards the camera of light that is the same from everywhere.
+fn ggx_under_even_light(material: u32, albedo: f32, cos_view: f32) -> f32 {
+    let specular = ggx_albedo(material, max(cos_view, GGX_GRAZING));
+    return specular + albedo * (1.0 - specular);
+}
+
+// pi f_s.
+fn ggx_lobe(material: u32, n: vec3f, l: vec3f, v: vec3f, cos_light: f32, cos_view: f32) -> f32 {
+    let sum = l + v;
+    let length2 = dot(sum, sum);
+    if !(length2 > 0.0) {
+        return 0.0;
+    }
+    let half_way = sum * inverseSqrt(length2);
+    let alpha = look_values[material + 1u];
+    let a2 = alpha * alpha;
+    let cosine = dot(n, half_way);
+    // 1 - cos^2 as a cross product: it is far smaller than 1 in the highlight of a smooth one.
+    let sine = cross(n, half_way);
+    let spread = a2 * cosine * cosine + dot(sine, sine);
+    let d = a2 / (spread * spread);
+    let smith = ggx_smith(a2, cos_light, cos_view) + ggx_smith(a2, cos_view, cos_light);
+    return d * (0.5 / smith) * ggx_fresnel(look_values[material], dot(v, half_way));
+}
+
+fn ggx_smith(a2: f32, a: f32, b: f32) -> f32 {
+    return a * sqrt(a2 + (1.0 - a2) * b * b);
+}
+
+fn ggx_fresnel(f0: f32, cosine: f32) -> f32 {
+    let less = 1.0 - clamp(cosine, 0.0, 1.0);
+    let square = less * less;
+    return f0 + (1.0 - f0) * (square * square * less);
+}
+
+// E, the part of light at a cosine that the lobe reflects.
+fn ggx_albedo(material: u32, cosine: f32) -> f32 {
+    let at = sqrt(clamp(cosine, 0.0, 1.0)) * f32(GGX_PIECES);
+    let i = min(u32(at), GGX_PIECES - 1u);
+    let from_e = look_values[material + 4u + i];
+    return from_e + (at - f32(i)) * (look_values[material + 5u + i] - from_e);
+}

@@ -1,0 +1,42 @@
+// needs: plan, look_values, world
+//
+// Twin of lamps::Lamp: a light in the scene that is not the projector's.
+
+// A place in the rig's frame and a radiant intensity in W/sr, or a direction towards a light far
+// away and its irradiance in W/m^2.
+struct Lamp {
+    at: vec3f,
+    power: f32,
+    is_point: bool,
+    // Amplitude of its flicker relative to its mean.
+    depth: f32,
+}
+
+// One of `optics[0].lamps`.
+fn lamp_number(i: u32) -> Lamp {
+    let at = LAMPS_AT + 8u * i;
+    return Lamp(
+        look_value3(at), look_values[at + 3u], look_values[at + 4u] != 0.0, look_values[at + 5u]);
+}
+
+// Direction to a lamp from a point, and irradiance in W/m^2 there of what faces it.
+fn lamp_seen_from(lamp: Lamp, point: vec3f) -> vec4f {
+    if !lamp.is_point {
+        return vec4f(lamp.at, lamp.power);
+    }
+    let way = lamp.at - point;
+    let distance2 = dot(way, way);
+    // At the lamp itself there is no direction and, rather than no end, no light.
+    if !(distance2 > 0.0) {
+        return vec4f(0.0);
+    }
+    return vec4f(way * inverseSqrt(distance2), lamp.power * 1e6 / distance2);
+}
+
+// Whether something stands between a lamp and a point of a surface.
+fn lamp_blocked(row: u32, lamp: Lamp, point: vec3f, surface: u32) -> bool {
+    if lamp.is_point {
+        return blocked_from(row, lamp.at, point, surface);
+    }
+    return blocked_along(row, lamp.at, point, surface);
+}

@@ -1,0 +1,127 @@
+// needs: world
+// Rays that leave a point of a surface, to all sides: the nearest surface along each. Twin of
+// `raycast/leaving.rs` and `world/leaving.rs`.
+
+// Triangles reach this part of their sides beyond their edges.
+const OVERLAP: f32 = 1e-6;
+// Units in the last place by which an origin may miss the plane of a triangle that it lies in.
+const ROUNDING: f32 = 4.8e-7;
+
+// The test of Moller and Trumbore ("Fast, Minimum Storage Ray/Triangle Intersection", Journal of
+// Graphics Tools 2(1), 1997); the parameter, or `NEVER`. `farthest` is the origin's largest coordinate.
+fn meet_leaving(a: vec3f, b: vec3f, c: vec3f, origin: vec3f, d: vec3f, farthest: f32) -> f32 {
+    let e1 = b - a;
+    let e2 = c - a;
+    let s = origin - a;
+    let n = cross(e1, e2);
+    let height = dot(s, n);
+    let far = abs(s);
+    let size = max(max(far.x, far.y), far.z) + farthest;
+    let facing = dot(d, n);
+    if abs(height) <= ROUNDING * size * length(n) || facing == 0.0 {
+        return NEVER;
+    }
+    let one = -1.0 / facing;
+    let u = dot(d, cross(e2, s)) * one;
+    let v = dot(d, cross(s, e1)) * one;
+    let t = height * one;
+    let inside = u >= -OVERLAP && v >= -OVERLAP && u + v <= 1.0 + OVERLAP && t > 0.0;
+    return select(NEVER, t, inside);
+}
+
+fn walk_leaving(tree: Tree, origin: vec3f, direction: vec3f, end: f32) -> Found {
+    var found = Found(end, NO_SURFACE);
+    let inverse = inverse_of(direction);
+    let far = abs(origin);
+    let farthest = max(max(far.x, far.y), far.z);
+    var stack: array<u32, LEVELS>;
+    var entries: array<f32, LEVELS>;
+    var height = 0u;
+    var index = tree.nodes;
+    if entry(index, origin, inverse, end) == NEVER {
+        return found;
+    }
+    for (var round = 0u; round < 2u * tree.count; round++) {
+        let first = nodes[2u * index].w;
+        let count = nodes[2u * index + 1u].w;
+        var down = false;
+        if count > 0u {
+            let stop = tree.triangles + first + count;
+            for (var i = tree.triangles + first; i < stop; i++) {
+                let a = triangles[3u * i].xyz;
+                let b = triangles[3u * i + 1u].xyz;
+                let c = triangles[3u * i + 2u].xyz;
+                let t = meet_leaving(a, b, c, origin, direction, farthest);
+                if t < found.t {
+                    found = Found(t, i);
+                }
+            }
+        } else {
+            let left = tree.nodes + first;
+            let enter_left = entry(left, origin, inverse, found.t);
+            let enter_right = entry(left + 1u, origin, inverse, found.t);
+            let swap = enter_right < enter_left;
+            let later = max(enter_left, enter_right);
+            if later < NEVER && height < LEVELS {
+                stack[height] = select(left + 1u, left, swap);
+                entries[height] = later;
+                height++;
+            }
+            down = min(enter_left, enter_right) < NEVER;
+            index = select(left, left + 1u, swap);
+        }
+        while !down {
+            if height == 0u {
+                return found;
+            }
+            height--;
+            index = stack[height];
+            down = entries[height] <= found.t;
+        }
+    }
+    return found;
+}
+
+// The nearest surface along a ray from a point of a surface `own`, given in the rig's frame; the
+// direction is of unit length, on the side of the surface that the camera sees.
+fn leaving(row: u32, point: vec3f, own: u32, direction: vec3f) -> Hit {
+    var hit = no_hit();
+    if has_meshes {
+        let first = first_tree(row);
+        for (var i = 0u; i < world[0].trees; i++) {
+            let tree = trees[first + i];
+            let there = posed(tree.x, tree.y, tree.z, point);
+            let along = turned(tree.x, tree.y, tree.z, direction);
+            let found = walk_leaving(tree, there, along, hit.t);
+            if found.triangle != NO_SURFACE {
+                let a = triangles[3u * found.triangle].w;
+                let b = triangles[3u * found.triangle + 1u].w;
+                let c = triangles[3u * found.triangle + 2u].w;
+                let normal = turned_back(tree.x, tree.y, tree.z, vec3f(a, b, c));
+                let surface = tree.first + triangle_ids[found.triangle];
+                let side = towards_ray(normal, direction);
+                hit = Hit(found.t, surface, side, surface, found.triangle, first + i);
+            }
+        }
+    }
+    if has_solids {
+        let first = first_solid(row);
+        let object = object_of(own);
+        for (var i = 0u; i < world[0].solids; i++) {
+            let solid = solids[first + i];
+            // A convex solid that is seen from outside cannot be met by rays that leave it.
+            if solid.object == object && solid.around_camera == 0u {
+                continue;
+            }
+            let there = posed(solid.x, solid.y, solid.z, point);
+            let along = turned(solid.x, solid.y, solid.z, direction);
+            let met = meet_solid(solid, there, along, length(point) * OFF_POINT);
+            if met.t < hit.t {
+                let normal = turned_back(solid.x, solid.y, solid.z, met.normal);
+                let surface = world[0].triangles + i * FACETS + met.facet;
+                hit = Hit(met.t, surface, towards_ray(normal, direction), NO_SURFACE, NO_SURFACE, 0u);
+            }
+        }
+    }
+    return hit;
+}

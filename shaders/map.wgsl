@@ -1,0 +1,83 @@
+// needs: looks, there, texture, laid
+//
+// Twin of look/map.rs and look/spot.rs: what vertex colours and a texture make of an object's albedo.
+//
+// The CPU takes a spot to where its surface rests in the rig's frame, and from there into the
+// object's own; here both steps are one, from the frame that the surface is kept in.
+
+// What the albedo is multiplied by at a hit at a point in the rig's frame, averaged over the
+// parallelogram of two sides on the tangent plane.
+fn look_factor(hit: Hit, there: There, point: vec3f, across: vec3f, down: vec3f) -> f32 {
+    let about = looks[object_of(hit.surface)];
+    let is_corners = hit.triangle != NO_SURFACE;
+    let local = Own(
+        there_point(there, point),
+        there_direction(there, hit.normal),
+        there_direction(there, across),
+        there_direction(there, down),
+    );
+    var corners = mat3x3f();
+    var weights = vec3f(0.0);
+    if is_corners {
+        corners = there_corners(hit);
+        weights = barycentric(corners, local.point);
+    }
+    let index = hit.surface - about.first_triangle;
+    var factor = 1.0;
+    if about.colours != NOTHING && is_corners {
+        factor = dot(weights, look_value3(about.colours + 3u * index));
+    }
+    if about.lay == LAY_NONE || (about.lay == LAY_CORNERS && !is_corners) {
+        return factor;
+    }
+    var steps = mat2x3f();
+    if is_corners && (about.lay == LAY_CORNERS || about.rest != NOTHING) {
+        steps = mat2x3f(shares(corners, local.across), shares(corners, local.down));
+    }
+    var laid: Laid;
+    if about.lay == LAY_CORNERS {
+        laid = laid_by_corners(about.coordinates + 6u * index, weights, steps);
+    } else {
+        if about.rest != NOTHING {
+            laid = laid_over(about.lay, own_at_rest(about.rest + 9u * index, weights, steps, local.normal));
+        } else {
+            laid = laid_over(about.lay, own_of(about.own_from_there, local));
+        }
+        laid.at = laid.at / about.size_mm + 0.5;
+        laid.across /= about.size_mm;
+        laid.down /= about.size_mm;
+    }
+    let picture = Picture(about.sums, about.width, about.height, about.mean);
+    return factor * texture_average(picture, laid.at, laid.across, laid.down);
+}
+
+fn own_of(pose: mat3x4f, local: Own) -> Own {
+    return Own(
+        vec4f(local.point, 1.0) * pose,
+        vec4f(local.normal, 0.0) * pose,
+        vec4f(local.across, 0.0) * pose,
+        vec4f(local.down, 0.0) * pose,
+    );
+}
+
+// Where its triangle rests.
+fn own_at_rest(at: u32, weights: vec3f, steps: mat2x3f, facet: vec3f) -> Own {
+    let corners = mat3x3f(look_value3(at), look_value3(at + 3u), look_value3(at + 6u));
+    let normal = cross(corners[1] - corners[0], corners[2] - corners[0]);
+    let length2 = dot(normal, normal);
+    return Own(
+        corners * weights,
+        select(facet, normal * inverseSqrt(max(length2, 1e-36)), length2 > 1e-36),
+        corners * steps[0],
+        corners * steps[1],
+    );
+}
+
+// By coordinates at the triangle's corners, v down.
+fn laid_by_corners(at: u32, weights: vec3f, steps: mat2x3f) -> Laid {
+    let a = vec2f(look_values[at], look_values[at + 1u]);
+    let b = vec2f(look_values[at + 2u], look_values[at + 3u]);
+    let c = vec2f(look_values[at + 4u], look_values[at + 5u]);
+    let coordinates = mat3x2f(a, b, c);
+    return Laid(coordinates * weights, coordinates * steps[0], coordinates * steps[1]);
+}

@@ -1,0 +1,44 @@
+// needs: lens
+// What turns geometry into electrons, the same for all samples. Twin of `shade::Optics`; made by `gpu/optics.rs`.
+
+// The fall of light from a lens's axis outwards: a2, a4, a6 of the polynomial, one over half of the
+// image's diagonal in ideal coordinates; whether there is a natural fall, and of how many cosines.
+struct Falloff {
+    terms: vec4f,
+    natural: u32,
+    cosines: u32,
+    spare_0: u32,
+    spare_1: u32,
+}
+
+struct Optics {
+    camera: Lens,
+    projector: Lens,
+    // Axes of the projector in the rig's frame: x, y, and the optical axis; in w x, y, z of its pupil.
+    projector_x: vec4f,
+    projector_y: vec4f,
+    projector_z: vec4f,
+    // The camera's falloff and the projector's.
+    seen: Falloff,
+    shown: Falloff,
+    // Electrons per second of a pixel that looks at a white surface under 1 W/m^2.
+    electrons_per_irradiance: f32,
+    // The same under the projector's white, 1 mm away.
+    projected: f32,
+    // The same under the ambient light.
+    ambient: f32,
+    // Amplitude of the ambient light's flicker relative to its mean.
+    ambient_depth: f32,
+    // Blur of the projector: focal_px times aperture over 4, and one over the focused distance.
+    defocus_strength: f32,
+    defocus_sharp: f32,
+    lamps: u32,
+    spare: u32,
+}
+
+@group(0) @binding(10) var<storage, read> optics: array<Optics, 1>;
+
+// The projector's pupil in the rig's frame.
+fn projector_pupil() -> vec3f {
+    return vec3f(optics[0].projector_x.w, optics[0].projector_y.w, optics[0].projector_z.w);
+}

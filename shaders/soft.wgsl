@@ -1,0 +1,108 @@
+// needs: plan, look_values
+//
+// Twin of light/soft.rs: a footprint's trapezoid under a Gaussian blur.
+//
+// The CPU takes second differences of the second antiderivative of the normal distribution, which
+// cancel in f32. Here only what blur changes is looked up, g(z) = phi(z) - z Phi(-z), which the
+// blurred and the sharp ramp differ by, and its antiderivative H; both vanish or rest far out.
+
+// The table holds, at z = i / 16, i from 0 to 96: H(z), g(z), Phi(-z).
+const SOFT_FINE: f32 = 16.0;
+const SOFT_LAST: u32 = 95u;
+const SOFT_END: f32 = 6.0;
+// A box narrower than this many standard deviations is averaged over at three points.
+const SOFT_NARROW: f32 = 0.5;
+
+// The convolution of two boxes and a Gaussian.
+struct Soft {
+    sigma: f32,
+    wide: f32,
+    narrow: f32,
+}
+
+// Of boxes as wide as the sizes of `slope`, and of a standard deviation above 0.
+fn soft_new(slope: vec2f, sigma: f32) -> Soft {
+    let a = abs(slope.x);
+    let b = abs(slope.y);
+    let wide = max(max(a, b), 1e-3 * sigma);
+    let narrow = min(max(max(min(a, b), 1e-3 * sigma), 1e-6 * wide), wide);
+    return Soft(sigma, wide, narrow);
+}
+
+// The part that lies left of a border at distance e from the middle.
+fn soft_left_of(soft: Soft, e: f32) -> f32 {
+    return soft_sharp_left_of(soft, e) + soft_beyond(soft, e);
+}
+
+// The same of the sharp trapezoid.
+fn soft_sharp_left_of(soft: Soft, e: f32) -> f32 {
+    let far = 0.5 * soft.wide;
+    let ramps = soft_mean_ramp(e + far, soft.narrow) - soft_mean_ramp(e - far, soft.narrow);
+    return ramps / soft.wide;
+}
+
+// By how much blur changes it.
+fn soft_beyond(soft: Soft, e: f32) -> f32 {
+    let far = 0.5 * soft.wide;
+    let narrow = soft.narrow / soft.sigma;
+    let right = soft_mean_rest((e + far) / soft.sigma, narrow);
+    let left = soft_mean_rest((e - far) / soft.sigma, narrow);
+    return (right - left) * (soft.sigma / soft.wide);
+}
+
+// Mean of max(x, 0) over a stretch about a middle.
+fn soft_mean_ramp(middle: f32, wide: f32) -> f32 {
+    let half = 0.5 * wide;
+    if abs(middle) >= half {
+        return max(middle, 0.0);
+    }
+    let beyond = middle + half;
+    return 0.5 * beyond * (beyond / wide);
+}
+
+// Mean of g(|z|) over a stretch about a middle.
+fn soft_mean_rest(middle: f32, wide: f32) -> f32 {
+    let half = 0.5 * wide;
+    if wide >= SOFT_NARROW {
+        return (soft_integral(middle + half) - soft_integral(middle - half)) / wide;
+    }
+    let off = abs(middle);
+    if off >= half {
+        return soft_mean(off, half);
+    }
+    // g(|z|) has an edge at 0: either side by itself.
+    let right = 0.5 * (half + off);
+    let left = 0.5 * (half - off);
+    return (right * soft_mean(right, right) + left * soft_mean(left, left)) / half;
+}
+
+// Mean of g over a narrow stretch, by Gauss and Legendre's three points.
+fn soft_mean(middle: f32, half: f32) -> f32 {
+    let off = 0.7745967 * half;
+    let rim = soft_at(max(middle - off, 0.0)).y + soft_at(middle + off).y;
+    return (5.0 * rim + 8.0 * soft_at(middle).y) / 18.0;
+}
+
+// Integral of g(|z|) from 0.
+fn soft_integral(z: f32) -> f32 {
+    return sign(z) * soft_at(abs(z)).x;
+}
+
+// H and g at z of 0 or more, by cubic Hermite pieces.
+fn soft_at(z: f32) -> vec2f {
+    if z >= SOFT_END {
+        return vec2f(look_values[SOFT_AT + 3u * (SOFT_LAST + 1u)], 0.0);
+    }
+    let place = z * SOFT_FINE;
+    let i = min(u32(place), SOFT_LAST);
+    let t = place - f32(i);
+    let a = look_value3(SOFT_AT + 3u * i);
+    let b = look_value3(SOFT_AT + 3u * (i + 1u));
+    let step = 1.0 / SOFT_FINE;
+    // The slopes of H are g, those of g are -Phi(-z).
+    let slope_a = vec2f(a.y, -a.z) * step;
+    let slope_b = vec2f(b.y, -b.z) * step;
+    let s = 1.0 - t;
+    let blend = a.xy * (s * s * (1.0 + 2.0 * t)) + b.xy * (t * t * (1.0 + 2.0 * s));
+    return blend + slope_a * (t * s * s) - slope_b * (s * t * t);
+}

@@ -1,0 +1,172 @@
+// needs: plan
+//
+// Twin of look/texture.rs: a picture as albedo, averaged over a pixel's footprint by sums of the
+// whole picture. The sums are whole numbers of 2^-30 in two words, so that their differences are
+// exact; a rectangle is put together of whole texels and its parts of those at its rim, which
+// differences of interpolated sums in f32 would not find.
+
+// Sums over the texels left of and above each of (width + 1) x (height + 1) corners, low word first.
+@group(0) @binding(33) var<storage, read> texel_sums: array<vec2u>;
+
+// Fewest and most pieces a side of a slanted footprint, and pieces a texel between them.
+const PIECES_FEWEST: f32 = 4.0;
+const PIECES_MOST: f32 = 8.0;
+const PIECES_PER_TEXEL: f32 = 3.0;
+// A footprint slanted by less than this many texels is a rectangle.
+const STRAIGHT: f32 = 1e-2;
+// Narrowest footprint in texels.
+const NARROWEST: f32 = 1e-3;
+// In texels; of wider ones, and of those without numbers, the mean is all there is to see.
+const WIDEST_FOOTPRINT: f32 = 1e8;
+
+struct Picture {
+    // Place of its sums.
+    sums: u32,
+    width: u32,
+    height: u32,
+    mean: f32,
+}
+
+// Mean over the parallelogram about `uv` with sides `across` and `down`, in units of the picture.
+fn texture_average(picture: Picture, uv: vec2f, across: vec2f, down: vec2f) -> f32 {
+    let size = vec2f(f32(picture.width), f32(picture.height));
+    let a = across * size;
+    let b = down * size;
+    let extent = vec2f(length(vec2f(a.x, b.x)), length(vec2f(a.y, b.y)));
+    if !(max(extent.x, extent.y) <= WIDEST_FOOTPRINT) {
+        return picture.mean;
+    }
+    let center = fract(uv) * size;
+    let slant = min(max(abs(a.x), abs(b.y)), max(abs(a.y), abs(b.x)));
+    var n = 1u;
+    if slant >= STRAIGHT {
+        let wanted = ceil(max(extent.x, extent.y) * PIECES_PER_TEXEL);
+        n = u32(clamp(wanted, PIECES_FEWEST, PIECES_MOST));
+    }
+    let part = 1.0 / f32(n);
+    let sides = max(extent * part, vec2f(NARROWEST));
+    var sum = 0.0;
+    for (var k = 0u; k < n * n; k++) {
+        let s = (f32(k % n) + 0.5) * part - 0.5;
+        let t = (f32(k / n) + 0.5) * part - 0.5;
+        sum += texture_rectangle(picture, center + a * s + b * t, sides);
+    }
+    return sum * part * part;
+}
+
+// Mean over a rectangle along the texels: whole repeats of the picture, and the rest.
+fn texture_rectangle(picture: Picture, center: vec2f, sides: vec2f) -> f32 {
+    let size = vec2f(f32(picture.width), f32(picture.height));
+    let corner = center - 0.5 * sides;
+    let low = clamp(corner - floor(corner / size) * size, vec2f(0.0), size);
+    let whole = floor(sides / size);
+    if whole.x == 0.0 && whole.y == 0.0 {
+        return texture_part(picture, low, sides);
+    }
+    let rest = clamp(sides - whole * size, vec2f(0.0), size);
+    var mean = 0.0;
+    for (var k = 0u; k < 4u; k++) {
+        let is_rest = vec2<bool>((k & 1u) != 0u, (k & 2u) != 0u);
+        let wide = select(size, rest, is_rest);
+        let share = select(whole * size, rest, is_rest) / sides;
+        if share.x * share.y > 0.0 {
+            mean += share.x * share.y * texture_part(picture, select(vec2f(0.0), low, is_rest), wide);
+        }
+    }
+    return mean;
+}
+
+// What a stretch along one axis is made of: a part of a texel, whole texels, a part of a texel.
+struct Stretch {
+    first: u32,
+    last: u32,
+    first_part: f32,
+    last_part: f32,
+}
+
+fn texture_stretch(low: f32, wide: f32, texels: u32) -> Stretch {
+    let first = min(u32(low), texels - 1u);
+    let last = clamp(u32(low + wide), first, 2u * texels - 1u);
+    if last == first {
+        return Stretch(first, last, wide, 0.0);
+    }
+    return Stretch(first, last, f32(first + 1u) - low, min(low + wide - f32(last), 1.0));
+}
+
+// The texels of a piece of a stretch, from and to, and how much of each counts.
+fn texture_piece(stretch: Stretch, k: u32) -> vec2u {
+    switch k {
+        case 0u: { return vec2u(stretch.first, stretch.first + 1u); }
+        case 1u: { return vec2u(stretch.first + 1u, max(stretch.last, stretch.first + 1u)); }
+        default: { return vec2u(stretch.last, stretch.last + 1u); }
+    }
+}
+
+fn texture_weight(stretch: Stretch, k: u32) -> f32 {
+    return select(select(stretch.last_part, 1.0, k == 1u), stretch.first_part, k == 0u);
+}
+
+// Mean over a rectangle that starts in the picture and is no larger.
+fn texture_part(picture: Picture, low: vec2f, sides: vec2f) -> f32 {
+    let x = texture_stretch(low.x, sides.x, picture.width);
+    let y = texture_stretch(low.y, sides.y, picture.height);
+    var sum = 0.0;
+    var area = 0.0;
+    for (var j = 0u; j < 3u; j++) {
+        let rows = texture_piece(y, j);
+        let down = texture_weight(y, j);
+        for (var i = 0u; i < 3u; i++) {
+            let columns = texture_piece(x, i);
+            let weight = texture_weight(x, i) * down;
+            let texels = (columns.y - columns.x) * (rows.y - rows.x);
+            if weight > 0.0 && texels > 0u {
+                sum += weight * texture_block(picture, columns, rows);
+                area += weight * f32(texels);
+            }
+        }
+    }
+    return select(picture.mean, sum / area, area > 0.0);
+}
+
+// Sum over whole texels.
+fn texture_block(picture: Picture, columns: vec2u, rows: vec2u) -> f32 {
+    let right = sums_minus(
+        texture_corner(picture, columns.y, rows.y), texture_corner(picture, columns.y, rows.x));
+    let left = sums_minus(
+        texture_corner(picture, columns.x, rows.y), texture_corner(picture, columns.x, rows.x));
+    let found = sums_minus(right, left);
+    // Rounding may have left a trifle less than nothing.
+    return f32(bitcast<i32>(found.y)) * 4.0 + f32(found.x) * 0x1p-30;
+}
+
+// Sum from the origin to a corner of the picture or of its repeat beyond.
+fn texture_corner(picture: Picture, x: u32, y: u32) -> vec2u {
+    let over = x > picture.width;
+    let below = y > picture.height;
+    let column = select(x, x - picture.width, over);
+    let row = select(y, y - picture.height, below);
+    var sum = texture_sum(picture, column, row);
+    if over {
+        sum = sums_plus(sum, texture_sum(picture, picture.width, row));
+    }
+    if below {
+        sum = sums_plus(sum, texture_sum(picture, column, picture.height));
+    }
+    if over && below {
+        sum = sums_plus(sum, texture_sum(picture, picture.width, picture.height));
+    }
+    return sum;
+}
+
+fn texture_sum(picture: Picture, column: u32, row: u32) -> vec2u {
+    return texel_sums[picture.sums + row * (picture.width + 1u) + column];
+}
+
+fn sums_plus(a: vec2u, b: vec2u) -> vec2u {
+    let low = a.x + b.x;
+    return vec2u(low, a.y + b.y + select(0u, 1u, low < a.x));
+}
+
+fn sums_minus(a: vec2u, b: vec2u) -> vec2u {
+    return vec2u(a.x - b.x, a.y - b.y - select(0u, 1u, a.x < b.x));
+}
