@@ -2,12 +2,18 @@
 //!
 //! `device` finds an adapter; `shaders` holds the sources and puts them together; `engine` runs them
 //! over named buffers (`store`), specialised by the plan (`stage`), and times them (`timing`).
+//! `exposure` is light, its slides in `tables`; `glare` spreads it.
 
 mod aperture;
 mod device;
 mod engine;
+mod exposure;
+#[cfg(test)]
+mod exposure_tests;
+mod fits;
 mod frames;
 mod geometry;
+mod glare;
 mod looks;
 mod mixed;
 mod optics;
@@ -20,12 +26,18 @@ mod sensor_tests;
 mod shaders;
 mod stage;
 mod store;
+mod tables;
+#[cfg(test)]
+mod tables_tests;
 mod timing;
 mod upload;
+mod upload_mixed;
 
 pub use device::{Adapter, Gpu, adapters};
 pub(super) use engine::{Commands, Engine};
+pub(super) use exposure::Shown;
+pub(super) use fits::fits;
 pub(super) use frames::{DEPTH, Ticket};
-pub(super) use passes::Passes;
+pub(super) use passes::{Passes, View};
 pub(super) use stage::{Stage, grid};
 pub use timing::PassTime;

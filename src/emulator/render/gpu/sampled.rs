@@ -89,6 +89,11 @@ impl Sampler {
         }
     }
 
+    /// Groups of sixteen samples that there is room for.
+    pub(super) fn room(&self) -> u64 {
+        self.room.heads
+    }
+
     fn write(&mut self, engine: &mut Engine) {
         let size = self.data.size.map(|n| n as usize);
         let turns = aperture::turns(size.into(), self.data.rows as usize);
