@@ -49,4 +49,6 @@ fn of_geometry(plan: &Plan) -> Plan {
 }
 
 #[cfg(test)]
+mod functions;
+#[cfg(test)]
 pub(super) mod tests;

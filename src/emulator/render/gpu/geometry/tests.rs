@@ -21,10 +21,10 @@ use std::path::Path;
 /// A camera before a scene, whose maps both make.
 pub(in crate::emulator::render::gpu) struct Case {
     profile: Profile,
-    optics: Optics,
+    pub(in crate::emulator::render::gpu) optics: Optics,
     pub(in crate::emulator::render::gpu) worlds: Worlds,
     pub(in crate::emulator::render::gpu) plan: Plan,
-    scene: scene::Scene,
+    pub(in crate::emulator::render::gpu) scene: scene::Scene,
     looks: looks::Looks,
 }
 
@@ -97,7 +97,7 @@ impl Case {
     fn check(&mut self, engine: &mut Engine, name: &str) {
         let [wanted, found] = self.both(engine);
         let off = Off::new(self.worlds.any(), &wanted, &found);
-        println!("{name:<30}{off:.2?}");
+        println!("{name:<30}{off:?}");
         off.check(name, wanted.x.len());
     }
 }
@@ -246,7 +246,7 @@ fn profiles() -> [(&'static str, Profile); 2] {
 }
 
 /// Solids that shade each other, tilted, one of them without a floor behind a part of it.
-const SOLIDS: &str = r#"
+pub(super) const SOLIDS: &str = r#"
 name = "solids"
 description = ""
 ambient = { irradiance_w_m2 = 0.05 }
@@ -322,7 +322,7 @@ fn write(folder: &Path, name: &str, mesh: &Mesh, bend: impl Fn(DVec3) -> DVec3) 
 }
 
 /// A torso that breathes and turns, and a couch and a ball that pass in front of it.
-fn moving(folder: &Path) -> Scene {
+pub(super) fn moving(folder: &Path) -> Scene {
     let mesh = torso(&Torso {
         triangles: 4000,
         ..Torso::default()
