@@ -23,9 +23,9 @@ pub(super) struct Aperture {
     /// Radius in millimetres; 0 without a focus, where everything is sharp.
     pub(super) radius_mm: f64,
     /// Inverse distance of the plane in focus, in 1/mm.
-    focus: f64,
+    pub(super) focus: f64,
     /// Focal length in pixels.
-    focal_px: f64,
+    pub(super) focal_px: f64,
 }
 
 impl Aperture {

@@ -251,6 +251,13 @@ impl Renderer {
 
     /// Prepares what a shot needs: the geometry, and tables of the slides that it sees.
     fn schedule(&mut self, shot: &Shot) -> Schedule {
+        let tables = self.slides(shot);
+        self.prepare();
+        Schedule::new(shot, tables, &self.plan, self.optics.flicker, &self.buffer)
+    }
+
+    /// Tables of the slides that a shot sees; the plan has what they need.
+    fn slides(&mut self, shot: &Shot) -> Vec<Arc<Table>> {
         let then = match self.plan.has(Term::RollingShutter) {
             true => &shot.then[..],
             false => &[],
@@ -259,12 +266,10 @@ impl Renderer {
             .chain(then.iter().map(|showing| &showing.slide))
             .collect();
         self.expect_slides(slides.iter().filter_map(|slide| slide.as_deref()));
-        self.prepare();
-        let tables = slides
+        slides
             .into_iter()
             .map(|slide| self.table(slide.as_ref()))
-            .collect();
-        Schedule::new(shot, tables, &self.plan, self.optics.flicker, &self.buffer)
+            .collect()
     }
 
     fn sensor(&self, shot: &Shot) -> Sensor<'_> {

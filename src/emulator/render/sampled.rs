@@ -27,6 +27,26 @@ const BENT: f64 = 0.02;
 /// sixty-four by 0.05 (independent samples: 0.13 and 0.06), at the worst place of the edge.
 const STEP: usize = 55;
 
+/// Which of the pupil's points the kth of `count` samples goes through.
+pub(super) fn pupil_index(k: usize, count: usize) -> usize {
+    k * STEP % count
+}
+
+/// Angle by which a tile's points of the pupil are turned, so that tiles do not share them: the
+/// golden ratio's multiples fill a turn evenly (Weyl).
+pub(super) fn turn(tile: usize) -> f64 {
+    (tile as f64 * 0.618_033_988_749_894_9).fract() * std::f64::consts::TAU
+}
+
+/// Place of the kth of `side` x `side` samples within its pixel: one a cell of the grid, sheared so
+/// that all differ in column and in row, as those of mixed pixels are.
+pub(super) fn offset(k: usize, side: usize) -> DVec2 {
+    let n = side as f64;
+    let (i, j) = ((k % side) as f64, (k / side) as f64);
+    let inside = |cell: f64, other: f64| (cell + (other + 0.5) / n) / n - 0.5;
+    DVec2::new(inside(i, j), inside(j, n - 1.0 - i))
+}
+
 /// What casts the samples.
 pub(super) struct Sampler<'a> {
     pub(super) worlds: &'a Worlds,
@@ -97,8 +117,8 @@ impl Sampler<'_> {
         casts.clear();
         let count = self.side * self.side;
         for k in 0..count {
-            let offset = self.offset(k);
-            let origin = self.aperture.point(k * STEP % count, count, tile.turn);
+            let offset = offset(k, self.side);
+            let origin = self.aperture.point(pupil_index(k, count), count, tile.turn);
             let directions = std::array::from_fn(|lane| {
                 let middle = tile.center[lane] + (tile.by_px[lane] * offset).extend(0.0);
                 self.aperture.through(origin, middle)
@@ -111,15 +131,6 @@ impl Sampler<'_> {
             };
             casts.push(cast(world, self.optics, self.plan, &bundle, scratch));
         }
-    }
-
-    /// Place of a sample within its pixel: one a cell of the grid, sheared so that all differ in
-    /// column and in row, as those of mixed pixels are.
-    fn offset(&self, k: usize) -> DVec2 {
-        let n = self.side as f64;
-        let (i, j) = ((k % self.side) as f64, (k / self.side) as f64);
-        let inside = |cell: f64, other: f64| (cell + (other + 0.5) / n) / n - 0.5;
-        DVec2::new(inside(i, j), inside(j, n - 1.0 - i))
     }
 
     /// Whether all samples of a pixel see the smooth surface that its centre sees, in the same
@@ -230,7 +241,7 @@ struct Tile {
     center: [DVec3; LANES],
     /// Derivatives of the directions by the pixel.
     by_px: [DMat2; LANES],
-    /// Angle by which the pupil's points are turned, so that tiles do not share them.
+    /// Angle by which the pupil's points are turned.
     turn: f64,
 }
 
@@ -259,8 +270,7 @@ impl Tile {
             }),
             by_px: center.map(|direction| rays.slope(direction)),
             center,
-            // The golden ratio's multiples fill a turn evenly (Weyl).
-            turn: (index as f64 * 0.618_033_988_749_894_9).fract() * std::f64::consts::TAU,
+            turn: turn(index),
         }
     }
 

@@ -78,19 +78,29 @@ impl Engine {
         self.store.write(name, bytes);
     }
 
-    /// Gives a part of a buffer contents: whole words at an offset in bytes, within what it holds.
-    pub(in crate::emulator::render) fn write_at(
-        &mut self,
-        name: &'static str,
-        offset: u64,
-        bytes: &[u8],
-    ) {
-        self.store.write_at(name, offset, bytes);
-    }
-
     /// Sees that a buffer has room for so many bytes.
     pub(in crate::emulator::render) fn reserve(&mut self, name: &'static str, bytes: u64) {
         self.store.reserve(name, bytes);
+    }
+
+    /// Gives a part of a buffer contents, whole words; it has room for them.
+    pub(in crate::emulator::render) fn write_at(&mut self, name: &str, offset: u64, bytes: &[u8]) {
+        self.store.write_at(name, offset, bytes);
+    }
+
+    /// Sees that there is a buffer, of whatever size, for shaders that name it and do without it.
+    pub(in crate::emulator::render) fn provide(&mut self, name: &'static str) {
+        self.store.provide(name);
+    }
+
+    /// How many bytes a buffer has room for; 0 of none.
+    pub(in crate::emulator::render) fn size(&self, name: &str) -> u64 {
+        self.store.size(name)
+    }
+
+    /// How many bytes a buffer may have.
+    pub(in crate::emulator::render) fn largest_buffer(&self) -> u64 {
+        self.store.largest()
     }
 
     /// A list of passes, to be submitted.
@@ -155,19 +165,20 @@ impl Engine {
         self.gpu.queue.submit([commands.0.finish()])
     }
 
-    /// Adds a copy of a part of a buffer, whole words, to one of the caller's.
+    /// Adds a copy of a part of a buffer, whole words, to a place in one of the caller's.
     pub(super) fn copy_out(
         &self,
         commands: &mut Commands,
         name: &str,
         bytes: Range<u64>,
         to: &wgpu::Buffer,
+        offset: u64,
     ) -> Result<()> {
         let from = self.store.get(name)?;
         let length = bytes.end - bytes.start;
         commands
             .0
-            .copy_buffer_to_buffer(from, bytes.start, to, 0, length);
+            .copy_buffer_to_buffer(from, bytes.start, to, offset, length);
         Ok(())
     }
 
@@ -191,7 +202,7 @@ impl Engine {
             mapped_at_creation: false,
         });
         let mut commands = self.commands();
-        self.copy_out(&mut commands, name, bytes, &to)?;
+        self.copy_out(&mut commands, name, bytes, &to, 0)?;
         self.submit(commands);
         to.map_async(wgpu::MapMode::Read, .., |_| {});
         self.gpu.wait()?;

@@ -51,4 +51,4 @@ fn of_geometry(plan: &Plan) -> Plan {
 #[cfg(test)]
 mod functions;
 #[cfg(test)]
-mod tests;
+pub(super) mod tests;

@@ -2,26 +2,42 @@
 //!
 //! `device` finds an adapter; `shaders` holds the sources and puts them together; `engine` runs them
 //! over named buffers (`store`), specialised by the plan (`stage`), and times them (`timing`).
+//! `exposure` is light, its slides in `tables`; `glare` spreads it.
 
+mod aperture;
 mod device;
 mod engine;
+mod exposure;
+#[cfg(test)]
+mod exposure_tests;
 mod fits;
 mod frames;
-pub(super) mod geometry;
-pub(super) mod looks;
-pub(super) mod optics;
+mod geometry;
+mod glare;
+mod looks;
+mod mixed;
+mod optics;
 mod passes;
-pub(super) mod scene;
+mod sampled;
+mod scene;
+mod sensor;
+#[cfg(test)]
+mod sensor_tests;
 mod shaders;
 mod stage;
 mod store;
+mod tables;
+#[cfg(test)]
+mod tables_tests;
 mod timing;
 mod upload;
+mod upload_mixed;
 
 pub use device::{Adapter, Gpu, adapters};
 pub(super) use engine::{Commands, Engine};
+pub(super) use exposure::Shown;
 pub(super) use fits::fits;
 pub(super) use frames::{DEPTH, Ticket};
-pub(super) use passes::Passes;
+pub(super) use passes::{Passes, View};
 pub(super) use stage::{Stage, grid};
 pub use timing::PassTime;

@@ -147,7 +147,7 @@ impl Scene {
         worlds: &Worlds,
         height: usize,
     ) {
-        let steps = worlds.shapes();
+        let steps = worlds.steps();
         if self.shapes == steps.len() {
             self.reshape(engine, steps);
         } else {

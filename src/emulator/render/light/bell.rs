@@ -15,7 +15,7 @@ pub(in super::super) struct Bell {
 }
 
 impl Bell {
-    pub(super) fn new() -> Self {
+    pub(in super::super) fn new() -> Self {
         let nodes = 2 * END as usize * FINE;
         let h = 1.0 / FINE as f64;
         let node = |i: usize| {
@@ -30,6 +30,11 @@ impl Bell {
         };
         let pieces = (0..nodes).map(|i| hermite(node(i), node(i + 1))).collect();
         Self { pieces }
+    }
+
+    /// Coefficients of each piece, from -6 on, sixteen a unit.
+    pub(in super::super) fn pieces(&self) -> &[[f64; 6]] {
+        &self.pieces
     }
 
     /// G(z).

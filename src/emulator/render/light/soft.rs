@@ -4,7 +4,7 @@ use super::bell::Bell;
 
 /// The convolution of two boxes and a Gaussian, along one axis of the slide.
 #[derive(Clone, Copy)]
-pub(super) struct Soft<'a> {
+pub(in super::super) struct Soft<'a> {
     bell: &'a Bell,
     sigma: f64,
     wide: f64,
@@ -14,7 +14,7 @@ pub(super) struct Soft<'a> {
 impl<'a> Soft<'a> {
     /// Of boxes as wide as the sizes of `slope`, and of a standard deviation above 0, all in slide
     /// pixels.
-    pub(super) fn new(bell: &'a Bell, slope: [f64; 2], sigma: f64) -> Self {
+    pub(in super::super) fn new(bell: &'a Bell, slope: [f64; 2], sigma: f64) -> Self {
         let [a, b] = slope.map(f64::abs);
         // Far below the blur a box's width no longer matters, but differences would cancel.
         let wide = a.max(b).max(1e-3 * sigma);
@@ -33,13 +33,13 @@ impl<'a> Soft<'a> {
     }
 
     /// The part that lies left of a border at distance e from the middle.
-    pub(super) fn left_of(&self, e: f64) -> f64 {
+    pub(in super::super) fn left_of(&self, e: f64) -> f64 {
         let second = self.second_difference(e, |e| self.bell.at(e / self.sigma));
         second * self.sigma * self.sigma
     }
 
     /// The same of the sharp trapezoid.
-    pub(super) fn sharp_left_of(&self, e: f64) -> f64 {
+    pub(in super::super) fn sharp_left_of(&self, e: f64) -> f64 {
         self.second_difference(e, |e| 0.5 * e.max(0.0).powi(2))
     }
 

@@ -141,6 +141,11 @@ impl Looks {
         self.of[usize::from(object)].varies()
     }
 
+    /// How many objects there are.
+    pub(super) fn len(&self) -> usize {
+        self.of.len()
+    }
+
     pub(super) fn any_map(&self) -> bool {
         self.of.iter().any(Look::varies)
     }

@@ -19,16 +19,17 @@ use glam::DVec3;
 use std::path::Path;
 
 /// A camera before a scene, whose maps both make.
-pub(super) struct Case {
+pub(in crate::emulator::render::gpu) struct Case {
     profile: Profile,
-    pub(super) optics: Optics,
-    pub(super) worlds: Worlds,
-    plan: Plan,
-    pub(super) scene: scene::Scene,
+    pub(in crate::emulator::render::gpu) optics: Optics,
+    pub(in crate::emulator::render::gpu) worlds: Worlds,
+    pub(in crate::emulator::render::gpu) plan: Plan,
+    pub(in crate::emulator::render::gpu) scene: scene::Scene,
+    looks: looks::Looks,
 }
 
 impl Case {
-    pub(super) fn new(profile: Profile, scene: &Scene) -> Self {
+    pub(in crate::emulator::render::gpu) fn new(profile: Profile, scene: &Scene) -> Self {
         let optics = Optics::new(&profile, scene);
         let world = World::new(scene, &optics.skins).unwrap();
         let mut plan = Plan::new(&Needs {
@@ -46,11 +47,15 @@ impl Case {
             optics,
             plan,
             scene: scene::Scene::default(),
+            looks: looks::Looks::default(),
         }
     }
 
     /// Maps of the CPU, then of the GPU.
-    fn both(&mut self, engine: &mut Engine) -> [GeometryBuffer; 2] {
+    pub(in crate::emulator::render::gpu) fn both(
+        &mut self,
+        engine: &mut Engine,
+    ) -> [GeometryBuffer; 2] {
         let lens = &self.optics.camera.lens;
         let size = (lens.width_px as usize, lens.height_px as usize);
         let distorted = self.plan.has(Term::CameraDistortion);
@@ -72,8 +77,8 @@ impl Case {
         );
         optics::write(engine, &self.optics);
         super::write_rays(engine, table.as_deref());
-        looks::write(engine, &self.optics, &self.worlds);
         self.scene.update(engine, &self.worlds, size.1);
+        self.looks.update(engine, &self.optics, &self.worlds);
         let mut commands = engine.commands();
         super::run(engine, &mut commands, &self.plan, lens).unwrap();
         engine.submit(commands);
@@ -81,7 +86,7 @@ impl Case {
     }
 
     /// The same of rows that follow each other, from a device time on.
-    pub(super) fn roll(&mut self, from_ns: f64, line_time_ns: u64) {
+    pub(in crate::emulator::render::gpu) fn roll(&mut self, from_ns: f64, line_time_ns: u64) {
         let shutter = Shutter {
             line_time_ns,
             first_row: 0,
@@ -213,7 +218,11 @@ impl Off {
 }
 
 /// Whether a neighbour of a pixel sees another object, is lit otherwise, or is much farther away.
-fn at_silhouette(world: &World, map: &GeometryBuffer, i: usize) -> bool {
+pub(in crate::emulator::render::gpu) fn at_silhouette(
+    world: &World,
+    map: &GeometryBuffer,
+    i: usize,
+) -> bool {
     let (u, v) = (i % map.width, i / map.width);
     let state = |i: usize| {
         let surface = Surface(map.surface[i]);
@@ -230,7 +239,7 @@ fn at_silhouette(world: &World, map: &GeometryBuffer, i: usize) -> bool {
 }
 
 /// Eight times fewer pixels, with the same field.
-pub(super) fn small(mut profile: Profile) -> Profile {
+pub(in crate::emulator::render::gpu) fn small(mut profile: Profile) -> Profile {
     let camera = &mut profile.camera;
     (camera.width_px, camera.height_px) = (398, 171);
     profile

@@ -1,0 +1,60 @@
+// needs: mixed_types, sampling
+// The camera's pupil as a disc rather than a point: depth of field. Twin of `aperture.rs`.
+
+// Discs of a smaller radius in pixels blur nothing.
+const SHARP_PX: f32 = 1e-3;
+// Larger discs count as this large: what touches the pupil has no end of a disc.
+const LARGEST_PX: f32 = 1e6;
+
+// The pupil is a disc: rays start all over it.
+override through_pupil: bool = false;
+
+// Radius in pixels of the disc that a point at a depth in millimetres is imaged to.
+fn disc_px(depth: f32) -> f32 {
+    if depth <= 0.0 {
+        return 0.0;
+    }
+    return min(sampling.spread * abs(1.0 / depth - sampling.focus), LARGEST_PX);
+}
+
+// The point of the pupil of a pixel's kth sample.
+fn pupil_point(pixel: vec2u, k: u32) -> vec3f {
+    let across = MIXED_LANES / sampling.rows;
+    let tiles = (sampling.size.x + across - 1u) / across;
+    let tile = pixel.y / sampling.rows * tiles + pixel.x / across;
+    // So that tiles do not share points.
+    let turn = bitcast<vec2f>(sampling.tables[sampling.turns + tile]);
+    let at = bitcast<vec2f>(sampling.tables[k]);
+    return vec3f(at.x * turn.x - at.y * turn.y, at.x * turn.y + at.y * turn.x, 0.0);
+}
+
+// Takes the direction, with z = 1, of the ray through the pupil's middle to that through another
+// point of it.
+fn through(point: vec3f, direction: vec3f) -> vec3f {
+    return direction - point * sampling.focus;
+}
+
+// The widths of two boxes whose convolution stands for that of a footprint, two boxes itself, and a
+// disc of a radius in pixels. The CPU's closed form in shares of a^2 + b^2, with differences of
+// nearly equal numbers worked out beforehand, and r for the radius:
+// (w1^2 - w2^2)^2 = (a^2 - b^2)^2 + 6 r^2 (r^2 - 1) and w1^2 w2^2 = a^2 b^2 + 3 r^2 + 3/4 r^4.
+// Twin of `widened`.
+fn widened(slope: vec2f, radius_px: f32) -> vec2f {
+    let scale = abs(slope.x) + abs(slope.y);
+    if !(radius_px > SHARP_PX) || scale == 0.0 {
+        return slope;
+    }
+    let parts = slope / scale;
+    let whole = dot(parts, parts);
+    let a = parts.x * parts.x / whole;
+    let b = parts.y * parts.y / whole;
+    let r = radius_px * radius_px;
+    let apart = sqrt(max((a - b) * (a - b) + 6.0 * r * (r - 1.0), 0.0));
+    let square = (1.0 + 3.0 * r + apart) / 2.0;
+    var both = vec2f(square);
+    if apart > 0.0 {
+        both.y = (a * b + r * (3.0 + 0.75 * r)) / square;
+    }
+    let wide = sqrt(both) * (scale * sqrt(whole));
+    return select(wide.yx, wide, a >= b);
+}

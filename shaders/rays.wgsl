@@ -1,0 +1,20 @@
+// needs: plan, optics
+// Directions of the camera's rays beside those through centres. Twin of `Rays` in `geometry.rs`.
+
+// Direction, with z = 1, through any point of the image.
+fn camera_ray(px: vec2f) -> vec3f {
+    let lens = optics[0].camera;
+    if has_camera_distortion {
+        return vec3f(lens_ray(lens, px), 1.0);
+    }
+    return vec3f((px - lens.principal) * lens.scale, 1.0);
+}
+
+// Takes a step of a direction with z = 1 to one in pixels: the inverse of `ray_slopes`.
+fn px_step(direction: vec3f, step: vec2f) -> vec2f {
+    let lens = optics[0].camera;
+    if has_camera_distortion {
+        return lens.focal * (lens_jacobian(lens, direction.xy) * step);
+    }
+    return lens.focal * step;
+}

@@ -1,0 +1,177 @@
+// needs: plan, cast, center, slopes, rays, defocus, centers, edges, aperture, sheared, mixed_out
+// Every pixel by several rays, through several points of the pupil where there is depth of field.
+// Twin of `sampled.rs`.
+//
+// One thread a sample, those of a pixel side by side in a workgroup. Where a pixel's samples see one
+// smooth surface, evenly lit, the closed form of its footprint stands for them, and is better than
+// their mean; where not, they are kept (`gather`), or the pixel is marked for `mixed.wgsl` to look
+// at (`mark`).
+
+// Samples on a side of a pixel: 2, 4 or 8.
+override side: u32 = 4u;
+override samples: u32 = side * side;
+
+// Part of a footprint's width by which a sample may lie off where the closed form has it.
+const BENT: f32 = 0.02;
+
+// Of the workgroup's pixels, by the place of their first sample: whether one of their samples
+// is not where the closed form has it, and their first head.
+var<workgroup> uneven: array<atomic<u32>, GROUP>;
+var<workgroup> heads: array<u32, GROUP>;
+// Ambient and flickering light of each sample.
+var<workgroup> steady: array<vec2f, GROUP>;
+
+// A sample: its pixel, and the ray that it is.
+struct Sample {
+    pixel: u32,
+    // Direction of the pixel's centre, with z = 1.
+    middle: vec3f,
+    ray: Ray,
+}
+
+fn sample_ray(pixel: u32, k: u32) -> Sample {
+    let at = vec2u(pixel % sampling.size.x, pixel / sampling.size.x);
+    let middle = center(at.x, at.y);
+    var ray: Ray;
+    ray.cell = 1.0 / f32(side);
+    ray.row = at.y;
+    ray.direction = middle + vec3f(ray_slopes(middle) * sheared(k, side), 0.0);
+    if through_pupil {
+        ray.origin = pupil_point(at, k);
+        ray.direction = through(ray.origin, ray.direction);
+    }
+    return Sample(pixel, middle, ray);
+}
+
+@compute @workgroup_size(64)
+fn mark(
+    @builtin(global_invocation_id) id: vec3u,
+    @builtin(num_workgroups) groups: vec3u,
+    @builtin(local_invocation_index) thread: u32,
+) {
+    let number = linear(id, groups);
+    let used = number / samples < sampling.size.x * sampling.size.y;
+    let first = thread - thread % samples;
+    atomicStore(&uneven[thread], 0u);
+    workgroupBarrier();
+    if used {
+        let sample = sample_ray(number / samples, number % samples);
+        if !agrees(sample, cast_ray(sample.ray)) {
+            atomicStore(&uneven[first], 1u);
+        }
+    }
+    workgroupBarrier();
+    if used && thread == first && atomicLoad(&uneven[first]) != 0u {
+        marks[number / samples] |= UNEVEN;
+    }
+}
+
+@compute @workgroup_size(64)
+fn gather(
+    @builtin(global_invocation_id) id: vec3u,
+    @builtin(num_workgroups) groups: vec3u,
+    @builtin(local_invocation_index) thread: u32,
+) {
+    let number = linear(id, groups);
+    let pixel = number / samples;
+    let used = pixel < sampling.size.x * sampling.size.y;
+    let k = number % samples;
+    let first = thread - k;
+    atomicStore(&uneven[thread], 0u);
+    workgroupBarrier();
+    var found: Cast;
+    var origin = vec3f(0.0);
+    if used {
+        let sample = sample_ray(pixel, k);
+        origin = sample.ray.origin;
+        found = cast_ray(sample.ray);
+        if !agrees(sample, found) {
+            atomicStore(&uneven[first], 1u);
+        }
+        steady[thread] = select(
+            vec2f(0.0),
+            vec2f(found.shaded.ambient, found.shaded.flickering),
+            found.hit.surface != NO_SURFACE,
+        );
+    }
+    workgroupBarrier();
+    let kept = used && atomicLoad(&uneven[first]) != 0u;
+    if kept && k == 0u {
+        heads[first] = new_heads(samples / MIXED_LANES);
+        marks[pixel] |= CREASE;
+    }
+    workgroupBarrier();
+    if !kept {
+        return;
+    }
+    let head = heads[first] + k / MIXED_LANES;
+    if k % MIXED_LANES == 0u {
+        // Weighted so that all groups add up.
+        var sum = vec2f(0.0);
+        for (var i = 0u; i < MIXED_LANES; i++) {
+            sum += steady[thread + i] / f32(samples);
+        }
+        write_head(head, pixel, select(0u, samples / MIXED_LANES, k == 0u), sum.x, sum.y);
+    }
+    write_sample(head, k % MIXED_LANES, sample_of(found, origin));
+}
+
+// Whether a sample sees the smooth surface that its pixel's centre sees, in the same light, where
+// the closed form of the footprint has it. Twin of `even`.
+fn agrees(sample: Sample, found: Cast) -> bool {
+    let i = sample.pixel;
+    let here = surface[i];
+    let lit = (marks[i] & LIT) != 0u;
+    if found.lit != lit || (has_lights && found.shaded.lamps != lamp_bits[i]) {
+        return false;
+    }
+    let there = found.hit.surface;
+    if there != here && !goes_on(i, here, found.hit) {
+        return false;
+    }
+    if through_pupil && has_albedo_maps && here != NO_SURFACE && varies(object_of(here)) {
+        // Depth of field blurs the albedo, which the closed form averages over the footprint alone.
+        return false;
+    }
+    if !lit {
+        return true;
+    }
+    let point = sample.ray.origin + found.shaded.point;
+    let offset = px_step(sample.middle, point.xy / point.z - sample.middle.xy);
+    let disc = disc_px(seen[i].w);
+    let slope = slopes[i];
+    let off = abs(found.shaded.px - place[i] - vec2f(dot(slope.xy, offset), dot(slope.zw, offset)));
+    let size = vec2f(abs(slope.x) + abs(slope.y), abs(slope.z) + abs(slope.w));
+    let bar = BENT * size * (1.0 + 2.0 * disc) + 1e-3;
+    return (!has_footprint_x || off.x <= bar.x) && (!has_footprint_y || off.y <= bar.y);
+}
+
+// Whether another triangle of the centre's mesh goes on without a crease. Twin of `smooth`.
+fn goes_on(i: u32, here: u32, hit: Hit) -> bool {
+    return here != NO_SURFACE && hit.surface != NO_SURFACE && one_mesh(here, hit.surface)
+        && dot(seen[i].xyz, hit.normal) >= COS_CREASE;
+}
+
+fn varies(object: u32) -> bool {
+    let words = sampling.tables[sampling.varies + object / 64u];
+    let word = select(words.x, words.y, (object & 32u) != 0u);
+    return (word >> (object % 32u) & 1u) != 0u;
+}
+
+fn sample_of(found: Cast, origin: vec3f) -> MixedSample {
+    var sample: MixedSample;
+    if !found.lit {
+        return sample;
+    }
+    // A sample stands for its part of the pixel and of the pupil.
+    let part = 1.0 / f32(side);
+    let disc = disc_px(found.hit.t);
+    sample.place = found.shaded.px;
+    sample.slopes_x = widened(found.shaded.footprint.xy, disc) * part;
+    sample.slopes_y = widened(found.shaded.footprint.zw, disc) * part;
+    sample.projected = found.shaded.projected * f32(MIXED_LANES) / f32(samples);
+    if has_projector_defocus {
+        sample.blur = blur_px(origin + found.shaded.point);
+    }
+    return sample;
+}
