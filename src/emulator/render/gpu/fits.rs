@@ -121,7 +121,7 @@ mod tests {
             "a plane without end",
         );
         let torso =
-            "shape = { kind = \"torso\", seed = 1 }\nscale = 20.0\nposition_mm = [0, 0, 1000]";
+            "shape = { kind = \"torso\", seed = 1 }\nscale = 60.0\nposition_mm = [0, 0, 1000]";
         told(torso, "from the camera");
         profile.camera.focal_length_mm *= 100.0;
         assert!(why(&profile, plane).unwrap().contains("focal length"));
