@@ -17,6 +17,7 @@ macro_rules! println {
 }
 
 mod backend;
+mod bench;
 mod camera;
 mod compare;
 mod decode;
@@ -61,6 +62,7 @@ enum Command {
     Profile(profile::Args),
     Scene(scene::Args),
     Plan(plan::Args),
+    Bench(bench::Args),
     Doctor(doctor::Args),
 }
 
@@ -104,6 +106,7 @@ fn dispatch(command: Command) -> Result<()> {
         Command::Profile(args) => profile::run(&args),
         Command::Scene(args) => scene::run(&args),
         Command::Plan(args) => plan::run(&args),
+        Command::Bench(args) => bench::run(&args),
         Command::Doctor(args) => doctor::run(&args),
     }
 }

@@ -77,11 +77,6 @@ impl Body {
         }
     }
 
-    /// The keyframes that its shape is made of; `None` where it rests.
-    pub(super) fn blend(&self) -> Option<Blend> {
-        self.form.blend
-    }
-
     /// What no motion changes.
     pub(super) fn model(&self) -> &Model {
         &self.model
@@ -90,6 +85,11 @@ impl Body {
     /// Smooth normals of its triangles' corners in its own frame; empty where those at rest count.
     pub(super) fn smooth_normals(&self) -> &[[Vec3; 3]] {
         &self.form.normals
+    }
+
+    /// The keyframes that its shape is made of; `None` where it rests.
+    pub(super) fn blend(&self) -> Option<Blend> {
+        self.form.blend
     }
 
     /// Gives it another shape.

@@ -19,10 +19,7 @@ pub(super) fn spread(electrons: &mut [f32], width: usize, glare: &profile::Glare
     if share == 0.0 || electrons.is_empty() {
         return;
     }
-    let mut cell = 8;
-    while cell < LARGEST_CELL && (8 * cell) as f64 <= glare.sigma_px {
-        cell *= 2;
-    }
+    let cell = cell_px(glare.sigma_px);
     let grid = Grid::new(electrons, width, cell).blurred(glare.sigma_px);
     let total = sum(electrons);
     let rows: Vec<Vec<f32>> = electrons
@@ -42,6 +39,15 @@ pub(super) fn spread(electrons: &mut [f32], width: usize, glare: &profile::Glare
         });
 }
 
+/// About how many pixels wide a cell is.
+fn cell_px(sigma_px: f64) -> usize {
+    let mut cell = 8;
+    while cell < LARGEST_CELL && (8 * cell) as f64 <= sigma_px {
+        cell *= 2;
+    }
+    cell
+}
+
 fn sum(values: &[f32]) -> f64 {
     values.iter().map(|&e| f64::from(e)).sum()
 }
@@ -58,8 +64,7 @@ struct Grid {
 impl Grid {
     fn new(electrons: &[f32], width: usize, cell: usize) -> Self {
         let height = electrons.len() / width;
-        let [columns, rows] = [width, height].map(|side| side.div_ceil(cell));
-        let pitch = [width as f64 / columns as f64, height as f64 / rows as f64];
+        let ([columns, rows], pitch) = cells([width, height], cell);
         let covered: Vec<_> = (0..columns).map(|c| cover(c, pitch[0], width)).collect();
         let values: Vec<f32> = (0..rows)
             .into_par_iter()
@@ -85,15 +90,8 @@ impl Grid {
     }
 
     fn blurred(mut self, sigma_px: f64) -> Self {
-        let [across, down] = self.pitch.map(|pitch| {
-            let variance = (sigma_px / pitch).powi(2) - 1.0 / 12.0 - 1.0 / 6.0;
-            // Beyond the image's own size, reflections make it even anyway.
-            let most = 2.0 * self.width.max(self.height) as f64;
-            let sigma = variance.sqrt().min(most);
-            let reach = (REACH * sigma).ceil() as usize;
-            let bell = |k| (-0.5 * ((k as f64 - reach as f64) / sigma).powi(2)).exp();
-            (0..=2 * reach).map(bell).collect::<Vec<f64>>()
-        });
+        let most = self.width.max(self.height);
+        let [across, down] = self.pitch.map(|pitch| kernel(sigma_px / pitch, most));
         self.values = self.along(&across, self.width, 1, self.height, self.width);
         self.values = self.along(&down, self.height, self.width, self.width, 1);
         self
@@ -108,18 +106,7 @@ impl Grid {
         lines: usize,
         next: usize,
     ) -> Vec<f32> {
-        // The kernel folded onto the line: weights of each value for each place.
-        let weights: Vec<f64> = (0..length)
-            .flat_map(|place| {
-                let mut weights = vec![0.0; length];
-                for (k, w) in kernel.iter().enumerate() {
-                    let at = place as i64 + k as i64 - (kernel.len() / 2) as i64;
-                    weights[reflected(at, length)] += w;
-                }
-                let whole: f64 = weights.iter().sum();
-                weights.into_iter().map(move |w| w / whole)
-            })
-            .collect();
+        let weights = folded(kernel, length);
         let mut out = self.values.clone();
         for line in 0..lines {
             let values: Vec<f64> = (0..length)
@@ -149,6 +136,72 @@ impl Grid {
             })
             .collect()
     }
+}
+
+/// How many cells of about a side in pixels fit an image along each axis, and how many pixels they
+/// are wide then.
+fn cells(size: [usize; 2], cell: usize) -> ([usize; 2], [f64; 2]) {
+    let count = size.map(|side| side.div_ceil(cell));
+    let pitch = std::array::from_fn(|axis| size[axis] as f64 / count[axis] as f64);
+    (count, pitch)
+}
+
+/// The Gaussian on cells, of a deviation in cells, less what means and interpolation blur; `most`
+/// is the number of cells along the longer side.
+fn kernel(sigma: f64, most: usize) -> Vec<f64> {
+    let variance = sigma.powi(2) - 1.0 / 12.0 - 1.0 / 6.0;
+    // Beyond the image's own size, reflections make it even anyway.
+    let most = 2.0 * most as f64;
+    let sigma = variance.sqrt().min(most);
+    let reach = (REACH * sigma).ceil() as usize;
+    let bell = |k| (-0.5 * ((k as f64 - reach as f64) / sigma).powi(2)).exp();
+    (0..=2 * reach).map(bell).collect()
+}
+
+/// A kernel folded onto a line: weights of each of `length` values for each place.
+fn folded(kernel: &[f64], length: usize) -> Vec<f64> {
+    (0..length)
+        .flat_map(|place| {
+            let mut weights = vec![0.0; length];
+            for (k, w) in kernel.iter().enumerate() {
+                let at = place as i64 + k as i64 - (kernel.len() / 2) as i64;
+                weights[reflected(at, length)] += w;
+            }
+            let whole: f64 = weights.iter().sum();
+            weights.into_iter().map(move |w| w / whole)
+        })
+        .collect()
+}
+
+/// What spreading takes along one axis of an image of one size, whatever its light.
+pub(super) struct Axis {
+    pub(super) cells: usize,
+    /// Of each cell the first pixel that it covers, and the shares of it that it and the next are.
+    pub(super) covers: Vec<(usize, Vec<f32>)>,
+    /// Weights of all cells of a line for each of them.
+    pub(super) weights: Vec<f64>,
+    /// Of each pixel the cell before it, and how far it is to the next.
+    pub(super) between: Vec<(usize, f32)>,
+}
+
+/// Along columns and rows, for passes that have weights made beforehand.
+pub(super) fn axes(size: [usize; 2], sigma_px: f64) -> [Axis; 2] {
+    let (counts, pitch) = cells(size, cell_px(sigma_px));
+    let most = counts[0].max(counts[1]);
+    std::array::from_fn(|axis| {
+        let (cells, pitch) = (counts[axis], pitch[axis]);
+        let cover = |cell| cover(cell, pitch, size[axis]);
+        let between = |pixel| {
+            let (first, _, over) = between(pixel, pitch, cells);
+            (first, over)
+        };
+        Axis {
+            cells,
+            covers: (0..cells).map(cover).collect(),
+            weights: folded(&kernel(sigma_px / pitch, most), cells),
+            between: (0..size[axis]).map(between).collect(),
+        }
+    })
 }
 
 /// The first pixel that a cell covers, and the share of the cell that it and the next ones are.

@@ -40,6 +40,7 @@ mod triangle;
 mod world;
 mod worlds;
 
+pub use gpu::{Adapter, PassTime};
 pub use options::{Backend, Options};
 pub use plan::{Decision, Plan};
 pub use renderer::{Pending, Renderer};

@@ -17,37 +17,40 @@ pub(super) struct Schedule {
     tables: Vec<Arc<Table>>,
     /// What their light does by way of other surfaces; none where the plan leaves it out.
     indirect: Vec<Indirect>,
+    when: Timetable,
+}
+
+/// Which of a shot's slides each pixel sees, and for how long.
+pub(super) struct Timetable {
     /// Pixels that are exposed alike: a row of them, or all.
-    width: usize,
-    lines: Vec<Line>,
-    parts: Vec<Part>,
+    pub(super) width: usize,
+    pub(super) lines: Vec<Line>,
+    pub(super) parts: Vec<Part>,
 }
 
 /// Pixels that are exposed alike.
-struct Line {
-    parts: Range<usize>,
+pub(super) struct Line {
+    pub(super) parts: Range<usize>,
     /// The exposure in seconds times the mean over it of the pulse of what flickers, where
     /// something does.
-    swing: Option<f32>,
+    pub(super) swing: Option<f32>,
 }
 
 /// One slide in the exposure of a line.
-struct Part {
-    table: usize,
+pub(super) struct Part {
+    pub(super) table: usize,
     /// Seconds that it is shown, and the projector's light relative to full.
-    exposure: [f32; 2],
+    pub(super) exposure: [f32; 2],
 }
 
-impl Schedule {
-    /// Schedules a shot whose slides have these tables.
+impl Timetable {
+    /// Of a shot and an image of so many columns and rows.
     pub(super) fn new(
         shot: &Shot,
-        tables: Vec<Arc<Table>>,
         plan: &Plan,
         flicker: Option<Flicker>,
-        map: &GeometryBuffer,
+        [columns, rows]: [usize; 2],
     ) -> Self {
-        let (columns, rows) = (map.width, map.height);
         let seconds = |ns: u64| (ns as f64 * 1e-9) as f32;
         // Forced in where nothing flickers, it swings by nothing.
         let swing = |start_ns: u64| {
@@ -63,6 +66,49 @@ impl Schedule {
             };
             if slide.is_some() { light as f32 } else { 0.0 }
         };
+        let mut when = Self {
+            width: columns,
+            lines: Vec::new(),
+            parts: Vec::new(),
+        };
+        if !plan.has(Term::RollingShutter) {
+            when.width = columns * rows;
+            when.parts.push(Part {
+                table: 0,
+                exposure: [seconds(shot.exposure_ns), power(0)],
+            });
+            when.lines.push(Line {
+                parts: 0..1,
+                swing: swing(shot.start_ns),
+            });
+            return when;
+        }
+        for row in 0..rows {
+            let start_ns = shot.row_start_ns(row as u32);
+            let first = when.parts.len();
+            when.parts
+                .extend(shot.seen(start_ns).map(|(table, ns)| Part {
+                    table,
+                    exposure: [seconds(ns), power(table)],
+                }));
+            when.lines.push(Line {
+                parts: first..when.parts.len(),
+                swing: swing(start_ns),
+            });
+        }
+        when
+    }
+}
+
+impl Schedule {
+    /// Schedules a shot whose slides have these tables.
+    pub(super) fn new(
+        shot: &Shot,
+        tables: Vec<Arc<Table>>,
+        plan: &Plan,
+        flicker: Option<Flicker>,
+        map: &GeometryBuffer,
+    ) -> Self {
         let indirect = match plan.has(Term::Interreflection) {
             true => tables
                 .iter()
@@ -70,40 +116,11 @@ impl Schedule {
                 .collect(),
             false => Vec::new(),
         };
-        let mut schedule = Self {
+        Self {
             tables,
             indirect,
-            width: columns,
-            lines: Vec::new(),
-            parts: Vec::new(),
-        };
-        if !plan.has(Term::RollingShutter) {
-            schedule.width = columns * rows;
-            schedule.parts.push(Part {
-                table: 0,
-                exposure: [seconds(shot.exposure_ns), power(0)],
-            });
-            schedule.lines.push(Line {
-                parts: 0..1,
-                swing: swing(shot.start_ns),
-            });
-            return schedule;
+            when: Timetable::new(shot, plan, flicker, [map.width, map.height]),
         }
-        for row in 0..rows {
-            let start_ns = shot.row_start_ns(row as u32);
-            let first = schedule.parts.len();
-            schedule
-                .parts
-                .extend(shot.seen(start_ns).map(|(table, ns)| Part {
-                    table,
-                    exposure: [seconds(ns), power(table)],
-                }));
-            schedule.lines.push(Line {
-                parts: first..schedule.parts.len(),
-                swing: swing(start_ns),
-            });
-        }
-        schedule
     }
 
     /// Mean electrons of the pixels from `first` on.
@@ -114,7 +131,7 @@ impl Schedule {
         self.mixed(map, first, electrons);
         if !self.indirect.is_empty() {
             self.by_line(first, electrons, |line, from, here| {
-                for part in &self.parts[line.parts.clone()] {
+                for part in &self.when.parts[line.parts.clone()] {
                     let [seconds, light] = part.exposure;
                     self.indirect[part.table].add(&map.bounce, from, seconds * light, here);
                 }
@@ -132,10 +149,10 @@ impl Schedule {
         let end = first + electrons.len();
         let mut from = first;
         while from < end {
-            let line = from / self.width;
-            let to = end.min((line + 1) * self.width);
+            let line = from / self.when.width;
+            let to = end.min((line + 1) * self.when.width);
             run(
-                &self.lines[line],
+                &self.when.lines[line],
                 from,
                 &mut electrons[from - first..to - first],
             );
@@ -144,14 +161,14 @@ impl Schedule {
     }
 
     fn line(&self, map: &GeometryBuffer, line: &Line, first: usize, electrons: &mut [f32]) {
-        if let [part] = &self.parts[line.parts.clone()] {
+        if let [part] = &self.when.parts[line.parts.clone()] {
             let table = &self.tables[part.table];
             light::run(map, table, part.exposure, line.swing, first, electrons);
             return;
         }
         electrons.fill(0.0);
         let mut share = vec![0.0; electrons.len()];
-        for part in &self.parts[line.parts.clone()] {
+        for part in &self.when.parts[line.parts.clone()] {
             let table = &self.tables[part.table];
             light::run(map, table, part.exposure, None, first, &mut share);
             for (e, share) in electrons.iter_mut().zip(&share) {
@@ -177,8 +194,8 @@ impl Schedule {
             if former != Some(pixel) {
                 *here = 0.0;
             }
-            let line = &self.lines[pixel / self.width];
-            let parts = &self.parts[line.parts.clone()];
+            let line = &self.when.lines[pixel / self.when.width];
+            let parts = &self.when.parts[line.parts.clone()];
             let steady = parts
                 .iter()
                 .map(|part| light::mixed(map, i, &self.tables[part.table], part.exposure))

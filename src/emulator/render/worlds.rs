@@ -103,11 +103,6 @@ impl Worlds {
         }
     }
 
-    /// The scene in the shapes that rows see; one where all see the same.
-    pub(super) fn shapes(&self) -> &[World] {
-        &self.steps
-    }
-
     /// How many rows see the same of it at least, up to the side of a tile.
     pub(super) fn rows_together(&self) -> usize {
         if self.rows.is_some() { 1 } else { TILE }

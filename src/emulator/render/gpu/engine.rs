@@ -78,19 +78,29 @@ impl Engine {
         self.store.write(name, bytes);
     }
 
-    /// Gives a part of a buffer contents: whole words at an offset in bytes, within what it holds.
-    pub(in crate::emulator::render) fn write_at(
-        &mut self,
-        name: &'static str,
-        offset: u64,
-        bytes: &[u8],
-    ) {
-        self.store.write_at(name, offset, bytes);
-    }
-
     /// Sees that a buffer has room for so many bytes.
     pub(in crate::emulator::render) fn reserve(&mut self, name: &'static str, bytes: u64) {
         self.store.reserve(name, bytes);
+    }
+
+    /// Gives a part of a buffer contents, whole words; it has room for them.
+    pub(in crate::emulator::render) fn write_at(&mut self, name: &str, offset: u64, bytes: &[u8]) {
+        self.store.write_at(name, offset, bytes);
+    }
+
+    /// Sees that there is a buffer, of whatever size, for shaders that name it and do without it.
+    pub(in crate::emulator::render) fn provide(&mut self, name: &'static str) {
+        self.store.provide(name);
+    }
+
+    /// How many bytes a buffer has room for; 0 of none.
+    pub(in crate::emulator::render) fn size(&self, name: &str) -> u64 {
+        self.store.size(name)
+    }
+
+    /// How many bytes a buffer may have.
+    pub(in crate::emulator::render) fn largest_buffer(&self) -> u64 {
+        self.store.largest()
     }
 
     /// A list of passes, to be submitted.

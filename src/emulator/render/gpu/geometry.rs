@@ -49,4 +49,4 @@ fn of_geometry(plan: &Plan) -> Plan {
 }
 
 #[cfg(test)]
-mod tests;
+pub(super) mod tests;

@@ -1,6 +1,11 @@
 //! What objects look like, and the lamps, as shaders read them: `looks.wgsl`, `look_values.wgsl` and
 //! `texture.wgsl`.
+//!
+//! All of it is taken to the GPU once. Each instant brings the smooth normals of meshes that deform:
+//! the CPU, which deforms them, has made them.
 
+#[cfg(test)]
+mod map_tests;
 mod pack;
 mod tables;
 #[cfg(test)]
@@ -8,6 +13,7 @@ mod tests;
 
 use super::Engine;
 use crate::emulator::render::lamps::{Lamp, LampShape};
+use crate::emulator::render::path::Blend;
 use crate::emulator::render::shade::Optics;
 use crate::emulator::render::worlds::Worlds;
 use pack::Packer;
@@ -15,17 +21,63 @@ use pack::Packer;
 /// Room for the lamps in front of the look's values.
 const LAMPS: usize = 32 * 8;
 
-/// Takes all looks and lamps of a scene to the GPU, with meshes in the shapes that they have now:
-/// buffers `looks`, `look_values` and `texel_sums`.
-pub(in crate::emulator::render) fn write(engine: &mut Engine, optics: &Optics, worlds: &Worlds) {
-    let mut values: Vec<f32> = optics.lamps.iter().flat_map(lamp).collect();
-    values.resize(LAMPS, 0.0);
-    values.extend(tables::soft());
-    let mut packer = Packer::new(values);
-    packer.objects(worlds.shapes());
-    engine.write("looks", bytemuck::cast_slice(&packer.looks));
-    engine.write("look_values", bytemuck::cast_slice(&packer.values));
-    engine.write("texel_sums", bytemuck::cast_slice(&packer.sums));
+/// What the GPU has of a scene's looks.
+#[derive(Default)]
+pub(in crate::emulator::render) struct Looks {
+    /// Shapes that meshes which deform are kept in; 0 before anything is there.
+    shapes: usize,
+    deforming: Vec<Deforming>,
+}
+
+/// The smooth normals of a mesh in one of its shapes.
+struct Deforming {
+    object: u16,
+    shape: usize,
+    /// Place among the look's values.
+    at: u32,
+    /// The shape that is there.
+    blend: Option<Blend>,
+}
+
+impl Looks {
+    /// Takes all looks and lamps there, with meshes in the shapes that they have now; of what is
+    /// there already, only what has changed.
+    pub(in crate::emulator::render) fn update(
+        &mut self,
+        engine: &mut Engine,
+        optics: &Optics,
+        worlds: &Worlds,
+    ) {
+        let steps = worlds.steps();
+        if self.shapes != steps.len() {
+            self.begin(engine, optics, worlds);
+            return;
+        }
+        for there in &mut self.deforming {
+            let Some(body) = steps[there.shape].body_of(there.object) else {
+                continue;
+            };
+            if body.blend() != there.blend {
+                there.blend = body.blend();
+                let normals: Vec<f32> = pack::flat(body.smooth_normals()).collect();
+                let at = u64::from(there.at) * size_of::<f32>() as u64;
+                engine.write_at("look_values", at, bytemuck::cast_slice(&normals));
+            }
+        }
+    }
+
+    fn begin(&mut self, engine: &mut Engine, optics: &Optics, worlds: &Worlds) {
+        let mut values: Vec<f32> = optics.lamps.iter().flat_map(lamp).collect();
+        values.resize(LAMPS, 0.0);
+        values.extend(tables::soft());
+        let mut packer = Packer::new(values);
+        packer.objects(worlds.steps());
+        engine.write("looks", bytemuck::cast_slice(&packer.looks));
+        engine.write("look_values", bytemuck::cast_slice(&packer.values));
+        engine.write("texel_sums", bytemuck::cast_slice(&packer.sums));
+        self.shapes = worlds.steps().len();
+        self.deforming = packer.deforming;
+    }
 }
 
 /// Twin of `lamp_number` in `lamp.wgsl`.

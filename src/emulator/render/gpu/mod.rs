@@ -2,23 +2,35 @@
 //!
 //! `device` finds an adapter; `shaders` holds the sources and puts them together; `engine` runs them
 //! over named buffers (`store`), specialised by the plan (`stage`), and times them (`timing`).
+//! `exposure` is light, its slides in `tables`; `glare` spreads it.
 
 mod aperture;
 mod device;
 mod engine;
-mod mixed;
-mod sampled;
-pub(super) mod geometry;
-pub(super) mod looks;
-pub(super) mod optics;
-pub(super) mod scene;
+mod exposure;
+#[cfg(test)]
+mod exposure_tests;
 mod frames;
+mod geometry;
+mod glare;
+mod looks;
+mod mixed;
+mod optics;
 mod passes;
+mod sampled;
+mod scene;
+mod sensor;
+#[cfg(test)]
+mod sensor_tests;
 mod shaders;
 mod stage;
 mod store;
+mod tables;
+#[cfg(test)]
+mod tables_tests;
 mod timing;
 mod upload;
+mod upload_mixed;
 
 pub use device::{Adapter, Gpu, adapters};
 pub(super) use engine::{Commands, Engine};

@@ -222,6 +222,9 @@ impl Scene {
             }
             solids.extend(world.solids.iter().map(SolidData::new));
         }
+        // No binding may be shorter than what it is an array of.
+        trees.resize(trees.len().max(1), TreeData::zeroed());
+        solids.resize(solids.len().max(1), SolidData::zeroed());
         let world = worlds.any();
         let data = WorldData {
             trees: self.places.len() as u32,

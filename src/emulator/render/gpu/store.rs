@@ -43,13 +43,6 @@ impl Store {
         }
     }
 
-    /// Gives a part of a buffer contents.
-    pub(super) fn write_at(&self, name: &str, offset: u64, bytes: &[u8]) {
-        if let Some(buffer) = self.buffers.get(name) {
-            self.gpu.queue.write_buffer(buffer, offset, bytes);
-        }
-    }
-
     /// Sees that a buffer has room; what it held is lost where it had not. One that is far too large
     /// gives its memory back.
     pub(super) fn reserve(&mut self, name: &'static str, bytes: u64) {
@@ -58,10 +51,7 @@ impl Store {
         if self.buffers.get(name).is_some_and(fits) {
             return;
         }
-        let limits = self.gpu.device.limits();
-        let most = limits
-            .max_buffer_size
-            .min(limits.max_storage_buffer_binding_size);
+        let most = self.largest();
         if bytes > most {
             self.gpu.fail(format!(
                 "{name} takes {bytes} bytes; a buffer has up to {most}"
@@ -81,6 +71,33 @@ impl Store {
             mapped_at_creation: false,
         });
         self.buffers.insert(name, buffer);
+    }
+
+    /// Gives a part of a buffer contents, whole words; there is room for them.
+    pub(super) fn write_at(&self, name: &str, offset: u64, bytes: &[u8]) {
+        if let Some(buffer) = self.buffers.get(name)
+            && !bytes.is_empty()
+        {
+            self.gpu.queue.write_buffer(buffer, offset, bytes);
+        }
+    }
+
+    /// Sees that there is a buffer, of whatever size, for shaders that name it and do without it.
+    pub(super) fn provide(&mut self, name: &'static str) {
+        if !self.buffers.contains_key(name) {
+            self.reserve(name, 0);
+        }
+    }
+
+    /// How many bytes a buffer has room for; 0 of none.
+    pub(super) fn size(&self, name: &str) -> u64 {
+        self.buffers.get(name).map_or(0, wgpu::Buffer::size)
+    }
+
+    /// How many bytes a buffer may have.
+    pub(super) fn largest(&self) -> u64 {
+        let limits = self.gpu.device.limits();
+        limits.max_buffer_size.min(limits.max_storage_buffer_binding_size)
     }
 
     pub(super) fn get(&self, name: &str) -> Result<&wgpu::Buffer> {

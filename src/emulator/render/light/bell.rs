@@ -32,6 +32,11 @@ impl Bell {
         Self { pieces }
     }
 
+    /// Coefficients of each piece, from -6 on, sixteen a unit.
+    pub(in super::super) fn pieces(&self) -> &[[f64; 6]] {
+        &self.pieces
+    }
+
     /// G(z).
     pub(super) fn at(&self, z: f64) -> f64 {
         let place = (z + END) * FINE as f64;

@@ -181,6 +181,11 @@ impl HeldRow {
         Self { groupings }
     }
 
+    /// Light of each pixel, then of each group of 2, 4 and so on.
+    pub(in super::super) fn groupings(&self) -> &[Vec<f32>] {
+        &self.groupings
+    }
+
     /// Memory that the row takes, in bytes.
     pub(super) fn bytes(&self) -> usize {
         self.groupings

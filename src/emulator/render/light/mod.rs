@@ -21,16 +21,16 @@ mod row_table;
 mod soft;
 mod vignetting;
 
-#[cfg(test)]
-pub(super) use bell::Bell;
-pub(super) use bell::{density, distribution};
+pub(super) use bell::{Bell, density, distribution};
 pub(super) use blend::Spread;
 pub(super) use defocus::Defocus;
 pub(super) use exposure::{Table, mixed, run};
 pub(super) use flicker::{Flicker, add as add_flicker, with as with_flicker};
 pub(super) use indirect::Indirect;
-pub(super) use kernel::{Blurred, Kernels};
+pub(super) use kernel::{Blurred, HeldRow, Kernels};
+pub(super) use picture_table::PictureTable;
 pub(super) use resolution::is_resolved;
+pub(super) use row_table::RowTable;
 #[cfg(test)]
 pub(super) use soft::Soft;
 pub(super) use vignetting::Falloff;

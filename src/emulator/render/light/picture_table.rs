@@ -104,6 +104,21 @@ impl PictureTable {
     pub(super) fn bytes(&self) -> usize {
         size_of_val(self.sums.as_slice())
     }
+
+    /// Columns and rows of the picture.
+    pub(in super::super) fn size(&self) -> [usize; 2] {
+        [self.width, self.height]
+    }
+
+    /// The corners' sums, row by row: whole numbers, as f64 holds them exactly.
+    pub(in super::super) fn sums(&self) -> &[f64] {
+        &self.sums
+    }
+
+    /// What one unit of the levels stands for.
+    pub(in super::super) fn scale(&self) -> f32 {
+        self.scale
+    }
 }
 
 #[cfg(test)]

@@ -231,6 +231,25 @@ impl RowTable {
     pub(super) fn bytes(&self) -> usize {
         size_of_val(self.cells.as_slice())
     }
+
+    /// Each held pixel as four words: its level, its sum, and its sum of sums, the low word first.
+    pub(in super::super) fn words(&self) -> impl ExactSizeIterator<Item = [u32; 4]> {
+        let low = |sums: u64| sums as u32;
+        self.cells.iter().map(move |cell| {
+            let sums = cell.sum_of_sums;
+            [cell.level, cell.sum, low(sums), low(sums >> 32)]
+        })
+    }
+
+    /// What one unit of the levels stands for.
+    pub(in super::super) fn scale(&self) -> f32 {
+        self.scale
+    }
+
+    /// Whether second sums under a footprint may take more than a word.
+    pub(in super::super) fn is_long(&self) -> bool {
+        self.long
+    }
 }
 
 widest! {

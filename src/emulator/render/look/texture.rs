@@ -42,7 +42,11 @@ impl Texture {
     }
 
     /// Takes albedos row by row, at least one.
-    pub(in super::super) fn new(width: usize, height: usize, mut albedo: impl Iterator<Item = f64>) -> Self {
+    pub(in super::super) fn new(
+        width: usize,
+        height: usize,
+        mut albedo: impl Iterator<Item = f64>,
+    ) -> Self {
         let stride = width + 1;
         let mut sums = vec![0.0; stride * (height + 1)];
         for y in 0..height {

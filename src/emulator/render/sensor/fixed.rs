@@ -40,6 +40,12 @@ impl FixedPattern {
         }
     }
 
+    /// Sensitivity and offset in electrons of each pixel.
+    pub(in super::super) fn pixels(&self) -> impl Iterator<Item = [f32; 2]> {
+        let pairs = self.sensitivity.iter().zip(&self.offset_e);
+        pairs.map(|(&sensitivity, &offset_e)| [sensitivity, offset_e])
+    }
+
     /// Scales the mean electrons of the pixels from `first` on.
     pub(super) fn scale(&self, first: usize, electrons: &mut [f32]) {
         multiply(&self.sensitivity[first..first + electrons.len()], electrons);

@@ -7,6 +7,7 @@ mod elementary;
 mod fixed;
 mod noise;
 mod normal;
+mod numbers;
 mod philox;
 mod poisson;
 mod response;

@@ -22,11 +22,11 @@ const DRAW_READ: u32 = 1;
 /// The noise of one frame.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Noise {
-    key: [u64; 2],
-    read_noise_e: f32,
+    pub(super) key: [u64; 2],
+    pub(super) read_noise_e: f32,
     full_well_e: f32,
     /// Mean from which the well may clip a pixel: shot and read noise are drawn apart.
-    apart_from_e: f32,
+    pub(super) apart_from_e: f32,
 }
 
 impl Noise {

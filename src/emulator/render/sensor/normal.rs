@@ -101,7 +101,9 @@ fn polynomial(coefficients: &[f32; 9], at: f32) -> f32 {
 
 #[cfg(test)]
 mod tests {
+    use super::super::elementary::exp_negative;
     use super::*;
+    use crate::emulator::render::gpu::Engine;
 
     /// Standard normal distribution function by the continued fraction of its tail (Abramowitz and
     /// Stegun 26.2.14) and, near zero, its series (26.2.10).
@@ -121,6 +123,26 @@ mod tests {
         }
         let tail = density / (x.abs() + fraction);
         if x < 0.0 { tail } else { 1.0 - tail }
+    }
+
+    /// Logarithm, exponential and normal numbers of words at both ends and between.
+    #[test]
+    #[ignore = "needs a Vulkan adapter"]
+    fn gpu_functions_are_within_rounding() {
+        let spread = |i: u32| i.wrapping_mul(2_654_435_769);
+        let ends = (0..1000).flat_map(|i| [i, !i, (1 << 31) + i, (1 << 31) - i - 1]);
+        let words: Vec<u32> = ends.chain((0..500_000).map(spread)).collect();
+        let count = words.len();
+        let output = Engine::for_tests().call("tests/normal_test", &words, 3 * count, count);
+        let (results, _) = output.as_chunks();
+        for (&word, &[log, exp, normal]) in words.iter().zip(results) {
+            let x = (word as f32 + 0.5) * (80.0 / 4_294_967_296.0);
+            let [log, exp, normal] = [log, exp, normal].map(f32::from_bits);
+            let [expected] = quantiles(&Tails::of_words(&[word]));
+            assert!((log - ln(x)).abs() <= 5e-7 * ln(x).abs().max(1.0), "{x}");
+            assert!((exp / exp_negative(x) - 1.0).abs() < 1e-6, "{x}");
+            assert!((normal - expected).abs() < 4e-6, "{word}: {normal}");
+        }
     }
 
     #[test]

@@ -68,6 +68,7 @@ fn fill_body([seed, frame]: [u64; 2], first_block: u32, draw: u32, words: &mut [
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::emulator::render::gpu::Engine;
 
     /// One counter, for the published vectors; the same rounds, without lanes.
     fn philox(mut c: [u32; 4], mut k: [u32; 2]) -> [u32; 4] {
@@ -103,6 +104,27 @@ mod tests {
             ),
             [0xd16c_fe09, 0x94fd_cceb, 0x5001_e420, 0x2412_6ea1]
         );
+    }
+
+    /// The published vectors and random ones, as words of a counter and as those of its pixels.
+    #[test]
+    #[ignore = "needs a Vulkan adapter"]
+    fn gpu_words_are_the_same() {
+        let mut input = vec![0; 6];
+        input.extend([u32::MAX; 6]);
+        input.extend([0x243f_6a88, 0x85a3_08d3, 0x1319_8a2e, 0x0370_7344]);
+        input.extend([0xa409_3822, 0x299f_31d0]);
+        let random: Vec<_> = (0..1000).map(|i| block(1, i, 9, 2)).collect();
+        input.extend(random.as_flattened());
+        let count = input.len() / 6;
+        let output = Engine::for_tests().call("tests/philox_test", &input, count * 8, count);
+        let expected = |words: &[u32; 6]| {
+            let [a, b, c, d, k, l] = *words;
+            [a, a >> 5].map(|a| philox([a, b, c, d], [k, l]))
+        };
+        let (counters, _) = input.as_chunks();
+        let expected: Vec<_> = counters.iter().flat_map(expected).collect();
+        assert!(expected.as_flattened() == output);
     }
 
     #[test]

@@ -130,6 +130,7 @@ fn exactly(mean: f32, word: u32) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::emulator::render::gpu::Engine;
 
     /// Lanes against sums in f64: the same number, but for words at the very border of two.
     #[test]
@@ -155,6 +156,64 @@ mod tests {
         }
         // Of 1.9 million, at ten borders each within 1e-7.
         assert!(differ <= 20, "{differ}");
+    }
+
+    /// Any mean with any word, and with words of the far tail, where the GPU has no f64.
+    #[test]
+    #[ignore = "needs a Vulkan adapter"]
+    fn gpu_numbers_are_the_same() {
+        let hash = |i: u32| (i ^ i >> 15).wrapping_mul(0x85eb_ca6b);
+        let mean = |i: u32| match i % 5 {
+            0 => 0.0,
+            1 => (hash(i) as f32 / 4.3e9).powi(8) * 31.9,
+            2 => 31.999_998,
+            _ => hash(i) as f32 / 4.3e9 * 32.0,
+        };
+        let mut engine = Engine::for_tests();
+        for far in [false, true] {
+            let word = |i: u32| {
+                let word = hash(i.wrapping_mul(2_654_435_769));
+                if far { word | 0xffff_c000 } else { word }
+            };
+            let count = 1 << 18;
+            let input: Vec<u32> = (0..count)
+                .flat_map(|i| [mean(i).to_bits(), word(i)])
+                .collect();
+            let len = count as usize;
+            let output = engine.call("tests/poisson_test", &input, 4 * len, len);
+            let (mut differ, mut differ_far, mut rest) = (0, 0, 0.0);
+            let (lanes, _) = output.as_chunks::<4>();
+            for (block, lanes) in lanes.chunks(BLOCK).enumerate() {
+                let index = |i: usize| (block * BLOCK + i) as u32;
+                let words = std::array::from_fn(|i| word(index(i)));
+                let means = std::array::from_fn(|i| mean(index(i)));
+                let (cpu, tails) = numbers(&means, &words);
+                for i in 0..BLOCK {
+                    let [number, probability, sign, in_far_tail] = lanes[i];
+                    let number = f32::from_bits(number);
+                    assert!((number - cpu[i]).abs() <= 1.0, "{} {}", means[i], words[i]);
+                    differ += u32::from(number != cpu[i]);
+                    if number == cpu[i] && sign == tails.sign[i] {
+                        let left = f32::from_bits(probability) - tails.probability[i];
+                        rest = left.abs().max(rest);
+                    }
+                    if words[i] >> 14 == u32::MAX >> 14 {
+                        let exact = exactly(means[i], words[i]);
+                        let error = (f32::from_bits(in_far_tail) - exact).abs();
+                        assert!(error <= 1.0, "{} of {}", words[i], means[i]);
+                        differ_far += u32::from(error > 0.0);
+                    }
+                }
+            }
+            println!(
+                "far tail {far}: {differ}, {differ_far} of {count} differ, the rest by {rest:e}"
+            );
+            // At the very border of two numbers.
+            assert!(differ_far <= 5, "{differ_far}");
+            assert!(differ <= if far { 20 } else { 2 }, "{differ}");
+            // Steps of the far tail are narrower than a unit.
+            assert!(far || rest < 0.01, "{rest}");
+        }
     }
 
     /// What is left of the word says where in the step of its number it lies.

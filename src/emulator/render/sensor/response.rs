@@ -7,7 +7,7 @@ use crate::profile;
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Response {
     full_scale_dn: f32,
-    exponent: f32,
+    pub(super) exponent: f32,
 }
 
 impl Response {

@@ -1,6 +1,6 @@
 //! The geometry pass on the GPU against the CPU's: every pixel of every scene.
 
-use super::super::{Engine, optics, scene, upload};
+use super::super::{Engine, looks, optics, scene, upload};
 use crate::emulator::Shutter;
 use crate::emulator::Truth;
 use crate::emulator::render::aperture::Aperture;
@@ -19,16 +19,17 @@ use glam::DVec3;
 use std::path::Path;
 
 /// A camera before a scene, whose maps both make.
-struct Case {
+pub(in crate::emulator::render::gpu) struct Case {
     profile: Profile,
     optics: Optics,
-    worlds: Worlds,
-    plan: Plan,
+    pub(in crate::emulator::render::gpu) worlds: Worlds,
+    pub(in crate::emulator::render::gpu) plan: Plan,
     scene: scene::Scene,
+    looks: looks::Looks,
 }
 
 impl Case {
-    fn new(profile: Profile, scene: &Scene) -> Self {
+    pub(in crate::emulator::render::gpu) fn new(profile: Profile, scene: &Scene) -> Self {
         let optics = Optics::new(&profile, scene);
         let world = World::new(scene, &optics.skins).unwrap();
         let mut plan = Plan::new(&Needs {
@@ -44,11 +45,15 @@ impl Case {
             optics,
             plan,
             scene: scene::Scene::default(),
+            looks: looks::Looks::default(),
         }
     }
 
     /// Maps of the CPU, then of the GPU.
-    fn both(&mut self, engine: &mut Engine) -> [GeometryBuffer; 2] {
+    pub(in crate::emulator::render::gpu) fn both(
+        &mut self,
+        engine: &mut Engine,
+    ) -> [GeometryBuffer; 2] {
         let lens = &self.optics.camera.lens;
         let size = (lens.width_px as usize, lens.height_px as usize);
         let distorted = self.plan.has(Term::CameraDistortion);
@@ -71,6 +76,7 @@ impl Case {
         optics::write(engine, &self.optics);
         super::write_rays(engine, table.as_deref());
         self.scene.update(engine, &self.worlds, size.1);
+        self.looks.update(engine, &self.optics, &self.worlds);
         let mut commands = engine.commands();
         super::run(engine, &mut commands, &self.plan, lens).unwrap();
         engine.submit(commands);
@@ -78,7 +84,7 @@ impl Case {
     }
 
     /// The same of rows that follow each other, from a device time on.
-    fn roll(&mut self, from_ns: f64, line_time_ns: u64) {
+    pub(in crate::emulator::render::gpu) fn roll(&mut self, from_ns: f64, line_time_ns: u64) {
         let shutter = Shutter {
             line_time_ns,
             first_row: 0,
@@ -208,7 +214,11 @@ impl Off {
 }
 
 /// Whether a neighbour of a pixel sees another object, is lit otherwise, or is much farther away.
-fn at_silhouette(world: &World, map: &GeometryBuffer, i: usize) -> bool {
+pub(in crate::emulator::render::gpu) fn at_silhouette(
+    world: &World,
+    map: &GeometryBuffer,
+    i: usize,
+) -> bool {
     let (u, v) = (i % map.width, i / map.width);
     let state = |i: usize| {
         let surface = Surface(map.surface[i]);
@@ -225,7 +235,7 @@ fn at_silhouette(world: &World, map: &GeometryBuffer, i: usize) -> bool {
 }
 
 /// Eight times fewer pixels, with the same field.
-fn small(mut profile: Profile) -> Profile {
+pub(in crate::emulator::render::gpu) fn small(mut profile: Profile) -> Profile {
     let camera = &mut profile.camera;
     (camera.width_px, camera.height_px) = (398, 171);
     profile

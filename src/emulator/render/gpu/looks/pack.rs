@@ -1,6 +1,6 @@
 //! The looks of objects, put side by side.
 
-use super::tables;
+use super::{Deforming, tables};
 use crate::emulator::render::body::Body;
 use crate::emulator::render::look::{Ggx, Lay, Look, Map, Place, Texture};
 use crate::emulator::render::world::{Surface, World};
@@ -45,6 +45,7 @@ pub(super) struct Packer {
     pub(super) looks: Vec<Packed>,
     pub(super) values: Vec<f32>,
     pub(super) sums: Vec<[u32; 2]>,
+    pub(super) deforming: Vec<Deforming>,
     /// What is there already, for objects that share it.
     materials: Vec<(Arc<Ggx>, u32)>,
     textures: Vec<(Arc<Texture>, u32)>,
@@ -57,6 +58,7 @@ impl Packer {
             looks: Vec::new(),
             values,
             sums: Vec::new(),
+            deforming: Vec::new(),
             materials: Vec::new(),
             textures: Vec::new(),
         }
@@ -65,14 +67,14 @@ impl Packer {
     /// Adds all objects, in all shapes that they have while a shutter rolls.
     pub(super) fn objects(&mut self, worlds: &[World]) {
         let world = &worlds[0];
-        for (object, look) in world.looks.of.iter().enumerate() {
+        for (object, look) in (0u16..).zip(&world.looks.of) {
             let first = Surface(look.first_triangle as u32);
-            let is_mesh = world.is_triangle(first) && usize::from(world.object(first)) == object;
-            let bodies = worlds.iter().filter_map(|world| world.body_of(object as u16));
+            let is_mesh = world.is_triangle(first) && world.object(first) == object;
+            let bodies = worlds.iter().filter_map(|world| world.body_of(object));
             let bodies: Vec<&Body> = bodies.collect();
             // Solids, and meshes that move, are kept in their own frames.
             let is_here = is_mesh && bodies.is_empty();
-            self.object(look, &bodies, is_here);
+            self.object(object, look, &bodies, is_here);
         }
         if self.looks.is_empty() {
             // No binding is smaller than an element.
@@ -80,7 +82,7 @@ impl Packer {
         }
     }
 
-    fn object(&mut self, look: &Look, bodies: &[&Body], is_here: bool) {
+    fn object(&mut self, object: u16, look: &Look, bodies: &[&Body], is_here: bool) {
         let mut packed = Packed {
             albedo: look.albedo as f32,
             material: NOTHING,
@@ -96,7 +98,7 @@ impl Packer {
             packed.material = self.material(ggx);
         }
         if !look.normals.is_empty() {
-            (packed.normals, packed.normals_step) = self.normals(look, bodies);
+            (packed.normals, packed.normals_step) = self.normals(object, look, bodies);
         }
         if !look.colours.is_empty() {
             packed.colours = self.put(look.colours.iter().flatten().copied());
@@ -108,7 +110,7 @@ impl Packer {
     }
 
     /// Smooth normals, in the body's own frame where it is one, and from one shape to the next.
-    fn normals(&mut self, look: &Look, bodies: &[&Body]) -> (u32, u32) {
+    fn normals(&mut self, object: u16, look: &Look, bodies: &[&Body]) -> (u32, u32) {
         let at = self.values.len() as u32;
         let first = bodies.first();
         if first.is_none_or(|body| body.smooth_normals().is_empty()) {
@@ -117,9 +119,14 @@ impl Packer {
             let own = |n: &Vec3| (turn * n.as_dvec3()).as_vec3().to_array();
             return (self.put(look.normals.iter().flatten().flat_map(own)), 0);
         }
-        for body in bodies {
-            let normals = body.smooth_normals().iter().flatten();
-            self.put(normals.flat_map(|n| n.to_array()));
+        for (shape, body) in bodies.iter().enumerate() {
+            let at = self.put(flat(body.smooth_normals()));
+            self.deforming.push(Deforming {
+                object,
+                shape,
+                at,
+                blend: body.blend(),
+            });
         }
         (at, 9 * look.normals.len() as u32)
     }
@@ -166,7 +173,10 @@ impl Packer {
     }
 
     fn texture(&mut self, texture: &Arc<Texture>) -> u32 {
-        let known = self.textures.iter().find(|(had, _)| Arc::ptr_eq(had, texture));
+        let known = self
+            .textures
+            .iter()
+            .find(|(had, _)| Arc::ptr_eq(had, texture));
         if let Some((_, at)) = known {
             return *at;
         }
@@ -184,6 +194,12 @@ impl Packer {
     }
 }
 
+/// Normals as the shaders have them, one number after the other.
+pub(super) fn flat(normals: &[[Vec3; 3]]) -> impl Iterator<Item = f32> {
+    normals.iter().flatten().flat_map(|n| n.to_array())
+}
+
+/// As in `laid.wgsl`.
 pub(super) fn number(lay: Lay) -> u32 {
     match lay {
         Lay::Along => LAY_ALONG,

@@ -1,9 +1,11 @@
 //! Functions of the look's shaders beside those of the CPU, on many inputs with extremes.
 
 use super::{pack, tables};
-use crate::emulator::render::gpu::Engine;
+use crate::emulator::render::gpu::{self, Engine};
 use crate::emulator::render::light::{Bell, Soft};
 use crate::emulator::render::look::{Ggx, Lay, Texture};
+use crate::emulator::render::shade::{Optics, Shaded};
+use crate::profile::{Focus, Profile, Scene, Vignetting};
 use glam::{DVec2, DVec3, Vec2, Vec3, Vec3Swizzles};
 
 /// Numbers in [0, 1) that look like none in particular (Weyl's sequence, scrambled).
@@ -221,7 +223,10 @@ fn gpu_textures_are_averaged_as_the_cpus() {
             *worst = worst.max(error / bar);
         }
     }
-    println!("of the bar: straight {:.2}, slanted {:.2}; {off} beyond", worst[0], worst[1]);
+    println!(
+        "of the bar: straight {:.2}, slanted {:.2}; {off} beyond",
+        worst[0], worst[1]
+    );
     // Where a count of pieces is on the edge.
     assert!(off <= cases.len() / 5000, "{off} of {}", cases.len());
 }
@@ -328,4 +333,93 @@ fn gpu_pictures_lie_as_the_cpus() {
     }
     println!("of the radius {worst:.1e}; sides {worst_side:.1e}");
     assert!(worst < 1e-6 && worst_side < 1e-5, "{worst} {worst_side}");
+}
+
+/// Lenses that darken, and a projector that is sharp at one distance.
+#[test]
+#[ignore = "needs a Vulkan adapter"]
+fn gpu_lenses_dim_as_the_cpus() {
+    let mut profile = Profile::load("pmp-bench").unwrap();
+    profile.camera.vignetting = Vignetting {
+        natural: true,
+        falloff: [-0.3, 0.1, -0.05],
+    };
+    profile.projector.vignetting = Vignetting {
+        natural: true,
+        falloff: [0.2, -0.4, 0.1],
+    };
+    profile.projector.focus = Some(Focus {
+        distance_mm: 950.0,
+        aperture_mm: 12.0,
+    });
+    let optics = Optics::new(&profile, &Scene::load("plane").unwrap());
+    let (width, height) = (profile.projector.width_px, profile.projector.height_px);
+    let view = profile.projector.view();
+    let mut dice = Dice::new();
+    let cases: Vec<[f32; 11]> = (0..16 * 1000)
+        .map(|k| {
+            let far = dice.size(1e-3, 2.0);
+            let ideal = Vec2::from_angle(dice.between(0.0, 6.28)) * far;
+            let z = match k % 4 {
+                // In focus, and close to it.
+                0 => 950.0 + dice.between(-1.0, 1.0),
+                1 => dice.size(1.0, 1e5),
+                _ => dice.between(600.0, 1500.0),
+            };
+            let there = view.center() + view.rig_from_view.rotation.z_axis * f64::from(z);
+            let [x, y, z] = there.as_vec3().to_array();
+            let side = |dice: &mut Dice, size: u32| match k % 3 {
+                0 => dice.between(-0.5, 3.0),
+                1 => size as f32 - 0.5 - dice.size(1e-3, 100.0),
+                _ => dice.between(-0.5, size as f32 - 0.5),
+            };
+            let px = [side(&mut dice, width), side(&mut dice, height)];
+            let slope = [0; 4].map(|_| dice.size(1e-3, 10.0) - 0.1);
+            [
+                ideal.x, ideal.y, x, y, z, px[0], px[1], slope[0], slope[1], slope[2], slope[3],
+            ]
+        })
+        .collect();
+    let mut values = vec![0.0f32; super::LAMPS];
+    values.extend(tables::soft());
+    let mut engine = Engine::for_tests();
+    engine.write("look_values", bytemuck::cast_slice(&values));
+    gpu::optics::write(&mut engine, &optics);
+    let input: Vec<u32> = bits(cases.as_flattened()).collect();
+    let output = engine.call("tests/falloff_test", &input, 4 * cases.len(), cases.len());
+    let mut worst = [0.0f64; 4];
+    for (cases, found) in cases.chunks(16).zip(floats(&output).chunks(64)) {
+        let at = |i: usize| -> [f64; 16] { std::array::from_fn(|lane| cases[lane][i].into()) };
+        let mut shaded = Shaded {
+            point: [at(2), at(3), at(4)],
+            px: [at(5), at(6)],
+            footprint: [[at(7), at(8)], [at(9), at(10)]],
+            projected: [1.0; 16],
+            ambient: [0.0; 16],
+            flickering: [0.0; 16],
+            evenly: [0.0; 16],
+            lamps: [0; 16],
+            reachable: [true; 16],
+            square: [true; 16],
+        };
+        optics.defocus.dim_border(&mut shaded);
+        for lane in 0..16 {
+            let ideal = DVec2::new(at(0)[lane], at(1)[lane]);
+            let point = DVec3::new(at(2)[lane], at(3)[lane], at(4)[lane]);
+            let exact = [
+                optics.seen.at(ideal),
+                optics.shown.at(ideal),
+                optics.defocus.sigma_px(point),
+                shaded.projected[lane],
+            ];
+            for i in 0..4 {
+                let error = (f64::from(found[4 * lane + i]) - exact[i]).abs();
+                // Blur in parts of itself too, where it is wide.
+                worst[i] = worst[i].max(error / (1.0 + exact[i]));
+            }
+        }
+    }
+    println!("camera, projector, blur, border: {worst:?}");
+    assert!(worst[0] < 2e-6 && worst[1] < 2e-6, "{worst:?}");
+    assert!(worst[2] < 1e-5 && worst[3] < 1e-4, "{worst:?}");
 }

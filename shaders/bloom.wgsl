@@ -1,0 +1,48 @@
+// needs: plan, sensor_parameters
+// Blooming, twin of sensor/bloom.rs: half of what is beyond the full well goes each way along the
+// column and fills each pixel up. One thread a column, first down, then up: each step waits for the
+// one before it, and neighbours in a row read neighbouring words.
+
+@group(0) @binding(55) var<storage, read_write> electrons: array<f32>;
+// What each pixel has over the full well: the way down has cut it when the way up needs it.
+@group(0) @binding(78) var<storage, read_write> bloom_excess: array<f32>;
+
+@compute @workgroup_size(64)
+fn main(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
+    let column = linear(id, groups);
+    let width = sensor_parameters.width;
+    if column >= width {
+        return;
+    }
+    // Most columns have nothing to spill.
+    var most = 0.0;
+    for (var i = column; i < sensor_parameters.pixels; i += width) {
+        most = max(most, electrons[i]);
+    }
+    if most <= sensor_parameters.full_well_e {
+        return;
+    }
+    var carried = 0.0;
+    for (var i = column; i < sensor_parameters.pixels; i += width) {
+        let e = electrons[i];
+        let excess = max(e - sensor_parameters.full_well_e, 0.0) * sensor_parameters.bloom_share;
+        bloom_excess[i] = excess;
+        carried = fill(i, e, excess, carried);
+    }
+    carried = 0.0;
+    for (var i = column + (sensor_parameters.pixels / width - 1u) * width; ; i -= width) {
+        carried = fill(i, electrons[i], bloom_excess[i], carried);
+        if i < width {
+            break;
+        }
+    }
+}
+
+// A pixel takes what it has room for of the charge that its neighbour carries over; returns the
+// rest with its own excess.
+fn fill(pixel: u32, electrons_here: f32, excess: f32, carried: f32) -> f32 {
+    let held = min(electrons_here, sensor_parameters.full_well_e);
+    let taken = min(carried, sensor_parameters.full_well_e - held);
+    electrons[pixel] = held + taken;
+    return carried - taken + excess;
+}

@@ -1,0 +1,49 @@
+// needs: plan, schedule, row_table, picture_table, kernel, diffused
+// The average level of any slide under a footprint. Twin of the choices of `exposure.rs`.
+
+// Which kinds of tables a frame has beside uniform ones.
+override along_rows: bool = false;
+override in_pictures: bool = false;
+
+// What a pixel, or a sample of it, covers on the slide.
+struct Footprint {
+    at: vec2f,
+    // Derivatives of x, then of y.
+    slopes: vec4f,
+    // Standard deviation of the projector's blur.
+    sigma: f32,
+    // What light does under skin; `NO_TISSUE` where it does not.
+    tissue: u32,
+    px_per_mm: vec2f,
+}
+
+// Average level, relative to full white.
+fn footprint_level(table: Table, footprint: Footprint) -> f32 {
+    if along_rows && (table.kind == TABLE_ALONG_X || table.kind == TABLE_ALONG_Y) {
+        let along_x = table.kind == TABLE_ALONG_X;
+        let x = select(footprint.at.y, footprint.at.x, along_x);
+        let slope = select(footprint.slopes.zw, footprint.slopes.xy, along_x);
+        if has_projector_defocus || has_subsurface {
+            let px_per_mm = select(footprint.px_per_mm.y, footprint.px_per_mm.x, along_x);
+            let kernel = kernel_average(table, x, slope, footprint.sigma, footprint.tissue, px_per_mm);
+            if kernel.blurred {
+                return kernel.level;
+            }
+        }
+        return row_average(table, x, slope);
+    }
+    if in_pictures && table.kind == TABLE_PICTURE {
+        if has_subsurface && footprint.tissue != NO_TISSUE {
+            return diffused_average(
+                table,
+                footprint.at,
+                footprint.slopes,
+                footprint.sigma,
+                footprint.tissue,
+                footprint.px_per_mm,
+            );
+        }
+        return picture_average(table, footprint.at, footprint.slopes, vec2f(footprint.sigma));
+    }
+    return table.scale;
+}

@@ -1,0 +1,97 @@
+// needs: plan, schedule, footprint, bounce_in
+// The exposure pass of what surfaces throw on each other. Twin of `indirect.rs`.
+
+@group(0) @binding(55) var<storage, read_write> electrons: array<f32>;
+// Irradiance in W/m^2 of each point by each table, shown in full light: table by table.
+@group(0) @binding(61) var<storage, read_write> bounce_light: array<f32>;
+
+var<workgroup> sums: array<f32, 64>;
+
+// The tables averaged over the places that light bounces from: a workgroup a point and table, each
+// of its threads every 64th ray.
+@compute @workgroup_size(64)
+fn average(
+    @builtin(workgroup_id) group: vec3u,
+    @builtin(num_workgroups) groups: vec3u,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    let number = group.y * groups.x + group.x;
+    let points = bounce_params.points;
+    if number >= points * schedule_tables() {
+        return;
+    }
+    let point = bounce_points[number % points];
+    let table = schedule_table(number / points);
+    if table.kind == TABLE_UNIFORM {
+        if lane == 0u {
+            bounce_light[number] = table.scale * point.white;
+        }
+        return;
+    }
+    var sum = 0.0;
+    for (var ray = lane; ray < point.kept; ray += GROUP) {
+        sum += bounced(table, point.first + ray);
+    }
+    sums[lane] = sum;
+    workgroupBarrier();
+    for (var half = GROUP / 2u; half > 0u; half /= 2u) {
+        if lane < half {
+            sums[lane] += sums[lane + half];
+        }
+        workgroupBarrier();
+    }
+    if lane == 0u {
+        bounce_light[number] = sums[0];
+    }
+}
+
+// What one ray brings of a table.
+fn bounced(table: Table, ray: u32) -> f32 {
+    if along_rows && table.kind == TABLE_ALONG_X {
+        let x = bounce_x[ray];
+        return x.w * row_average(table, x.x, x.yz);
+    }
+    if along_rows && table.kind == TABLE_ALONG_Y {
+        let y = bounce_y[ray];
+        return y.w * row_average(table, y.x, y.yz);
+    }
+    if in_pictures && table.kind == TABLE_PICTURE {
+        let x = bounce_x[ray];
+        let y = bounce_y[ray];
+        let slope = vec4f(x.yz, y.yz);
+        return x.w * picture_average(table, vec2f(x.x, y.x), slope, vec2f(0.0));
+    }
+    return 0.0;
+}
+
+// Adds it to the electrons of the pixels.
+@compute @workgroup_size(64)
+fn spread(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
+    let i = linear(id, groups);
+    if i >= schedule_pixels() {
+        return;
+    }
+    let corners = bounce_corners(i);
+    let shares = bounce_shares[i];
+    let line = schedule_line(i);
+    var sum = 0.0;
+    for (var k = 0u; k < line.parts; k += 1u) {
+        let part = schedule_part(line.first + k);
+        if part.power > 0.0 {
+            let first = part.table * bounce_params.points;
+            sum += part.seconds * part.power * bounce_at(first, corners, shares);
+        }
+    }
+    electrons[i] += sum;
+}
+
+// Interpolates between points; one with no share may be none.
+fn bounce_at(first: u32, corners: vec4u, shares: vec4f) -> f32 {
+    var sum = vec4f(0.0);
+    for (var k = 0u; k < 4u; k += 1u) {
+        if shares[k] > 0.0 {
+            sum[k] = shares[k] * bounce_light[first + corners[k]];
+        }
+    }
+    return (sum.x + sum.y) + (sum.z + sum.w);
+}

@@ -1,0 +1,93 @@
+// needs: plan, slides, blend, skin_types, row_table
+// Footprints under blur on a slide that varies along one axis. Twin of `kernel.rs`.
+//
+// The CPU works out weights of held pixels once per state of the scene and takes sums of products a
+// frame. Here the weights are worked out anew in every frame: a dozen of them a pixel cost less than
+// reading them from memory would. Each Gaussian of a spread has its own range and grouping of pixels.
+
+// Kernels reach this many deviations beyond the footprint; beyond END nothing is left.
+const KERNEL_REACH: f32 = 4.0;
+const KERNEL_END: f32 = 6.0;
+// Blur narrower than this part of the footprint changes a level by less than 0.05 of 255.
+const KERNEL_SHARP: f32 = 2e-4;
+// Least deviation of a part of a spread, in slide pixels.
+const KERNEL_LEAST: f32 = 1e-6;
+const MOST_GROUPS: f32 = 1024.0;
+// Groups of 2^0 to 2^10 slide pixels.
+const LAST_GROUPING: u32 = 10u;
+
+// Whether a footprint is blurred so that it needs a kernel, and its average level then.
+struct Kernel {
+    blurred: bool,
+    level: f32,
+}
+
+// Of a footprint about x, with a blur of deviation `sigma`; on skin of the tissue light spreads
+// besides.
+fn kernel_average(table: Table, x: f32, slope: vec2f, sigma: f32, tissue: u32, px_per_mm: f32) -> Kernel {
+    let sizes = min(abs(slope), vec2f(WIDEST));
+    let sharp = KERNEL_SHARP * max(sizes.x, sizes.y);
+    // Level times weight, weight, and the level beyond.
+    var sum: vec3f;
+    if has_subsurface && tissue != NO_TISSUE {
+        let least = max(sharp, KERNEL_LEAST);
+        for (var i = 0u; i < MOST_GAUSSIANS; i += 1u) {
+            let gaussian = mixtures[tissue * MOST_GAUSSIANS + i];
+            if gaussian.x == 0.0 {
+                break;
+            }
+            let spread = gaussian.y * px_per_mm;
+            let wide = max(sqrt(spread * spread + sigma * sigma), least);
+            if i == 0u && wide <= sharp {
+                return Kernel(false, 0.0);
+            }
+            let part = kernel_part(table, x, sizes, wide, gaussian.zz);
+            sum = vec3f(sum.xy + gaussian.x * part.xy, part.z);
+        }
+    } else {
+        if sigma <= sharp {
+            return Kernel(false, 0.0);
+        }
+        sum = kernel_part(table, x, sizes, sigma, vec2f(KERNEL_REACH, KERNEL_END));
+    }
+    // Nothing of a kernel far beyond an end is left: all is the last pixel's.
+    if sum.y < 1e-6 {
+        return Kernel(true, sum.z);
+    }
+    return Kernel(true, sum.x / sum.y);
+}
+
+// Level times weight on the slide, weight, and the level beyond, of one Gaussian.
+fn kernel_part(table: Table, x: f32, sizes: vec2f, sigma: f32, reaches: vec2f) -> vec3f {
+    let blend = blend_new(sizes.x, sizes.y, sigma, reaches.y);
+    let reach = reaches.x * sigma;
+    var grouping = 0u;
+    var group = 1.0;
+    while grouping < LAST_GROUPING && (sigma >= 96.0 * group || 2.0 * reach > MOST_GROUPS * group) {
+        grouping += 1u;
+        group *= 2.0;
+    }
+    let last = (table.width + (1u << grouping) - 1u) / (1u << grouping) - 1u;
+    // From the slide's left end, in a held pixel and from its left border.
+    let pixel = floor(clamp(x, -LAST_PIXEL, LAST_PIXEL) + 0.5);
+    let inside = x - pixel + 0.5;
+    let whole = 0.5 * (sizes.x + sizes.y) + reach;
+    let low = u32(clamp((pixel + inside - whole) / group, 0.0, f32(last)));
+    let high = u32(clamp((pixel + inside + whole) / group, 0.0, f32(last)));
+    let start = blend_left_of(blend, -pixel - inside);
+    let end = blend_left_of(blend, f32(table.width) - pixel - inside);
+    let levels = slide_word(table.held, grouping);
+    var before = start;
+    var sum = 0.0;
+    for (var i = low; i <= high; i += 1u) {
+        let left = clamp(blend_left_of(blend, f32(i + 1u) * group - pixel - inside), start, end);
+        sum += (left - before) * held_level(table, levels + i);
+        before = left;
+    }
+    let beyond = held_level(table, levels + min(high + 1u, last));
+    return vec3f(sum + (end - before) * beyond, end - start, beyond);
+}
+
+fn held_level(table: Table, word: u32) -> f32 {
+    return bitcast<f32>(slide_word(table.held, word));
+}

@@ -1,0 +1,53 @@
+// needs: plan, slides
+// The schedule of an exposure: which slides each row of the sensor sees, and for how long. Twin of
+// `schedule.rs`, whose lines and parts it holds.
+
+// A head of two, the lines, the parts, and two for each table.
+@group(0) @binding(56) var<storage, read> schedule: array<vec4u>;
+
+// Pixels that are exposed alike.
+struct Line {
+    first: u32,
+    parts: u32,
+    // The exposure in seconds times the mean over it of the pulse of what flickers.
+    swing: f32,
+}
+
+// One slide in the exposure of a line.
+struct Part {
+    table: u32,
+    // Seconds that it is shown, and the projector's light relative to full.
+    seconds: f32,
+    power: f32,
+}
+
+fn schedule_pixels() -> u32 {
+    return schedule[0].x;
+}
+
+// The line of a pixel.
+fn schedule_line(pixel: u32) -> Line {
+    var index = 0u;
+    if has_rolling_shutter {
+        index = pixel / schedule[0].y;
+    }
+    let line = schedule[2u + index];
+    return Line(line.x, line.y, bitcast<f32>(line.z));
+}
+
+fn schedule_part(index: u32) -> Part {
+    let part = schedule[schedule[0].z + index];
+    return Part(part.x, bitcast<f32>(part.y), bitcast<f32>(part.z));
+}
+
+fn schedule_table(index: u32) -> Table {
+    let at = schedule[0].w + 2u * index;
+    let size = schedule[at];
+    let more = schedule[at + 1u];
+    return Table(size.x, size.y, size.z, size.w, bitcast<f32>(more.x), more.y == 1u, more.z);
+}
+
+// How many tables there are.
+fn schedule_tables() -> u32 {
+    return schedule[1].x;
+}

@@ -1,0 +1,23 @@
+// The sensor at one gain and exposure, for one frame: numbers of sensor/mod.rs and its parts.
+
+struct SensorParameters {
+    // Seed and noise id, low half first.
+    key: vec4u,
+    read_noise_e: f32,
+    full_well_e: f32,
+    // Mean from which the well may clip a pixel: shot and read noise are drawn apart.
+    apart_from_e: f32,
+    dark_e: f32,
+    gain_dn_per_e: f32,
+    black_dn: f32,
+    full_scale_dn: f32,
+    // Of the response.
+    exponent: f32,
+    pixels: u32,
+    width: u32,
+    // Of the excess over the full well that spills, half: so much goes each way.
+    bloom_share: f32,
+    unused: u32,
+}
+
+@group(0) @binding(76) var<storage, read> sensor_parameters: SensorParameters;

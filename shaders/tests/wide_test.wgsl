@@ -1,0 +1,18 @@
+// needs: plan, wide
+// Two numbers of two words in; their sum, difference, product and what the first is as f32 out.
+
+@group(0) @binding(110) var<storage, read> input: array<vec4u>;
+@group(0) @binding(111) var<storage, read_write> output: array<vec4u>;
+
+@compute @workgroup_size(64)
+fn main(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
+    let i = linear(id, groups);
+    if 2u * i + 1u >= arrayLength(&output) || i >= arrayLength(&input) {
+        return;
+    }
+    let a = input[i].xy;
+    let b = input[i].zw;
+    output[2u * i] = vec4u(wide_sum(a, b), wide_difference(a, b));
+    let numbers = vec2f(wide_to_f32(a), wide_signed_to_f32(a));
+    output[2u * i + 1u] = vec4u(wide_times(a, b), bitcast<vec2u>(numbers));
+}

@@ -1,0 +1,126 @@
+//! What is timed of one backend.
+
+use super::rate::seconds_a_frame;
+use super::{Adapter, Subject};
+use crate::cli::Timing;
+use crate::emulator::render::Pass;
+use crate::emulator::{Renderer, Shot};
+use serde::Serialize;
+use std::collections::VecDeque;
+use std::hint::black_box;
+
+/// Frames in which a GPU's passes are timed.
+const TIMED: usize = 20;
+
+/// Figures of one backend.
+#[derive(Debug, Serialize)]
+pub(super) struct Run {
+    pub(super) backend: &'static str,
+    /// The GPU, its driver and its kind.
+    pub(super) adapter: Option<Adapter>,
+    /// Of a scene that stands still.
+    pub(super) still: Rate,
+    /// With the geometry pass in every frame.
+    pub(super) moving: Rate,
+    /// With the geometry pass in every frame: on the processor by the clock on the wall, on a GPU by
+    /// its own clock; empty where that has none.
+    pub(super) passes: Vec<PassRow>,
+}
+
+/// How fast frames come.
+#[derive(Debug, Serialize)]
+pub(super) struct Rate {
+    pub(super) frames_per_s: f64,
+    /// Time of a frame over that of a memory copy of its bytes.
+    pub(super) over_copy: f64,
+}
+
+/// One pass.
+#[derive(Debug, Serialize)]
+pub(super) struct PassRow {
+    pub(super) pass: String,
+    pub(super) runs_per_frame: f64,
+    /// Microseconds of all its runs in a frame.
+    pub(super) us_per_frame: f64,
+}
+
+/// The processor's figures.
+pub(super) fn cpu(renderer: &mut Renderer, subject: &Subject<'_>) -> Run {
+    let [still, moving] = rates(renderer, subject);
+    let pixels = renderer.pixel_count() as f64;
+    let mut timing = Timing::new(renderer, &subject.shots);
+    let mut row = |name: &str, pass| PassRow {
+        pass: name.to_owned(),
+        runs_per_frame: 1.0,
+        us_per_frame: timing.pass_ns(pass) * pixels * 1e-3,
+    };
+    Run {
+        backend: "cpu",
+        adapter: None,
+        still,
+        moving,
+        passes: vec![
+            row("geometry", Pass::Geometry),
+            row("exposure and sensor", Pass::Exposure),
+        ],
+    }
+}
+
+/// The figures of the GPU that the renderer works on.
+pub(super) fn gpu(renderer: &mut Renderer, subject: &Subject<'_>, adapter: Adapter) -> Run {
+    let [still, moving] = rates(renderer, subject);
+    renderer.time_passes();
+    let mut passes = Vec::new();
+    for shot in subject.shots.iter().cycle().take(TIMED) {
+        renderer.invalidate();
+        black_box(renderer.expose(shot));
+        // A few passes are kept at a time.
+        passes = renderer.pass_times().into_iter().collect();
+    }
+    let row = |(pass, time): (String, crate::emulator::render::PassTime)| PassRow {
+        pass,
+        runs_per_frame: time.runs as f64 / TIMED as f64,
+        us_per_frame: time.total_ns * 1e-3 / TIMED as f64,
+    };
+    let mut passes: Vec<PassRow> = passes.into_iter().map(row).collect();
+    passes.sort_by(|a, b| b.us_per_frame.total_cmp(&a.us_per_frame));
+    Run {
+        backend: "gpu",
+        adapter: Some(adapter),
+        still,
+        moving,
+        passes,
+    }
+}
+
+/// Of a still scene, and with the geometry pass in every frame.
+fn rates(renderer: &mut Renderer, subject: &Subject<'_>) -> [Rate; 2] {
+    [false, true].map(|moving| {
+        let seconds = seconds_a_frame(subject.args.frames as usize, |count| {
+            frames(renderer, &subject.shots, count, moving);
+        });
+        Rate {
+            frames_per_s: 1.0 / seconds,
+            over_copy: seconds / subject.copy,
+        }
+    })
+}
+
+/// Renders frames, as many under way together as the renderer likes.
+fn frames(renderer: &mut Renderer, shots: &[Shot], count: usize, moving: bool) {
+    let mut under_way = VecDeque::new();
+    for shot in shots.iter().cycle().take(count) {
+        if under_way.len() == renderer.depth()
+            && let Some(first) = under_way.pop_front()
+        {
+            black_box(renderer.finish(first));
+        }
+        if moving {
+            renderer.invalidate();
+        }
+        under_way.push_back(renderer.submit(shot));
+    }
+    for pending in under_way {
+        black_box(renderer.finish(pending));
+    }
+}

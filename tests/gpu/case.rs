@@ -1,0 +1,143 @@
+//! Scenes and profiles that need a term each, small enough for a processor that plays a GPU.
+
+use phasma::emulator::render::{Backend, Options, Renderer};
+use phasma::emulator::{Shot, Showing, Shutter, Slide};
+use phasma::pattern::{Axis, Pattern};
+use phasma::profile::{Profile, Scene};
+use std::path::Path;
+use std::sync::Arc;
+
+/// Columns and rows of the camera.
+const SIZE: [u32; 2] = [400, 240];
+
+/// A profile before a scene, and what is exposed.
+pub struct Case {
+    /// In messages, and of the folder of pictures that are left behind.
+    pub name: &'static str,
+    pub profile: Profile,
+    pub scene: Scene,
+    pub options: Options,
+    pub shots: Vec<Shot>,
+}
+
+impl Case {
+    /// The middle of the paper's bench before a scene of a few lines, or a built-in one; a fringe
+    /// and white are exposed.
+    pub fn new(name: &'static str, scene: &str) -> Self {
+        Self::with(name, "pmp-bench", scene, Path::new("."), |_| {})
+    }
+
+    /// The same with a profile that is changed before, and files in a folder.
+    pub fn with(
+        name: &'static str,
+        profile: &str,
+        scene: &str,
+        folder: &Path,
+        change: impl FnOnce(&mut Profile),
+    ) -> Self {
+        let mut profile = Profile::load(profile).unwrap();
+        let camera = &mut profile.camera;
+        camera.sensor_width_mm *= f64::from(SIZE[0]) / f64::from(camera.width_px);
+        (camera.width_px, camera.height_px) = (SIZE[0], SIZE[1]);
+        change(&mut profile);
+        let mut scene = match Scene::load(scene) {
+            Ok(scene) => scene,
+            Err(_) => {
+                let text = format!("name = \"{name}\"\ndescription = \"\"\n{scene}");
+                Scene::parse(&text, name).unwrap()
+            }
+        };
+        scene.folder = folder.to_path_buf();
+        let mut case = Self {
+            name,
+            profile,
+            scene,
+            options: Options::default(),
+            shots: Vec::new(),
+        };
+        let fringe = Pattern::Fringe {
+            axis: Axis::X,
+            period_px: 16.0,
+            phase_rad: 0.4,
+        };
+        case.shoot(&[fringe, Pattern::White {}]);
+        case
+    }
+
+    /// Exposes these patterns instead, one after the other.
+    pub fn shoot(&mut self, patterns: &[Pattern]) {
+        let slides: Vec<_> = patterns.iter().map(|p| self.slide(p)).collect();
+        self.shots = slides
+            .iter()
+            .zip(0..)
+            .map(|(s, i)| self.shot(s, i))
+            .collect();
+    }
+
+    /// Exposes a picture too: bars that slant, with smooth flanks.
+    pub fn shoot_picture(&mut self) {
+        let projector = &self.profile.projector;
+        let (width, height) = (projector.width_px, projector.height_px);
+        let level = |i: u32| {
+            let (x, y) = (f64::from(i % width), f64::from(i / width));
+            (127.5 + 127.5 * ((x + 0.6 * y) / 5.0).sin()).round() as u16
+        };
+        let slide = Arc::new(Slide::Picture {
+            width,
+            height,
+            levels: (0..width * height).map(level).collect(),
+        });
+        let shot = self.shot(&slide, self.shots.len() as u64);
+        self.shots.push(shot);
+    }
+
+    pub fn slide(&self, pattern: &Pattern) -> Arc<Slide> {
+        Arc::new(Slide::new(pattern, &self.profile.projector, &|_| unreachable!()).unwrap())
+    }
+
+    fn shot(&self, slide: &Arc<Slide>, i: u64) -> Shot {
+        Shot {
+            id: i,
+            noise_id: i,
+            slide: Some(slide.clone()),
+            light: 1.0,
+            start_ns: 3_000_000 + i * 10_000_000,
+            exposure_ns: 8_000_000,
+            ..Shot::default()
+        }
+    }
+
+    /// Lets rows start one after the other, and the next slide leak into the lower ones.
+    pub fn roll(&mut self, line_time_us: f64) {
+        self.profile.camera.line_time_us = line_time_us;
+        let slides: Vec<_> = self.shots.iter().map(|shot| shot.slide.clone()).collect();
+        for (i, shot) in self.shots.iter_mut().enumerate() {
+            shot.shutter = Shutter {
+                line_time_ns: (line_time_us * 1e3) as u64,
+                first_row: 0,
+                rows: SIZE[1],
+            };
+            shot.then = vec![
+                Showing {
+                    from_ns: shot.start_ns + shot.exposure_ns + 100_000,
+                    slide: slides[(i + 1) % slides.len()].clone(),
+                    light: 0.7,
+                },
+                Showing {
+                    from_ns: shot.start_ns + shot.exposure_ns + 1_500_000,
+                    slide: None,
+                    light: 1.0,
+                },
+            ];
+        }
+    }
+
+    pub fn renderer(&self, backend: Backend) -> Renderer {
+        let options = Options {
+            backend,
+            ..self.options
+        };
+        let renderer = Renderer::with_options(&self.profile, &self.scene, 11, options);
+        renderer.unwrap_or_else(|e| panic!("{}: {e}", self.name))
+    }
+}

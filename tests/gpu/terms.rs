@@ -1,0 +1,353 @@
+//! Parity over every term of image formation.
+
+use crate::case::Case;
+use crate::compare::agree;
+use phasma::emulator::render::{Plan, Term};
+use phasma::pattern::{Axis, Pattern};
+use phasma::profile::{CameraResponse, Profile, Response};
+use std::path::Path;
+
+/// Two solids before a wall, tilted, that shade each other.
+const SOLIDS: &str = "ambient = { irradiance_w_m2 = 0.05 }
+[[object]]
+shape = { kind = \"plane\" }
+position_mm = [0, 0, 1060]
+rotation_deg = [6, -9, 2]
+albedo = 0.8
+[[object]]
+shape = { kind = \"sphere\", radius_mm = 40.0 }
+position_mm = [-50, 10, 960]
+albedo = 0.7
+[[object]]
+shape = { kind = \"cylinder\", radius_mm = 30.0, length_mm = 120.0 }
+position_mm = [70, 0, 980]
+rotation_deg = [10, 20, 35]
+albedo = 0.6
+[[object]]
+shape = { kind = \"frustum\", base_mm = 60.0, top_mm = 20.0, height_mm = 40.0 }
+position_mm = [20, 60, 1020]
+rotation_deg = [0, 0, 30]
+albedo = 0.7
+";
+
+/// A mesh before a wall, with more to be said of it.
+fn torso(more: &str) -> String {
+    format!(
+        "ambient = {{ irradiance_w_m2 = 0.05 }}
+[[object]]
+shape = {{ kind = \"plane\" }}
+position_mm = [0, 0, 1200]
+albedo = 0.8
+[[object]]
+shape = {{ kind = \"torso\", triangles = 5000, seed = 3 }}
+position_mm = [60, 0, 1150]
+rotation_deg = [0, 0, 80]
+scale = 0.8
+albedo = 0.75
+{more}
+"
+    )
+}
+
+fn fringe(axis: Axis, period_px: f64) -> Pattern {
+    Pattern::Fringe {
+        axis,
+        period_px,
+        phase_rad: 0.3,
+    }
+}
+
+fn real(name: &'static str, scene: &str, change: impl FnOnce(&mut Profile)) -> Case {
+    Case::with(name, "pmp-real", scene, Path::new("."), change)
+}
+
+fn solids() -> Case {
+    let mut case = Case::new("solids", SOLIDS);
+    case.shoot(&[
+        fringe(Axis::X, 16.0),
+        fringe(Axis::Y, 9.0),
+        Pattern::White {},
+    ]);
+    case.shoot_picture();
+    case
+}
+
+fn mesh() -> Case {
+    Case::new("mesh", &torso(""))
+}
+
+/// Distortions, vignetting, both focuses, contrast, glare, dark current and fixed pattern.
+fn real_bench() -> Case {
+    let mut case = real("real-bench", &torso(""), |_| {});
+    case.shoot(&[fringe(Axis::X, 16.0), fringe(Axis::Y, 24.0)]);
+    case.shoot_picture();
+    case
+}
+
+/// A sensor that blooms and bends, of 12 bits, and a projector with a gamma.
+fn bent() -> Case {
+    real("bent", SOLIDS, |profile| {
+        let sensor = &mut profile.camera.sensor;
+        sensor.blooming_percent = 20.0;
+        sensor.response = CameraResponse::Gamma { gamma: 1.6 };
+        sensor.bits = 12;
+        sensor.gain_dn_per_e = 0.38;
+        profile.projector.response = Some(Response::Gamma(2.2));
+        profile.projector.radiant_intensity_w_sr *= 1.8;
+    })
+}
+
+fn looks(folder: &Path) -> Case {
+    let board = image::GrayImage::from_fn(32, 32, |x, y| {
+        image::Luma([40 + 6 * ((x * 7 + y * 13) % 32) as u8])
+    });
+    board.save(folder.join("board.png")).unwrap();
+    let scene = "ambient = { irradiance_w_m2 = 0.05, flicker = { frequency_hz = 100, depth = 0.4, phase_deg = 20.0 } }
+[[light]]
+kind = \"point\"
+position_mm = [-400.0, -300.0, 500.0]
+intensity_w_sr = 0.2
+flicker = { frequency_hz = 100, depth = 0.3, phase_deg = 20.0 }
+[[light]]
+kind = \"directional\"
+direction = [0.4, 0.3, 1.0]
+irradiance_w_m2 = 0.3
+[[object]]
+shape = { kind = \"plane\" }
+position_mm = [0, 0, 1100]
+rotation_deg = [5, -12, 2]
+albedo = 0.8
+texture = \"board.png\"
+texture_size_mm = [150.0, 150.0]
+[[object]]
+shape = { kind = \"torso\", triangles = 4000, seed = 5 }
+position_mm = [80, 0, 1150]
+rotation_deg = [0, 0, 80]
+scale = 0.7
+albedo = 0.6
+specular = { f0 = 0.04, roughness = 0.35 }
+[[object]]
+shape = { kind = \"sphere\", radius_mm = 50.0 }
+position_mm = [-70, 0, 980]
+albedo = 0.4
+specular = { f0 = 0.3, roughness = 0.2 }
+";
+    Case::with("looks", "pmp-bench", scene, folder, |_| {})
+}
+
+fn skin() -> Case {
+    let mut case = real("skin", &torso("skin = { fitzpatrick = 2 }"), |_| {});
+    case.shoot(&[
+        fringe(Axis::X, 16.0),
+        fringe(Axis::Y, 24.0),
+        Pattern::White {},
+    ]);
+    case.shoot_picture();
+    case
+}
+
+fn interreflection() -> Case {
+    let scene = "[interreflection]
+samples = 64
+step_px = 4
+[[light]]
+kind = \"point\"
+position_mm = [-300.0, -200.0, 600.0]
+intensity_w_sr = 0.2
+[[object]]
+shape = { kind = \"plane\", size_mm = [300.0, 300.0] }
+position_mm = [-80, 0, 1050]
+rotation_deg = [0, 45, 0]
+albedo = 0.9
+[[object]]
+shape = { kind = \"plane\", size_mm = [300.0, 300.0] }
+position_mm = [120, 0, 1050]
+rotation_deg = [0, -45, 0]
+albedo = 0.9
+";
+    let mut case = Case::new("interreflection", scene);
+    case.shoot(&[fringe(Axis::X, 48.0), Pattern::White {}]);
+    case
+}
+
+/// Something that goes, something that deforms, rows that start one after the other.
+fn motion(folder: &Path) -> Case {
+    for (name, height) in [("out", 0.0), ("in", 12.0)] {
+        std::fs::write(folder.join(format!("{name}.obj")), hill(height)).unwrap();
+    }
+    let scene =
+        "ambient = { irradiance_w_m2 = 0.05, flicker = { frequency_hz = 100, depth = 0.4 } }
+[[object]]
+shape = { kind = \"plane\" }
+position_mm = [0, 0, 1150]
+albedo = 0.8
+[[object]]
+shape = { kind = \"sphere\", radius_mm = 45.0 }
+position_mm = [-90, 0, 1000]
+albedo = 0.7
+motion = { keyframes = [
+    { time_s = 0.0 },
+    { time_s = 0.1, position_mm = [8.0, 0.0, -10.0] },
+] }
+[[object]]
+shape = { kind = \"mesh\", file = \"out.obj\" }
+position_mm = [60, 0, 1050]
+albedo = 0.7
+deform = { period_s = 0.2, keyframes = [
+    { time_s = 0.0, file = \"out.obj\" },
+    { time_s = 0.1, file = \"in.obj\" },
+] }
+";
+    let mut case = Case::with("motion", "pmp-bench", scene, folder, |_| {});
+    case.options.time_samples = 3;
+    case
+}
+
+/// A wall of 200 mm with a hill of some height in its middle, towards the camera.
+fn hill(height: f64) -> String {
+    const N: usize = 24;
+    let mut text = String::new();
+    for i in 0..=N * (N + 2) {
+        let at = |k: usize| k as f64 / N as f64 - 0.5;
+        let (x, y) = (at(i % (N + 1)), at(i / (N + 1)));
+        let z = -height * (-(x * x + y * y) / 0.04).exp();
+        text += &format!("v {} {} {z}\n", 200.0 * x, 200.0 * y);
+    }
+    for row in 0..N {
+        for column in 0..N {
+            let a = row * (N + 1) + column + 1;
+            let (b, c, d) = (a + 1, a + N + 1, a + N + 2);
+            text += &format!("f {a} {c} {b}\nf {b} {c} {d}\n");
+        }
+    }
+    text
+}
+
+#[test]
+#[ignore = "needs a Vulkan adapter"]
+fn solids_and_slides_of_every_kind() {
+    agree(&solids());
+}
+
+#[test]
+#[ignore = "needs a Vulkan adapter"]
+fn a_mesh() {
+    agree(&mesh());
+}
+
+#[test]
+#[ignore = "needs a Vulkan adapter"]
+fn lenses_projector_and_sensor_of_a_real_bench() {
+    agree(&real_bench());
+}
+
+#[test]
+#[ignore = "needs a Vulkan adapter"]
+fn bent_responses_and_blooming() {
+    agree(&bent());
+}
+
+#[test]
+#[ignore = "needs a Vulkan adapter"]
+fn textures_highlights_and_lamps() {
+    let folder = tempfile::tempdir().unwrap();
+    agree(&looks(folder.path()));
+}
+
+#[test]
+#[ignore = "needs a Vulkan adapter"]
+fn light_under_skin() {
+    agree(&skin());
+}
+
+#[test]
+#[ignore = "needs a Vulkan adapter"]
+fn light_between_surfaces() {
+    agree(&interreflection());
+}
+
+#[test]
+#[ignore = "needs a Vulkan adapter"]
+fn motion_and_deformation() {
+    let folder = tempfile::tempdir().unwrap();
+    agree(&motion(folder.path()));
+}
+
+#[test]
+#[ignore = "needs a Vulkan adapter"]
+fn a_rolling_shutter_with_all_that_moves() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut case = motion(folder.path());
+    case.name = "rolling";
+    case.roll(12.0);
+    agree(&case);
+}
+
+#[test]
+#[ignore = "needs a Vulkan adapter"]
+fn several_rays_a_pixel() {
+    for samples in [4, 16, 64] {
+        let mut case = solids();
+        case.name = "samples";
+        case.options.samples = samples;
+        case.shots.truncate(1);
+        agree(&case);
+    }
+}
+
+#[test]
+#[ignore = "needs a Vulkan adapter"]
+fn a_camera_far_out_of_focus() {
+    let mut case = real("defocus", SOLIDS, |profile| {
+        profile.camera.f_number = 2.0;
+        profile.camera.focus_mm = Some(850.0);
+        profile.projector.radiant_intensity_w_sr /= 64.0;
+    });
+    case.shots.truncate(1);
+    agree(&case);
+}
+
+#[test]
+#[ignore = "needs a Vulkan adapter"]
+fn without_noise() {
+    let mut case = Case::with(
+        "no-noise",
+        "pmp-bench",
+        &torso(""),
+        Path::new("."),
+        |profile| {
+            profile.camera.sensor.noiseless = true;
+        },
+    );
+    case.shots.truncate(1);
+    agree(&case);
+}
+
+/// A term that no case needs is a term that nobody has compared.
+#[test]
+fn every_term_has_a_case() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut rolling = motion(folder.path());
+    rolling.roll(12.0);
+    let cases = [
+        solids(),
+        mesh(),
+        real_bench(),
+        bent(),
+        looks(folder.path()),
+        skin(),
+        interreflection(),
+        rolling,
+    ];
+    let plans: Vec<Plan> = cases
+        .iter()
+        .map(|case| {
+            let mut renderer = case.renderer(phasma::emulator::render::Backend::Cpu);
+            renderer.expect_slides(case.shots.iter().filter_map(|shot| shot.slide.as_deref()));
+            renderer.plan()
+        })
+        .collect();
+    for term in Term::ALL {
+        assert!(plans.iter().any(|plan| plan.has(term)), "{term}");
+    }
+}
