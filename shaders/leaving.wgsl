@@ -8,7 +8,8 @@ const OVERLAP: f32 = 1e-6;
 const ROUNDING: f32 = 4.8e-7;
 
 // The test of Moller and Trumbore ("Fast, Minimum Storage Ray/Triangle Intersection", Journal of
-// Graphics Tools 2(1), 1997); the parameter, or `NEVER`. `farthest` is the origin's largest coordinate.
+// Graphics Tools 2(1), 1997); the parameter, or `NEVER`. `farthest` is the origin's largest coordinate,
+// here or in the rig's frame, where it was rounded.
 fn meet_leaving(a: vec3f, b: vec3f, c: vec3f, origin: vec3f, d: vec3f, farthest: f32) -> f32 {
     let e1 = b - a;
     let e2 = c - a;
@@ -30,11 +31,9 @@ fn meet_leaving(a: vec3f, b: vec3f, c: vec3f, origin: vec3f, d: vec3f, farthest:
 }
 
 // The nearest meeting with a hierarchy's triangles before an end, as `walk` finds it.
-fn walk_leaving(tree: Tree, origin: vec3f, direction: vec3f, end: f32) -> Found {
+fn walk_leaving(tree: Tree, origin: vec3f, direction: vec3f, end: f32, farthest: f32) -> Found {
     var found = Found(end, NO_SURFACE);
     let inverse = inverse_of(direction);
-    let far = abs(origin);
-    let farthest = max(max(far.x, far.y), far.z);
     var stack: array<u32, LEVELS>;
     var entries: array<f32, LEVELS>;
     var height = 0u;
@@ -94,7 +93,8 @@ fn leaving(row: u32, point: vec3f, own: u32, direction: vec3f) -> Hit {
         let tree = trees[first + i];
         let there = posed(tree.x, tree.y, tree.z, point);
         let along = turned(tree.x, tree.y, tree.z, direction);
-        let found = walk_leaving(tree, there, along, hit.t);
+        let far = max(abs(point), abs(there));
+        let found = walk_leaving(tree, there, along, hit.t, max(max(far.x, far.y), far.z));
         if found.triangle != NO_SURFACE {
             let a = triangles[3u * found.triangle].w;
             let b = triangles[3u * found.triangle + 1u].w;
