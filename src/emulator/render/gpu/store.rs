@@ -5,6 +5,9 @@ use crate::error::{Error, Result};
 use std::collections::HashMap;
 use std::sync::Arc;
 
+/// Bytes of a buffer at least: a binding has room for one element, whatever a shader takes it for.
+const LEAST: u64 = 256;
+
 /// Named buffers.
 pub(super) struct Store {
     gpu: Arc<Gpu>,
@@ -46,7 +49,7 @@ impl Store {
     /// Sees that a buffer has room; what it held is lost where it had not. One that is far too large
     /// gives its memory back.
     pub(super) fn reserve(&mut self, name: &'static str, bytes: u64) {
-        let bytes = bytes.next_multiple_of(16).max(16);
+        let bytes = bytes.next_multiple_of(16).max(LEAST);
         let fits = |b: &wgpu::Buffer| b.size() >= bytes && b.size() <= bytes.max(1 << 20) * 4;
         if self.buffers.get(name).is_some_and(fits) {
             return;
