@@ -83,7 +83,7 @@ impl Case {
         optics::write(engine, &self.optics);
         geometry::write_rays(engine, table.as_deref());
         scene::Scene::default().update(engine, &self.worlds, size.1);
-        looks::write(engine, &self.optics, &self.worlds);
+        looks::Looks::default().update(engine, &self.optics, &self.worlds);
         let mut sampler = self.sampler(engine);
         if let Some(heads) = room {
             sampler.room.heads = heads;
