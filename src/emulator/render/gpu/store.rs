@@ -5,7 +5,7 @@ use crate::error::{Error, Result};
 use std::collections::HashMap;
 use std::sync::Arc;
 
-/// Bytes of a buffer at least: a binding has room for one element, whatever a shader takes it for.
+/// Bytes of the smallest buffer: more than any element takes, as no binding may hold less than one.
 const LEAST: u64 = 256;
 
 /// Named buffers.
@@ -29,8 +29,7 @@ impl Store {
         self.generation
     }
 
-    /// Gives a buffer contents, and room for them. Empty contents are one zero word, as no binding
-    /// may be empty.
+    /// Gives a buffer contents, and room for them. Empty contents are zeros.
     pub(super) fn write(&mut self, name: &'static str, bytes: &[u8]) {
         let bytes = if bytes.is_empty() { &[0; 16] } else { bytes };
         self.reserve(name, bytes.len() as u64);
