@@ -24,8 +24,8 @@ fn projector() -> Projector {
 
 fn hash(i: u32) -> u32 {
     // Mixes well enough (Mueller's integer hash).
-    let i = (i ^ (i >> 16)).wrapping_mul(0x45d9_f3b);
-    let i = (i ^ (i >> 16)).wrapping_mul(0x45d9_f3b);
+    let i = (i ^ (i >> 16)).wrapping_mul(0x045d_9f3b);
+    let i = (i ^ (i >> 16)).wrapping_mul(0x045d_9f3b);
     i ^ (i >> 16)
 }
 
