@@ -5,6 +5,9 @@
 //! `exposure` is light, its slides in `tables`; `glare` spreads it.
 
 mod aperture;
+#[cfg(test)]
+mod bench;
+mod bounce;
 mod device;
 mod engine;
 mod exposure;
@@ -15,6 +18,7 @@ mod frames;
 mod geometry;
 mod glare;
 mod looks;
+mod maps;
 mod mixed;
 mod optics;
 mod passes;
@@ -24,13 +28,16 @@ mod sensor;
 #[cfg(test)]
 mod sensor_tests;
 mod shaders;
+mod skin;
 mod stage;
 mod store;
 mod tables;
 #[cfg(test)]
 mod tables_tests;
 mod timing;
+#[cfg(test)]
 mod upload;
+#[cfg(test)]
 mod upload_mixed;
 
 pub use device::{Adapter, Gpu, adapters};

@@ -8,7 +8,7 @@ use super::looks::Looks;
 use super::sampled::Sampler;
 use super::scene::Scene;
 use super::sensor::SensorPass;
-use super::{Engine, Gpu, PassTime, geometry, optics};
+use super::{Engine, Gpu, PassTime, bounce, geometry, optics, skin};
 use crate::emulator::render::aperture::Aperture;
 use crate::emulator::render::sensor::{FixedPattern, Sensor};
 use crate::emulator::render::shade::Optics;
@@ -67,6 +67,9 @@ impl Made {
         let [width, height] = view.size();
         optics::write(engine, view.optics);
         geometry::write_rays(engine, view.rays);
+        if view.plan.has(Term::Subsurface) {
+            skin::write(engine, &view.optics.skins);
+        }
         let aperture = Aperture::new(camera);
         let glare = camera.glare.filter(|_| view.plan.has(Term::Glare));
         let bloom = camera.sensor.blooming_percent;
@@ -130,7 +133,15 @@ impl Passes {
         let mut commands = engine.commands();
         geometry::run(engine, &mut commands, view.plan, &view.optics.camera.lens)?;
         made.sampler.run(engine, &mut commands, view.plan)?;
+        let size = view.size();
+        if view.plan.has(Term::Subsurface) {
+            skin::run(engine, &mut commands, view.plan, size[0] * size[1])?;
+        }
         engine.submit(commands);
+        let interreflection = view.optics.interreflection;
+        if let Some(wanted) = interreflection.filter(|_| view.plan.has(Term::Interreflection)) {
+            bounce::run(engine, wanted, view.plan, size)?;
+        }
         self.holds = Some(view.revision);
         engine.gpu().check()
     }
@@ -176,7 +187,7 @@ impl Passes {
             return Ok(Some(data));
         }
         if let Some(made) = &mut self.made {
-            made.sampler.has_grown_for(&mut self.engine, wanted)?;
+            made.sampler.has_grown(&mut self.engine, wanted)?;
         }
         self.holds = None;
         Ok(None)
