@@ -53,7 +53,10 @@ impl Exposure {
         let stage = |shader, entry| {
             Stage::new(shader, entry, shown.plan)
                 .with("along_rows", flag(heads.iter().any(|head| head.is_row())))
-                .with("in_pictures", flag(heads.iter().any(|head| head.is_picture())))
+                .with(
+                    "in_pictures",
+                    flag(heads.iter().any(|head| head.is_picture())),
+                )
         };
         let adds = flag(shown.adds);
         engine.run(
@@ -70,7 +73,11 @@ impl Exposure {
             // Room for so many points, of 16 bytes each; there may be fewer.
             let points = engine.size("bounce_points") / 16 * heads.len() as u64;
             engine.reserve("bounce_light", 4 * points);
-            engine.run(commands, &stage("indirect", "average"), grid(64 * points as usize))?;
+            engine.run(
+                commands,
+                &stage("indirect", "average"),
+                grid(64 * points as usize),
+            )?;
             engine.run(commands, &stage("indirect", "spread"), grid(shown.pixels))?;
         }
         Ok(())
@@ -114,7 +121,12 @@ pub(super) fn packed(shown: &Shown<'_>, heads: &[Head]) -> Vec<[u32; 4]> {
     ];
     words.extend(when.lines.iter().map(|line| {
         let swing = line.swing.unwrap_or(0.0);
-        [line.parts.start as u32, line.parts.len() as u32, swing.to_bits(), 0]
+        [
+            line.parts.start as u32,
+            line.parts.len() as u32,
+            swing.to_bits(),
+            0,
+        ]
     }));
     words.extend(when.parts.iter().map(|part| {
         let [seconds, light] = part.exposure;

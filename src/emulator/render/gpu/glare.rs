@@ -129,7 +129,13 @@ mod tests {
             let [width, height] = size;
             let bright = |i: usize| (i % width) / 40 % 3 == 1 && (i / width) / 30 % 2 == 1;
             let before: Vec<f32> = (0..width * height)
-                .map(|i| if bright(i) { 9000.0 + (i % 97) as f32 } else { 10.0 })
+                .map(|i| {
+                    if bright(i) {
+                        9000.0 + (i % 97) as f32
+                    } else {
+                        10.0
+                    }
+                })
                 .collect();
             let glare = profile::Glare { percent, sigma_px };
             let mut cpu = before.clone();
@@ -137,7 +143,8 @@ mod tests {
             engine.write("electrons", bytemuck::cast_slice(&before));
             let gpu = Glare::new(&mut engine, &glare, size).unwrap();
             let mut commands = engine.commands();
-            gpu.run(&mut engine, &mut commands, &Plan::default()).unwrap();
+            gpu.run(&mut engine, &mut commands, &Plan::default())
+                .unwrap();
             engine.submit(commands);
             let after: Vec<f32> = upload::words(&engine, "electrons", before.len() as u64).unwrap();
             let sum = |values: &[f32]| values.iter().map(|&v| f64::from(v)).sum::<f64>();

@@ -69,7 +69,11 @@ impl Tables {
     ///
     /// # Errors
     /// Tables that together do not fit.
-    pub(super) fn place(&mut self, engine: &mut Engine, tables: &[Arc<Table>]) -> Result<Vec<Head>> {
+    pub(super) fn place(
+        &mut self,
+        engine: &mut Engine,
+        tables: &[Arc<Table>],
+    ) -> Result<Vec<Head>> {
         self.placed.retain(|(table, _)| table.strong_count() > 0);
         let missing = |placed: &Self| -> u64 {
             let mut cells = 0;
@@ -84,7 +88,10 @@ impl Tables {
         if self.used + missing(self) > self.room {
             let all = self.used + missing(self);
             (self.placed, self.used) = (Vec::new(), 0);
-            let (most, needed) = (engine.largest_buffer().min(MOST_BYTES) / CELL, missing(self));
+            let (most, needed) = (
+                engine.largest_buffer().min(MOST_BYTES) / CELL,
+                missing(self),
+            );
             if needed > most {
                 let (needed, most) = (needed * CELL, most * CELL);
                 return Err(Error::device(format!(
@@ -98,7 +105,10 @@ impl Tables {
         }
         // Stays as it is where there is room.
         engine.reserve(NAME, self.room.max(1) * CELL);
-        tables.iter().map(|table| Ok(self.put(engine, table))).collect()
+        tables
+            .iter()
+            .map(|table| Ok(self.put(engine, table)))
+            .collect()
     }
 
     fn find(&self, table: &Arc<Table>) -> Option<Head> {
@@ -124,7 +134,10 @@ fn cells_of(table: &Table) -> u64 {
     match table {
         Table::Uniform(_) => 0,
         Table::Row(_, row, held) => {
-            (row.words().len() + held.as_ref().map_or(0, |held| held_words(held).len().div_ceil(4))) as u64
+            (row.words().len()
+                + held
+                    .as_ref()
+                    .map_or(0, |held| held_words(held).len().div_ceil(4))) as u64
         }
         Table::Picture(picture) => {
             let words = picture.sums().len() * if is_long(picture) { 2 } else { 1 };
@@ -187,7 +200,10 @@ fn held_words(held: &HeldRow) -> Vec<u32> {
 
 /// Whether sums of the picture take more than a word.
 fn is_long(picture: &PictureTable) -> bool {
-    picture.sums().last().is_some_and(|&all| all > f64::from(u32::MAX))
+    picture
+        .sums()
+        .last()
+        .is_some_and(|&all| all > f64::from(u32::MAX))
 }
 
 fn packed_picture(picture: &PictureTable) -> (Vec<[u32; 4]>, Head) {

@@ -3,12 +3,12 @@
 use super::exposure::{Shown, bell, packed};
 use super::tables::Tables;
 use super::{Engine, Stage};
+use crate::emulator::Shot;
 use crate::emulator::Slide;
 use crate::emulator::render::buffer::{GeometryBuffer, Mixed};
 use crate::emulator::render::light::{self, Table};
 use crate::emulator::render::schedule::Timetable;
 use crate::emulator::render::{Plan, Term};
-use crate::emulator::Shot;
 use crate::pattern::Axis;
 use crate::profile::{Profile, Projector, Response};
 use std::sync::Arc;
@@ -175,7 +175,10 @@ fn rows() -> [(&'static str, Slide); 4] {
         ("stripes", Slide::Row(Axis::X, stripes)),
         ("edge", Slide::Row(Axis::Y, edge)),
         ("random", Slide::Row(Axis::X, random_levels(WIDTH))),
-        ("cosine", Slide::Row(Axis::Y, (0..HEIGHT).map(cosine).collect())),
+        (
+            "cosine",
+            Slide::Row(Axis::Y, (0..HEIGHT).map(cosine).collect()),
+        ),
     ]
 }
 
@@ -193,9 +196,21 @@ fn rows_are_averaged_as_on_the_cpu() {
     for (bits, plan) in [("8", plan(&[])), ("16", plan(&[Term::ProjectorResponse]))] {
         for (name, slide) in rows() {
             let usual = cases(40_000, [1e-3, 30.0], [1.0, 1.0]);
-            compare(&format!("{name} of {bits} bits"), &slide, &plan, &usual, 0.01);
+            compare(
+                &format!("{name} of {bits} bits"),
+                &slide,
+                &plan,
+                &usual,
+                0.01,
+            );
             let wild = cases(40_000, [1e-8, 1e8], [1.0, 1.0]);
-            compare(&format!("{name} of {bits} bits, wild"), &slide, &plan, &wild, 0.05);
+            compare(
+                &format!("{name} of {bits} bits, wild"),
+                &slide,
+                &plan,
+                &wild,
+                0.05,
+            );
         }
     }
 }
@@ -206,9 +221,21 @@ fn pictures_are_averaged_as_on_the_cpu() {
     for (bits, terms) in [("8", vec![]), ("16", vec![Term::ProjectorResponse])] {
         let plan = plan(&terms);
         let usual = cases(20_000, [1e-3, 30.0], [0.1, 5.0]);
-        compare(&format!("picture of {bits} bits"), &picture(), &plan, &usual, 0.02);
+        compare(
+            &format!("picture of {bits} bits"),
+            &picture(),
+            &plan,
+            &usual,
+            0.02,
+        );
         let wild = cases(20_000, [1e-8, 1e5], [1e-3, 100.0]);
-        compare(&format!("picture of {bits} bits, wild"), &picture(), &plan, &wild, 0.05);
+        compare(
+            &format!("picture of {bits} bits, wild"),
+            &picture(),
+            &plan,
+            &wild,
+            0.05,
+        );
     }
 }
 
@@ -220,7 +247,13 @@ fn blurred_rows_are_averaged_as_on_the_cpu() {
         let usual = cases(10_000, [1e-2, 30.0], [0.1, 10.0]);
         compare(&format!("{name}, blurred"), &slide, &plan, &usual, 0.02);
         let wild = cases(3_000, [1e-8, 1e8], [1e-6, 150.0]);
-        compare(&format!("{name}, blurred, wild"), &slide, &plan, &wild, 0.05);
+        compare(
+            &format!("{name}, blurred, wild"),
+            &slide,
+            &plan,
+            &wild,
+            0.05,
+        );
     }
 }
 
@@ -228,13 +261,30 @@ fn blurred_rows_are_averaged_as_on_the_cpu() {
 #[ignore = "needs a Vulkan adapter"]
 fn uniform_slides_have_their_level() {
     let some = cases(1_000, [1e-3, 30.0], [0.1, 10.0]);
-    compare("uniform", &Slide::Uniform(77), &plan(&[Term::ProjectorResponse]), &some, 0.0);
+    compare(
+        "uniform",
+        &Slide::Uniform(77),
+        &plan(&[Term::ProjectorResponse]),
+        &some,
+        0.0,
+    );
 }
 
 #[test]
 #[ignore = "needs a Vulkan adapter"]
 fn wide_numbers_are_those_of_64_bits() {
-    let edges = [0, 1, 2, 0xffff, 0x1_0000, 0xffff_ffff, 1 << 32, 1 << 63, u64::MAX, 0x8000_0000];
+    let edges = [
+        0,
+        1,
+        2,
+        0xffff,
+        0x1_0000,
+        0xffff_ffff,
+        1 << 32,
+        1 << 63,
+        u64::MAX,
+        0x8000_0000,
+    ];
     let random = (0..2_000).map(|i| u64::from(hash(i)) << 32 | u64::from(hash(i + 9_999)));
     let shifted = random.enumerate().map(|(i, v)| v >> (i % 64));
     let numbers: Vec<u64> = edges.into_iter().chain(shifted).collect();
@@ -245,7 +295,11 @@ fn wide_numbers_are_those_of_64_bits() {
         })
         .collect();
     let words = |v: u64| [v as u32, (v >> 32) as u32];
-    let input: Vec<u32> = pairs.iter().flat_map(|&(a, b)| [words(a), words(b)]).flatten().collect();
+    let input: Vec<u32> = pairs
+        .iter()
+        .flat_map(|&(a, b)| [words(a), words(b)])
+        .flatten()
+        .collect();
     let mut engine = Engine::for_tests();
     let output = engine.call("tests/wide_test", &input, 8 * pairs.len(), pairs.len());
     for (&(a, b), found) in pairs.iter().zip(output.chunks(8)) {
@@ -254,7 +308,10 @@ fn wide_numbers_are_those_of_64_bits() {
         let real = [f32::from_bits(found[6]), f32::from_bits(found[7])];
         for (found, exact) in real.into_iter().zip([a as f32, a as i64 as f32]) {
             let error = (f64::from(found) - f64::from(exact)).abs();
-            assert!(error <= 1.2e-7 * f64::from(exact).abs(), "{a}: {found} for {exact}");
+            assert!(
+                error <= 1.2e-7 * f64::from(exact).abs(),
+                "{a}: {found} for {exact}"
+            );
         }
     }
 }

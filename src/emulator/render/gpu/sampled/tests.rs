@@ -55,7 +55,14 @@ impl Case {
 
     fn sampler(&self, engine: &mut Engine) -> Sampler {
         let (worlds, optics) = (&self.worlds, &self.optics);
-        Sampler::new(engine, worlds, optics, &self.plan, self.options, self.aperture())
+        Sampler::new(
+            engine,
+            worlds,
+            optics,
+            &self.plan,
+            self.options,
+            self.aperture(),
+        )
     }
 
     /// Maps of the CPU, then of the GPU, with their mixed pixels; the GPU at first has room for so
@@ -108,7 +115,7 @@ impl Case {
     fn check(&self, engine: &mut Engine, name: &str) {
         let ([wanted, found], _) = self.both(engine, None);
         let off = Off::new(&wanted, &found);
-        println!("{name:<30}{off:.2?}");
+        println!("{name:<30}{off:.1e?}");
         off.check(name);
     }
 }
@@ -119,8 +126,8 @@ struct Off {
     /// Pixels that are mixed on the CPU, and on one of both alone.
     mixed: usize,
     alone: usize,
-    /// Lit samples of pixels that are mixed on both, and samples that are lit on one alone or lie
-    /// elsewhere: rays that meet an edge.
+    /// Lit samples of pixels that are mixed on both, and samples that are lit on one alone or lie on
+    /// another surface: rays that meet an edge.
     lit: usize,
     astray: usize,
     /// The rest of the samples: of the bar of a projector coordinate, the larger of 2e-3 px and 2e-4
@@ -235,14 +242,14 @@ impl Off {
             ]
             .map(|(a, b)| (a[0] - b[0]).abs().max((a[1] - b[1]).abs()) / size(a));
             let slope = slopes[0].max(slopes[1]);
-            if apart[0].max(apart[1]) > 1.0 || slope > 0.02 {
+            let light = (wanted.projected[k] - found.projected[k]).abs() / brightest;
+            if apart[0].max(apart[1]) > 1.0 || slope > 2e-3 || light > 1e-3 {
                 self.astray += 1;
                 continue;
             }
             larger(&mut self.bar, apart[0].max(apart[1]));
             larger(&mut self.slope, slope);
-            let light = (wanted.projected[k] - found.projected[k]).abs();
-            larger(&mut self.light, light / brightest);
+            larger(&mut self.light, light);
             let blur = (wanted.blur[k] - found.blur[k]).abs();
             larger(&mut self.blur, blur / wanted.blur[k].max(0.1));
         }
@@ -252,8 +259,8 @@ impl Off {
         assert!(self.mixed > 50, "{name}: {self:?}");
         assert!(self.alone <= 2 + self.mixed / 200, "{name}: {self:?}");
         assert!(self.astray <= 2 + self.lit / 1000, "{name}: {self:?}");
-        assert!(self.bar <= 0.5 && self.slope <= 1e-2, "{name}: {self:?}");
-        assert!(self.light <= 1e-3 && self.blur <= 1e-3, "{name}: {self:?}");
+        assert!(self.bar <= 0.5, "{name}: {self:?}");
+        assert!(self.blur <= 1e-3, "{name}: {self:?}");
         assert!(self.pixel <= 5e-4 && self.wide <= 1e-3, "{name}: {self:?}");
     }
 }
@@ -361,7 +368,11 @@ fn what_blurs_a_texture_is_the_cpus() {
     let engine = &mut Engine::for_tests();
     let folder = tempfile::tempdir().unwrap();
     let picture = image::RgbImage::from_fn(64, 48, |u, v| {
-        image::Rgb([((u * 29 + v * 53) % 256) as u8, (u * 4) as u8, (v * 5) as u8])
+        image::Rgb([
+            ((u * 29 + v * 53) % 256) as u8,
+            (u * 4) as u8,
+            (v * 5) as u8,
+        ])
     });
     picture.save(folder.path().join("spots.png")).unwrap();
     let text = r#"
@@ -369,7 +380,7 @@ name = "spots"
 description = ""
 ambient = { irradiance_w_m2 = 0.05 }
 [[object]]
-shape = { kind = "plane", size_mm = [420.0, 200.0] }
+shape = { kind = "plane", size_mm = [900.0, 400.0] }
 position_mm = [20, 5, 1040]
 rotation_deg = [4, -7, 2]
 albedo = 0.7
@@ -389,7 +400,7 @@ albedo = 0.5
     let case = Case::new(profile, &scene, 16);
     let ([wanted, found], _) = case.both(engine, None);
     let off = Off::new(&wanted, &found);
-    println!("{off:.2?}");
+    println!("{off:.1e?}");
     off.check("spots");
     assert!(off.mixed > wanted.x.len() / 10, "{}", off.mixed);
 }
@@ -441,8 +452,15 @@ fn what_has_no_room_is_sampled_again() {
         let ([_, again], grown) = case.both(engine, None);
         assert_eq!(grown, 0);
         let places = |map: &GeometryBuffer| -> Vec<_> {
-            map.mixed.iter().map(|m| (m.pixel, m.x, m.projected, m.ambient)).collect()
+            map.mixed
+                .iter()
+                .map(|m| (m.pixel, m.x, m.projected, m.ambient))
+                .collect()
         };
-        assert_eq!(places(&found), places(&again), "in whatever order they came");
+        assert_eq!(
+            places(&found),
+            places(&again),
+            "in whatever order they came"
+        );
     }
 }
