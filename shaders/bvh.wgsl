@@ -31,12 +31,11 @@ struct Tree {
     // Number of its first triangle among the world's surfaces, and how many there are.
     first: u32,
     count: u32,
-    // Whether it is a mesh that moves, in the frame of which it is.
-    moves: u32,
-    // Which of the shapes between a frame's first row and its last its row sees.
+    // Which of the shapes of what deforms, between a frame's first row and its last, its row sees.
     shape: u32,
     spare_0: u32,
     spare_1: u32,
+    spare_2: u32,
 }
 
 // A meeting: its parameter, and where the triangle is stored.

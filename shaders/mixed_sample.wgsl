@@ -1,4 +1,4 @@
-// needs: plan, cast, rays, defocus, centers, edges, sheared, mixed_out
+// needs: plan, cast, rays, defocus, centers, edges, sheared, skin_sample, mixed_out
 // Casts the samples of the pixels that `mixed.wgsl` has found, and keeps those that do not turn out
 // to be one smooth and evenly lit surface. Twin of `sample` and `gather` in `mixed.rs`.
 //
@@ -72,7 +72,16 @@ fn main(
     }
     workgroupBarrier();
     if kept {
-        write_sample(heads[slot], lane, sample_of(found));
+        var sample = sample_of(found);
+        if has_subsurface {
+            if heads[slot] < sampling.room {
+                sample.place = into_sample(
+                    heads[slot] * MIXED_LANES + lane, found.lit, sample.place,
+                    found.hit.surface, found.shaded.point, found.hit.normal,
+                );
+            }
+        }
+        write_sample(heads[slot], lane, sample);
     }
 }
 

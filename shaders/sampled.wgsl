@@ -1,4 +1,4 @@
-// needs: plan, cast, center, slopes, rays, defocus, centers, edges, aperture, sheared, mixed_out
+// needs: plan, cast, center, slopes, rays, defocus, centers, edges, aperture, sheared, skin_sample, mixed_out
 // Every pixel by several rays, through several points of the pupil where there is depth of field.
 // Twin of `sampled.rs`.
 //
@@ -113,7 +113,16 @@ fn gather(
         }
         write_head(head, pixel, select(0u, samples / MIXED_LANES, k == 0u), sum.x, sum.y);
     }
-    write_sample(head, k % MIXED_LANES, sample_of(found, origin));
+    var sample = sample_of(found, origin);
+    if has_subsurface {
+        if head < sampling.room {
+            sample.place = into_sample(
+                head * MIXED_LANES + k % MIXED_LANES, found.lit, sample.place,
+                found.hit.surface, origin + found.shaded.point, found.hit.normal,
+            );
+        }
+    }
+    write_sample(head, k % MIXED_LANES, sample);
 }
 
 // Whether a sample sees the smooth surface that its pixel's centre sees, in the same light, where

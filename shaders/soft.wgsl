@@ -34,11 +34,10 @@ fn soft_left_of(soft: Soft, e: f32) -> f32 {
     return soft_sharp_left_of(soft, e) + soft_beyond(soft, e);
 }
 
-// The same of the sharp trapezoid.
+// The same of the sharp trapezoid, which is symmetric: from the side that less lies on.
 fn soft_sharp_left_of(soft: Soft, e: f32) -> f32 {
-    let far = 0.5 * soft.wide;
-    let ramps = soft_mean_ramp(e + far, soft.narrow) - soft_mean_ramp(e - far, soft.narrow);
-    return ramps / soft.wide;
+    let less = soft_mean_ramp(0.5 * soft.wide - abs(e), soft.narrow) / soft.wide;
+    return select(less, 1.0 - less, e > 0.0);
 }
 
 // By how much blur changes it.

@@ -19,8 +19,6 @@ struct World {
 @group(0) @binding(17) var<storage, read> world: array<World, 1>;
 // Object of each triangle.
 @group(0) @binding(18) var<storage, read> owner: array<u32>;
-// Where each triangle is stored, after the first of its hierarchy.
-@group(0) @binding(19) var<storage, read> stored: array<u32>;
 
 // Whether the scene has meshes, and solids.
 override has_meshes: bool = true;
@@ -65,62 +63,6 @@ fn first_tree(row: u32) -> u32 {
 
 fn first_solid(row: u32) -> u32 {
     return row * world[0].by_row * world[0].solids;
-}
-
-// Place of the hierarchy that a triangle belongs to.
-fn tree_of(row: u32, triangle: u32) -> u32 {
-    let first = first_tree(row);
-    var last = world[0].trees - 1u;
-    while last > 0u && triangle < trees[first + last].first {
-        last--;
-    }
-    return first + last;
-}
-
-// The corners of a triangle in the rig's frame.
-fn corners_of(row: u32, triangle: u32) -> mat3x3f {
-    let tree = trees[tree_of(row, triangle)];
-    let i = 3u * (tree.triangles + stored[triangle]);
-    let shift = vec3f(tree.x.w, tree.y.w, tree.z.w);
-    return mat3x3f(
-        turned_back(tree.x, tree.y, tree.z, triangles[i].xyz - shift),
-        turned_back(tree.x, tree.y, tree.z, triangles[i + 1u].xyz - shift),
-        turned_back(tree.x, tree.y, tree.z, triangles[i + 2u].xyz - shift),
-    );
-}
-
-// Which of the shapes of what deforms, between a frame's first row and its last, a row sees.
-fn row_step(row: u32) -> u32 {
-    return trees[first_tree(row)].shape;
-}
-
-// The pose that takes the rig's frame to that of a surface's object, where it is now: columns are its
-// rows. That of a mesh that stands still is not known here.
-fn own_from_rig(row: u32, surface: u32, still: mat3x4f) -> mat3x4f {
-    if is_triangle(surface) {
-        let tree = trees[tree_of(row, surface)];
-        if tree.moves == 0u {
-            return still;
-        }
-        return mat3x4f(tree.x, tree.y, tree.z);
-    }
-    let solid = solids[first_solid(row) + (surface - world[0].triangles) / FACETS];
-    return mat3x4f(solid.x, solid.y, solid.z);
-}
-
-// A point of the rig's frame in that of a surface's object.
-fn point_to_own(row: u32, surface: u32, still: mat3x4f, p: vec3f) -> vec3f {
-    return vec4f(p, 1.0) * own_from_rig(row, surface, still);
-}
-
-fn direction_to_own(row: u32, surface: u32, still: mat3x4f, d: vec3f) -> vec3f {
-    return vec4f(d, 0.0) * own_from_rig(row, surface, still);
-}
-
-// A direction in the frame of a mesh that moves, or in the rig's of one that stands, in the rig's.
-fn direction_from_own(row: u32, triangle: u32, d: vec3f) -> vec3f {
-    let tree = trees[tree_of(row, triangle)];
-    return turned_back(tree.x, tree.y, tree.z, d);
 }
 
 fn towards_ray(normal: vec3f, direction: vec3f) -> vec3f {

@@ -32,6 +32,12 @@ impl Trajectory {
         }
     }
 
+    /// The farthest of its keyframes' positions from the origin, in millimetres.
+    pub fn reach_mm(&self) -> f64 {
+        let lengths = self.positions_mm.iter().map(|p| p.length());
+        lengths.fold(0.0, f64::max)
+    }
+
     /// The pose at a moment.
     pub fn pose(&self, time_s: f64) -> Pose {
         let span = self.timeline.span(time_s);

@@ -162,6 +162,7 @@ fn a_row_of_a_rolling_shutter_is_that_of_a_global_one_at_its_time() {
         let options = Options {
             samples,
             time_samples: 2,
+            ..Options::default()
         };
         let scene = object(more);
         let mut renderer = Renderer::with_options(&profile, &scene, 1, options).unwrap();

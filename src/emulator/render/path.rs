@@ -54,6 +54,11 @@ impl Path {
         }
     }
 
+    /// How far its keyframes are from where it rests, in millimetres.
+    pub(super) fn reach_mm(&self) -> f64 {
+        self.trajectory.as_ref().map_or(0.0, Trajectory::reach_mm)
+    }
+
     /// Where the object is at a device time in nanoseconds.
     pub(super) fn at(&self, time_ns: f64) -> Placement {
         let time_s = time_ns * 1e-9;

@@ -9,7 +9,7 @@ pub use under_way::Pending;
 use super::aperture::Aperture;
 use super::buffer::GeometryBuffer;
 use super::geometry::{self, Rays};
-use super::gpu::Passes;
+use super::gpu::{self, Passes};
 use super::light::{self, Table};
 use super::schedule::Schedule;
 use super::sensor::{FixedPattern, Sensor, bloom};
@@ -93,7 +93,7 @@ impl Renderer {
             .has(Term::CameraDistortion)
             .then(|| ideal_points(&optics));
         let fixed = fixed_pattern(&plan, profile);
-        let (gpu, news) = under_way::open(options.backend, || Ok(()))?;
+        let (gpu, news) = under_way::open(options.backend, || gpu::fits(&world, &optics))?;
         Ok(Self {
             profile: profile.clone(),
             worlds: Worlds::new(world),
@@ -251,6 +251,13 @@ impl Renderer {
 
     /// Prepares what a shot needs: the geometry, and tables of the slides that it sees.
     fn schedule(&mut self, shot: &Shot) -> Schedule {
+        let tables = self.slides(shot);
+        self.prepare();
+        Schedule::new(shot, tables, &self.plan, self.optics.flicker, &self.buffer)
+    }
+
+    /// Tables of the slides that a shot sees; the plan has what they need.
+    fn slides(&mut self, shot: &Shot) -> Vec<Arc<Table>> {
         let then = match self.plan.has(Term::RollingShutter) {
             true => &shot.then[..],
             false => &[],
@@ -259,12 +266,10 @@ impl Renderer {
             .chain(then.iter().map(|showing| &showing.slide))
             .collect();
         self.expect_slides(slides.iter().filter_map(|slide| slide.as_deref()));
-        self.prepare();
-        let tables = slides
+        slides
             .into_iter()
             .map(|slide| self.table(slide.as_ref()))
-            .collect();
-        Schedule::new(shot, tables, &self.plan, self.optics.flicker, &self.buffer)
+            .collect()
     }
 
     fn sensor(&self, shot: &Shot) -> Sensor<'_> {

@@ -2,6 +2,7 @@
 //! one hierarchy in the rig's frame, and each that moves in one of its own.
 
 mod build;
+mod extent;
 mod leaving;
 
 use super::body::Body;

@@ -89,6 +89,20 @@ impl Bvh {
         &self.triangles
     }
 
+    /// Nodes on the longest way from the root to a leaf.
+    pub fn levels(&self) -> usize {
+        let mut deepest = 0;
+        let mut open = Vec::from_iter(self.nodes.first().map(|root| (root, 1)));
+        while let Some((node, level)) = open.pop() {
+            deepest = deepest.max(level);
+            if node.count == 0 {
+                let first = node.first as usize;
+                open.extend(self.nodes[first..first + 2].iter().map(|n| (n, level + 1)));
+            }
+        }
+        deepest
+    }
+
     /// Number of triangles.
     pub fn len(&self) -> usize {
         self.triangles.len()

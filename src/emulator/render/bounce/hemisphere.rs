@@ -10,21 +10,21 @@ const GOLDEN: f64 = 2.399_963_229_728_653;
 
 /// Points spread evenly over a unit disc, neighbours in one group; lifted on the hemisphere above
 /// it they are spread by the cosine (Malley's method).
-pub(super) struct Hemisphere {
+pub(in crate::emulator::render) struct Hemisphere {
     groups: Vec<[DVec2; LANES]>,
     /// Side of the square of the disc that each point stands for.
     side: f64,
 }
 
 /// A direction, and the sides of its patch of the unit sphere, in a surface's own frame.
-pub(super) struct Ray {
-    pub(super) direction: DVec3,
-    pub(super) sides: [DVec3; 2],
+pub(in crate::emulator::render) struct Ray {
+    pub(in crate::emulator::render) direction: DVec3,
+    pub(in crate::emulator::render) sides: [DVec3; 2],
 }
 
 impl Hemisphere {
     /// `count` directions, a multiple of sixteen.
-    pub(super) fn new(count: usize) -> Self {
+    pub(in crate::emulator::render) fn new(count: usize) -> Self {
         let mut points: Vec<DVec2> = (0..count)
             .map(|i| {
                 let radius = ((i as f64 + 0.5) / count as f64).sqrt();
@@ -44,9 +44,20 @@ impl Hemisphere {
         }
     }
 
+    /// The points of the disc, group by group.
+    pub(in crate::emulator::render) fn points(&self) -> impl Iterator<Item = DVec2> {
+        self.groups.iter().flatten().copied()
+    }
+
+    /// Least height that a patch's sides are worked out for: on the rim it is that of the patch's part
+    /// inside of the disc.
+    pub(in crate::emulator::render) fn lowest(&self) -> f64 {
+        (self.side / 2.0).sqrt()
+    }
+
     /// The directions in groups of sixteen above a surface with a unit normal, turned about it by an
     /// angle.
-    pub(super) fn above(
+    pub(in crate::emulator::render) fn above(
         &self,
         normal: DVec3,
         turn: f64,
@@ -54,8 +65,7 @@ impl Hemisphere {
         let (t, b) = normal.any_orthonormal_pair();
         let turn = DVec2::from_angle(turn);
         let (t, b) = (t * turn.x + b * turn.y, b * turn.x - t * turn.y);
-        // On the rim a patch's height is that of its part inside of the disc.
-        let lowest = (self.side / 2.0).sqrt();
+        let lowest = self.lowest();
         self.groups.iter().map(move |group| {
             group.map(|p| {
                 let height = (1.0 - p.length_squared()).max(0.0).sqrt();

@@ -26,6 +26,7 @@ use super::worlds::Worlds;
 use super::{Plan, Term};
 use gather::Gatherer;
 use grid::Grid;
+pub(super) use hemisphere::Hemisphere;
 
 /// Rays whose slides are averaged side by side.
 pub(super) const BLOCK: usize = 8;

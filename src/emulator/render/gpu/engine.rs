@@ -165,19 +165,20 @@ impl Engine {
         self.gpu.queue.submit([commands.0.finish()])
     }
 
-    /// Adds a copy of a part of a buffer, whole words, to one of the caller's.
+    /// Adds a copy of a part of a buffer, whole words, to a place in one of the caller's.
     pub(super) fn copy_out(
         &self,
         commands: &mut Commands,
         name: &str,
         bytes: Range<u64>,
         to: &wgpu::Buffer,
+        offset: u64,
     ) -> Result<()> {
         let from = self.store.get(name)?;
         let length = bytes.end - bytes.start;
         commands
             .0
-            .copy_buffer_to_buffer(from, bytes.start, to, 0, length);
+            .copy_buffer_to_buffer(from, bytes.start, to, offset, length);
         Ok(())
     }
 
@@ -201,7 +202,7 @@ impl Engine {
             mapped_at_creation: false,
         });
         let mut commands = self.commands();
-        self.copy_out(&mut commands, name, bytes, &to)?;
+        self.copy_out(&mut commands, name, bytes, &to, 0)?;
         self.submit(commands);
         to.map_async(wgpu::MapMode::Read, .., |_| {});
         self.gpu.wait()?;

@@ -19,9 +19,22 @@ pub(super) struct Frames {
 pub(in crate::emulator::render) struct Ticket {
     buffer: wgpu::Buffer,
     bytes: usize,
+    /// Groups of samples that there was room for.
+    room: u64,
     submission: wgpu::SubmissionIndex,
     mapped: mpsc::Receiver<Result<(), wgpu::BufferAsyncError>>,
 }
+
+/// A frame that has come back.
+pub(super) struct Arrived {
+    pub(super) data: Vec<u8>,
+    /// Groups of samples that mixed pixels wanted, and that there was room for.
+    pub(super) wanted: u64,
+    pub(super) room: u64,
+}
+
+/// Bytes of `mixed_count`, whose last word is what mixed pixels wanted.
+const COUNT: u64 = 20;
 
 impl Frames {
     /// Submits passes, and a copy of the frame that they leave behind.
@@ -30,8 +43,10 @@ impl Frames {
         engine: &Engine,
         mut commands: Commands,
         bytes: usize,
+        room: u64,
     ) -> Result<Ticket> {
-        let size = (bytes as u64).next_multiple_of(4);
+        let frame = (bytes as u64).next_multiple_of(4);
+        let size = frame + COUNT;
         self.free.retain(|buffer| buffer.size() == size);
         let new = || {
             engine.gpu().device.create_buffer(&wgpu::BufferDescriptor {
@@ -42,7 +57,8 @@ impl Frames {
             })
         };
         let buffer = self.free.pop().unwrap_or_else(new);
-        engine.copy_out(&mut commands, "frame", 0..size, &buffer)?;
+        engine.copy_out(&mut commands, "frame", 0..frame, &buffer, 0)?;
+        engine.copy_out(&mut commands, "mixed_count", 0..COUNT, &buffer, frame)?;
         let submission = engine.submit(commands);
         engine.gpu().check()?;
         let (tell, mapped) = mpsc::channel();
@@ -53,22 +69,32 @@ impl Frames {
         Ok(Ticket {
             buffer,
             bytes,
+            room,
             submission,
             mapped,
         })
     }
 
     /// Waits for a frame.
-    pub(super) fn take(&mut self, gpu: &Gpu, ticket: Ticket) -> Result<Vec<u8>> {
+    pub(super) fn take(&mut self, gpu: &Gpu, ticket: Ticket) -> Result<Arrived> {
         gpu.wait_for(ticket.submission)?;
         let mapped = ticket.mapped.try_recv();
         mapped.map_err(Error::device)?.map_err(Error::device)?;
-        let data = {
+        let arrived = {
             let view = ticket.buffer.get_mapped_range(..).map_err(Error::device)?;
-            view[..ticket.bytes].to_vec()
+            let (rest, wanted) = view.split_last_chunk().ok_or_else(short)?;
+            Arrived {
+                data: rest[..ticket.bytes].to_vec(),
+                wanted: u32::from_le_bytes(*wanted).into(),
+                room: ticket.room,
+            }
         };
         ticket.buffer.unmap();
         self.free.push(ticket.buffer);
-        Ok(data)
+        Ok(arrived)
     }
+}
+
+fn short() -> Error {
+    Error::device("GPU: a frame without its end")
 }

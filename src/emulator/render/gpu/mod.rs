@@ -5,15 +5,20 @@
 //! `exposure` is light, its slides in `tables`; `glare` spreads it.
 
 mod aperture;
+#[cfg(test)]
+mod bench;
+mod bounce;
 mod device;
 mod engine;
 mod exposure;
 #[cfg(test)]
 mod exposure_tests;
+mod fits;
 mod frames;
 mod geometry;
 mod glare;
 mod looks;
+mod maps;
 mod mixed;
 mod optics;
 mod passes;
@@ -23,18 +28,23 @@ mod sensor;
 #[cfg(test)]
 mod sensor_tests;
 mod shaders;
+mod skin;
 mod stage;
 mod store;
 mod tables;
 #[cfg(test)]
 mod tables_tests;
 mod timing;
+#[cfg(test)]
 mod upload;
+#[cfg(test)]
 mod upload_mixed;
 
 pub use device::{Adapter, Gpu, adapters};
 pub(super) use engine::{Commands, Engine};
+pub(super) use exposure::Shown;
+pub(super) use fits::fits;
 pub(super) use frames::{DEPTH, Ticket};
-pub(super) use passes::Passes;
+pub(super) use passes::{Passes, View};
 pub(super) use stage::{Stage, grid};
 pub use timing::PassTime;

@@ -1,17 +1,94 @@
-//! The state of a rendering on a GPU: what its maps hold, and frames on their way back.
+//! All passes of one renderer on a GPU: what its maps hold, and frames on their way back.
 
-use super::frames::{Frames, Ticket};
-use super::{Engine, Gpu, PassTime};
-use crate::error::Result;
+use super::engine::Commands;
+use super::exposure::{Exposure, Shown};
+use super::frames::{Arrived, Frames, Ticket};
+use super::glare::Glare;
+use super::looks::Looks;
+use super::sampled::Sampler;
+use super::scene::Scene;
+use super::sensor::SensorPass;
+use super::{Engine, Gpu, PassTime, bounce, geometry, optics, skin};
+use crate::emulator::render::aperture::Aperture;
+use crate::emulator::render::sensor::{FixedPattern, Sensor};
+use crate::emulator::render::shade::Optics;
+use crate::emulator::render::worlds::Worlds;
+use crate::emulator::render::{Options, Plan, Term};
+use crate::error::{Error, Result};
+use crate::profile::Profile;
+use glam::DVec2;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// The passes of one renderer.
 pub(in crate::emulator::render) struct Passes {
-    pub(in crate::emulator::render) engine: Engine,
+    engine: Engine,
     frames: Frames,
+    made: Option<Made>,
+    exposure: Exposure,
     /// The revision of scene and plan that the maps hold.
-    pub(in crate::emulator::render) holds: Option<u64>,
+    holds: Option<u64>,
+}
+
+/// What renderers have at hand for their passes.
+pub(in crate::emulator::render) struct View<'a> {
+    pub(in crate::emulator::render) profile: &'a Profile,
+    pub(in crate::emulator::render) worlds: &'a Worlds,
+    pub(in crate::emulator::render) optics: &'a Optics,
+    /// Ideal image points of the pixels, where the lens is distorted.
+    pub(in crate::emulator::render) rays: Option<&'a [DVec2]>,
+    pub(in crate::emulator::render) plan: &'a Plan,
+    pub(in crate::emulator::render) options: Options,
+    pub(in crate::emulator::render) fixed: Option<&'a FixedPattern>,
+    /// Counts states of scene and plan.
+    pub(in crate::emulator::render) revision: u64,
+}
+
+/// What one plan needs.
+struct Made {
+    plan: Plan,
+    scene: Scene,
+    looks: Looks,
+    sampler: Sampler,
+    glare: Option<Glare>,
+    sensor: SensorPass,
+}
+
+impl View<'_> {
+    fn size(&self) -> [usize; 2] {
+        let camera = &self.profile.camera;
+        [camera.width_px, camera.height_px].map(|side| side as usize)
+    }
+}
+
+impl Made {
+    fn new(engine: &mut Engine, view: &View<'_>) -> Self {
+        let camera = &view.profile.camera;
+        let [width, height] = view.size();
+        optics::write(engine, view.optics);
+        geometry::write_rays(engine, view.rays);
+        if view.plan.has(Term::Subsurface) {
+            skin::write(engine, &view.optics.skins);
+        }
+        let aperture = Aperture::new(camera);
+        let glare = camera.glare.filter(|_| view.plan.has(Term::Glare));
+        let bloom = camera.sensor.blooming_percent;
+        Self {
+            plan: *view.plan,
+            scene: Scene::default(),
+            looks: Looks::default(),
+            sampler: Sampler::new(
+                engine,
+                view.worlds,
+                view.optics,
+                view.plan,
+                view.options,
+                aperture,
+            ),
+            glare: glare.and_then(|glare| Glare::new(engine, &glare, [width, height])),
+            sensor: SensorPass::new(engine, view.plan, (width, height), bloom, view.fixed),
+        }
+    }
 }
 
 impl Passes {
@@ -19,29 +96,106 @@ impl Passes {
         Self {
             engine: Engine::new(gpu),
             frames: Frames::default(),
+            made: None,
+            exposure: Exposure::default(),
             holds: None,
         }
     }
 
-    /// Submits the passes of a frame of so many bytes.
-    ///
-    /// # Errors
-    /// A GPU that has failed.
-    pub(in crate::emulator::render) fn submit(
-        &mut self,
-        commands: super::Commands,
-        bytes: usize,
-    ) -> Result<Ticket> {
-        self.frames.submit(&self.engine, commands, bytes)
+    pub(in crate::emulator::render) fn gpu(&self) -> &Gpu {
+        self.engine.gpu()
     }
 
-    /// Waits for a frame.
+    /// Runs the geometry pass if its result is not at hand.
     ///
     /// # Errors
     /// A GPU that has failed.
-    pub(in crate::emulator::render) fn take(&mut self, ticket: Ticket) -> Result<Vec<u8>> {
-        let gpu = self.engine.gpu().clone();
-        self.frames.take(&gpu, ticket)
+    pub(in crate::emulator::render) fn look(&mut self, view: &View<'_>) -> Result<()> {
+        let engine = &mut self.engine;
+        if self
+            .made
+            .as_ref()
+            .is_none_or(|made| made.plan != *view.plan)
+        {
+            self.made = Some(Made::new(engine, view));
+            self.holds = None;
+        }
+        let Some(made) = self
+            .made
+            .as_mut()
+            .filter(|_| self.holds != Some(view.revision))
+        else {
+            return engine.gpu().check();
+        };
+        made.scene.update(engine, view.worlds, view.size()[1]);
+        made.looks.update(engine, view.optics, view.worlds);
+        made.sampler.see(engine, view.worlds);
+        let mut commands = engine.commands();
+        geometry::run(engine, &mut commands, view.plan, &view.optics.camera.lens)?;
+        made.sampler.run(engine, &mut commands, view.plan)?;
+        let size = view.size();
+        if view.plan.has(Term::Subsurface) {
+            skin::run(engine, &mut commands, view.plan, size[0] * size[1])?;
+        }
+        engine.submit(commands);
+        let interreflection = view.optics.interreflection;
+        if let Some(wanted) = interreflection.filter(|_| view.plan.has(Term::Interreflection)) {
+            bounce::run(engine, wanted, view.plan, size)?;
+        }
+        self.holds = Some(view.revision);
+        engine.gpu().check()
+    }
+
+    /// Adds the light of a shot, or of an instant of it, that [`Self::look`] was at.
+    ///
+    /// # Errors
+    /// A GPU that has failed.
+    pub(in crate::emulator::render) fn expose(&mut self, shown: &Shown<'_>) -> Result<()> {
+        let mut commands = self.engine.commands();
+        self.exposure.run(&mut self.engine, &mut commands, shown)?;
+        self.engine.submit(commands);
+        Ok(())
+    }
+
+    /// Reads the light out, into a frame that comes back.
+    ///
+    /// # Errors
+    /// A GPU that has failed.
+    pub(in crate::emulator::render) fn read(&mut self, sensor: &Sensor<'_>) -> Result<Ticket> {
+        let engine = &mut self.engine;
+        let Some(made) = &self.made else {
+            return Err(Error::device("GPU: a frame of nothing"));
+        };
+        let mut commands: Commands = engine.commands();
+        if let Some(glare) = &made.glare {
+            glare.run(engine, &mut commands, &made.plan)?;
+        }
+        made.sensor.read(engine, &mut commands, sensor)?;
+        let bytes = made.sensor.frame_bytes(sensor);
+        self.frames
+            .submit(engine, commands, bytes, made.sampler.room())
+    }
+
+    /// Waits for a frame; `None` where there was no room for all the samples of mixed pixels. There
+    /// is more then, and it has to be made again.
+    ///
+    /// # Errors
+    /// A GPU that has failed, or that has too little memory for the samples.
+    pub(in crate::emulator::render) fn take(&mut self, ticket: Ticket) -> Result<Option<Vec<u8>>> {
+        let Arrived { data, wanted, room } = self.frames.take(self.engine.gpu(), ticket)?;
+        if wanted <= room {
+            return Ok(Some(data));
+        }
+        if let Some(made) = &mut self.made {
+            made.sampler.has_grown(&mut self.engine, wanted)?;
+        }
+        self.holds = None;
+        Ok(None)
+    }
+
+    /// Times passes from now on.
+    pub(in crate::emulator::render) fn time_passes(&mut self) {
+        self.engine.time_passes();
     }
 
     /// What passes have taken since they are timed, by shader and entry point.

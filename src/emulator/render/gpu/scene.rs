@@ -36,9 +36,8 @@ struct TreeData {
     triangles: u32,
     first: u32,
     count: u32,
-    moves: u32,
     shape: u32,
-    spare: [u32; 2],
+    spare: [u32; 3],
 }
 
 /// Twin of `Solid` in `solid.wgsl`.
@@ -163,7 +162,6 @@ impl Scene {
         self.places.clear();
         let mut all = Parts::default();
         let world = &steps[0];
-        all.stored.resize(world.triangle_count(), 0);
         if let Some(still) = world.still() {
             self.places.push(all.add(&still, None));
         }
@@ -181,7 +179,6 @@ impl Scene {
         engine.write("nodes", bytemuck::cast_slice(&all.nodes));
         engine.write("triangles", bytemuck::cast_slice(&all.triangles));
         engine.write("triangle_ids", bytemuck::cast_slice(&all.ids));
-        engine.write("stored", bytemuck::cast_slice(&all.stored));
         engine.write("owner", bytemuck::cast_slice(&owner));
     }
 
@@ -213,12 +210,12 @@ impl Scene {
             let shape = worlds.step(row);
             let mut places = &self.places[..];
             if let (Some(still), [place, others @ ..]) = (world.still(), places) {
-                trees.push(place.header(&still, &Pose::IDENTITY, false, shape));
+                trees.push(place.header(&still, &Pose::IDENTITY, shape));
                 places = others;
             }
             for (body, place) in world.bodies.iter().zip(places) {
                 let tree = body.tree();
-                trees.push(place.header(&tree, &tree.frame.tree_from_rig, true, shape));
+                trees.push(place.header(&tree, &tree.frame.tree_from_rig, shape));
             }
             solids.extend(world.solids.iter().map(SolidData::new));
         }
@@ -244,7 +241,6 @@ struct Parts {
     nodes: Vec<NodeData>,
     triangles: Vec<TriangleData>,
     ids: Vec<u32>,
-    stored: Vec<u32>,
 }
 
 impl Parts {
@@ -256,10 +252,8 @@ impl Parts {
         };
         self.nodes.extend(nodes(tree));
         self.triangles.extend(triangles(tree));
-        for (i, leaf) in tree.bvh.corners().iter().enumerate() {
-            self.ids.push(leaf.id);
-            self.stored[(tree.first + leaf.id) as usize] = i as u32;
-        }
+        self.ids
+            .extend(tree.bvh.corners().iter().map(|leaf| leaf.id));
         place
     }
 }
@@ -271,13 +265,7 @@ impl Place {
         self.blends.extend(other.blends);
     }
 
-    fn header<F>(
-        &self,
-        tree: &Tree<'_, F>,
-        tree_from_rig: &Pose,
-        moves: bool,
-        shape: usize,
-    ) -> TreeData {
+    fn header<F>(&self, tree: &Tree<'_, F>, tree_from_rig: &Pose, shape: usize) -> TreeData {
         let kept = shape.min(self.nodes.len() - 1);
         TreeData {
             tree_from_rig: rows(tree_from_rig),
@@ -285,9 +273,8 @@ impl Place {
             triangles: self.triangles[kept],
             first: tree.first,
             count: tree.triangles.len() as u32,
-            moves: moves.into(),
             shape: shape as u32,
-            spare: [0; 2],
+            spare: [0; 3],
         }
     }
 }

@@ -44,10 +44,11 @@ fn parts(world: &World, shot: &Shot, shutter: Shutter, count: u32) -> Vec<(Momen
 }
 
 impl Renderer {
-    /// The light of a shot, with the geometry at hand where one instant stands for the exposure.
-    pub(super) fn light(&mut self, shot: &Shot) -> Light {
+    /// The instants that stand for a shot's exposure, each with its part of it: one, of any time,
+    /// where nothing moves.
+    pub(super) fn instants(&self, shot: &Shot) -> Vec<(Option<Moment>, Shot)> {
         if !self.plan.has(Term::Motion) {
-            return Light::Scheduled(self.schedule(shot));
+            return vec![(None, shot.clone())];
         }
         let shutter = match self.plan.has(Term::RollingShutter) {
             true => shot.shutter,
@@ -55,14 +56,25 @@ impl Renderer {
         };
         let world = self.worlds.any();
         let parts = parts(world, shot, shutter, self.options.time_samples);
+        let some = |(moment, part)| (Some(moment), part);
+        parts.into_iter().map(some).collect()
+    }
+
+    /// The light of a shot, with the geometry at hand where one instant stands for the exposure.
+    pub(super) fn light(&mut self, shot: &Shot) -> Light {
+        let parts = self.instants(shot);
         if let [(moment, _)] = parts.as_slice() {
-            self.go_to(moment);
+            if let Some(moment) = moment {
+                self.go_to(moment);
+            }
             return Light::Scheduled(self.schedule(shot));
         }
         let camera = &self.profile.camera;
         let mut sum = vec![0.0f32; camera.width_px as usize * camera.height_px as usize];
         for (moment, part) in &parts {
-            self.go_to(moment);
+            if let Some(moment) = moment {
+                self.go_to(moment);
+            }
             let schedule = self.schedule(part);
             let add = |_, electrons: &mut [f32], sum: &mut [f32]| {
                 for (sum, electrons) in sum.iter_mut().zip(electrons) {
@@ -83,7 +95,7 @@ impl Renderer {
     }
 
     /// The geometry of a moment that is at hand stays.
-    fn go_to(&mut self, moment: &Moment) {
+    pub(super) fn go_to(&mut self, moment: &Moment) {
         if self.moment.as_ref() != Some(moment) {
             self.worlds.set(moment);
             self.moment = Some(moment.clone());

@@ -2,11 +2,16 @@
 
 use super::{Passes, Renderer};
 use crate::emulator::Shot;
-use crate::emulator::render::gpu::{self, Adapter, Gpu, PassTime, Ticket};
-use crate::emulator::render::{Backend, Plan};
+use crate::emulator::render::Backend;
+use crate::emulator::render::gpu::{self, Adapter, Gpu, PassTime, Shown, Ticket, View};
+use crate::emulator::render::schedule::Timetable;
 use crate::error::{Error, Result};
 use crate::protocol::Frame;
 use std::collections::BTreeMap;
+
+/// How often a frame is made again with more room: what the first has wanted is enough for the next,
+/// if nothing has moved.
+const MOST_TRIES: usize = 4;
 
 /// A frame that a renderer has begun.
 pub struct Pending(State);
@@ -64,7 +69,7 @@ impl Renderer {
 
     /// The GPU that it works on, if it does.
     pub fn adapter(&self) -> Option<&Adapter> {
-        self.gpu.as_ref().map(|gpu| &gpu.engine.gpu().adapter)
+        self.gpu.as_ref().map(|gpu| &gpu.gpu().adapter)
     }
 
     /// Begins the frame of one exposure. Frames are finished in the order in which they were begun.
@@ -88,7 +93,7 @@ impl Renderer {
             State::Done(frame) => frame,
             State::Coming(ticket, shot) => {
                 if let Some(mut gpu) = self.gpu.take() {
-                    match gpu.take(ticket) {
+                    match self.take(&mut gpu, ticket, &shot) {
                         Ok(data) => {
                             self.gpu = Some(gpu);
                             return self.frame(&shot, data);
@@ -122,7 +127,7 @@ impl Renderer {
     /// Times the GPU's passes from now on.
     pub fn time_passes(&mut self) {
         if let Some(gpu) = &mut self.gpu {
-            gpu.engine.time_passes();
+            gpu.time_passes();
         }
     }
 
@@ -141,10 +146,50 @@ impl Renderer {
         }
     }
 
+    /// Waits for a frame, and has it made again where there was too little room.
+    fn take(&mut self, gpu: &mut Passes, mut ticket: Ticket, shot: &Shot) -> Result<Vec<u8>> {
+        for _ in 0..MOST_TRIES {
+            if let Some(data) = gpu.take(ticket)? {
+                return Ok(data);
+            }
+            ticket = self.submit_to(gpu, shot)?;
+        }
+        Err(Error::device("GPU: samples of mixed pixels without end"))
+    }
+
     /// Has the GPU work at a frame.
     fn submit_to(&mut self, gpu: &mut Passes, shot: &Shot) -> Result<Ticket> {
-        let plan: Plan = self.plan;
-        let _ = (gpu, shot, plan);
-        Err(Error::device("not yet"))
+        let mut adds = false;
+        for (moment, part) in self.instants(shot) {
+            if let Some(moment) = &moment {
+                self.go_to(moment);
+            }
+            let tables = self.slides(&part);
+            gpu.look(&self.view())?;
+            let camera = &self.profile.camera;
+            let size = [camera.width_px, camera.height_px].map(|side| side as usize);
+            gpu.expose(&Shown {
+                plan: &self.plan,
+                when: &Timetable::new(&part, &self.plan, self.optics.flicker, size),
+                tables: &tables,
+                pixels: self.pixel_count(),
+                adds,
+            })?;
+            adds = true;
+        }
+        gpu.read(&self.sensor(shot))
+    }
+
+    fn view(&self) -> View<'_> {
+        View {
+            profile: &self.profile,
+            worlds: &self.worlds,
+            optics: &self.optics,
+            rays: self.rays.as_deref(),
+            plan: &self.plan,
+            options: self.options,
+            fixed: self.fixed.as_ref(),
+            revision: self.revision,
+        }
     }
 }

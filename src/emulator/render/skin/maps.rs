@@ -42,6 +42,14 @@ impl Default for Samples {
     }
 }
 
+#[cfg(test)]
+impl Samples {
+    /// Slide pixels a millimetre of a sample's skin, and the index of its tissue.
+    pub(in super::super) fn at(&self, k: usize) -> ([f32; 2], u16) {
+        (self.px_per_mm[k], self.tissue[k])
+    }
+}
+
 impl SkinMaps {
     /// Follows the light of all pixels' centres, whose rays start at the rig's origin.
     pub(in super::super) fn new(
@@ -81,6 +89,12 @@ impl SkinMaps {
                 }
             });
         maps
+    }
+
+    /// Slide pixels a millimetre of a pixel's skin, and the index of its tissue.
+    #[cfg(test)]
+    pub(in super::super) fn at(&self, i: usize) -> ([f32; 2], u16) {
+        (self.px_per_mm[i], self.tissue[i])
     }
 
     /// How far the slide's light spreads at a pixel, along one axis of the slide; `None` where it

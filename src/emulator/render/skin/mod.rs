@@ -95,6 +95,23 @@ impl Skins {
         !self.materials.is_empty()
     }
 
+    /// The mixtures of all tissues, by their indices.
+    pub(super) fn mixtures(&self) -> impl Iterator<Item = &Mixture> {
+        self.materials.iter().map(|material| &material.mixture)
+    }
+
+    /// Of each object the index of its tissue, or [`NONE`], and how far light emerges that comes in
+    /// along the surface, in millimetres.
+    pub(super) fn of_objects(&self) -> impl Iterator<Item = (u16, f64)> {
+        self.of.iter().map(|&tissue| {
+            let material = self.materials.get(usize::from(tissue));
+            (
+                tissue,
+                material.map_or(0.0, |m| m.layers.tissue.shift_mm(1.0)),
+            )
+        })
+    }
+
     /// Reflectance of an object's skin under even light; `None` where it has none.
     pub(super) fn reflectance(&self, object: usize) -> Option<f64> {
         let material = self.materials.get(usize::from(*self.of.get(object)?))?;

@@ -21,10 +21,10 @@ use std::path::Path;
 /// A camera before a scene, whose maps both make.
 pub(in crate::emulator::render::gpu) struct Case {
     profile: Profile,
-    optics: Optics,
+    pub(in crate::emulator::render::gpu) optics: Optics,
     pub(in crate::emulator::render::gpu) worlds: Worlds,
     pub(in crate::emulator::render::gpu) plan: Plan,
-    scene: scene::Scene,
+    pub(in crate::emulator::render::gpu) scene: scene::Scene,
     looks: looks::Looks,
 }
 
@@ -39,6 +39,8 @@ impl Case {
         });
         plan.set(Term::FootprintX, true);
         plan.set(Term::FootprintY, true);
+        // What widens footprints and samples pixels comes after this pass.
+        plan.set(Term::DepthOfField, false);
         Self {
             worlds: Worlds::new(world),
             profile,
@@ -97,7 +99,7 @@ impl Case {
     fn check(&mut self, engine: &mut Engine, name: &str) {
         let [wanted, found] = self.both(engine);
         let off = Off::new(self.worlds.any(), &wanted, &found);
-        println!("{name:<30}{off:.2?}");
+        println!("{name:<30}{off:?}");
         off.check(name, wanted.x.len());
     }
 }
@@ -116,6 +118,8 @@ struct Off {
     slope: f32,
     /// Parts of the brightest light.
     light: f32,
+    /// Pixels whose centres lie on an edge of two triangles, and which see the other one.
+    seams: usize,
     /// Pixels that see another object, or are in shadow of one only, at a silhouette.
     edges: usize,
     /// The same elsewhere.
@@ -174,8 +178,7 @@ impl Off {
                 (wanted.depth[i] - found.depth[i]).abs() / wanted.depth[i],
             );
             if wanted.surface[i] != found.surface[i] {
-                // Triangles beside each other, of which the pixel's centre is on the edge.
-                off.edges += 1;
+                off.seams += 1;
                 continue;
             }
             for axis in 0..3 {
@@ -203,12 +206,13 @@ impl Off {
     fn check(&self, name: &str, pixels: usize) {
         assert!(self.bar <= 0.5, "{name}: {self:?}");
         assert!(
-            self.depth <= 3e-6 && self.normal <= 3e-4,
+            self.depth <= 5e-6 && self.normal <= 2e-5,
             "{name}: {self:?}"
         );
-        assert!(self.light <= 1e-3 && self.slope <= 1e-2, "{name}: {self:?}");
+        assert!(self.light <= 2e-5 && self.slope <= 1e-3, "{name}: {self:?}");
         assert!(self.edges <= pixels / 5000, "{name}: {self:?}");
-        assert!(self.wrong <= 2, "{name}: {self:?}");
+        assert!(self.seams <= pixels / 1000, "{name}: {self:?}");
+        assert!(self.wrong == 0, "{name}: {self:?}");
         assert!(self.seen > pixels / 20 && self.lit > pixels / 50, "{name}");
     }
 }
@@ -230,7 +234,7 @@ pub(in crate::emulator::render::gpu) fn at_silhouette(
         .map(|(u, v)| v * map.width + u);
     neighbours.any(|j| {
         let leap = (map.depth[i] - map.depth[j]).abs() > 5e-3 * map.depth[i];
-        state(i) != state(j) || leap || map.surface[i] != map.surface[j]
+        state(i) != state(j) || leap
     })
 }
 
@@ -246,7 +250,7 @@ fn profiles() -> [(&'static str, Profile); 2] {
 }
 
 /// Solids that shade each other, tilted, one of them without a floor behind a part of it.
-const SOLIDS: &str = r#"
+pub(super) const SOLIDS: &str = r#"
 name = "solids"
 description = ""
 ambient = { irradiance_w_m2 = 0.05 }
@@ -322,7 +326,7 @@ fn write(folder: &Path, name: &str, mesh: &Mesh, bend: impl Fn(DVec3) -> DVec3) 
 }
 
 /// A torso that breathes and turns, and a couch and a ball that pass in front of it.
-fn moving(folder: &Path) -> Scene {
+pub(super) fn moving(folder: &Path) -> Scene {
     let mesh = torso(&Torso {
         triangles: 4000,
         ..Torso::default()

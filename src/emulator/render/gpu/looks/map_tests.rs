@@ -149,6 +149,7 @@ texture_size_mm = [300, 70]
 shape = { kind = "cylinder", radius_mm = 35.0, length_mm = 90.0 }
 position_mm = [-20, 40, 860]
 rotation_deg = [40, 10, 35]
+albedo = 0.8
 texture = "noise.png"
 texture_size_mm = [25, 300]
 [[object]]
@@ -156,6 +157,7 @@ shape = { kind = "frustum", base_mm = 60.0, top_mm = 20.0, height_mm = 40.0 }
 position_mm = [160, 60, 1000]
 rotation_deg = [0, 0, 30]
 scale = 1.5
+albedo = 0.8
 texture = "noise.png"
 texture_size_mm = [640, 480]
 [[object]]
@@ -243,12 +245,14 @@ shape = { kind = "mesh", file = "in.obj" }
 position_mm = [140, 30, 1000]
 scale = 0.3
 motion = { keyframes = [ { time_s = 0 }, { time_s = 1, rotation_deg = [0, 40, 90], position_mm = [10, 0, 0] } ] }
+albedo = 0.8
 texture = "noise.png"
 specular = { f0 = 0.1, roughness = 0.5 }
 [[object]]
 shape = { kind = "sphere", radius_mm = 30.0 }
 position_mm = [-100, -20, 850]
 motion = { keyframes = [ { time_s = 0 }, { time_s = 1, position_mm = [200, 40, 0], rotation_deg = [0, 200, 0] } ] }
+albedo = 0.8
 texture = "noise.png"
 texture_size_mm = [60, 60]
 "#;

@@ -102,7 +102,10 @@ impl Case {
             geometry::run(engine, &mut commands, &self.plan, lens).unwrap();
             sampler.run(engine, &mut commands, &self.plan).unwrap();
             engine.submit(commands);
-            if !sampler.has_grown(engine).unwrap() {
+            if !sampler
+                .has_grown(engine, mixed::wanted(engine).unwrap())
+                .unwrap()
+            {
                 break;
             }
             grown += 1;

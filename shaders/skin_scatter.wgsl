@@ -1,0 +1,51 @@
+// needs: plan, slide_axes, skin_types
+// What light does under one point of skin, on the slide. Twin of `Skins::at` in `skin/mod.rs`.
+
+// Of each object the index of its tissue, or `NO_TISSUE`, and the bits of how far light emerges
+// that comes in along the surface, in millimetres.
+@group(0) @binding(92) var<storage, read> skin_of: array<vec2u>;
+
+// Of a point that lies in a place of the slide and is no lit skin.
+fn not_skin(place: vec2f) -> UnderSkin {
+    return UnderSkin(place, vec2f(0.0), NO_TISSUE, 0u);
+}
+
+// Of a lit point of an object, with its unit normal, both in the rig's frame.
+fn scatter(place: vec2f, object: u32, at: vec3f, normal: vec3f) -> UnderSkin {
+    let skin = skin_of[object];
+    if skin.x == NO_TISSUE {
+        return not_skin(place);
+    }
+    // Along the surface, as long as the sine of the angle of incidence.
+    let way = normalize(at - projector_pupil());
+    let along = way - normal * dot(normal, way);
+    // Light that emerges here came in this much earlier on its way.
+    let shift = along * -bitcast<f32>(skin.y);
+    let gradients = slide_gradients(at);
+    let x = gradients[0];
+    let y = gradients[1];
+    let px_per_mm = vec2f(
+        length(x - normal * dot(normal, x)),
+        length(y - normal * dot(normal, y)),
+    );
+    let origin = place + vec2f(dot(x, shift), dot(y, shift));
+    return UnderSkin(origin, px_per_mm, skin.x, 0u);
+}
+
+// Gradients of the projector's column and row by a point in the rig's frame, in 1/mm.
+fn slide_gradients(at: vec3f) -> mat2x3f {
+    let axes = projector_axes();
+    let local = (at - projector_pupil()) * axes;
+    let ideal = local.xy / local.z;
+    let by_x = vec3f(1.0, 0.0, -ideal.x) / local.z;
+    let by_y = vec3f(0.0, 1.0, -ideal.y) / local.z;
+    var x = by_x;
+    var y = by_y;
+    if has_projector_distortion {
+        let bent = lens_jacobian(optics[0].projector, ideal);
+        x = by_x * bent[0].x + by_y * bent[1].x;
+        y = by_x * bent[0].y + by_y * bent[1].y;
+    }
+    let focal = optics[0].projector.focal;
+    return mat2x3f(axes * x * focal.x, axes * y * focal.y);
+}

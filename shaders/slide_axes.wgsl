@@ -1,0 +1,8 @@
+// needs: optics, lens
+// The projector's axes, to go from the rig's frame to its own: `v * projector_axes()`.
+
+fn projector_axes() -> mat3x3f {
+    return mat3x3f(
+        optics[0].projector_x.xyz, optics[0].projector_y.xyz, optics[0].projector_z.xyz,
+    );
+}

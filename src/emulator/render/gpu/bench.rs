@@ -1,0 +1,105 @@
+//! Scenes for tests: their maps by the CPU, taken to the GPU with all that rays meet.
+
+use super::{Engine, geometry as gpu, looks, optics, scene, skin, upload};
+use crate::emulator::render::aperture::Aperture;
+use crate::emulator::render::buffer::GeometryBuffer;
+use crate::emulator::render::geometry::{self, Rays};
+use crate::emulator::render::renderer::ideal_points;
+use crate::emulator::render::shade::Optics;
+use crate::emulator::render::term::Needs;
+use crate::emulator::render::world::World;
+use crate::emulator::render::worlds::Worlds;
+use crate::emulator::render::{Options, Plan, Term, bounce};
+use crate::profile::{Interreflection, Profile, Scene};
+use glam::DVec2;
+use std::path::Path;
+
+/// A scene with the maps of its geometry pass, but for what bounces.
+pub(super) struct Bench {
+    worlds: Worlds,
+    pub(super) optics: Optics,
+    pub(super) plan: Plan,
+    table: Option<Vec<DVec2>>,
+    pub(super) map: GeometryBuffer,
+    /// The interreflection that the scene wants.
+    pub(super) wanted: Option<Interreflection>,
+}
+
+impl Bench {
+    /// Of a scene's lines, its files in a folder, before a small camera of a bench's field.
+    pub(super) fn new(lines: &str, folder: &Path, change: impl Fn(&mut Profile)) -> Self {
+        let mut profile = Profile::load("pmp-bench").unwrap();
+        (profile.camera.width_px, profile.camera.height_px) = (286, 123);
+        change(&mut profile);
+        let text = format!("name = \"bench\"\ndescription = \"\"\n{lines}");
+        let mut scene = Scene::parse(&text, "bench").unwrap();
+        scene.folder = folder.to_path_buf();
+        let mut optics = Optics::new(&profile, &scene);
+        let world = World::new(&scene, &optics.skins).unwrap();
+        let mut plan = Plan::new(&Needs {
+            profile: &profile,
+            optics: &optics,
+            world: &world,
+        });
+        plan.set(Term::FootprintX, true);
+        plan.set(Term::FootprintY, true);
+        let wanted = optics.interreflection.take();
+        let distorted = plan.has(Term::CameraDistortion);
+        let table = distorted.then(|| ideal_points(&optics));
+        let mut bench = Self {
+            worlds: Worlds::new(world),
+            plan,
+            table,
+            map: GeometryBuffer::default(),
+            wanted,
+            optics,
+        };
+        let mut map = GeometryBuffer::default();
+        let (options, aperture) = (Options::default(), Aperture::new(&profile.camera));
+        let rays = bench.rays();
+        geometry::run(
+            &bench.worlds,
+            &bench.optics,
+            &rays,
+            &bench.plan,
+            options,
+            aperture,
+            &mut map,
+        );
+        bench.map = map;
+        bench
+    }
+
+    fn rays(&self) -> Rays<'_> {
+        Rays {
+            optics: &self.optics,
+            table: self.table.as_deref(),
+            width: self.optics.camera.lens.width_px as usize,
+        }
+    }
+
+    pub(super) fn size(&self) -> [usize; 2] {
+        let lens = &self.optics.camera.lens;
+        [lens.width_px, lens.height_px].map(|side| side as usize)
+    }
+
+    /// The CPU's maps with what bounces.
+    pub(super) fn bounced(&mut self) -> GeometryBuffer {
+        let mut map = self.map.clone();
+        self.optics.interreflection = self.wanted;
+        bounce::run(&self.worlds, &self.rays(), &self.plan, &mut map);
+        map
+    }
+
+    /// An engine that has all of it.
+    pub(super) fn engine(&self) -> Engine {
+        let mut engine = Engine::for_tests();
+        optics::write(&mut engine, &self.optics);
+        gpu::write_rays(&mut engine, self.table.as_deref());
+        skin::write(&mut engine, &self.optics.skins);
+        scene::Scene::default().update(&mut engine, &self.worlds, self.map.height);
+        looks::Looks::default().update(&mut engine, &self.optics, &self.worlds);
+        upload::maps(&mut engine, &self.map);
+        engine
+    }
+}
