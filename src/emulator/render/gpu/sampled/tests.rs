@@ -118,7 +118,7 @@ impl Case {
     fn check(&self, engine: &mut Engine, name: &str) {
         let ([wanted, found], _) = self.both(engine, None);
         let off = Off::new(&wanted, &found);
-        println!("{name:<30}{off:.1e?}");
+        println!("{name:<30}{off:.6?}");
         off.check(name);
     }
 }
@@ -403,7 +403,7 @@ albedo = 0.5
     let case = Case::new(profile, &scene, 16);
     let ([wanted, found], _) = case.both(engine, None);
     let off = Off::new(&wanted, &found);
-    println!("{off:.1e?}");
+    println!("{off:.6?}");
     off.check("spots");
     assert!(off.mixed > wanted.x.len() / 10, "{}", off.mixed);
 }
