@@ -6,7 +6,7 @@
 //! do not stand for, are some 40 MB an axis for a camera of 1138 x 489 pixels. More than a buffer of
 //! the GPU holds is an error.
 
-use super::{Engine, Stage, grid, upload};
+use super::{Engine, Stage, grid, maps};
 use crate::emulator::render::bounce::Hemisphere;
 use crate::emulator::render::{Plan, Term};
 use crate::error::{Error, Result};
@@ -76,7 +76,7 @@ pub(in crate::emulator::render) fn run(
     let mut params = Params::new(wanted, size);
     let pixels = size[0] * size[1];
     shares(engine, &params, plan)?;
-    params.points = upload::words::<u32>(engine, "bounce_count", 1)?[0];
+    params.points = maps::words::<u32>(engine, "bounce_count", 1)?[0];
     reserve(engine, &params, plan)?;
     engine.write("bounce_params", bytemuck::bytes_of(&params));
     engine.write("bounce_disc", bytemuck::cast_slice(&disc(wanted.samples)));

@@ -2,7 +2,7 @@
 //! CPU's geometry pass: what differs is the exposure alone.
 
 use super::exposure::{Exposure, Shown};
-use super::{Engine, skin, upload, upload_mixed};
+use super::{Engine, maps, skin, upload, upload_mixed};
 use crate::emulator::render::aperture::Aperture;
 use crate::emulator::render::buffer::GeometryBuffer;
 use crate::emulator::render::geometry::{self, Rays};
@@ -199,7 +199,7 @@ impl Setup {
             exposure.run(engine, &mut commands, &shown).unwrap();
             engine.submit(commands);
         }
-        upload::words(engine, "electrons", self.map.x.len() as u64).unwrap()
+        maps::words(engine, "electrons", self.map.x.len() as u64).unwrap()
     }
 
     fn shot(&self) -> Shot {

@@ -1,6 +1,6 @@
 //! Runs the geometry pass on the GPU: `geometry.wgsl`.
 
-use super::{Commands, Engine, Stage, grid, upload};
+use super::{Commands, Engine, Stage, grid, maps};
 use crate::emulator::render::{Plan, Term};
 use crate::error::Result;
 use crate::geometry::Lens;
@@ -31,7 +31,7 @@ pub(in crate::emulator::render) fn run(
     camera: &Lens,
 ) -> Result<()> {
     let (width, height) = (camera.width_px as usize, camera.height_px as usize);
-    upload::reserve_maps(engine, width * height);
+    maps::reserve_maps(engine, width * height);
     let tiles = width.div_ceil(SIDE) * height.div_ceil(SIDE);
     let stage = Stage::new("geometry", "main", &of_geometry(plan));
     engine.run(commands, &stage, grid(tiles * SIDE * SIDE))

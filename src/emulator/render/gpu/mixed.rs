@@ -1,7 +1,9 @@
 //! Mixed pixels in the GPU's memory: `mixed_types.wgsl` and what goes with it.
 
 use super::Engine;
-use super::upload::words;
+#[cfg(test)]
+use super::maps::words;
+#[cfg(test)]
 use crate::emulator::render::buffer::Mixed;
 use crate::error::{Error, Result};
 use bytemuck::{Pod, Zeroable};
@@ -85,12 +87,14 @@ impl Room {
 }
 
 /// The most heads that a pass has wanted; waits for it.
+#[cfg(test)]
 pub(super) fn wanted(engine: &Engine) -> Result<u64> {
     let counts: Vec<u32> = words(engine, "mixed_count", COUNTS)?;
     Ok(counts[COUNTS as usize - 1].into())
 }
 
 /// The mixed pixels as the CPU has them, in its order; skin aside.
+#[cfg(test)]
 pub(in crate::emulator::render) fn back(engine: &Engine) -> Result<Vec<Mixed>> {
     let counts: Vec<u32> = words(engine, "mixed_count", COUNTS)?;
     let count = u64::from(counts[0]);

@@ -18,6 +18,7 @@ mod frames;
 mod geometry;
 mod glare;
 mod looks;
+mod maps;
 mod mixed;
 mod optics;
 mod passes;
@@ -34,7 +35,9 @@ mod tables;
 #[cfg(test)]
 mod tables_tests;
 mod timing;
+#[cfg(test)]
 mod upload;
+#[cfg(test)]
 mod upload_mixed;
 
 pub use device::{Adapter, Gpu, adapters};

@@ -187,7 +187,7 @@ impl Passes {
             return Ok(Some(data));
         }
         if let Some(made) = &mut self.made {
-            made.sampler.has_grown_for(&mut self.engine, wanted)?;
+            made.sampler.has_grown(&mut self.engine, wanted)?;
         }
         self.holds = None;
         Ok(None)

@@ -1,7 +1,7 @@
 //! The passes that see pixels by several rays: those that are mixed, or all of them.
 
 use super::engine::Commands;
-use super::mixed::{self, Room};
+use super::mixed::Room;
 use super::{Engine, Stage, aperture, grid};
 use crate::emulator::render::aperture::Aperture;
 use crate::emulator::render::look::Looks;
@@ -150,22 +150,13 @@ impl Sampler {
         Ok(())
     }
 
-    /// Waits for the passes that were submitted, and makes room where there was too little for the
-    /// mixed pixels that they found; tells whether there was: then the pass over the centres and
-    /// these have to be run again.
+    /// Makes room where there was too little for the groups that mixed pixels wanted, the last word of
+    /// `mixed_count`; tells whether there was: then the pass over the centres and these have to be
+    /// run again.
     ///
     /// # Errors
-    /// More mixed pixels than the adapter can hold, or a GPU that has failed.
-    pub(in crate::emulator::render) fn has_grown(&mut self, engine: &mut Engine) -> Result<bool> {
-        let wanted = mixed::wanted(engine)?;
-        self.has_grown_for(engine, wanted)
-    }
-
-    /// The same where the last word of `mixed_count` is at hand.
-    ///
-    /// # Errors
-    /// As [`Self::has_grown`], waiting aside.
-    pub(in crate::emulator::render) fn has_grown_for(
+    /// More mixed pixels than the adapter can hold.
+    pub(in crate::emulator::render) fn has_grown(
         &mut self,
         engine: &mut Engine,
         wanted: u64,

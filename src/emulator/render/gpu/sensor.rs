@@ -82,10 +82,11 @@ impl SensorPass {
     }
 
     /// Adds the passes from `electrons`, as before, to `expected_dn`: digital numbers without shot
-    /// and read noise, not rounded.
+    /// and read noise, not rounded, which tests hold against the CPU's.
     ///
     /// # Errors
     /// As [`Engine::run`].
+    #[cfg(test)]
     pub(in crate::emulator::render) fn expect(
         &self,
         engine: &mut Engine,

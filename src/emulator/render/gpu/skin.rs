@@ -54,7 +54,7 @@ pub(in crate::emulator::render) fn run(
 
 #[cfg(test)]
 mod tests {
-    use super::super::{bench::Bench, upload};
+    use super::super::{bench::Bench, maps};
     use super::*;
     use std::path::Path;
 
@@ -81,8 +81,7 @@ mod tests {
             let pixels = bench.map.x.len();
             run(&mut engine, &mut commands, &bench.plan, pixels).unwrap();
             engine.submit(commands);
-            let found: Vec<UnderSkin> =
-                upload::words(&engine, "under_skin", pixels as u64).unwrap();
+            let found: Vec<UnderSkin> = maps::words(&engine, "under_skin", pixels as u64).unwrap();
             let skin = bench.map.skin.as_ref().unwrap();
             let (mut place, mut spread, mut count) = (0.0f32, 0.0f32, [0; 2]);
             for (i, found) in found.iter().enumerate() {

@@ -5,6 +5,9 @@ use crate::error::{Error, Result};
 use std::collections::HashMap;
 use std::sync::Arc;
 
+/// Bytes of the smallest buffer: more than any element takes, as no binding may hold less than one.
+const LEAST: u64 = 256;
+
 /// Named buffers.
 pub(super) struct Store {
     gpu: Arc<Gpu>,
@@ -26,8 +29,7 @@ impl Store {
         self.generation
     }
 
-    /// Gives a buffer contents, and room for them. Empty contents are one zero word, as no binding
-    /// may be empty.
+    /// Gives a buffer contents, and room for them. Empty contents are zeros.
     pub(super) fn write(&mut self, name: &'static str, bytes: &[u8]) {
         let bytes = if bytes.is_empty() { &[0; 16] } else { bytes };
         self.reserve(name, bytes.len() as u64);
@@ -46,7 +48,7 @@ impl Store {
     /// Sees that a buffer has room; what it held is lost where it had not. One that is far too large
     /// gives its memory back.
     pub(super) fn reserve(&mut self, name: &'static str, bytes: u64) {
-        let bytes = bytes.next_multiple_of(16).max(16);
+        let bytes = bytes.next_multiple_of(16).max(LEAST);
         let fits = |b: &wgpu::Buffer| b.size() >= bytes && b.size() <= bytes.max(1 << 20) * 4;
         if self.buffers.get(name).is_some_and(fits) {
             return;

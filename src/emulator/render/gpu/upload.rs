@@ -1,28 +1,9 @@
-//! Maps of the CPU's geometry pass, taken to the GPU, and back: for what the GPU does not do, and for
-//! tests of the passes after it.
+//! Maps of the CPU's geometry pass, taken to the GPU, and back, for tests of one pass alone.
 
 use super::Engine;
+use super::maps::{reserve_maps, words};
 use crate::emulator::render::buffer::GeometryBuffer;
 use crate::emulator::render::{Plan, Term};
-
-/// Room for the maps of so many pixels.
-pub(in crate::emulator::render) fn reserve_maps(engine: &mut Engine, pixels: usize) {
-    let pixels = pixels as u64;
-    for (name, bytes) in [
-        ("place", 8),
-        ("slopes", 16),
-        ("light", 8),
-        ("seen", 16),
-        ("surface", 4),
-        ("marks", 4),
-        ("lamp_bits", 4),
-        ("flickering", 4),
-        ("blur", 4),
-        ("evenly", 4),
-    ] {
-        engine.reserve(name, pixels * bytes);
-    }
-}
 
 /// Takes the maps there. What is nowhere is 0 rather than NaN.
 pub(in crate::emulator::render) fn maps(engine: &mut Engine, map: &GeometryBuffer) {
@@ -107,14 +88,4 @@ pub(in crate::emulator::render) fn maps_back(
         map.evenly = words(engine, "evenly", n)?;
     }
     Ok(map)
-}
-
-/// The first `count` elements of a buffer.
-pub(in crate::emulator::render) fn words<T: bytemuck::Pod>(
-    engine: &Engine,
-    name: &str,
-    count: u64,
-) -> crate::error::Result<Vec<T>> {
-    let bytes = engine.read_back(name, 0..count * size_of::<T>() as u64)?;
-    Ok(bytemuck::pod_collect_to_vec(&bytes))
 }

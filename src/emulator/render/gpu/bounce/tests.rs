@@ -1,6 +1,6 @@
 //! What bounces on the GPU against the CPU's.
 
-use super::super::{Engine, bench::Bench, upload};
+use super::super::{Engine, bench::Bench, maps};
 use super::{Params, Point, disc};
 use crate::emulator::render::bounce::Hemisphere;
 use glam::{DVec2, DVec3, Vec3};
@@ -37,9 +37,9 @@ fn pixels_are_interpolated_from_the_points_that_the_cpu_takes() {
     let params = Params::new(wanted, size);
     super::shares(&mut engine, &params, &bench.plan).unwrap();
     let pixels = cpu.first.len() as u64;
-    let points = upload::words::<u32>(&engine, "bounce_count", 1).unwrap()[0];
-    let first: Vec<u32> = upload::words(&engine, "bounce_first", pixels).unwrap();
-    let shares: Vec<[f32; 4]> = upload::words(&engine, "bounce_shares", pixels).unwrap();
+    let points = maps::words::<u32>(&engine, "bounce_count", 1).unwrap()[0];
+    let first: Vec<u32> = maps::words(&engine, "bounce_first", pixels).unwrap();
+    let shares: Vec<[f32; 4]> = maps::words(&engine, "bounce_shares", pixels).unwrap();
     let (mut differ, mut worst, mut alone) = (0, 0.0f32, Vec::new());
     for i in 0..first.len() {
         let [a, b] = [cpu.first[i], first[i]].map(|f| f.min(params.on_grid()));
@@ -134,12 +134,12 @@ fn check(name: &str, bench: &mut Bench) {
     super::run(&mut engine, wanted, &plan, size).unwrap();
     let pixels = map.x.len() as u64;
     let params = Params::new(wanted, size);
-    let count = upload::words::<u32>(&engine, "bounce_count", 1).unwrap()[0];
-    let points: Vec<Point> = upload::words(&engine, "bounce_points", count.into()).unwrap();
-    let first: Vec<u32> = upload::words(&engine, "bounce_first", pixels).unwrap();
-    let shares: Vec<[f32; 4]> = upload::words(&engine, "bounce_shares", pixels).unwrap();
-    let light: Vec<[f32; 2]> = upload::words(&engine, "light", pixels).unwrap();
-    let flickering: Vec<f32> = upload::words(&engine, "flickering", pixels).unwrap();
+    let count = maps::words::<u32>(&engine, "bounce_count", 1).unwrap()[0];
+    let points: Vec<Point> = maps::words(&engine, "bounce_points", count.into()).unwrap();
+    let first: Vec<u32> = maps::words(&engine, "bounce_first", pixels).unwrap();
+    let shares: Vec<[f32; 4]> = maps::words(&engine, "bounce_shares", pixels).unwrap();
+    let light: Vec<[f32; 2]> = maps::words(&engine, "light", pixels).unwrap();
+    let flickering: Vec<f32> = maps::words(&engine, "flickering", pixels).unwrap();
     let columns = params.places[0] as usize;
     let white = |pixel: usize| -> f32 {
         let first = first[pixel] as usize;
@@ -227,7 +227,7 @@ fn check(name: &str, bench: &mut Bench) {
 }
 
 fn ray_words(engine: &Engine, name: &str, points: u32, samples: u32) -> Vec<[f32; 4]> {
-    upload::words(engine, name, u64::from(points) * u64::from(samples)).unwrap()
+    maps::words(engine, name, u64::from(points) * u64::from(samples)).unwrap()
 }
 
 #[test]

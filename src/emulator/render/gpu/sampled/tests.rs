@@ -55,7 +55,14 @@ impl Case {
 
     fn sampler(&self, engine: &mut Engine) -> Sampler {
         let (worlds, optics) = (&self.worlds, &self.optics);
-        Sampler::new(engine, worlds, optics, &self.plan, self.options, self.aperture())
+        Sampler::new(
+            engine,
+            worlds,
+            optics,
+            &self.plan,
+            self.options,
+            self.aperture(),
+        )
     }
 
     /// Maps of the CPU, then of the GPU, with their mixed pixels; the GPU at first has room for so
@@ -83,7 +90,7 @@ impl Case {
         optics::write(engine, &self.optics);
         geometry::write_rays(engine, table.as_deref());
         scene::Scene::default().update(engine, &self.worlds, size.1);
-        looks::write(engine, &self.optics, &self.worlds);
+        looks::Looks::default().update(engine, &self.optics, &self.worlds);
         let mut sampler = self.sampler(engine);
         if let Some(heads) = room {
             sampler.room.heads = heads;
@@ -95,7 +102,10 @@ impl Case {
             geometry::run(engine, &mut commands, &self.plan, lens).unwrap();
             sampler.run(engine, &mut commands, &self.plan).unwrap();
             engine.submit(commands);
-            if !sampler.has_grown(engine).unwrap() {
+            if !sampler
+                .has_grown(engine, mixed::wanted(engine).unwrap())
+                .unwrap()
+            {
                 break;
             }
             grown += 1;
@@ -361,7 +371,11 @@ fn what_blurs_a_texture_is_the_cpus() {
     let engine = &mut Engine::for_tests();
     let folder = tempfile::tempdir().unwrap();
     let picture = image::RgbImage::from_fn(64, 48, |u, v| {
-        image::Rgb([((u * 29 + v * 53) % 256) as u8, (u * 4) as u8, (v * 5) as u8])
+        image::Rgb([
+            ((u * 29 + v * 53) % 256) as u8,
+            (u * 4) as u8,
+            (v * 5) as u8,
+        ])
     });
     picture.save(folder.path().join("spots.png")).unwrap();
     let text = r#"
@@ -441,8 +455,15 @@ fn what_has_no_room_is_sampled_again() {
         let ([_, again], grown) = case.both(engine, None);
         assert_eq!(grown, 0);
         let places = |map: &GeometryBuffer| -> Vec<_> {
-            map.mixed.iter().map(|m| (m.pixel, m.x, m.projected, m.ambient)).collect()
+            map.mixed
+                .iter()
+                .map(|m| (m.pixel, m.x, m.projected, m.ambient))
+                .collect()
         };
-        assert_eq!(places(&found), places(&again), "in whatever order they came");
+        assert_eq!(
+            places(&found),
+            places(&again),
+            "in whatever order they came"
+        );
     }
 }

@@ -30,7 +30,7 @@ fn samples_are_where_the_cpu_has_them() {
     let (width, height) = (151usize, 70usize);
     for (samples, side) in [(4, 4usize), (16, 4), (64, 8)] {
         case.options.samples = samples;
-            let mut sampler = case.sampler(engine);
+        let mut sampler = case.sampler(engine);
         assert_eq!(sampler.side, side, "depth of field takes sixteen");
         for rows in [4, 1] {
             sampler.data.rows = rows as u32;
