@@ -86,6 +86,11 @@ impl Room {
     }
 }
 
+/// Takes back what passes have wanted until now.
+pub(super) fn forget(engine: &mut Engine) {
+    engine.write("mixed_count", &[0; COUNTS as usize * 4]);
+}
+
 /// The most heads that a pass has wanted; waits for it.
 #[cfg(test)]
 pub(super) fn wanted(engine: &Engine) -> Result<u64> {

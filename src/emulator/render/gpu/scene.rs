@@ -1,8 +1,10 @@
 //! The scene as shaders read it: `bvh.wgsl` and `world.wgsl`.
 //!
 //! What stands still and what moves as a rigid body is taken to the GPU once; each instant brings the
-//! poses alone. A mesh that deforms brings its corners and boxes too: the CPU blends and refits it,
-//! which the looks of its surfaces need anyhow.
+//! poses alone. A mesh that deforms brings its corners and boxes too, 4 MB for 65,536 triangles: the
+//! CPU blends it (0.1 ms on one core), refits its hierarchy (1.0 ms) and works out normals in f64
+//! (1 ms on two cores). Building the hierarchy anew was measured to take over 100 times as long as
+//! refitting it. A refit by shaders has not been measured; the CPU's own would remain, for the looks.
 
 use super::Engine;
 use crate::emulator::render::path::Blend;
