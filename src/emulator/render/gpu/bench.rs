@@ -1,5 +1,6 @@
 //! Scenes for tests: their maps by the CPU, taken to the GPU with all that rays meet.
 
+use super::sampled::Sampler;
 use super::{Engine, geometry as gpu, looks, optics, scene, skin, upload};
 use crate::emulator::render::aperture::Aperture;
 use crate::emulator::render::buffer::GeometryBuffer;
@@ -16,6 +17,7 @@ use std::path::Path;
 
 /// A scene with the maps of its geometry pass, but for what bounces.
 pub(super) struct Bench {
+    profile: Profile,
     worlds: Worlds,
     pub(super) optics: Optics,
     pub(super) plan: Plan,
@@ -47,6 +49,7 @@ impl Bench {
         let distorted = plan.has(Term::CameraDistortion);
         let table = distorted.then(|| ideal_points(&optics));
         let mut bench = Self {
+            profile,
             worlds: Worlds::new(world),
             plan,
             table,
@@ -55,7 +58,7 @@ impl Bench {
             optics,
         };
         let mut map = GeometryBuffer::default();
-        let (options, aperture) = (Options::default(), Aperture::new(&profile.camera));
+        let (options, aperture) = (Options::default(), Aperture::new(&bench.profile.camera));
         let rays = bench.rays();
         geometry::run(
             &bench.worlds,
@@ -101,5 +104,22 @@ impl Bench {
         looks::Looks::default().update(&mut engine, &self.optics, &self.worlds);
         upload::maps(&mut engine, &self.map);
         engine
+    }
+
+    /// Has the GPU find the mixed pixels of its maps.
+    pub(super) fn see_mixed(&self, engine: &mut Engine) {
+        let options = Options::default();
+        let aperture = Aperture::new(&self.profile.camera);
+        let sampler = Sampler::new(
+            engine,
+            &self.worlds,
+            &self.optics,
+            &self.plan,
+            options,
+            aperture,
+        );
+        let mut commands = engine.commands();
+        sampler.run(engine, &mut commands, &self.plan).unwrap();
+        engine.submit(commands);
     }
 }
