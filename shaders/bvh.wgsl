@@ -49,15 +49,24 @@ fn inverse_of(direction: vec3f) -> vec3f {
     return 1.0 / select(direction, small, abs(direction) < vec3f(SMALLEST));
 }
 
-// The parameter at which a ray enters a node's box; `NEVER` if it does not before its end.
-fn entry(index: u32, origin: vec3f, inverse: vec3f, end: f32) -> f32 {
-    let low = (bitcast<vec3f>(nodes[2u * index].xyz) - origin) * inverse;
-    let high = (bitcast<vec3f>(nodes[2u * index + 1u].xyz) - origin) * inverse;
+// What a ray finds at a node: the parameter at which it enters the box, `NEVER` if it does not before
+// its end; the first child, or first triangle of a leaf; the number of a leaf's triangles.
+struct Entry {
+    t: f32,
+    first: u32,
+    count: u32,
+}
+
+fn entry(index: u32, origin: vec3f, inverse: vec3f, end: f32) -> Entry {
+    let lowest = nodes[2u * index];
+    let highest = nodes[2u * index + 1u];
+    let low = (bitcast<vec3f>(lowest.xyz) - origin) * inverse;
+    let high = (bitcast<vec3f>(highest.xyz) - origin) * inverse;
     let enter = min(low, high);
     let leave = max(low, high);
     let near = max(max(enter.x, enter.y), max(enter.z, 0.0));
     let far = min(min(leave.x, leave.y), leave.z) * FAR;
-    return select(NEVER, near, near <= min(far, end));
+    return Entry(select(NEVER, near, near <= min(far, end)), lowest.w, highest.w);
 }
 
 // The nearest meeting of a ray with a hierarchy's triangles between two parameters, or, if `any` will
@@ -69,18 +78,16 @@ fn walk(tree: Tree, origin: vec3f, direction: vec3f, start: f32, end: f32, own: 
     var stack: array<u32, LEVELS>;
     var entries: array<f32, LEVELS>;
     var height = 0u;
-    var index = tree.nodes;
-    if entry(index, origin, inverse, end) == NEVER {
+    var node = entry(tree.nodes, origin, inverse, end);
+    if node.t == NEVER {
         return found;
     }
     // Each round visits a node, and none twice.
     for (var round = 0u; round < 2u * tree.count; round++) {
-        let first = nodes[2u * index].w;
-        let count = nodes[2u * index + 1u].w;
         var down = false;
-        if count > 0u {
-            let stop = tree.triangles + first + count;
-            for (var i = tree.triangles + first; i < stop; i++) {
+        if node.count > 0u {
+            let stop = tree.triangles + node.first + node.count;
+            for (var i = tree.triangles + node.first; i < stop; i++) {
                 let a = triangles[3u * i].xyz - origin;
                 let b = triangles[3u * i + 1u].xyz - origin;
                 let c = triangles[3u * i + 2u].xyz - origin;
@@ -93,18 +100,19 @@ fn walk(tree: Tree, origin: vec3f, direction: vec3f, start: f32, end: f32, own: 
                 }
             }
         } else {
-            let left = tree.nodes + first;
-            let enter_left = entry(left, origin, inverse, found.t);
-            let enter_right = entry(left + 1u, origin, inverse, found.t);
-            let swap = enter_right < enter_left;
-            let far = max(enter_left, enter_right);
+            let child = tree.nodes + node.first;
+            let left = entry(child, origin, inverse, found.t);
+            let right = entry(child + 1u, origin, inverse, found.t);
+            let swap = right.t < left.t;
+            let far = max(left.t, right.t);
             if far < NEVER && height < LEVELS {
-                stack[height] = select(left + 1u, left, swap);
+                stack[height] = select(child + 1u, child, swap);
                 entries[height] = far;
                 height++;
             }
-            down = min(enter_left, enter_right) < NEVER;
-            index = select(left, left + 1u, swap);
+            down = min(left.t, right.t) < NEVER;
+            node.first = select(left.first, right.first, swap);
+            node.count = select(left.count, right.count, swap);
         }
         // A node on the stack may have fallen behind what has been met since.
         while !down {
@@ -112,8 +120,11 @@ fn walk(tree: Tree, origin: vec3f, direction: vec3f, start: f32, end: f32, own: 
                 return found;
             }
             height--;
-            index = stack[height];
-            down = entries[height] <= found.t;
+            if entries[height] <= found.t {
+                down = true;
+                node.first = nodes[2u * stack[height]].w;
+                node.count = nodes[2u * stack[height] + 1u].w;
+            }
         }
     }
     return found;

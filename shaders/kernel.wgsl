@@ -68,12 +68,14 @@ fn kernel_part(table: Table, x: f32, sizes: vec2f, sigma: f32, reaches: vec2f) -
         group *= 2.0;
     }
     let last = (table.width + (1u << grouping) - 1u) / (1u << grouping) - 1u;
-    // From the slide's left end, in a held pixel and from its left border.
+    // From the slide's left end, in a held pixel and from its left border: f32 would lose small blurs
+    // in far columns.
     let pixel = floor(clamp(x, -LAST_PIXEL, LAST_PIXEL) + 0.5);
-    let inside = x - pixel + 0.5;
-    let whole = 0.5 * (sizes.x + sizes.y) + reach;
-    let low = u32(clamp((pixel + inside - whole) / group, 0.0, f32(last)));
-    let high = u32(clamp((pixel + inside + whole) / group, 0.0, f32(last)));
+    let inside = clamp(x - pixel, -FAR, FAR) + 0.5;
+    let whole = min(0.5 * (sizes.x + sizes.y) + reach, FAR);
+    let here = i32(pixel);
+    let low = u32(clamp((here + i32(floor(inside - whole))) >> grouping, 0, i32(last)));
+    let high = u32(clamp((here + i32(floor(inside + whole))) >> grouping, 0, i32(last)));
     let start = blend_left_of(blend, -pixel - inside);
     let end = blend_left_of(blend, f32(table.width) - pixel - inside);
     let levels = slide_word(table.held, grouping);

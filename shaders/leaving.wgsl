@@ -8,7 +8,8 @@ const OVERLAP: f32 = 1e-6;
 const ROUNDING: f32 = 4.8e-7;
 
 // The test of Moller and Trumbore ("Fast, Minimum Storage Ray/Triangle Intersection", Journal of
-// Graphics Tools 2(1), 1997); the parameter, or `NEVER`. `farthest` is the origin's largest coordinate.
+// Graphics Tools 2(1), 1997); the parameter, or `NEVER`. `farthest` is the origin's largest coordinate,
+// here or in the rig's frame, where it was rounded.
 fn meet_leaving(a: vec3f, b: vec3f, c: vec3f, origin: vec3f, d: vec3f, farthest: f32) -> f32 {
     let e1 = b - a;
     let e2 = c - a;
@@ -29,25 +30,22 @@ fn meet_leaving(a: vec3f, b: vec3f, c: vec3f, origin: vec3f, d: vec3f, farthest:
     return select(NEVER, t, inside);
 }
 
-fn walk_leaving(tree: Tree, origin: vec3f, direction: vec3f, end: f32) -> Found {
+// The nearest meeting with a hierarchy's triangles before an end, as `walk` finds it.
+fn walk_leaving(tree: Tree, origin: vec3f, direction: vec3f, end: f32, farthest: f32) -> Found {
     var found = Found(end, NO_SURFACE);
     let inverse = inverse_of(direction);
-    let far = abs(origin);
-    let farthest = max(max(far.x, far.y), far.z);
     var stack: array<u32, LEVELS>;
     var entries: array<f32, LEVELS>;
     var height = 0u;
-    var index = tree.nodes;
-    if entry(index, origin, inverse, end) == NEVER {
+    var node = entry(tree.nodes, origin, inverse, end);
+    if node.t == NEVER {
         return found;
     }
     for (var round = 0u; round < 2u * tree.count; round++) {
-        let first = nodes[2u * index].w;
-        let count = nodes[2u * index + 1u].w;
         var down = false;
-        if count > 0u {
-            let stop = tree.triangles + first + count;
-            for (var i = tree.triangles + first; i < stop; i++) {
+        if node.count > 0u {
+            let stop = tree.triangles + node.first + node.count;
+            for (var i = tree.triangles + node.first; i < stop; i++) {
                 let a = triangles[3u * i].xyz;
                 let b = triangles[3u * i + 1u].xyz;
                 let c = triangles[3u * i + 2u].xyz;
@@ -57,26 +55,30 @@ fn walk_leaving(tree: Tree, origin: vec3f, direction: vec3f, end: f32) -> Found 
                 }
             }
         } else {
-            let left = tree.nodes + first;
-            let enter_left = entry(left, origin, inverse, found.t);
-            let enter_right = entry(left + 1u, origin, inverse, found.t);
-            let swap = enter_right < enter_left;
-            let later = max(enter_left, enter_right);
+            let child = tree.nodes + node.first;
+            let left = entry(child, origin, inverse, found.t);
+            let right = entry(child + 1u, origin, inverse, found.t);
+            let swap = right.t < left.t;
+            let later = max(left.t, right.t);
             if later < NEVER && height < LEVELS {
-                stack[height] = select(left + 1u, left, swap);
+                stack[height] = select(child + 1u, child, swap);
                 entries[height] = later;
                 height++;
             }
-            down = min(enter_left, enter_right) < NEVER;
-            index = select(left, left + 1u, swap);
+            down = min(left.t, right.t) < NEVER;
+            node.first = select(left.first, right.first, swap);
+            node.count = select(left.count, right.count, swap);
         }
         while !down {
             if height == 0u {
                 return found;
             }
             height--;
-            index = stack[height];
-            down = entries[height] <= found.t;
+            if entries[height] <= found.t {
+                down = true;
+                node.first = nodes[2u * stack[height]].w;
+                node.count = nodes[2u * stack[height] + 1u].w;
+            }
         }
     }
     return found;
@@ -86,41 +88,38 @@ fn walk_leaving(tree: Tree, origin: vec3f, direction: vec3f, end: f32) -> Found 
 // direction is of unit length, on the side of the surface that the camera sees.
 fn leaving(row: u32, point: vec3f, own: u32, direction: vec3f) -> Hit {
     var hit = no_hit();
-    if has_meshes {
-        let first = first_tree(row);
-        for (var i = 0u; i < world[0].trees; i++) {
-            let tree = trees[first + i];
-            let there = posed(tree.x, tree.y, tree.z, point);
-            let along = turned(tree.x, tree.y, tree.z, direction);
-            let found = walk_leaving(tree, there, along, hit.t);
-            if found.triangle != NO_SURFACE {
-                let a = triangles[3u * found.triangle].w;
-                let b = triangles[3u * found.triangle + 1u].w;
-                let c = triangles[3u * found.triangle + 2u].w;
-                let normal = turned_back(tree.x, tree.y, tree.z, vec3f(a, b, c));
-                let surface = tree.first + triangle_ids[found.triangle];
-                let side = towards_ray(normal, direction);
-                hit = Hit(found.t, surface, side, surface, found.triangle, first + i);
-            }
+    let first = first_tree(row);
+    for (var i = 0u; i < world[0].trees; i++) {
+        let tree = trees[first + i];
+        let there = posed(tree.x, tree.y, tree.z, point);
+        let along = turned(tree.x, tree.y, tree.z, direction);
+        let far = max(abs(point), abs(there));
+        let found = walk_leaving(tree, there, along, hit.t, max(max(far.x, far.y), far.z));
+        if found.triangle != NO_SURFACE {
+            let a = triangles[3u * found.triangle].w;
+            let b = triangles[3u * found.triangle + 1u].w;
+            let c = triangles[3u * found.triangle + 2u].w;
+            let normal = turned_back(tree.x, tree.y, tree.z, vec3f(a, b, c));
+            let surface = tree.first + triangle_ids[found.triangle];
+            let side = towards_ray(normal, direction);
+            hit = Hit(found.t, surface, side, surface, found.triangle, first + i);
         }
     }
-    if has_solids {
-        let first = first_solid(row);
-        let object = object_of(own);
-        for (var i = 0u; i < world[0].solids; i++) {
-            let solid = solids[first + i];
-            // A convex solid that is seen from outside cannot be met by rays that leave it.
-            if solid.object == object && solid.around_camera == 0u {
-                continue;
-            }
-            let there = posed(solid.x, solid.y, solid.z, point);
-            let along = turned(solid.x, solid.y, solid.z, direction);
-            let met = meet_solid(solid, there, along, length(point) * OFF_POINT);
-            if met.t < hit.t {
-                let normal = turned_back(solid.x, solid.y, solid.z, met.normal);
-                let surface = world[0].triangles + i * FACETS + met.facet;
-                hit = Hit(met.t, surface, towards_ray(normal, direction), NO_SURFACE, NO_SURFACE, 0u);
-            }
+    let base = first_solid(row);
+    let object = object_of(own);
+    for (var i = 0u; i < world[0].solids; i++) {
+        let solid = solids[base + i];
+        // A convex solid that is seen from outside cannot be met by rays that leave it.
+        if solid.object == object && solid.around_camera == 0u {
+            continue;
+        }
+        let there = posed(solid.x, solid.y, solid.z, point);
+        let along = turned(solid.x, solid.y, solid.z, direction);
+        let met = meet_solid(solid, there, along, length(point) * OFF_POINT);
+        if met.t < hit.t {
+            let normal = turned_back(solid.x, solid.y, solid.z, met.normal);
+            let surface = world[0].triangles + i * FACETS + met.facet;
+            hit = Hit(met.t, surface, towards_ray(normal, direction), NO_SURFACE, NO_SURFACE, 0u);
         }
     }
     return hit;

@@ -1,8 +1,8 @@
 // needs: plan
 //
-// Numbers that look functions look up, one buffer for all of them, as gpu/looks.rs puts them: the
-// lamps (eight each), the table of soft.wgsl, and, where `looks` or a number of a material says, the
-// materials (ggx.wgsl), and colours, coordinates, normals and corners at rest of triangles.
+// Numbers that look functions look up, one buffer for all of them, as gpu/looks.rs puts them: lamps,
+// eight numbers each; the table of soft.wgsl; and, at places that `looks` holds, materials (ggx.wgsl)
+// and what is known of triangles' corners: colours, coordinates, normals, places at rest.
 
 @group(0) @binding(32) var<storage, read> look_values: array<f32>;
 

@@ -20,10 +20,6 @@ struct World {
 // Object of each triangle.
 @group(0) @binding(18) var<storage, read> owner: array<u32>;
 
-// Whether the scene has meshes, and solids.
-override has_meshes: bool = true;
-override has_solids: bool = true;
-
 // What stands this fraction before a point's end of a shadow ray touches the point rather than shades
 // it, and where rays that leave a point start, relative to its distance from the rig: 10 um at 1 m, far above
 // the error of f32.
@@ -79,7 +75,11 @@ fn solved(at: u32, origin: vec3f, direction: vec3f, found: Found) -> Hit {
     let c = triangles[3u * found.triangle + 2u];
     let flat = vec3f(a.w, b.w, c.w);
     let t = solve(a.xyz - there, b.xyz - there, c.xyz - there, flat, along, found.t);
-    let normal = towards_ray(turned_back(tree.x, tree.y, tree.z, flat), direction);
+    var normal = towards_ray(turned_back(tree.x, tree.y, tree.z, flat), direction);
+    // A triangle without area, which closes a gap between its neighbours, counts as facing the ray.
+    if dot(flat, flat) < 0.5 {
+        normal = -normalize(direction);
+    }
     let surface = tree.first + triangle_ids[found.triangle];
     return Hit(t, surface, normal, surface, found.triangle, at);
 }
@@ -87,36 +87,32 @@ fn solved(at: u32, origin: vec3f, direction: vec3f, found: Found) -> Hit {
 // The nearest surface along a ray of the camera.
 fn nearest(ray: Ray) -> Hit {
     var hit = no_hit();
-    if has_meshes {
-        let first = first_tree(ray.row);
-        var found = Found(NEVER, NO_SURFACE);
-        var at = first;
-        for (var i = 0u; i < world[0].trees; i++) {
-            let tree = trees[first + i];
-            let there = posed(tree.x, tree.y, tree.z, ray.origin);
-            let along = turned(tree.x, tree.y, tree.z, ray.direction);
-            let nearer = walk(tree, there, along, 0.0, found.t, NO_SURFACE, false);
-            if nearer.triangle != NO_SURFACE {
-                found = nearer;
-                at = first + i;
-            }
-        }
-        if found.triangle != NO_SURFACE {
-            hit = solved(at, ray.origin, ray.direction, found);
+    let first = first_tree(ray.row);
+    var found = Found(NEVER, NO_SURFACE);
+    var at = first;
+    for (var i = 0u; i < world[0].trees; i++) {
+        let tree = trees[first + i];
+        let there = posed(tree.x, tree.y, tree.z, ray.origin);
+        let along = turned(tree.x, tree.y, tree.z, ray.direction);
+        let nearer = walk(tree, there, along, 0.0, found.t, NO_SURFACE, false);
+        if nearer.triangle != NO_SURFACE {
+            found = nearer;
+            at = first + i;
         }
     }
-    if has_solids {
-        let first = first_solid(ray.row);
-        for (var i = 0u; i < world[0].solids; i++) {
-            let solid = solids[first + i];
-            let there = posed(solid.x, solid.y, solid.z, ray.origin);
-            let along = turned(solid.x, solid.y, solid.z, ray.direction);
-            let met = meet_solid(solid, there, along, 0.0);
-            if met.t < hit.t {
-                let normal = turned_back(solid.x, solid.y, solid.z, met.normal);
-                let surface = world[0].triangles + i * FACETS + met.facet;
-                hit = Hit(met.t, surface, towards_ray(normal, ray.direction), NO_SURFACE, NO_SURFACE, 0u);
-            }
+    if found.triangle != NO_SURFACE {
+        hit = solved(at, ray.origin, ray.direction, found);
+    }
+    let base = first_solid(ray.row);
+    for (var i = 0u; i < world[0].solids; i++) {
+        let solid = solids[base + i];
+        let there = posed(solid.x, solid.y, solid.z, ray.origin);
+        let along = turned(solid.x, solid.y, solid.z, ray.direction);
+        let met = meet_solid(solid, there, along, 0.0);
+        if met.t < hit.t {
+            let normal = turned_back(solid.x, solid.y, solid.z, met.normal);
+            let surface = world[0].triangles + i * FACETS + met.facet;
+            hit = Hit(met.t, surface, towards_ray(normal, ray.direction), NO_SURFACE, NO_SURFACE, 0u);
         }
     }
     return hit;
@@ -125,33 +121,29 @@ fn nearest(ray: Ray) -> Hit {
 // Whether something other than `surface` itself, or than the convex solid that it is of, is met by
 // a ray between two parameters.
 fn meets_any(row: u32, origin: vec3f, direction: vec3f, start: f32, end: f32, surface: u32) -> bool {
-    if has_meshes {
-        let first = first_tree(row);
-        for (var i = 0u; i < world[0].trees; i++) {
-            let tree = trees[first + i];
-            let there = posed(tree.x, tree.y, tree.z, origin);
-            let along = turned(tree.x, tree.y, tree.z, direction);
-            // A number of another hierarchy's, less the first, is none of this one's.
-            let found = walk(tree, there, along, start, end, surface - tree.first, true);
-            if found.triangle != NO_SURFACE {
-                return true;
-            }
+    let first = first_tree(row);
+    for (var i = 0u; i < world[0].trees; i++) {
+        let tree = trees[first + i];
+        let there = posed(tree.x, tree.y, tree.z, origin);
+        let along = turned(tree.x, tree.y, tree.z, direction);
+        // A number of another hierarchy's, less the first, is none of this one's.
+        let found = walk(tree, there, along, start, end, surface - tree.first, true);
+        if found.triangle != NO_SURFACE {
+            return true;
         }
     }
-    if has_solids {
-        let first = first_solid(row);
-        let object = object_of(surface);
-        for (var i = 0u; i < world[0].solids; i++) {
-            let solid = solids[first + i];
-            // Seen from outside, a convex solid shades itself only by facing away.
-            if solid.object == object && solid.around_camera == 0u {
-                continue;
-            }
-            let there = posed(solid.x, solid.y, solid.z, origin);
-            let along = turned(solid.x, solid.y, solid.z, direction);
-            if meet_solid(solid, there, along, start).t < end {
-                return true;
-            }
+    let base = first_solid(row);
+    let object = object_of(surface);
+    for (var i = 0u; i < world[0].solids; i++) {
+        let solid = solids[base + i];
+        // Seen from outside, a convex solid shades itself only by facing away.
+        if solid.object == object && solid.around_camera == 0u {
+            continue;
+        }
+        let there = posed(solid.x, solid.y, solid.z, origin);
+        let along = turned(solid.x, solid.y, solid.z, direction);
+        if meet_solid(solid, there, along, start).t < end {
+            return true;
         }
     }
     return false;

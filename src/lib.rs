@@ -55,6 +55,8 @@
 //! - A mesh that moves has a hierarchy of its own, in its own frame, and packets of rays are taken
 //!   there; an exposure of it is the mean of frames at a few instants. Instants between which nothing
 //!   has moved are one, so a scene pays for motion only while it lasts.
+//! - Shaders are put together by their first lines rather than by a preprocessor, and buffers bound by
+//!   name. Ground truth comes from the CPU whatever renders the frames: it is f64's to say.
 //! - STL, OBJ, PLY and `.npy` are read and written here: the crates lose the line of an error, f64
 //!   vertices, or bounds on memory.
 //! - Ambient light, radiometry and the sensor work in SI units and electrons from the start, so that

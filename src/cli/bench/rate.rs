@@ -6,7 +6,7 @@ use std::time::Instant;
 /// Rounds, of which the fastest counts: what else runs here only ever adds.
 const ROUNDS: usize = 3;
 /// A round has no more frames than come in so many seconds.
-const ROUND_S: f64 = 1.0;
+pub(super) const ROUND_S: f64 = 1.0;
 
 /// Seconds that a frame takes where `run` makes so many of them, one after the other; at most
 /// `frames` in a round.

@@ -24,7 +24,7 @@ pub struct Adapter {
 pub struct Gpu {
     /// What it is.
     pub adapter: Adapter,
-    pub(super) device: wgpu::Device,
+    pub(in crate::emulator::render) device: wgpu::Device,
     pub(super) queue: wgpu::Queue,
     /// Whether passes can be timed, and nanoseconds of a tick.
     pub(super) tick_ns: Option<f32>,
@@ -162,7 +162,7 @@ impl Gpu {
     }
 
     /// Notes what went wrong, if nothing did before.
-    pub(super) fn fail(&self, words: impl std::fmt::Display) {
+    pub(in crate::emulator::render) fn fail(&self, words: impl std::fmt::Display) {
         let mut failure = self.failure.lock().unwrap_or_else(PoisonError::into_inner);
         failure.get_or_insert_with(|| format!("GPU {}: {words}", self.adapter.name));
     }

@@ -304,9 +304,9 @@ fn slides_out_of_focus() {
 #[test]
 #[ignore = "needs a Vulkan adapter"]
 fn slides_on_skin() {
-    let skin = "skin = { absorption_per_mm = 0.02, reduced_scattering_per_mm = 2.0 }";
+    let skin = "albedo = 0.8\nskin = { absorption_per_mm = 0.02, reduced_scattering_per_mm = 2.0 }";
     let scene = SOLIDS.replace("albedo = 0.8", skin);
-    let scene = scene.replace("albedo = 0.7", "skin = { fitzpatrick = 2 }");
+    let scene = scene.replace("albedo = 0.7", "albedo = 0.7\nskin = { fitzpatrick = 2 }");
     Setup::new(&scene, |_| {}, Options::default()).check("skin", 0.05);
     let blurred = |profile: &mut Profile| {
         profile.projector.focus = Some(Focus {

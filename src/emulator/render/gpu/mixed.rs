@@ -18,11 +18,11 @@ const LEAST: u64 = 1024;
 /// Twin of `MixedSample` in `mixed_types.wgsl`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
-pub(in crate::emulator::render) struct MixedSample {
-    pub(in crate::emulator::render) place: [f32; 2],
-    pub(in crate::emulator::render) slopes: [[f32; 2]; 2],
-    pub(in crate::emulator::render) projected: f32,
-    pub(in crate::emulator::render) blur: f32,
+pub(super) struct MixedSample {
+    pub(super) place: [f32; 2],
+    pub(super) slopes: [[f32; 2]; 2],
+    pub(super) projected: f32,
+    pub(super) blur: f32,
 }
 
 /// How many heads of mixed pixels there is room for. It starts at what most scenes fit in and grows
@@ -84,6 +84,11 @@ impl Room {
         self.heads = (wanted + wanted / 4).min(self.most);
         Ok(true)
     }
+}
+
+/// Takes back what passes have wanted until now.
+pub(super) fn forget(engine: &mut Engine) {
+    engine.write("mixed_count", &[0; COUNTS as usize * 4]);
 }
 
 /// The most heads that a pass has wanted; waits for it.

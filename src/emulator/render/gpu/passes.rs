@@ -193,6 +193,12 @@ impl Passes {
         Ok(None)
     }
 
+    /// Asks for memory, as passes do.
+    #[cfg(test)]
+    pub(in crate::emulator::render) fn reserve(&mut self, name: &'static str, bytes: u64) {
+        self.engine.reserve(name, bytes);
+    }
+
     /// Times passes from now on.
     pub(in crate::emulator::render) fn time_passes(&mut self) {
         self.engine.time_passes();

@@ -1,7 +1,7 @@
 //! The passes that see pixels by several rays: those that are mixed, or all of them.
 
 use super::engine::Commands;
-use super::mixed::Room;
+use super::mixed::{self, Room};
 use super::{Engine, Stage, aperture, grid};
 use crate::emulator::render::aperture::Aperture;
 use crate::emulator::render::look::Looks;
@@ -51,11 +51,10 @@ impl Sampler {
         let depth_of_field = plan.has(Term::DepthOfField) && aperture.radius_mm > 0.0;
         let side = options.side(depth_of_field);
         let pixels = u64::from(lens.width_px) * u64::from(lens.height_px);
-        // What scenes mostly take: all that is on edges, a quarter of what may be out of focus.
+        // What scenes mostly take: all that is on edges, a part of what may be out of focus.
         let heads = match side {
             1 | 2 => pixels / 16,
-            4 => pixels / 4,
-            _ => pixels,
+            _ => pixels / 4,
         };
         let data = SamplingData {
             size: [lens.width_px, lens.height_px],
@@ -78,6 +77,8 @@ impl Sampler {
             varies: varies(&worlds.any().looks),
         };
         sampler.room.reserve(engine);
+        // What was wanted under another plan is not now.
+        mixed::forget(engine);
         sampler.see(engine, worlds);
         sampler
     }

@@ -1,8 +1,11 @@
 //! The scene as shaders read it: `bvh.wgsl` and `world.wgsl`.
 //!
 //! What stands still and what moves as a rigid body is taken to the GPU once; each instant brings the
-//! poses alone. A mesh that deforms brings its corners and boxes too: the CPU blends and refits it,
-//! which the looks of its surfaces need anyhow.
+//! poses alone. A mesh that deforms brings its corners and boxes too, some 4 MB for 65,536 triangles:
+//! the CPU refits its hierarchy rather than build it anew. On two cores busy with other work the least
+//! was 1.0 ms for the refit (fifteen runs), 0.1 ms for blending and 1.1 ms for the normals in f64,
+//! against 122 ms for building (four runs): too rough for a ratio, plain enough for the choice. A
+//! refit by shaders has not been measured; the CPU's own would remain, for the looks.
 
 use super::Engine;
 use crate::emulator::render::path::Blend;

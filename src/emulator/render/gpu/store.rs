@@ -48,7 +48,7 @@ impl Store {
     /// Sees that a buffer has room; what it held is lost where it had not. One that is far too large
     /// gives its memory back.
     pub(super) fn reserve(&mut self, name: &'static str, bytes: u64) {
-        let bytes = bytes.next_multiple_of(16).max(LEAST);
+        let bytes = (bytes.div_ceil(16) * 16).max(LEAST);
         let fits = |b: &wgpu::Buffer| b.size() >= bytes && b.size() <= bytes.max(1 << 20) * 4;
         if self.buffers.get(name).is_some_and(fits) {
             return;

@@ -56,15 +56,32 @@ impl Head {
 }
 
 /// Which tables are in the GPU's memory, and where.
-#[derive(Default)]
 pub(super) struct Tables {
     placed: Vec<(Weak<Table>, Head)>,
     /// Cells in use, and cells that there is room for.
     used: u64,
     room: u64,
+    /// Bytes that they may take.
+    most: u64,
+}
+
+impl Default for Tables {
+    fn default() -> Self {
+        Self::within(MOST_BYTES)
+    }
 }
 
 impl Tables {
+    /// Tables that take so many bytes at most.
+    pub(super) fn within(most: u64) -> Self {
+        Self {
+            placed: Vec::new(),
+            used: 0,
+            room: 0,
+            most,
+        }
+    }
+
     /// Takes the tables of one exposure there, as far as they are not.
     ///
     /// # Errors
@@ -88,10 +105,7 @@ impl Tables {
         if self.used + missing(self) > self.room {
             let all = self.used + missing(self);
             (self.placed, self.used) = (Vec::new(), 0);
-            let (most, needed) = (
-                engine.largest_buffer().min(MOST_BYTES) / CELL,
-                missing(self),
-            );
+            let (most, needed) = (engine.largest_buffer().min(self.most) / CELL, missing(self));
             if needed > most {
                 let (needed, most) = (needed * CELL, most * CELL);
                 return Err(Error::device(format!(

@@ -1,20 +1,10 @@
 //! Mixed pixels of the CPU's geometry pass, taken to the GPU.
 
 use super::Engine;
+use super::mixed::MixedSample;
 use crate::emulator::render::buffer::{GeometryBuffer, Mixed};
-use bytemuck::{Pod, Zeroable};
 
-/// Twin of `MixedSample` in `mixed_types.wgsl`.
-#[repr(C)]
-#[derive(Debug, Clone, Copy, Pod, Zeroable)]
-struct Sample {
-    place: [f32; 2],
-    slopes: [[f32; 2]; 2],
-    projected: f32,
-    blur: f32,
-}
-
-impl Sample {
+impl MixedSample {
     fn new(mixed: &Mixed, k: usize) -> Self {
         Self {
             place: [mixed.x[k], mixed.y[k]],
@@ -35,7 +25,7 @@ pub(in crate::emulator::render) fn mixed(engine: &mut Engine, map: &GeometryBuff
             heads.push([mixed.pixel, count, ambient, swing]);
         }
     }
-    let all = |mixed: &Mixed| std::array::from_fn::<_, 16, _>(|k| Sample::new(mixed, k));
+    let all = |mixed: &Mixed| std::array::from_fn::<_, 16, _>(|k| MixedSample::new(mixed, k));
     let samples: Vec<_> = map.mixed.iter().flat_map(all).collect();
     let [across, down, _] = super::grid(heads.len());
     // How many heads, groups of threads for them, and how many were wanted.

@@ -193,3 +193,105 @@ impl Renderer {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::emulator::Slide;
+    use crate::emulator::render::Options;
+    use crate::profile::{Profile, Scene};
+    use std::sync::Arc;
+
+    fn renderer(backend: Backend) -> Result<Renderer> {
+        let profile = Profile::load("webcam-grey").unwrap();
+        let scene = Scene::load("plane").unwrap();
+        let options = Options {
+            backend,
+            ..Options::default()
+        };
+        Renderer::with_options(&profile, &scene, 3, options)
+    }
+
+    fn shot(noise_id: u64) -> Shot {
+        Shot {
+            noise_id,
+            slide: Some(Arc::new(Slide::Uniform(200))),
+            light: 1.0,
+            exposure_ns: 5_000_000,
+            ..Shot::default()
+        }
+    }
+
+    /// However a GPU fails, all frames come, those after it as the processor alone makes them.
+    fn goes_on_after(fail: impl Fn(&mut Passes), backend: Backend) -> Renderer {
+        let mut alone = renderer(Backend::Cpu).unwrap();
+        let mut renderer = renderer(Backend::Gpu).unwrap();
+        renderer.options.backend = backend;
+        renderer.expose(&shot(0));
+        assert!(renderer.adapter().is_some() && renderer.depth() > 1);
+        let under_way = [1, 2].map(|id| renderer.submit(&shot(id)));
+        fail(renderer.gpu.as_mut().unwrap());
+        for (pending, id) in under_way.into_iter().zip(1..) {
+            let frame = renderer.finish(pending);
+            assert_eq!(frame.data.len(), alone.expose(&shot(id)).data.len());
+        }
+        assert_eq!(renderer.expose(&shot(3)), alone.expose(&shot(3)));
+        assert!(renderer.adapter().is_none());
+        renderer
+    }
+
+    #[test]
+    #[ignore = "needs a Vulkan adapter"]
+    fn without_a_gpu_that_is_lost_the_processor_goes_on() {
+        for fail in [
+            |gpu: &mut Passes| gpu.gpu().fail("lost: pulled out"),
+            |gpu: &mut Passes| gpu.gpu().device.destroy(),
+        ] {
+            let mut renderer = goes_on_after(fail, Backend::Auto);
+            let news = renderer.news().unwrap().unwrap();
+            assert!(news.ends_with("; the processor goes on"), "{news}");
+            assert_eq!(renderer.news().unwrap(), None, "said once");
+        }
+    }
+
+    #[test]
+    #[ignore = "needs a Vulkan adapter"]
+    fn a_gpu_that_was_asked_for_and_is_lost_is_an_error() {
+        let fail = |gpu: &mut Passes| gpu.gpu().fail("lost: pulled out");
+        let mut renderer = goes_on_after(fail, Backend::Gpu);
+        let said = renderer.news().unwrap_err().to_string();
+        assert!(said.contains("lost: pulled out"), "{said}");
+    }
+
+    #[test]
+    #[ignore = "needs a Vulkan adapter"]
+    fn memory_that_a_gpu_has_not_is_told() {
+        let fail = |gpu: &mut Passes| gpu.reserve("frame", u64::MAX / 2);
+        let mut renderer = goes_on_after(fail, Backend::Auto);
+        let news = renderer.news().unwrap().unwrap();
+        assert!(news.contains("frame takes") && news.contains("bytes"), "{news}");
+    }
+
+    /// Where an adapter is hardware it is taken, without words; where none is, the words say so.
+    #[test]
+    fn auto_takes_a_gpu_that_is_hardware_or_says_why_not() {
+        let mut renderer = renderer(Backend::Auto).unwrap();
+        let news = renderer.news().unwrap();
+        match renderer.adapter() {
+            Some(adapter) => assert!(adapter.hardware && news.is_none()),
+            None => assert!(news.unwrap().starts_with("rendering on the processor: ")),
+        }
+        assert_eq!(renderer.news().unwrap(), None);
+    }
+
+    #[test]
+    fn a_scene_that_f32_cannot_hold_is_the_processors() {
+        let why = || Err("the scene reaches far".to_owned());
+        let (gpu, mut news) = open(Backend::Auto, why).unwrap();
+        assert!(gpu.is_none());
+        assert!(news.text.take().unwrap().contains("the scene reaches far"));
+        let refused = open(Backend::Gpu, why).err().unwrap();
+        assert_eq!(refused.exit_code(), 2);
+        assert!(refused.to_string().contains("the scene reaches far"));
+    }
+}

@@ -7,16 +7,17 @@ use crate::emulator::render::look::{Ggx, Lay, Texture};
 use crate::emulator::render::shade::{Optics, Shaded};
 use crate::profile::{Focus, Profile, Scene, Vignetting};
 use glam::{DVec2, DVec3, Vec2, Vec3, Vec3Swizzles};
+use std::f32::consts::TAU;
 
 /// Numbers in [0, 1) that look like none in particular (Weyl's sequence, scrambled).
-pub(super) struct Dice(u64);
+struct Dice(u64);
 
 impl Dice {
-    pub(super) fn new() -> Self {
+    fn new() -> Self {
         Self(0)
     }
 
-    pub(super) fn roll(&mut self) -> f32 {
+    fn roll(&mut self) -> f32 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let mixed = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
         let mixed = (mixed ^ (mixed >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
@@ -34,7 +35,7 @@ impl Dice {
 
     fn direction(&mut self, cos: f32) -> Vec3 {
         let sin = (1.0 - cos * cos).max(0.0).sqrt();
-        let turn = self.between(0.0, std::f32::consts::TAU);
+        let turn = self.between(0.0, TAU);
         Vec3::new(sin * turn.cos(), sin * turn.sin(), cos).normalize()
     }
 }
@@ -117,9 +118,8 @@ fn gpu_materials_reflect_as_the_cpus() {
         let [n, l, v] = [normal, light, view].map(Vec3::as_dvec3);
         let exact = ggx.reflectance(albedo.into(), n, l, v);
         let even = ggx.under_even_light(albedo.into(), n.dot(v));
-        // As light at this angle: what is seen.
+        // Of what is seen, in parts of itself where it is bright: smooth ones shine a thousandfold.
         let scale = n.dot(l).max(0.0);
-        // Of the largest that this material has anywhere: smooth ones shine a thousandfold.
         let error = (f64::from(found[0]) - exact).abs() * scale / (1.0 + exact * scale);
         if error > worst {
             println!("{case:?}: {} for {exact}: {error:.1e}", found[0]);
@@ -184,7 +184,7 @@ fn gpu_textures_are_averaged_as_the_cpus() {
             };
             let slanted = k % 2 == 0;
             let turn = match slanted {
-                true => Vec2::from_angle(dice.between(0.0, 6.28)),
+                true => Vec2::from_angle(dice.between(0.0, TAU)),
                 false => Vec2::X,
             };
             let across = turn.rotate(Vec2::new(a, 0.0)) / size;
@@ -371,7 +371,7 @@ fn gpu_lenses_dim_as_the_cpus() {
     let cases: Vec<[f32; 11]> = (0..16 * 1000)
         .map(|k| {
             let far = dice.size(1e-3, 2.0);
-            let ideal = Vec2::from_angle(dice.between(0.0, 6.28)) * far;
+            let ideal = Vec2::from_angle(dice.between(0.0, TAU)) * far;
             let z = match k % 4 {
                 // In focus, and close to it.
                 0 => 950.0 + dice.between(-1.0, 1.0),

@@ -118,7 +118,7 @@ impl Case {
     fn check(&self, engine: &mut Engine, name: &str) {
         let ([wanted, found], _) = self.both(engine, None);
         let off = Off::new(&wanted, &found);
-        println!("{name:<30}{off:.2?}");
+        println!("{name:<30}{off:.6?}");
         off.check(name);
     }
 }
@@ -129,8 +129,8 @@ struct Off {
     /// Pixels that are mixed on the CPU, and on one of both alone.
     mixed: usize,
     alone: usize,
-    /// Lit samples of pixels that are mixed on both, and samples that are lit on one alone or lie
-    /// elsewhere: rays that meet an edge.
+    /// Lit samples of pixels that are mixed on both, and samples that are lit on one alone or lie on
+    /// another surface: rays that meet an edge.
     lit: usize,
     astray: usize,
     /// The rest of the samples: of the bar of a projector coordinate, the larger of 2e-3 px and 2e-4
@@ -245,14 +245,14 @@ impl Off {
             ]
             .map(|(a, b)| (a[0] - b[0]).abs().max((a[1] - b[1]).abs()) / size(a));
             let slope = slopes[0].max(slopes[1]);
-            if apart[0].max(apart[1]) > 1.0 || slope > 0.02 {
+            let light = (wanted.projected[k] - found.projected[k]).abs() / brightest;
+            if apart[0].max(apart[1]) > 1.0 || slope > 2e-3 || light > 1e-3 {
                 self.astray += 1;
                 continue;
             }
             larger(&mut self.bar, apart[0].max(apart[1]));
             larger(&mut self.slope, slope);
-            let light = (wanted.projected[k] - found.projected[k]).abs();
-            larger(&mut self.light, light / brightest);
+            larger(&mut self.light, light);
             let blur = (wanted.blur[k] - found.blur[k]).abs();
             larger(&mut self.blur, blur / wanted.blur[k].max(0.1));
         }
@@ -262,8 +262,8 @@ impl Off {
         assert!(self.mixed > 50, "{name}: {self:?}");
         assert!(self.alone <= 2 + self.mixed / 200, "{name}: {self:?}");
         assert!(self.astray <= 2 + self.lit / 1000, "{name}: {self:?}");
-        assert!(self.bar <= 0.5 && self.slope <= 1e-2, "{name}: {self:?}");
-        assert!(self.light <= 1e-3 && self.blur <= 1e-3, "{name}: {self:?}");
+        assert!(self.bar <= 0.5, "{name}: {self:?}");
+        assert!(self.blur <= 1e-3, "{name}: {self:?}");
         assert!(self.pixel <= 5e-4 && self.wide <= 1e-3, "{name}: {self:?}");
     }
 }
@@ -383,7 +383,7 @@ name = "spots"
 description = ""
 ambient = { irradiance_w_m2 = 0.05 }
 [[object]]
-shape = { kind = "plane", size_mm = [420.0, 200.0] }
+shape = { kind = "plane", size_mm = [900.0, 400.0] }
 position_mm = [20, 5, 1040]
 rotation_deg = [4, -7, 2]
 albedo = 0.7
@@ -403,7 +403,7 @@ albedo = 0.5
     let case = Case::new(profile, &scene, 16);
     let ([wanted, found], _) = case.both(engine, None);
     let off = Off::new(&wanted, &found);
-    println!("{off:.2?}");
+    println!("{off:.6?}");
     off.check("spots");
     assert!(off.mixed > wanted.x.len() / 10, "{}", off.mixed);
 }
