@@ -291,6 +291,28 @@ fn what_the_plan_leaves_out_changes_no_byte() {
     }
 }
 
+/// Beside a surface that ends in the projector's light, within the pixels that are averaged side by
+/// side, too.
+#[test]
+fn pixels_that_see_nothing_read_the_black_level() {
+    let profile = bench(false);
+    let text = "name = \"s\"\ndescription = \"\"\n[[object]]\n\
+        shape = { kind = \"plane\", size_mm = [211.0, 173.0] }\nposition_mm = [3, 5, 1000]\nalbedo = 0.8\n";
+    let scene = Scene::parse(text, "s").unwrap();
+    let mut renderer = Renderer::new(&profile, &scene, 7).unwrap();
+    let fringe = slide(&profile.sequence[0].frame[0].pattern, &profile);
+    let found = renderer.expected_dn(&shot(&fringe));
+    let truth = renderer.truth(&[]);
+    let mut empty = 0;
+    for (dn, flags) in found.iter().zip(&truth.flags) {
+        if flags & (Truth::SEEN | Truth::CREASE) == 0 {
+            assert_eq!(*dn, 4.0);
+            empty += 1;
+        }
+    }
+    assert!(empty > 100_000 && empty < found.len() - 1000, "{empty}");
+}
+
 #[test]
 fn noise_is_that_of_the_sensor() {
     // A photon transfer: variance against mean over frames of one still scene gives back the

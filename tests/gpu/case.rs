@@ -11,6 +11,7 @@ use std::sync::Arc;
 const SIZE: [u32; 2] = [400, 240];
 
 /// A profile before a scene, and what is exposed.
+#[derive(Clone)]
 pub struct Case {
     /// In messages, and of the folder of pictures that are left behind.
     pub name: &'static str,

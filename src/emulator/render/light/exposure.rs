@@ -254,8 +254,9 @@ fn along_row_body(
                 row.average(&xs, &slopes)
             }
         };
-        for ((e, p), level) in e.iter_mut().zip(projected).zip(level) {
-            *e += light * p * level;
+        for ((e, &p), level) in e.iter_mut().zip(projected).zip(level) {
+            // The level of a pixel that sees nothing is not a number.
+            *e += if p > 0.0 { light * p * level } else { 0.0 };
         }
     }
 }

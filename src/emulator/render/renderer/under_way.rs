@@ -269,7 +269,10 @@ mod tests {
         let fail = |gpu: &mut Passes| gpu.reserve("frame", u64::MAX / 2);
         let mut renderer = goes_on_after(fail, Backend::Auto);
         let news = renderer.news().unwrap().unwrap();
-        assert!(news.contains("frame takes") && news.contains("bytes"), "{news}");
+        assert!(
+            news.contains("frame takes") && news.contains("bytes"),
+            "{news}"
+        );
     }
 
     /// Where an adapter is hardware it is taken, without words; where none is, the words say so.
