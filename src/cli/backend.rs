@@ -1,6 +1,7 @@
 //! `--backend`: what runs the passes of a rendering.
 
 use crate::emulator::render::Backend;
+use std::fmt;
 
 /// What a command line may ask for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
@@ -23,13 +24,13 @@ impl From<Choice> for Backend {
     }
 }
 
-impl Choice {
+impl fmt::Display for Choice {
     /// As it is written on a command line.
-    pub(super) fn word(self) -> &'static str {
-        match self {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
             Self::Cpu => "cpu",
             Self::Gpu => "gpu",
             Self::Auto => "auto",
-        }
+        })
     }
 }

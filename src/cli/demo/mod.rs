@@ -188,7 +188,7 @@ fn serve_arguments(args: &Args) -> Vec<String> {
         "--time-samples".to_owned(),
         args.time_samples.to_string(),
         "--backend".to_owned(),
-        args.backend.word().to_owned(),
+        args.backend.to_string(),
     ];
     if args.no_noise {
         arguments.push("--no-noise".to_owned());
