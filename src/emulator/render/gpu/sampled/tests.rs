@@ -139,8 +139,8 @@ struct Off {
     slope: f32,
     light: f32,
     blur: f32,
-    /// The light of whole pixels, the projector's and the ambient, in parts of the brightest: the
-    /// 99.9 % of them that are nearest.
+    /// The light of whole pixels without such samples, the projector's and the ambient, in parts of
+    /// the brightest.
     pixel: f32,
     /// Widths of footprints of all pixels, in parts.
     wide: f32,
@@ -178,7 +178,6 @@ impl Off {
         off.mixed = cpu.len();
         off.alone = cpu.keys().filter(|i| !gpu.contains_key(i)).count()
             + gpu.keys().filter(|i| !cpu.contains_key(i)).count();
-        let mut pixels = Vec::new();
         for (pixel, wanted) in &cpu {
             let Some(found) = gpu.get(pixel) else {
                 continue;
@@ -195,16 +194,15 @@ impl Off {
                 .zip(whole(found))
                 .map(|(a, b)| (a - b).abs() / brightest)
                 .fold(0.0, f32::max);
-            pixels.push(apart);
+            let astray = off.astray;
             for (wanted, found) in wanted.iter().zip(found) {
                 off.samples(wanted, found, brightest);
             }
+            // A sample astray weighs a sixteenth of its pixel.
+            if off.astray == astray {
+                larger(&mut off.pixel, apart);
+            }
         }
-        pixels.sort_by(f32::total_cmp);
-        off.pixel = pixels
-            .get(pixels.len() * 999 / 1000)
-            .copied()
-            .unwrap_or_default();
         for i in 0..wanted.x.len() {
             if wanted.surface[i] == found.surface[i] && wanted.flags[i] & Truth::LIT != 0 {
                 for (a, b) in [
