@@ -44,7 +44,10 @@ impl Feature {
                 "USB device",
                 "`phasma serve --usb attach` is refused; --usb export works",
             ),
-            Self::Vulkan => ("Vulkan", "nothing needs it yet"),
+            Self::Vulkan => (
+                "GPU (Vulkan)",
+                "`--backend gpu` is refused; auto takes the processor",
+            ),
         }
     }
 }

@@ -1,4 +1,5 @@
-//! Vulkan: loader, drivers and render nodes, by their files. No build and no run needs it.
+//! Vulkan: loader, drivers and render nodes, by their files. No build needs it, and no run but with
+//! `--backend gpu`.
 
 use super::{Check, Feature, Machine, Status};
 use std::path::PathBuf;

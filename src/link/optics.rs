@@ -3,6 +3,7 @@
 
 use crate::emulator::render::Pending;
 use crate::emulator::{Exposure, Renderer, Shot, Truth};
+use crate::error::{Error, Result};
 use crate::pattern::Pattern;
 use crate::protocol::Frame;
 use std::collections::VecDeque;
@@ -26,7 +27,8 @@ const MAX_FRAMES: usize = 64;
 /// The thread's handle; dropping it stops the thread after the job in hand.
 pub(super) struct Optics {
     jobs: Option<mpsc::Sender<Job>>,
-    frames: results::Receiver<Arc<Frame>>,
+    /// Frames, and at the end why there are no more.
+    frames: results::Receiver<Result<Arc<Frame>>>,
     /// Exposures handed over whose frames have not come back.
     backlog: usize,
     stop: Arc<AtomicBool>,
@@ -42,13 +44,13 @@ struct Work<W> {
     under_way: VecDeque<(Box<Exposure>, Pending)>,
     wall: W,
     spent: Arc<AtomicU64>,
-    done: results::Sender<Arc<Frame>>,
+    done: results::Sender<Result<Arc<Frame>>>,
 }
 
 impl<W: Fn() -> Duration> Work<W> {
     /// The next job; frames that are under way are finished while there is none, or where there are
     /// as many as the renderer works at together. `None` when nobody asks any more.
-    fn next(&mut self, queue: &mpsc::Receiver<Job>) -> Option<Job> {
+    fn next(&mut self, queue: &mpsc::Receiver<Job>, notice: fn(&str)) -> Option<Job> {
         loop {
             if self.under_way.is_empty() {
                 return queue.recv().ok();
@@ -61,6 +63,9 @@ impl<W: Fn() -> Duration> Work<W> {
                 }
             }
             self.finish();
+            if !self.goes_on(notice) {
+                return None;
+            }
         }
     }
 
@@ -94,7 +99,7 @@ impl<W: Fn() -> Duration> Work<W> {
             // The other end is gone when the device is switched off.
             let _ = self
                 .done
-                .blocking_send(Arc::new(exposure.readout.read(frame)));
+                .blocking_send(Ok(Arc::new(exposure.readout.read(frame))));
         }
     }
 
@@ -103,7 +108,8 @@ impl<W: Fn() -> Duration> Work<W> {
         self.spent.fetch_add(took, Ordering::Relaxed);
     }
 
-    /// Says what the user should know of the renderer; false when it cannot go on.
+    /// Says what the user should know of the renderer; false when it cannot go on, and then all frames
+    /// that were begun are handed on before the reason.
     fn goes_on(&mut self, notice: fn(&str)) -> bool {
         match self.renderer.news() {
             Ok(news) => {
@@ -113,7 +119,10 @@ impl<W: Fn() -> Duration> Work<W> {
                 true
             }
             Err(e) => {
-                notice(&e.to_string());
+                while !self.under_way.is_empty() {
+                    self.finish();
+                }
+                let _ = self.done.blocking_send(Err(e));
                 false
             }
         }
@@ -140,7 +149,7 @@ impl Optics {
             done,
         };
         let work = move || {
-            while let Some(job) = work.next(&queue) {
+            while let Some(job) = work.next(&queue, notice) {
                 if stopped.load(Ordering::Relaxed) {
                     return;
                 }
@@ -194,11 +203,15 @@ impl Optics {
         }
     }
 
-    /// The next frame; `None` when the thread has died.
-    pub(super) async fn next(&mut self) -> Option<Arc<Frame>> {
-        let frame = self.frames.recv().await?;
+    /// The next frame.
+    ///
+    /// # Errors
+    /// Why there are no more: a renderer that cannot go on, or a thread that has died.
+    pub(super) async fn next(&mut self) -> Result<Arc<Frame>> {
+        let died = || Err(Error::device("the optics have died"));
+        let frame = self.frames.recv().await.unwrap_or_else(died)?;
         self.backlog -= 1;
-        Some(frame)
+        Ok(frame)
     }
 }
 

@@ -183,7 +183,7 @@ impl Server {
                 biased;
                 () = &mut shutdown => return Ok(()),
                 frame = self.optics.next(), if !self.pace.holds() => {
-                    let frame = frame.ok_or_else(|| Error::device("the optics have died"))?;
+                    let frame = frame?;
                     match &self.video {
                         Some(_) => self.pace.take(frame, Instant::now()),
                         None => self.deliver(&frame, wall())?,

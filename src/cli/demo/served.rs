@@ -7,7 +7,7 @@ use std::fs;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
-use std::thread::sleep;
+use std::thread::{JoinHandle, sleep};
 use std::time::{Duration, Instant};
 
 /// How long a device may take to be ready, and to go away.
@@ -19,6 +19,8 @@ pub(super) struct Served {
     child: Child,
     run_dir: PathBuf,
     endpoints: Endpoints,
+    /// Hands on what the device says.
+    words: Option<JoinHandle<()>>,
 }
 
 impl Served {
@@ -50,11 +52,18 @@ impl Served {
             if let Ok(endpoints) = Endpoints::read(&served.run_dir)
                 && endpoints.pid == served.child.id()
             {
-                let Starting { child, run_dir } = served;
+                let Starting { mut child, run_dir } = served;
+                let words = child.stderr.take().map(|mut stderr| {
+                    // Until the device ends; nobody is told where nobody listens.
+                    std::thread::spawn(move || {
+                        let _ = std::io::copy(&mut stderr, &mut std::io::stderr());
+                    })
+                });
                 return Ok(Self {
                     child,
                     run_dir,
                     endpoints,
+                    words,
                 });
             }
             let ended = served
@@ -98,6 +107,10 @@ impl Served {
 impl Drop for Served {
     fn drop(&mut self) {
         end(&mut self.child, &self.run_dir);
+        if let Some(words) = self.words.take() {
+            // Its end is the pipe's.
+            let _ = words.join();
+        }
     }
 }
 

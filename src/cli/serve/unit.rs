@@ -50,9 +50,18 @@ impl Unit {
             time_samples: args.time_samples,
             backend: args.backend.into(),
         };
+        let mut renderer = Renderer::with_options(profile, scene, seed, options)?;
+        if let Some(news) = renderer.news()? {
+            eprintln!("phasma: {}: {news}", args.profile[number]);
+        }
+        if let Some(adapter) = renderer.adapter() {
+            let (name, kind, driver) = (&adapter.name, adapter.kind, &adapter.driver);
+            let profile = &args.profile[number];
+            eprintln!("phasma: {profile}: rendering on a GPU, {kind}: {name} ({driver})");
+        }
         let device = Device {
             firmware: Firmware::new(profile, &user)?,
-            renderer: Renderer::with_options(profile, scene, seed, options)?,
+            renderer,
             clock,
             name: format!(
                 "{},{},{},{}",

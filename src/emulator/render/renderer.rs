@@ -93,7 +93,13 @@ impl Renderer {
             .has(Term::CameraDistortion)
             .then(|| ideal_points(&optics));
         let fixed = fixed_pattern(&plan, profile);
-        let (gpu, news) = under_way::open(options.backend, || gpu::fits(&world, &optics))?;
+        let camera = &profile.camera;
+        let pixels = u64::from(camera.width_px) * u64::from(camera.height_px);
+        let (gpu, news) = under_way::open(
+            options.backend,
+            || gpu::fits(&world, &optics),
+            (pixels, u64::from(options.samples)),
+        )?;
         Ok(Self {
             profile: profile.clone(),
             worlds: Worlds::new(world),

@@ -161,7 +161,7 @@ impl World {
         self.object_moves(self.object(surface))
     }
 
-    fn object_moves(&self, object: u16) -> bool {
+    pub(super) fn object_moves(&self, object: u16) -> bool {
         let paths = &self.fixed.paths;
         paths.binary_search_by_key(&object, |p| p.object).is_ok()
     }

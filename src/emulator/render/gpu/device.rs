@@ -7,6 +7,11 @@ use std::sync::{Arc, Mutex, PoisonError};
 /// Storage buffers that an entry point may need.
 const STORAGE_BUFFERS: u32 = 24;
 
+/// Bytes that the largest map takes a pixel.
+const LARGEST_ELEMENT: u64 = 16;
+/// Threads of a pass that numbers of 32 bits count, with room for those that fill a grid.
+const MOST_SAMPLES: u64 = 1 << 31;
+
 /// What is known of an adapter.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Adapter {
@@ -161,6 +166,31 @@ impl Gpu {
         })
     }
 
+    /// Whether its buffers hold the maps of a camera's pixels, and its threads count their samples.
+    ///
+    /// # Errors
+    /// Too many pixels or samples for this adapter.
+    pub(in crate::emulator::render) fn holds(&self, pixels: u64, samples: u64) -> Result<()> {
+        let limits = self.device.limits();
+        let most = limits
+            .max_buffer_size
+            .min(limits.max_storage_buffer_binding_size)
+            / LARGEST_ELEMENT;
+        let refuse = |what: &str, found: u64, most: u64| {
+            let name = &self.adapter.name;
+            Err(Error::device(format!(
+                "GPU {name}: {found} {what}; it holds {most}"
+            )))
+        };
+        if pixels > most {
+            return refuse("pixels", pixels, most);
+        }
+        if pixels * samples > MOST_SAMPLES {
+            return refuse("samples in all pixels", pixels * samples, MOST_SAMPLES);
+        }
+        Ok(())
+    }
+
     /// Notes what went wrong, if nothing did before.
     pub(in crate::emulator::render) fn fail(&self, words: impl std::fmt::Display) {
         let mut failure = self.failure.lock().unwrap_or_else(PoisonError::into_inner);
@@ -183,6 +213,17 @@ impl Gpu {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    #[ignore = "needs a Vulkan adapter"]
+    fn what_does_not_fit_is_told_before_it_is_tried() {
+        let gpu = Gpu::open(true).unwrap();
+        gpu.holds(1138 * 489, 64).unwrap();
+        let words = gpu.holds(1 << 40, 1).unwrap_err().to_string();
+        assert!(words.contains("pixels; it holds"), "{words}");
+        let words = gpu.holds(1 << 20, 1 << 12).unwrap_err().to_string();
+        assert!(words.contains("samples in all pixels"), "{words}");
+    }
 
     #[test]
     #[ignore = "needs a Vulkan adapter"]

@@ -1,5 +1,6 @@
 //! Which scenes f32 cannot hold: those are left to the CPU.
 
+use crate::emulator::render::lamps::LampShape;
 use crate::emulator::render::shade::Optics;
 use crate::emulator::render::world::{Placed, World};
 use crate::geometry::{Lens, Solid};
@@ -11,6 +12,9 @@ const FAR_MM: f64 = 10_000.0;
 const LEVELS: usize = 48;
 /// Radius over distance below which the normals of round surfaces are off by a thousandth.
 const LEAST_RADIUS: f64 = 2e-4;
+/// Distance of a lens's axis from its image's middle in pixels above which f32 has too few digits for
+/// a place in the image.
+const FARTHEST_AXIS_PX: f64 = 8192.0;
 /// Focal length in pixels above which a direction's rounding is a part of a pixel that counts.
 const LONGEST_PX: f64 = 10_000.0;
 
@@ -28,6 +32,32 @@ pub(in crate::emulator::render) fn fits(world: &World, optics: &Optics) -> Resul
         ));
     }
     let lens = &optics.camera.lens;
+    for lamp in &optics.lamps {
+        if let LampShape::Point { at, .. } = lamp.shape
+            && at.length() > FAR_MM
+        {
+            return Err(format!(
+                "a lamp is {:.1} m from the camera: a GPU's numbers of 32 bits hold {:.0} m",
+                at.length() * 1e-3,
+                FAR_MM * 1e-3
+            ));
+        }
+    }
+    let endless = |placed: &&Placed| match placed.solid {
+        Solid::Plane { half } => !half.is_finite(),
+        _ => false,
+    };
+    if let Some(placed) = world
+        .solids
+        .iter()
+        .filter(endless)
+        .find(|p| world.object_moves(p.object))
+    {
+        return Err(format!(
+            "object[{}], a plane without end, moves",
+            placed.object
+        ));
+    }
     if world.solids.iter().any(|placed| runs_far(placed, lens)) {
         return Err(format!(
             "a plane without end is seen more than {:.0} m away",
@@ -50,6 +80,13 @@ pub(in crate::emulator::render) fn fits(world: &World, optics: &Optics) -> Resul
         let focal = lens.focal_px.max_element();
         if focal > LONGEST_PX {
             return Err(format!("a focal length of {focal:.0} px is too long"));
+        }
+        let off = lens.principal_px - DVec2::new(lens.width_px.into(), lens.height_px.into()) / 2.0;
+        if off.abs().max_element() > FARTHEST_AXIS_PX {
+            return Err(format!(
+                "a principal point {:.0} px from the image's middle is too far off",
+                off.abs().max_element()
+            ));
         }
     }
     let levels = world.hierarchies().map(|bvh| bvh.levels()).max();
@@ -123,6 +160,15 @@ mod tests {
         let torso =
             "shape = { kind = \"torso\", seed = 1 }\nscale = 60.0\nposition_mm = [0, 0, 1000]";
         told(torso, "from the camera");
+        let lamp = "[[light]]\nkind = \"point\"\nintensity_w_sr = 1.0\n";
+        let near = format!("{plane}\n{lamp}position_mm = [0, 0, -9000]");
+        assert_eq!(why(&profile, &near), None);
+        told(&near.replace("-9000", "-11000"), "a lamp is 11.0 m");
+        let tilts = "motion = { keyframes = [ { time_s = 0 }, { time_s = 1, rotation_deg = [0, 80, 0] } ] }";
+        told(&format!("{plane}\n{tilts}"), "a plane without end, moves");
+        let mut shifted = profile.clone();
+        shifted.projector.lens_shift_px[0] = 20_000.0;
+        assert!(why(&shifted, plane).unwrap().contains("principal point"));
         profile.camera.focal_length_mm *= 100.0;
         assert!(why(&profile, plane).unwrap().contains("focal length"));
     }

@@ -8,6 +8,7 @@ use crate::emulator::render::schedule::Timetable;
 use crate::error::{Error, Result};
 use crate::protocol::Frame;
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 /// How often a frame is made again with more room: what the first has wanted is enough for the next,
 /// if nothing has moved.
@@ -38,15 +39,19 @@ pub(super) struct News {
 pub(super) fn open(
     backend: Backend,
     fits: impl Fn() -> Result<(), String>,
+    (pixels, samples): (u64, u64),
 ) -> Result<(Option<Box<Passes>>, News)> {
+    let whole = |gpu: Arc<Gpu>| gpu.holds(pixels, samples).map(|()| gpu);
     let opened = match backend {
         Backend::Cpu => return Ok((None, News::default())),
         Backend::Gpu => fits()
             .map_err(|why| Error::input("--backend gpu", why, "--backend cpu for this scene"))
-            .and_then(|()| Gpu::open(true)),
+            .and_then(|()| Gpu::open(true))
+            .and_then(whole),
         Backend::Auto => fits()
             .map_err(Error::device)
-            .and_then(|()| Gpu::open(false)),
+            .and_then(|()| Gpu::open(false))
+            .and_then(whole),
     };
     match opened {
         Ok(gpu) => Ok((Some(Box::new(Passes::new(gpu))), News::default())),
@@ -200,7 +205,6 @@ mod tests {
     use crate::emulator::Slide;
     use crate::emulator::render::Options;
     use crate::profile::{Profile, Scene};
-    use std::sync::Arc;
 
     fn renderer(backend: Backend) -> Result<Renderer> {
         let profile = Profile::load("webcam-grey").unwrap();
@@ -290,10 +294,10 @@ mod tests {
     #[test]
     fn a_scene_that_f32_cannot_hold_is_the_processors() {
         let why = || Err("the scene reaches far".to_owned());
-        let (gpu, mut news) = open(Backend::Auto, why).unwrap();
+        let (gpu, mut news) = open(Backend::Auto, why, (1, 1)).unwrap();
         assert!(gpu.is_none());
         assert!(news.text.take().unwrap().contains("the scene reaches far"));
-        let refused = open(Backend::Gpu, why).err().unwrap();
+        let refused = open(Backend::Gpu, why, (1, 1)).err().unwrap();
         assert_eq!(refused.exit_code(), 2);
         assert!(refused.to_string().contains("the scene reaches far"));
     }
