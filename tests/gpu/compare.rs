@@ -7,12 +7,13 @@ use phasma::emulator::render::{Backend, Plan, Renderer};
 use phasma::protocol::{Frame, PixelFormat};
 use std::path::Path;
 
-/// Share of the pixels beside silhouettes, and those that rounding decides, that may differ by more than a grey level.
+/// Share of the pixels that may differ by more than a grey level, beside silhouettes and those that
+/// rounding decides.
 const MORE_THAN_ONE: f64 = 1e-4;
 /// No pixel beside silhouettes differs by more.
 const MOST: u32 = 3;
 /// Share of the silhouettes' pixels that may differ by more than [`MOST`].
-const SILHOUETTES: f64 = 0.02;
+const SILHOUETTES: f64 = 2e-3;
 /// What the scene is moved by, in millimetres, to find pixels that rounding decides: a few units in
 /// the last place of f32 at its distance.
 const NUDGES: [[f64; 3]; 4] = [
@@ -22,9 +23,9 @@ const NUDGES: [[f64; 3]; 4] = [
     [-4e-4, 3e-4, 5e-4],
 ];
 /// Share of the pixels that rounding may decide.
-const UNDECIDED: f64 = 1e-3;
+const UNDECIDED: f64 = 2e-4;
 
-/// How two frames differ, in grey levels of 8 bits.
+/// How two frames differ, in grey levels.
 #[derive(Debug, Default)]
 struct Difference {
     even: usize,
@@ -118,13 +119,13 @@ fn nudged(case: &Case, by: [f64; 3]) -> Renderer {
     case.renderer(Backend::Cpu)
 }
 
-/// Grey levels of 8 bits; wider words by their share of the full scale that 12 bits have.
+/// Grey levels, as many as the converter has.
 fn levels(frame: &Frame) -> Vec<u32> {
     match frame.format {
         PixelFormat::Y16 => {
             let words = frame.data.chunks_exact(2);
             words
-                .map(|w| u32::from(u16::from_le_bytes([w[0], w[1]])) / 16)
+                .map(|w| u32::from(u16::from_le_bytes([w[0], w[1]])))
                 .collect()
         }
         _ => frame.data.iter().map(|&v| u32::from(v)).collect(),
@@ -159,7 +160,8 @@ fn leave(case: &Case, i: usize, a: &[u32], b: &[u32]) -> String {
     let width = case.profile.camera.width_px;
     let height = a.len() as u32 / width;
     let at = |x: u32, y: u32| (y * width + x) as usize;
-    let byte = |v: u32| v.min(255) as u8;
+    let full = a.iter().chain(b).copied().max().unwrap_or(0).max(255);
+    let byte = |v: u32| (v.min(full) * 255 / full) as u8;
     let path = |what: &str| folder.join(format!("{}-{i}-{what}.png", case.name));
     for (levels, what) in [(a, "cpu"), (b, "gpu")] {
         let picture = GrayImage::from_fn(width, height, |x, y| Luma([byte(levels[at(x, y)])]));
@@ -189,6 +191,6 @@ fn differences_are_told_apart() {
     (other[0], other[1]) = (102, 98);
     assert!(!Difference::between(&grey, &other, &silhouette).is_small());
     let mut other = grey;
-    other[10_000..10_300].fill(200);
+    other[10_000..10_100].fill(200);
     assert!(!Difference::between(&grey, &other, &silhouette).is_small());
 }
