@@ -1,23 +1,15 @@
+// needs: wide
 // Counter-based random numbers: Philox4x32-10, twin of sensor/philox.rs and equal to the bit.
 //
 // Salmon, Moraes, Dror, Shaw: "Parallel Random Numbers: As Easy as 1, 2, 3", SC11, 2011.
-
-// Product of two words: low, high. WGSL has no product of more than 32 bits.
-fn philox_product(a: u32, b: u32) -> vec2u {
-    let low = (a & 0xffffu) * (b & 0xffffu);
-    let cross = (a >> 16u) * (b & 0xffffu) + (low >> 16u);
-    let other = (a & 0xffffu) * (b >> 16u) + (cross & 0xffffu);
-    let high = (a >> 16u) * (b >> 16u) + (cross >> 16u) + (other >> 16u);
-    return vec2u(a * b, high);
-}
 
 // The four words of a counter under a key (seed low, seed high).
 fn philox(counter: vec4u, key: vec2u) -> vec4u {
     var c = counter;
     var k = key;
     for (var round = 0u; round < 10u; round++) {
-        let p0 = philox_product(0xD2511F53u, c.x);
-        let p1 = philox_product(0xCD9E8D57u, c.z);
+        let p0 = wide_product(0xD2511F53u, c.x);
+        let p1 = wide_product(0xCD9E8D57u, c.z);
         c = vec4u(p1.y ^ c.y ^ k.x, p1.x, p0.y ^ c.w ^ k.y, p0.x);
         k += vec2u(0x9E3779B9u, 0xBB67AE85u);
     }

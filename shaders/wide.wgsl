@@ -1,11 +1,6 @@
 // Whole numbers of 64 bits as two words, the low one first: WGSL has none. They wrap around, as the
 // CPU's do.
 
-fn wide_sum(a: vec2u, b: vec2u) -> vec2u {
-    let low = a.x + b.x;
-    return vec2u(low, a.y + b.y + u32(low < a.x));
-}
-
 fn wide_difference(a: vec2u, b: vec2u) -> vec2u {
     return vec2u(a.x - b.x, a.y - b.y - u32(a.x < b.x));
 }

@@ -20,23 +20,22 @@ fn frames_under_way_together_are_the_same() {
     assert!(frames[0].data != frames[2].data, "noise");
 }
 
-/// So are those of a scene in which ever more edges come into sight: the samples of mixed pixels want
-/// more room than they began with.
+/// So are those of a scene that moves, in which edges come into sight from frame to frame.
 #[test]
 #[ignore = "needs a Vulkan adapter"]
 fn frames_under_way_together_while_a_scene_moves_are_the_same() {
     let ball = |i: i32| {
         let (x, y) = (
-            f64::from(i % 24) * 12.0 - 140.0,
-            f64::from(i / 24) * 12.0 - 85.0,
+            f64::from(i % 5) * 60.0 - 120.0,
+            f64::from(i / 5) * 50.0 - 50.0,
         );
         format!(
-            "[[object]]\nshape = {{ kind = \"sphere\", radius_mm = 4.0 }}\nalbedo = 0.7\n\
+            "[[object]]\nshape = {{ kind = \"sphere\", radius_mm = 18.0 }}\nalbedo = 0.7\n\
              position_mm = [{x}, {y}, 4000]\nmotion = {{ keyframes = [ {{ time_s = 0.01 }}, \
              {{ time_s = 0.05, position_mm = [0, 0, -3000] }} ] }}\n"
         )
     };
-    let balls: String = (0..24 * 14).map(ball).collect();
+    let balls: String = (0..5 * 3).map(ball).collect();
     let mut case = Case::new("balls", &balls);
     case.options.time_samples = 2;
     let shots: Vec<Shot> = (0..5)

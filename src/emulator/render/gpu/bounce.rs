@@ -125,10 +125,7 @@ fn shares(engine: &mut Engine, params: &Params, plan: &Plan) -> Result<()> {
 fn reserve(engine: &mut Engine, params: &Params, plan: &Plan) -> Result<()> {
     let points = u64::from(params.points);
     let bytes = points * u64::from(params.samples) * RAY;
-    let limits = engine.gpu().device.limits();
-    let most = limits
-        .max_buffer_size
-        .min(limits.max_storage_buffer_binding_size);
+    let most = engine.gpu().largest_buffer();
     if bytes > most {
         return Err(Error::device(format!(
             "interreflection by {} rays at {points} points takes {bytes} bytes in one buffer of the \

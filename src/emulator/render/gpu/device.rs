@@ -171,11 +171,7 @@ impl Gpu {
     /// # Errors
     /// Too many pixels or samples for this adapter.
     pub(in crate::emulator::render) fn holds(&self, pixels: u64, samples: u64) -> Result<()> {
-        let limits = self.device.limits();
-        let most = limits
-            .max_buffer_size
-            .min(limits.max_storage_buffer_binding_size)
-            / LARGEST_ELEMENT;
+        let most = self.largest_buffer() / LARGEST_ELEMENT;
         let refuse = |what: &str, found: u64, most: u64| {
             let name = &self.adapter.name;
             Err(Error::device(format!(
@@ -189,6 +185,14 @@ impl Gpu {
             return refuse("samples in all pixels", pixels * samples, MOST_SAMPLES);
         }
         Ok(())
+    }
+
+    /// How many bytes a buffer may have.
+    pub(super) fn largest_buffer(&self) -> u64 {
+        let limits = self.device.limits();
+        limits
+            .max_buffer_size
+            .min(limits.max_storage_buffer_binding_size)
     }
 
     /// Notes what went wrong, if nothing did before.

@@ -98,11 +98,6 @@ impl Engine {
         self.store.size(name)
     }
 
-    /// How many bytes a buffer may have.
-    pub(in crate::emulator::render) fn largest_buffer(&self) -> u64 {
-        self.store.largest()
-    }
-
     /// A list of passes, to be submitted.
     pub(in crate::emulator::render) fn commands(&self) -> Commands {
         Commands(self.gpu.device.create_command_encoder(&Default::default()))

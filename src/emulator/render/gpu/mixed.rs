@@ -42,10 +42,7 @@ const SKIN: u64 = 24;
 impl Room {
     /// For so many heads, or as many as the adapter can hold if that is less.
     pub(super) fn new(engine: &Engine, heads: u64, skin: bool) -> Self {
-        let limits = engine.gpu().device.limits();
-        let bytes = limits
-            .max_buffer_size
-            .min(limits.max_storage_buffer_binding_size);
+        let bytes = engine.gpu().largest_buffer();
         let most = bytes / (LANES * size_of::<MixedSample>() as u64);
         Self {
             heads: heads.max(LEAST).min(most),

@@ -53,7 +53,7 @@ impl Store {
         if self.buffers.get(name).is_some_and(fits) {
             return;
         }
-        let most = self.largest();
+        let most = self.gpu.largest_buffer();
         if bytes > most {
             self.gpu.fail(format!(
                 "{name} takes {bytes} bytes; a buffer has up to {most}"
@@ -94,14 +94,6 @@ impl Store {
     /// How many bytes a buffer has room for; 0 of none.
     pub(super) fn size(&self, name: &str) -> u64 {
         self.buffers.get(name).map_or(0, wgpu::Buffer::size)
-    }
-
-    /// How many bytes a buffer may have.
-    pub(super) fn largest(&self) -> u64 {
-        let limits = self.gpu.device.limits();
-        limits
-            .max_buffer_size
-            .min(limits.max_storage_buffer_binding_size)
     }
 
     pub(super) fn get(&self, name: &str) -> Result<&wgpu::Buffer> {

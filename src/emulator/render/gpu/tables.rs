@@ -105,7 +105,10 @@ impl Tables {
         if self.used + missing(self) > self.room {
             let all = self.used + missing(self);
             (self.placed, self.used) = (Vec::new(), 0);
-            let (most, needed) = (engine.largest_buffer().min(self.most) / CELL, missing(self));
+            let (most, needed) = (
+                engine.gpu().largest_buffer().min(self.most) / CELL,
+                missing(self),
+            );
             if needed > most {
                 let (needed, most) = (needed * CELL, most * CELL);
                 return Err(Error::device(format!(

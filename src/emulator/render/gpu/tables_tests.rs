@@ -357,9 +357,9 @@ fn wide_numbers_are_those_of_64_bits() {
     let mut engine = Engine::for_tests();
     let output = engine.call("tests/wide_test", &input, 8 * pairs.len(), pairs.len());
     for (&(a, b), found) in pairs.iter().zip(output.chunks(8)) {
-        let whole = [a.wrapping_add(b), a.wrapping_sub(b), a.wrapping_mul(b)].map(words);
-        assert_eq!(found[..6], *whole.as_flattened(), "{a} {b}");
-        let real = [f32::from_bits(found[6]), f32::from_bits(found[7])];
+        let whole = [a.wrapping_sub(b), a.wrapping_mul(b)].map(words);
+        assert_eq!(found[..4], *whole.as_flattened(), "{a} {b}");
+        let real = [f32::from_bits(found[4]), f32::from_bits(found[5])];
         for (found, exact) in real.into_iter().zip([a as f32, a as i64 as f32]) {
             let error = (f64::from(found) - f64::from(exact)).abs();
             assert!(
