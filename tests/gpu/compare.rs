@@ -67,6 +67,8 @@ pub fn agree(case: &Case) -> Plan {
     let mut here = case.renderer(Backend::Cpu);
     let mut there = case.renderer(Backend::Gpu);
     let silhouettes = silhouettes(case, &mut here);
+    // A level of 8 bits: of more, the scene's own gradients change them.
+    let coarse = (1u32 << case.profile.camera.sensor.bits) / 256;
     let mut nudged = NUDGES.map(|by| nudged(case, by));
     for (i, shot) in case.shots.iter().enumerate() {
         let (a, b) = (here.expose(shot), there.expose(shot));
@@ -77,7 +79,7 @@ pub fn agree(case: &Case) -> Plan {
         let others = nudged.each_mut().map(|other| levels(&other.expose(shot)));
         let undecided = |pixel: usize| {
             let apart = others.iter().map(|other| other[pixel].abs_diff(a[pixel]));
-            !silhouettes[pixel] && apart.max() > Some(1)
+            !silhouettes[pixel] && apart.max() > Some(coarse)
         };
         let undecided: Vec<_> = (0..a.len()).map(undecided).collect();
         let count = undecided.iter().filter(|&&u| u).count();
@@ -107,7 +109,7 @@ pub fn agree(case: &Case) -> Plan {
 }
 
 /// The processor before a scene that is a little elsewhere: a pixel whose level that changes is one
-/// that f32's rounding may change, as where it is only just that a ray passes an edge between two
+/// that f32's rounding may decide, as where it is only just that a ray passes an edge between two
 /// triangles, or that a pixel's samples are one surface.
 fn nudged(case: &Case, by: [f64; 3]) -> Renderer {
     let mut case = case.clone();
