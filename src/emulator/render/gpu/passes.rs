@@ -26,6 +26,8 @@ pub(in crate::emulator::render) struct Passes {
     frames: Frames,
     made: Option<Made>,
     exposure: Exposure,
+    /// Passes of the last instant's light, which go to the GPU with what follows them.
+    open: Option<Commands>,
     /// The revision of scene and plan that the maps hold.
     holds: Option<u64>,
 }
@@ -98,6 +100,7 @@ impl Passes {
             frames: Frames::default(),
             made: None,
             exposure: Exposure::default(),
+            open: None,
             holds: None,
         }
     }
@@ -112,21 +115,19 @@ impl Passes {
     /// A GPU that has failed.
     pub(in crate::emulator::render) fn look(&mut self, view: &View<'_>) -> Result<()> {
         let engine = &mut self.engine;
-        if self
-            .made
-            .as_ref()
-            .is_none_or(|made| made.plan != *view.plan)
-        {
-            self.made = Some(Made::new(engine, view));
-            self.holds = None;
-        }
-        let Some(made) = self
-            .made
-            .as_mut()
-            .filter(|_| self.holds != Some(view.revision))
-        else {
+        // A plan that changes is another revision too.
+        if self.holds == Some(view.revision) {
             return engine.gpu().check();
+        }
+        // What the open passes look at is about to change.
+        if let Some(open) = self.open.take() {
+            engine.submit(open);
+        }
+        let made = match self.made.take() {
+            Some(made) if made.plan == *view.plan => made,
+            _ => Made::new(engine, view),
         };
+        let made = self.made.insert(made);
         made.scene.update(engine, view.worlds, view.size()[1]);
         made.looks.update(engine, view.optics, view.worlds);
         made.sampler.see(engine, view.worlds);
@@ -151,22 +152,25 @@ impl Passes {
     /// # Errors
     /// A GPU that has failed.
     pub(in crate::emulator::render) fn expose(&mut self, shown: &Shown<'_>) -> Result<()> {
+        // Its schedule is about to be written over.
+        if let Some(open) = self.open.take() {
+            self.engine.submit(open);
+        }
         let mut commands = self.engine.commands();
         self.exposure.run(&mut self.engine, &mut commands, shown)?;
-        self.engine.submit(commands);
+        self.open = Some(commands);
         Ok(())
     }
 
-    /// Reads the light out, into a frame that comes back.
+    /// Reads the light out, into a frame that comes back: one submission with the light.
     ///
     /// # Errors
     /// A GPU that has failed.
     pub(in crate::emulator::render) fn read(&mut self, sensor: &Sensor<'_>) -> Result<Ticket> {
         let engine = &mut self.engine;
-        let Some(made) = &self.made else {
+        let (Some(made), Some(mut commands)) = (&self.made, self.open.take()) else {
             return Err(Error::device("GPU: a frame of nothing"));
         };
-        let mut commands: Commands = engine.commands();
         if let Some(glare) = &made.glare {
             glare.run(engine, &mut commands, &made.plan)?;
         }

@@ -250,7 +250,7 @@ fn profiles() -> [(&'static str, Profile); 2] {
 }
 
 /// Solids that shade each other, tilted, one of them without a floor behind a part of it.
-pub(super) const SOLIDS: &str = r#"
+pub(in crate::emulator::render::gpu) const SOLIDS: &str = r#"
 name = "solids"
 description = ""
 ambient = { irradiance_w_m2 = 0.05 }

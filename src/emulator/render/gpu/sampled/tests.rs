@@ -2,6 +2,7 @@
 
 mod places;
 
+use super::super::geometry::tests::SOLIDS;
 use super::super::{Engine, geometry, looks, mixed, optics, scene, upload};
 use super::Sampler;
 use crate::emulator::render::aperture::Aperture;
@@ -276,10 +277,7 @@ fn small(name: &str) -> Profile {
 
 /// Solids that shade each other and themselves, and lamps that flicker.
 fn solids() -> Scene {
-    let text = r#"
-name = "solids"
-description = ""
-ambient = { irradiance_w_m2 = 0.05 }
+    let lamps = r#"
 [[light]]
 kind = "point"
 position_mm = [-300, 200, 400]
@@ -289,28 +287,8 @@ flicker = { frequency_hz = 100, depth = 0.5 }
 kind = "directional"
 direction = [3, 1, 2]
 irradiance_w_m2 = 0.1
-[[object]]
-shape = { kind = "plane", size_mm = [520.0, 300.0] }
-position_mm = [20, 5, 1040]
-rotation_deg = [4, -7, 2]
-albedo = 0.7
-[[object]]
-shape = { kind = "cylinder", radius_mm = 40.0, length_mm = 120.0 }
-position_mm = [-60, 10, 960]
-rotation_deg = [10, 0, 35]
-albedo = 0.6
-[[object]]
-shape = { kind = "sphere", radius_mm = 30.0 }
-position_mm = [70, -20, 900]
-albedo = 0.5
-[[object]]
-shape = { kind = "frustum", base_mm = 60.0, top_mm = 20.0, height_mm = 40.0 }
-position_mm = [140, 60, 1020]
-rotation_deg = [0, 0, 30]
-scale = 1.5
-albedo = 0.4
 "#;
-    Scene::parse(text, "solids").unwrap()
+    Scene::parse(&format!("{SOLIDS}{lamps}"), "solids").unwrap()
 }
 
 #[test]
