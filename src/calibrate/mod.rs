@@ -1,5 +1,6 @@
-//! Lenses and rigs: from projector coordinates to points.
+//! Lenses and rigs: from pictures of a board to a calibration, from projector coordinates to points.
 
+pub mod board;
 mod triangulate;
 
 pub use triangulate::{CoordinateRow, Measured, Triangulator};

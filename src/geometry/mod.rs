@@ -1,5 +1,6 @@
 //! Poses, the lens model, meshes and their files, ray casting.
 
+mod board;
 mod closest;
 mod cloud;
 pub(crate) mod colour;
@@ -19,6 +20,7 @@ mod stl;
 mod timeline;
 mod trajectory;
 
+pub use board::{Board, MARKERS};
 pub use closest::{Closest, MeshTree};
 pub use cloud::Cloud;
 pub use lens::Lens;
