@@ -3,6 +3,7 @@
 pub mod board;
 pub mod files;
 pub mod height;
+pub mod solve;
 mod triangulate;
 
 pub use triangulate::{CoordinateRow, Measured, Triangulator};
