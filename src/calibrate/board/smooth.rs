@@ -38,10 +38,9 @@ struct Frame {
 
 impl Frame {
     fn of(points: impl Iterator<Item = DVec2> + Clone) -> Option<Self> {
-        let (low, high) = points.fold(
-            (DVec2::INFINITY, DVec2::NEG_INFINITY),
-            |(low, high), p| (low.min(p), high.max(p)),
-        );
+        let (low, high) = points.fold((DVec2::INFINITY, DVec2::NEG_INFINITY), |(low, high), p| {
+            (low.min(p), high.max(p))
+        });
         let size = (high - low).max_element() / 2.0;
         let middle = (low + high) / 2.0;
         (size > 0.0 && size.is_finite() && middle.is_finite()).then_some(Self { middle, size })

@@ -131,7 +131,11 @@ fn robust(rows: &[Row]) -> Option<(DVec3, DMat3, Vec<usize>)> {
     let ratio = squares / freedom;
     // Three standard deviations of a chi-square distribution over its mean: more is not chance.
     let chance = 1.0 + 3.0 * (2.0 / freedom).sqrt();
-    Some((terms, covariance * if ratio > chance { ratio } else { 1.0 }, kept))
+    Some((
+        terms,
+        covariance * if ratio > chance { ratio } else { 1.0 },
+        kept,
+    ))
 }
 
 /// Weighted least squares and its covariance.

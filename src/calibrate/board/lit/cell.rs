@@ -38,7 +38,7 @@ pub(super) struct Cells<'a> {
 impl<'a> Cells<'a> {
     /// `None` where the sequence does not resolve both axes.
     pub(super) fn new(board: &'a Board, camera: &'a Smooth, decoded: &'a Decoded) -> Option<Self> {
-        let pixels = decoded.width * decoded.height;
+        let pixels = decoded.width.checked_mul(decoded.height)?;
         let resolved = |map: &'a Option<AxisMap>| {
             map.as_ref().filter(|m| {
                 let whole = [m.coordinate.len(), m.sigma.len(), m.verdict.len()] == [pixels; 3];
@@ -78,9 +78,7 @@ impl<'a> Cells<'a> {
                 let at = DVec2::new(u as f64, v as f64);
                 let linear = middle + mm_per_px * (at - seen.px);
                 let mm = linear + mm_per_px * (at - self.camera.at(linear));
-                if ((mm - middle).abs().max_element() > half_mm)
-                    || self.crossed(mm, mm_per_px)
-                {
+                if ((mm - middle).abs().max_element() > half_mm) || self.crossed(mm, mm_per_px) {
                     continue;
                 }
                 samples.extend(self.sample(v * self.decoded.width + u, at, mm));
@@ -100,7 +98,8 @@ impl<'a> Cells<'a> {
         let value = self.axes.map(|map| f64::from(map.coordinate[i]));
         let sigma = self.axes.map(|map| f64::from(map.sigma[i]));
         let valid = self.axes.iter().all(|map| map.verdict[i] == Verdict::Valid);
-        let known = value.iter().all(|v| v.is_finite()) && sigma.iter().all(|&s| s > 0.0 && s.is_finite());
+        let known =
+            value.iter().all(|v| v.is_finite()) && sigma.iter().all(|&s| s > 0.0 && s.is_finite());
         (valid && known).then(|| Sample {
             at,
             value,

@@ -97,4 +97,6 @@ fn light(samples: &[Vec<Sample>]) -> Option<Smooth> {
 }
 
 #[cfg(test)]
+pub(crate) mod case;
+#[cfg(test)]
 mod tests;
