@@ -2,6 +2,8 @@
 
 pub mod board;
 pub mod rig;
+pub mod files;
+pub mod height;
 pub mod solve;
 mod triangulate;
 
