@@ -1,9 +1,9 @@
 //! Lenses and rigs: from pictures of a board to a calibration, from projector coordinates to points.
 
 pub mod board;
-pub mod rig;
 pub mod files;
 pub mod height;
+pub mod rig;
 pub mod solve;
 mod triangulate;
 
