@@ -11,6 +11,7 @@ pub const STYLE: &str = "\
 .plot .line{fill:none;stroke-width:1.5}\
 .plot .thin{fill:none;stroke-width:.8;stroke-opacity:.75}\
 .plot .faint{fill:none;stroke:#777;stroke-width:.8}\
+.plot .ring{fill:none;stroke:#c00000;stroke-width:1.5}\
 .plot .fill{stroke:none;fill-opacity:.85}\
 .plot .area{fill-opacity:.12;stroke-width:1}\
 .plot .c0{stroke:#0060a8}.plot .fill.c0,.plot .area.c0{fill:#0060a8}\
