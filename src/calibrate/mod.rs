@@ -1,6 +1,7 @@
 //! Lenses and rigs: from pictures of a board to a calibration, from projector coordinates to points.
 
 pub mod board;
+pub mod report;
 pub mod rig;
 pub mod solve;
 mod triangulate;

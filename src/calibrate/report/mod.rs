@@ -12,6 +12,8 @@ mod page;
 mod poses;
 mod points;
 mod summary;
+#[cfg(test)]
+mod tests;
 
 pub use about::{About, picture_names};
 pub use folder::{FILES, prepare};

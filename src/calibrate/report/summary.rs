@@ -175,7 +175,7 @@ impl fmt::Display for Summary {
         let left_out = self.left_out.len();
         writeln!(
             f,
-            "{} poses of a board of {columns} x {rows} points, {left_out} poses left out",
+            "poses: {} used, {left_out} left out; a board of {columns} x {rows} points",
             self.poses
         )?;
         for (name, value) in &self.remarks {
@@ -196,7 +196,7 @@ impl fmt::Display for Summary {
         writeln!(f)?;
         writeln!(
             f,
-            "variance factor {} over {} degrees of freedom, {} outliers",
+            "variance factor {} over {} degrees of freedom; outliers: {}",
             figures(self.variance_factor, 4),
             self.degrees_of_freedom,
             self.outliers
