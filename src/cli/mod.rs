@@ -18,6 +18,8 @@ macro_rules! println {
 
 mod backend;
 mod bench;
+mod board;
+mod board_args;
 mod camera;
 mod compare;
 mod decode;
@@ -26,6 +28,7 @@ mod demo;
 #[cfg(target_os = "linux")]
 mod doctor;
 mod interrupt;
+mod method;
 mod plan;
 mod profile;
 mod scan;
@@ -63,6 +66,7 @@ enum Command {
     Scene(scene::Args),
     Plan(plan::Args),
     Bench(bench::Args),
+    Board(board::Args),
     Doctor(doctor::Args),
 }
 
@@ -107,6 +111,7 @@ fn dispatch(command: Command) -> Result<()> {
         Command::Scene(args) => scene::run(&args),
         Command::Plan(args) => plan::run(&args),
         Command::Bench(args) => bench::run(&args),
+        Command::Board(args) => board::run(&args),
         Command::Doctor(args) => doctor::run(&args),
     }
 }
