@@ -3,6 +3,7 @@
 pub mod board;
 pub mod files;
 pub mod height;
+pub mod report;
 pub mod rig;
 pub mod solve;
 mod triangulate;
