@@ -1,6 +1,7 @@
 //! Lenses and rigs: from pictures of a board to a calibration, from projector coordinates to points.
 
 pub mod board;
+pub mod poses;
 mod triangulate;
 
 pub use triangulate::{CoordinateRow, Measured, Triangulator};

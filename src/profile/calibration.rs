@@ -14,7 +14,7 @@ pub struct Calibration {
     /// when absent.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub sequence: Option<String>,
-    /// Factor on the size of the usual boards, so that the camera tells their dots: 1 when absent.
+    /// Factor on the size of the usual board of dots, so that the camera tells them: 1 when absent.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub board_scale: Option<f64>,
     /// Distance from the camera at which boards are shown, in millimetres; when absent, where the
