@@ -2,6 +2,7 @@
 
 pub mod board;
 pub mod poses;
+pub mod solve;
 mod triangulate;
 
 pub use triangulate::{CoordinateRow, Measured, Triangulator};
