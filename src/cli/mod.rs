@@ -32,6 +32,8 @@ mod scan;
 mod scene;
 #[cfg(target_os = "linux")]
 mod serve;
+#[cfg(target_os = "linux")]
+mod served;
 #[cfg(not(target_os = "linux"))]
 mod without_link;
 #[cfg(not(target_os = "linux"))]
