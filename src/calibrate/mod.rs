@@ -2,6 +2,8 @@
 
 pub mod board;
 pub mod poses;
+pub mod report;
+pub mod rig;
 pub mod solve;
 mod triangulate;
 

@@ -1,8 +1,12 @@
 //! What a camera has seen of a board, and where the projector lit it.
 
+pub mod bias;
+mod biweight;
+pub mod lit;
 mod not_found;
 mod picture;
 mod sighting;
+mod smooth;
 
 pub use not_found::NotFound;
 pub use picture::Picture;
