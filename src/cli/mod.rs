@@ -18,6 +18,8 @@ macro_rules! println {
 
 mod backend;
 mod bench;
+mod board_args;
+mod calibrate;
 mod camera;
 mod compare;
 mod decode;
@@ -60,6 +62,7 @@ enum Command {
     Scan(scan::Args),
     Camera(camera::Args),
     Decode(decode::Args),
+    Calibrate(calibrate::Args),
     Compare(compare::Args),
     Profile(profile::Args),
     Scene(scene::Args),
@@ -104,6 +107,7 @@ fn dispatch(command: Command) -> Result<()> {
         Command::Scan(args) => scan::run(&args),
         Command::Camera(args) => camera::run(&args),
         Command::Decode(args) => decode::run(&args),
+        Command::Calibrate(args) => calibrate::run(&args),
         Command::Compare(args) => compare::run(&args),
         Command::Profile(args) => profile::run(&args),
         Command::Scene(args) => scene::run(&args),

@@ -43,7 +43,14 @@ impl Emulated {
         }
         .checked()?;
         let profile = Profile::load(name)?;
-        let board = args.board.board(profile.calibration.board_scale.unwrap_or(1.0))?;
+        // A profile's scale is that of its board of dots.
+        let board = match args.board.board(1.0)? {
+            chess @ Board::Chess { .. } => chess,
+            Board::Dots { .. } => {
+                let scale = profile.calibration.board_scale.unwrap_or(1.0);
+                args.board.board(scale)?
+            }
+        };
         let sequence = profile.calibration_sequence().ok_or_else(|| {
             Error::input(
                 format!("profile {name}: sequence"),

@@ -1,6 +1,6 @@
 //! The folder that a calibration goes to.
 
-use super::{Args, CAPTURES, TRUTH};
+use super::{Args, CAPTURES, OPENCV, TRUTH};
 use crate::calibrate::report;
 use crate::error::{Error, Result};
 use crate::host::MANIFEST_FILE;
@@ -11,7 +11,8 @@ use std::fs;
 /// # Errors
 /// See [`report::prepare`]; captures of an earlier calibration.
 pub(super) fn prepare(args: &Args) -> Result<()> {
-    report::prepare(&args.out, &[TRUTH], args.force)?;
+    let [yaml, xml] = OPENCV;
+    report::prepare(&args.out, &[TRUTH, yaml, xml], args.force)?;
     let captures = args.out.join(CAPTURES);
     if !args.keep_captures || !captures.exists() {
         return Ok(());

@@ -17,6 +17,7 @@ use without_device as emulated;
 use super::backend;
 use super::board_args::BoardArgs;
 use super::step;
+use crate::calibrate::files::{Reprojection, write_opencv};
 use crate::calibrate::report::{self, About, Summary};
 use crate::calibrate::rig::{Calibration, Task, calibrate};
 use crate::calibrate::solve::{Choice, Unsolved};
@@ -32,6 +33,8 @@ use std::path::{Path, PathBuf};
 
 /// Folder of the captures that are kept.
 const CAPTURES: &str = "captures";
+/// The rig as OpenCV reads it.
+const OPENCV: [&str; 2] = ["calibration.yml", "calibration.xml"];
 /// File of what only an emulated device knows.
 const TRUTH: &str = "truth.json";
 
@@ -233,6 +236,10 @@ fn finish(
         let path = args.out.join(TRUTH);
         fs::write(&path, json(truth)).map_err(|e| Error::io(&path, e))?;
     }
+    for file in OPENCV {
+        let (rig, errors) = (&calibration.solution.rig, errors(calibration));
+        write_opencv(&args.out.join(file), rig, &errors)?;
+    }
     let summary = report::write(&args.out, calibration, &about)?;
     if args.json {
         let summary = &summary;
@@ -242,6 +249,21 @@ fn finish(
         println!("written to {}: report.html shows all of it", args.out.display());
     }
     Ok(())
+}
+
+/// Root mean square errors, which is what OpenCV's own calibration gives.
+fn errors(calibration: &Calibration) -> Reprojection {
+    let (camera, projector) = (
+        calibration.solution.camera_errors,
+        calibration.solution.projector_errors,
+    );
+    let (n, m) = (camera.count as f64, projector.count as f64);
+    let squares = n * camera.rms_px.powi(2) + m * projector.rms_px.powi(2);
+    Reprojection {
+        camera_px: Some(camera.rms_px),
+        projector_px: Some(projector.rms_px),
+        both_px: (n + m > 0.0).then(|| (squares / (n + m)).sqrt()),
+    }
 }
 
 fn json(value: &impl Serialize) -> String {
