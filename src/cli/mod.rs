@@ -18,6 +18,7 @@ macro_rules! println {
 
 mod backend;
 mod bench;
+mod board;
 mod board_args;
 mod calibrate;
 mod camera;
@@ -68,6 +69,7 @@ enum Command {
     Scene(scene::Args),
     Plan(plan::Args),
     Bench(bench::Args),
+    Board(board::Args),
     Doctor(doctor::Args),
 }
 
@@ -113,6 +115,7 @@ fn dispatch(command: Command) -> Result<()> {
         Command::Scene(args) => scene::run(&args),
         Command::Plan(args) => plan::run(&args),
         Command::Bench(args) => bench::run(&args),
+        Command::Board(args) => board::run(&args),
         Command::Doctor(args) => doctor::run(&args),
     }
 }
