@@ -11,7 +11,8 @@
 //! of the bivariate normal distribution: S is the mean of sign(u1) sign(u2) under the blur. The
 //! product alone holds for edges at right angles; the integral is what correlation adds (Plackett,
 //! "A reduction formula for normal multivariate integrals", Biometrika 41, 1954), and matters to the
-//! few pixels next to the corner, where a Gaussian is good enough for the pixel's square.
+//! few pixels next to the corner, where a Gaussian is good enough for the pixel's square. Light that
+//! changes as (1 + g . d) does so before the blur, which moves S by -g s^2, to the first order.
 //!
 //! The nine unknowns (c, two angles, the blur's variance, m, k, g) are fitted by least squares with
 //! each pixel's variance, by Levenberg's and Marquardt's method.
@@ -26,6 +27,8 @@ const UNKNOWNS: usize = 9;
 type Square = SMatrix<f64, UNKNOWNS, UNKNOWNS>;
 type Column = SVector<f64, UNKNOWNS>;
 
+/// Variance of a pixel's square along any direction.
+const PIXEL: f64 = 1.0 / 12.0;
 /// Half a window's side at most, in pixels, unless blur asks for more.
 const REACH: f64 = 8.0;
 /// Gauss and Legendre's nodes on [0, 1] and their weights.
@@ -63,13 +66,13 @@ pub(super) fn fit(picture: &Picture, guess: &Guess) -> Option<Corner> {
     }
     // First with a window for an ordinary blur, then for the blur that was found.
     let mut state = State::first(guess);
-    let mut window = Window::cut(picture, guess, guess.px, 0.7)?;
+    let window = Window::cut(picture, guess, guess.px, 0.7)?;
     state.level(&window)?;
-    window.solve(&mut state, guess)?;
+    window.solve(&mut state, guess, 0.01)?;
     let centre = state.centre;
-    let blur = (state.variance + 1.0 / 12.0).sqrt();
+    let blur = (state.variance + PIXEL).sqrt();
     let window = Window::cut(picture, guess, centre, blur)?;
-    let fit = window.solve(&mut state, guess)?;
+    let fit = window.solve(&mut state, guess, 1e-4)?;
     state.accept(&window, &fit, guess)
 }
 
@@ -100,6 +103,7 @@ struct Window {
 struct Fit {
     squares: f64,
     normal: Square,
+    right: Column,
 }
 
 impl State {
@@ -142,30 +146,32 @@ impl State {
             normals,
             along: [DVec2::new(c1, s1), DVec2::new(c2, s2)],
             edges: normals.map(|n| Edge::new(n.x, n.y, self.variance)),
-            sigma: (self.variance.max(0.0) + 1.0 / 12.0).sqrt(),
+            sigma: (self.variance.max(0.0) + PIXEL).sqrt(),
             lean: normals[0].dot(normals[1]).clamp(-1.0, 1.0).asin(),
         }
     }
 
     /// Level at a pixel and its derivatives by the unknowns.
     fn at(&self, model: &Model, origin: DVec2, place: DVec2) -> (f64, Column) {
-        let from_centre = place - self.centre;
         let d = place - origin;
+        let spread = self.variance + PIXEL;
+        let from_centre = place - self.centre + self.gradient * spread;
         let (s, by_distance, by_variance) = model.at(from_centre);
         let shade = 1.0 + self.gradient.dot(d);
         let plain = self.mean + self.contrast * s;
         let scale = shade * self.contrast;
-        let by_centre = -(model.normals[0] * by_distance[0] + model.normals[1] * by_distance[1]);
+        let by_place = model.normals[0] * by_distance[0] + model.normals[1] * by_distance[1];
+        let by_gradient = plain * d + scale * spread * by_place;
         let row = [
-            scale * by_centre.x,
-            scale * by_centre.y,
+            -scale * by_place.x,
+            -scale * by_place.y,
             -scale * by_distance[0] * model.along[0].dot(from_centre),
             scale * by_distance[1] * model.along[1].dot(from_centre),
-            scale * by_variance,
+            scale * (by_variance + self.gradient.dot(by_place)),
             shade,
             shade * s,
-            plain * d.x,
-            plain * d.y,
+            by_gradient.x,
+            by_gradient.y,
         ];
         (shade * plain, row.into())
     }
@@ -205,8 +211,8 @@ impl State {
         let weights: f64 = window.pixels.iter().map(|p| p.weight).sum();
         let misfit = (fit.squares / weights).sqrt();
         let noise = (window.pixels.len() as f64 / weights).sqrt();
-        let strong = self.contrast.abs() > 5.0 * error
-            && misfit <= 3.0 * noise + 0.3 * self.contrast.abs();
+        let strong =
+            self.contrast.abs() > 5.0 * error && misfit <= 3.0 * noise + 0.3 * self.contrast.abs();
         let sharp = covariance.x_axis.x + covariance.y_axis.y < 0.25;
         ((self.contrast < 0.0) == guess.dark && strong && sharp && covariance.is_finite())
             .then_some(Corner {
@@ -277,7 +283,10 @@ impl Window {
             let d = place - centre;
             let inside = (0..2).all(|i| normals[i].dot(d).abs() <= reach[i]);
             let at = y * picture.width + x;
-            let (level, variance) = (f64::from(picture.level[at]), f64::from(picture.variance[at]));
+            let (level, variance) = (
+                f64::from(picture.level[at]),
+                f64::from(picture.variance[at]),
+            );
             let known = level.is_finite() && variance > 0.0 && variance.is_finite();
             if inside && known && d.length() <= radius {
                 let weight = 1.0 / variance;
@@ -294,45 +303,40 @@ impl Window {
         })
     }
 
-    fn squares(&self, state: &State) -> f64 {
+    fn fit(&self, state: &State) -> Fit {
         let model = state.model();
-        let sum = self.pixels.iter().map(|p| {
-            let s = model.at(p.place - state.centre).0;
-            let level = (1.0 + state.gradient.dot(p.place - self.origin))
-                * (state.mean + state.contrast * s);
-            p.weight * (p.level - level).powi(2)
-        });
-        sum.sum()
-    }
-
-    fn equations(&self, state: &State) -> (Square, Column) {
-        let model = state.model();
-        let (mut normal, mut right) = (Square::zeros(), Column::zeros());
+        let (mut squares, mut normal, mut right) = (0.0, Square::zeros(), Column::zeros());
         for p in &self.pixels {
             let (level, row) = state.at(&model, self.origin, p.place);
+            let off = p.level - level;
+            squares += p.weight * off * off;
             let weighted = row * p.weight;
-            right += weighted * (p.level - level);
+            right += weighted * off;
             normal.ger(1.0, &weighted, &row, 1.0);
         }
-        (normal, right)
+        Fit {
+            squares,
+            normal,
+            right,
+        }
     }
 
-    fn solve(&self, state: &mut State, guess: &Guess) -> Option<Fit> {
-        let mut squares = self.squares(state);
-        let mut damping = 1e-3;
-        let (mut normal, mut right) = self.equations(state);
+    /// Moves the unknowns to the least squares, within `enough` pixels.
+    fn solve(&self, state: &mut State, guess: &Guess, enough: f64) -> Option<Fit> {
+        let mut fit = self.fit(state);
+        let mut damping = 1e-4;
         for _ in 0..30 {
-            let mut damped = normal;
+            let mut damped = fit.normal;
             for i in 0..UNKNOWNS {
-                damped[(i, i)] += damping * normal[(i, i)] + 1e-12;
+                damped[(i, i)] += damping * fit.normal[(i, i)] + 1e-12;
             }
-            let step = damped.cholesky()?.solve(&right);
-            let next = state.moved(&step);
-            let after = self.squares(&next);
-            if after.is_finite() && after <= squares && next.is_near(guess) {
-                let settled = next.centre.distance(state.centre) < 1e-4 && squares - after < 1e-3 * (1.0 + after);
-                (*state, squares) = (next, after);
-                (normal, right) = self.equations(state);
+            let next = state.moved(&damped.cholesky()?.solve(&fit.right));
+            let after = self.fit(&next);
+            if after.squares <= fit.squares && next.is_near(guess) {
+                let gain = fit.squares - after.squares;
+                let settled = next.centre.distance(state.centre) < enough
+                    && gain < 1.0 + 0.01 * after.squares;
+                (*state, fit) = (next, after);
                 damping = (damping * 0.1).max(1e-9);
                 if settled {
                     break;
@@ -344,6 +348,6 @@ impl Window {
                 }
             }
         }
-        (squares.is_finite() && state.is_near(guess)).then_some(Fit { squares, normal })
+        (fit.squares.is_finite() && state.is_near(guess)).then_some(fit)
     }
 }

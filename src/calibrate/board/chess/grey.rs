@@ -31,7 +31,11 @@ impl Grey {
         let finite = picture.level.iter().copied().filter(|v| v.is_finite());
         let lightest = finite.fold(0.0_f32, f32::max).min(1e12);
         let fill = |&v: &f32| {
-            if v.is_finite() { v.clamp(-1e12, 1e12) } else { lightest }
+            if v.is_finite() {
+                v.clamp(-1e12, 1e12)
+            } else {
+                lightest
+            }
         };
         let stride = (size / 10_000).max(1);
         let mut variances: Vec<f32> = picture.variance.iter().step_by(stride).copied().collect();
@@ -51,13 +55,16 @@ impl Grey {
         let (width, height) = (self.width / 2, self.height / 2);
         let mut level = vec![0.0; width * height];
         if width > 0 {
-            level.par_chunks_mut(width).enumerate().for_each(|(y, out)| {
-                let rows = &self.level[2 * y * self.width..][..2 * self.width];
-                let (a, b) = rows.split_at(self.width);
-                for (x, v) in out.iter_mut().enumerate() {
-                    *v = 0.25 * (a[2 * x] + a[2 * x + 1] + b[2 * x] + b[2 * x + 1]);
-                }
-            });
+            level
+                .par_chunks_mut(width)
+                .enumerate()
+                .for_each(|(y, out)| {
+                    let rows = &self.level[2 * y * self.width..][..2 * self.width];
+                    let (a, b) = rows.split_at(self.width);
+                    for (x, v) in out.iter_mut().enumerate() {
+                        *v = 0.25 * (a[2 * x] + a[2 * x + 1] + b[2 * x] + b[2 * x + 1]);
+                    }
+                });
         }
         Self {
             width,
@@ -76,16 +83,19 @@ impl Grey {
             let binomial = |a: f32, b: f32, c: f32, d: f32, e: f32| {
                 (a + e) * 0.0625 + (b + d) * 0.25 + c * 0.375
             };
-            across.par_chunks_mut(w).zip(self.level.par_chunks(w)).for_each(|(out, row)| {
-                let at = |x: usize, by: isize| row[x.saturating_add_signed(by).min(w - 1)];
-                for x in 0..w {
-                    out[x] = if x >= 2 && x + 2 < w {
-                        binomial(row[x - 2], row[x - 1], row[x], row[x + 1], row[x + 2])
-                    } else {
-                        binomial(at(x, -2), at(x, -1), row[x], at(x, 1), at(x, 2))
-                    };
-                }
-            });
+            across
+                .par_chunks_mut(w)
+                .zip(self.level.par_chunks(w))
+                .for_each(|(out, row)| {
+                    let at = |x: usize, by: isize| row[x.saturating_add_signed(by).min(w - 1)];
+                    for x in 0..w {
+                        out[x] = if x >= 2 && x + 2 < w {
+                            binomial(row[x - 2], row[x - 1], row[x], row[x + 1], row[x + 2])
+                        } else {
+                            binomial(at(x, -2), at(x, -1), row[x], at(x, 1), at(x, 2))
+                        };
+                    }
+                });
             level.par_chunks_mut(w).enumerate().for_each(|(y, out)| {
                 let row = |by: isize| &across[y.saturating_add_signed(by).min(h - 1) * w..][..w];
                 let (a, b, c, d, e) = (row(-2), row(-1), row(0), row(1), row(2));
@@ -114,9 +124,8 @@ impl Grey {
         let (x, y) = (p.x as usize, p.y as usize);
         let (fx, fy) = ((p.x - x as f64) as f32, (p.y - y as f64) as f32);
         let at = y * self.width + x;
-        let rows = [at, at + self.width].map(|i| {
-            self.level[i] + fx * (self.level[i + 1] - self.level[i])
-        });
+        let rows =
+            [at, at + self.width].map(|i| self.level[i] + fx * (self.level[i + 1] - self.level[i]));
         Some(rows[0] + fy * (rows[1] - rows[0]))
     }
 }

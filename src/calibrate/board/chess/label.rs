@@ -29,7 +29,11 @@ impl Labels {
 }
 
 /// The labels for a grid with `columns` and `rows` (in any order); `px` gives the place of its corners.
-pub(super) fn labels(grid: &Grid, board: [u32; 2], px: &dyn Fn([i32; 2]) -> DVec2) -> Option<Labels> {
+pub(super) fn labels(
+    grid: &Grid,
+    board: [u32; 2],
+    px: &dyn Fn([i32; 2]) -> DVec2,
+) -> Option<Labels> {
     let (low, size) = grid.bounds();
     let last = [0, 1].map(|i| low[i] + size[i] as i32 - 1);
     // Turned by quarters: x of the board along x, y, -x, -y of the grid.
@@ -39,16 +43,26 @@ pub(super) fn labels(grid: &Grid, board: [u32; 2], px: &dyn Fn([i32; 2]) -> DVec
         ([last[1], last[0]], [[0, -1], [-1, 0]]),
         ([last[1], low[0]], [[-1, 0], [0, 1]]),
     ];
-    let fits = turns.into_iter().enumerate().filter_map(|(quarters, (first, steps))| {
-        let along = if quarters % 2 == 0 { size } else { [size[1], size[0]] };
-        // A quarter turn has another pair of squares before a corner; so has a step.
-        let odd = (first[0] + first[1]).rem_euclid(2) + quarters as i32;
-        let dark = grid.dark == (odd % 2 == 0);
-        (along == board).then_some(Labels { first, steps, dark })
-    });
+    let fits = turns
+        .into_iter()
+        .enumerate()
+        .filter_map(|(quarters, (first, steps))| {
+            let along = if quarters % 2 == 0 {
+                size
+            } else {
+                [size[1], size[0]]
+            };
+            // A quarter turn has another pair of squares before a corner; so has a step.
+            let odd = (first[0] + first[1]).rem_euclid(2) + quarters as i32;
+            let dark = grid.dark == (odd % 2 == 0);
+            (along == board).then_some(Labels { first, steps, dark })
+        });
     let before = |a: &Labels, b: &Labels| {
         let (p, q) = (px(a.first), px(b.first));
-        b.dark.cmp(&a.dark).then(p.y.total_cmp(&q.y)).then(p.x.total_cmp(&q.x))
+        b.dark
+            .cmp(&a.dark)
+            .then(p.y.total_cmp(&q.y))
+            .then(p.x.total_cmp(&q.x))
     };
     fits.min_by(before)
 }

@@ -51,7 +51,9 @@ fn next(grey: &Grey, saddles: &[Saddle], from: &Saddle, edge: usize) -> Option<(
         let back = (from.px - to.px) / length;
         // Behind an edge of an even number it is dark, seen from either end; dark on the same side
         // seen from there is an odd number's.
-        let returning = [0, 1, 2, 3].into_iter().find(|&k| to.edges[k].dot(back) > ALIKE)?;
+        let returning = [0, 1, 2, 3]
+            .into_iter()
+            .find(|&k| to.edges[k].dot(back) > ALIKE)?;
         let same = (returning + edge) % 2 == 1 && is_edge(grey, from, to, edge.is_multiple_of(2));
         same.then_some((i, returning))
     })

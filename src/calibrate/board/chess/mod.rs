@@ -101,7 +101,10 @@ impl Best {
 
     fn refusal(&self, wanted: [u32; 2]) -> NotFound {
         let [least, most] = [wanted[0].min(wanted[1]), wanted[0].max(wanted[1])];
-        let [low, high] = [self.size[0].min(self.size[1]), self.size[0].max(self.size[1])];
+        let [low, high] = [
+            self.size[0].min(self.size[1]),
+            self.size[0].max(self.size[1]),
+        ];
         let all = format!("all {} corners, with a light margin", words(wanted));
         if self.corners < WORTH_A_WORD {
             return NotFound::Nothing {
@@ -165,7 +168,9 @@ fn measure(
                 dark: labels.dark == ((column + row) % 2 == 0),
             };
             let shortest = guess.along_x.length().min(guess.along_y.length());
-            let corner = (shortest >= LEAST_PX).then(|| fit(picture, &guess)).flatten();
+            let corner = (shortest >= LEAST_PX)
+                .then(|| fit(picture, &guess))
+                .flatten();
             corner.ok_or(index).map(|corner| Seen {
                 index,
                 px: corner.px,

@@ -48,7 +48,10 @@ fn assert_found(scene: &Scene, limit: f64, what: &str) {
     assert!(seen.iter().map(|s| s.index).eq(scene.board.indices()));
     let (rms, worst, whitened) = errors(scene, &seen);
     println!("{what}: rms {rms:.4} worst {worst:.4} whitened {whitened:.2}");
-    assert!(rms <= limit && worst <= 5.0 * limit, "{what}: rms {rms} worst {worst}");
+    assert!(
+        rms <= limit && worst <= 5.0 * limit,
+        "{what}: rms {rms} worst {worst}"
+    );
 }
 
 #[test]
@@ -73,19 +76,40 @@ fn corners_are_where_they_are() {
 #[test]
 fn blur_light_tilt_and_distortion_do_no_harm() {
     for blur in [0.0, 0.3, 1.0, 2.0] {
-        let sharp = Scene { blur, ..scene(22.0, [12.0, -10.0, 4.0]) };
+        let sharp = Scene {
+            blur,
+            ..scene(22.0, [12.0, -10.0, 4.0])
+        };
         assert_found(&sharp, 0.012, &format!("blur {blur}"));
-        let small = Scene { blur, ..scene(8.5, [5.0, -10.0, 14.0]) };
+        let small = Scene {
+            blur,
+            ..scene(8.5, [5.0, -10.0, 14.0])
+        };
         assert_found(&small, 0.03, &format!("small, blur {blur}"));
     }
-    let uneven = Scene { light: |p| 25.0 + 125.0 * p.x / 256.0, ..scene(24.0, [0.0, 20.0, 0.0]) };
+    let uneven = Scene {
+        light: |p| 25.0 + 125.0 * p.x / 256.0,
+        ..scene(24.0, [0.0, 20.0, 0.0])
+    };
     assert_found(&uneven, 0.012, "uneven light");
-    for turn in [[60.0, 0.0, 0.0], [0.0, 60.0, 10.0], [60.0, 0.0, 45.0], [-42.0, 42.0, 20.0]] {
+    for turn in [
+        [60.0, 0.0, 0.0],
+        [0.0, 60.0, 10.0],
+        [60.0, 0.0, 45.0],
+        [-42.0, 42.0, 20.0],
+    ] {
         assert_found(&scene(24.0, turn), 0.012, &format!("tilt {turn:?}"));
     }
     let wide = lens(256, 240, [-0.25, 0.1, 1e-3, -1e-3, 0.0]);
     for turn in [[0.0, 0.0, 0.0], [30.0, 20.0, 70.0]] {
-        assert_found(&Scene { lens: wide, ..scene(30.0, turn) }, 0.012, "distortion");
+        assert_found(
+            &Scene {
+                lens: wide,
+                ..scene(30.0, turn)
+            },
+            0.012,
+            "distortion",
+        );
     }
 }
 
@@ -94,7 +118,13 @@ fn errors_are_those_of_the_noise() {
     // One frame in poor light, so that noise counts for more than the model.
     let (mut sum, mut n) = (0.0, 0.0);
     for seed in 0..6 {
-        let poor = Scene { frames: 1, light: |_| 25.0, seed, blur: 0.8, ..scene(22.0, [10.0, 20.0, 33.0]) };
+        let poor = Scene {
+            frames: 1,
+            light: |_| 25.0,
+            seed,
+            blur: 0.8,
+            ..scene(22.0, [10.0, 20.0, 33.0])
+        };
         let seen = find(&poor.board, &poor.render()).unwrap();
         let (rms, _, whitened) = errors(&poor, &seen);
         println!("poor light: rms {rms:.4} whitened {whitened:.3}");
@@ -107,27 +137,43 @@ fn errors_are_those_of_the_noise() {
 
 #[test]
 fn squares_without_noise_are_exact() {
-    let clean = Scene { frames: 0, blur: 0.7, ..scene(26.0, [8.0, 12.0, 5.0]) };
+    let clean = Scene {
+        frames: 0,
+        blur: 0.7,
+        ..scene(26.0, [8.0, 12.0, 5.0])
+    };
     assert_found(&clean, 0.002, "no noise");
 }
 
 #[test]
 fn zz_diag() {
     for seed in 0..6 {
-    let uneven = Scene { seed, light: |p| 25.0 + 125.0 * p.x / 256.0, ..scene(24.0, [0.0, 20.0, 0.0]) };
-    assert_found(&uneven, 0.012, "uneven light");
+        let uneven = Scene {
+            seed,
+            light: |p| 25.0 + 125.0 * p.x / 256.0,
+            ..scene(24.0, [0.0, 20.0, 0.0])
+        };
+        assert_found(&uneven, 0.012, "uneven light");
     }
-    let uneven = Scene { frames: 0, light: |p| 25.0 + 125.0 * p.x / 256.0, ..scene(24.0, [0.0, 20.0, 0.0]) };
+    let uneven = Scene {
+        frames: 0,
+        light: |p| 25.0 + 125.0 * p.x / 256.0,
+        ..scene(24.0, [0.0, 20.0, 0.0])
+    };
     assert_found(&uneven, 0.012, "uneven light");
     let t = std::time::Instant::now();
     let p = uneven.render();
     println!("render {:?}", t.elapsed());
-    let big = Scene { board: Board::CHESS, lens: lens(1138, 489, [0.0; 5]), ..scene(45.0, [10.0, 5.0, 3.0]) };
+    let big = Scene {
+        board: Board::CHESS,
+        lens: lens(1138, 489, [0.0; 5]),
+        ..scene(45.0, [10.0, 5.0, 3.0])
+    };
     let p = big.render();
     for _ in 0..5 {
-    let t = std::time::Instant::now();
-    let seen = find(&big.board, &p);
-    println!("find {:?} {}", t.elapsed(), seen.is_ok());
+        let t = std::time::Instant::now();
+        let seen = find(&big.board, &p);
+        println!("find {:?} {}", t.elapsed(), seen.is_ok());
     }
     let t = std::time::Instant::now();
     let mut g = super::Grey::of(&p);

@@ -34,20 +34,28 @@ pub fn lens(width_px: u32, height_px: u32, distortion: [f64; 5]) -> Lens {
         width_px,
         height_px,
         focal_px: DVec2::splat(630.0),
-        principal_px: DVec2::new(f64::from(width_px) / 2.0 - 3.3, f64::from(height_px) / 2.0 + 2.1),
+        principal_px: DVec2::new(
+            f64::from(width_px) / 2.0 - 3.3,
+            f64::from(height_px) / 2.0 + 2.1,
+        ),
         distortion,
     }
 }
 
 impl Scene {
     pub fn truth(&self, index: [u32; 2]) -> DVec2 {
-        let point = self.camera_from_board.point(self.board.point(index).extend(0.0));
+        let point = self
+            .camera_from_board
+            .point(self.board.point(index).extend(0.0));
         self.lens.project(point).unwrap()
     }
 
     /// Column and row on the board, corners at whole numbers, of a pixel.
     fn squares(&self, inverse: &Pose, px: DVec2) -> DVec2 {
-        let (from, ray) = (inverse.point(DVec3::ZERO), inverse.direction(self.lens.ray(px)));
+        let (from, ray) = (
+            inverse.point(DVec3::ZERO),
+            inverse.direction(self.lens.ray(px)),
+        );
         let hit = from - ray * (from.z / ray.z);
         let [columns, rows] = self.board.grid().map(f64::from);
         hit.truncate() / self.board.pitch_mm() + DVec2::new(columns - 1.0, rows - 1.0) / 2.0
@@ -63,7 +71,10 @@ impl Scene {
         ) * (1.0 / h);
         let [columns, rows] = self.board.grid().map(f64::from);
         let inside = |margin: f64| {
-            at.x > -margin && at.y > -margin && at.x < columns - 1.0 + margin && at.y < rows - 1.0 + margin
+            at.x > -margin
+                && at.y > -margin
+                && at.x < columns - 1.0 + margin
+                && at.y < rows - 1.0 + margin
         };
         if !inside(2.0) {
             return 0.35;
@@ -73,7 +84,11 @@ impl Scene {
         }
         let wave = |f: f64, slope: DVec2| {
             let nearest = f.round();
-            let sign = if nearest.rem_euclid(2.0) == 0.0 { 1.0 } else { -1.0 };
+            let sign = if nearest.rem_euclid(2.0) == 0.0 {
+                1.0
+            } else {
+                -1.0
+            };
             // The square reaches this far across an edge of that direction.
             let across = (slope.x.abs() + slope.y.abs()) / FINE as f64;
             sign * (2.0 * (f - nearest) / across).clamp(-1.0, 1.0)
@@ -94,7 +109,11 @@ impl Scene {
                 (self.white(&inverse, px) * (self.light)(px)) as f32
             })
             .collect();
-        let blurred = blur(&blur(&fine, w, self.blur * FINE as f64), h, self.blur * FINE as f64);
+        let blurred = blur(
+            &blur(&fine, w, self.blur * FINE as f64),
+            h,
+            self.blur * FINE as f64,
+        );
         let mut random = Random(self.seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1);
         let (mut level, mut variance) = (Vec::new(), Vec::new());
         for (y, x) in (0..height).flat_map(|y| (0..width).map(move |x| (y, x))) {
@@ -104,7 +123,11 @@ impl Scene {
             }
             let mean = sum / (FINE * FINE) as f64;
             let of_mean = NOISE.variance_dn2(mean) / f64::from(self.frames.max(1));
-            let noise = if self.frames > 0 { of_mean.sqrt() * random.normal() } else { 0.0 };
+            let noise = if self.frames > 0 {
+                of_mean.sqrt() * random.normal()
+            } else {
+                0.0
+            };
             level.push((mean + noise) as f32);
             variance.push(of_mean as f32);
         }
@@ -120,7 +143,8 @@ impl Scene {
 /// Rows of `n` blurred and turned into columns.
 fn blur(rows: &[f32], n: usize, sigma: f64) -> Vec<f32> {
     let reach = (4.5 * sigma).ceil() as usize;
-    let weight = |k: usize| (-0.5 * (k as f64 - reach as f64).powi(2) / (sigma * sigma).max(1e-9)).exp();
+    let weight =
+        |k: usize| (-0.5 * (k as f64 - reach as f64).powi(2) / (sigma * sigma).max(1e-9)).exp();
     let kernel: Vec<f64> = (0..=2 * reach).map(weight).collect();
     let total: f64 = kernel.iter().sum();
     let kernel: Vec<f32> = kernel.iter().map(|k| (k / total) as f32).collect();
@@ -133,7 +157,9 @@ fn blur(rows: &[f32], n: usize, sigma: f64) -> Vec<f32> {
             padded.resize(n + 2 * reach, row[n - 1]);
             let mut sum = vec![0.0; n];
             for (k, w) in kernel.iter().enumerate() {
-                sum.iter_mut().zip(&padded[k..]).for_each(|(s, v)| *s += w * v);
+                sum.iter_mut()
+                    .zip(&padded[k..])
+                    .for_each(|(s, v)| *s += w * v);
             }
             sum
         })
