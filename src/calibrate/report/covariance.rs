@@ -26,7 +26,11 @@ pub(super) fn write_parameters(solution: &Solution, out: &mut impl Write) -> Res
 /// column the rows'.
 pub(super) fn write(solution: &Solution, out: &mut impl Write) -> Result<()> {
     let all = solution.parameters.len().min(solution.covariance.nrows());
-    let count = if all > MOST { of_rig(solution).min(all) } else { all };
+    let count = if all > MOST {
+        of_rig(solution).min(all)
+    } else {
+        all
+    };
     let names = || solution.parameters[..count].iter().map(|p| field(&p.name));
     write!(out, "name")?;
     for name in names() {

@@ -80,7 +80,9 @@ mod tests {
         prepare(&out, &[], false).unwrap();
         for name in FILES.into_iter().chain(["found_x.png", "truth.json"]) {
             fs::write(out.join(name), "old").unwrap();
-            let told = prepare(&out, &["truth.json"], false).unwrap_err().to_string();
+            let told = prepare(&out, &["truth.json"], false)
+                .unwrap_err()
+                .to_string();
             assert!(told.contains(name) && told.contains("--force"), "{told}");
             assert!(told.contains("no calibration"), "{told}");
             prepare(&out, &["truth.json"], true).unwrap();

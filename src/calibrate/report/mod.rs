@@ -9,8 +9,8 @@ mod covariance;
 mod folder;
 mod number;
 mod page;
-mod poses;
 mod points;
+mod poses;
 mod summary;
 #[cfg(test)]
 mod tests;
@@ -35,11 +35,15 @@ pub fn write(folder: &Path, calibration: &Calibration, about: &About) -> Result<
     let [page, points, poses, parameters, covariance, rig, figures] = FILES;
     let solution = &calibration.solution;
     write_whole(&folder.join(points), |out| points::write(calibration, out))?;
-    write_whole(&folder.join(poses), |out| poses::write(calibration, about, out))?;
+    write_whole(&folder.join(poses), |out| {
+        poses::write(calibration, about, out)
+    })?;
     write_whole(&folder.join(parameters), |out| {
         covariance::write_parameters(solution, out)
     })?;
-    write_whole(&folder.join(covariance), |out| covariance::write(solution, out))?;
+    write_whole(&folder.join(covariance), |out| {
+        covariance::write(solution, out)
+    })?;
     write_whole(&folder.join(rig), |out| {
         out.write_all(solution.rig.to_toml().as_bytes())
     })?;

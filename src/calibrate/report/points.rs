@@ -30,7 +30,11 @@ pub(super) fn write(calibration: &Calibration, out: &mut impl Write) -> Result<(
         let name = field(&pose.name);
         for sighting in &given.sightings {
             let residual = residuals.get(&sighting.index).copied();
-            writeln!(out, "{name},{}", row(&calibration.board, sighting, residual))?;
+            writeln!(
+                out,
+                "{name},{}",
+                row(&calibration.board, sighting, residual)
+            )?;
         }
     }
     Ok(())

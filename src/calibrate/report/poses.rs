@@ -49,6 +49,9 @@ fn turn(pose: &Pose) -> DVec3 {
 
 /// Between a board's normal and the line of sight to its middle, in degrees.
 pub(super) fn tilt_deg(pose: &Pose) -> f64 {
-    let cosine = pose.rotation.z_axis.dot(pose.translation_mm.normalize_or_zero());
+    let cosine = pose
+        .rotation
+        .z_axis
+        .dot(pose.translation_mm.normalize_or_zero());
     cosine.clamp(-1.0, 1.0).acos().to_degrees()
 }

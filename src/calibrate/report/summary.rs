@@ -109,7 +109,9 @@ const COEFFICIENTS: [&str; 5] = ["k1", "k2", "p1", "p2", "k3"];
 
 fn named(estimated: [bool; 5]) -> Vec<&'static str> {
     let pairs = COEFFICIENTS.into_iter().zip(estimated);
-    pairs.filter_map(|(name, yes)| yes.then_some(name)).collect()
+    pairs
+        .filter_map(|(name, yes)| yes.then_some(name))
+        .collect()
 }
 
 impl Summary {
@@ -123,9 +125,8 @@ impl Summary {
             why: why.clone(),
         });
         let points = solution.poses.iter().flat_map(|pose| &pose.points);
-        let outliers = points.filter(|p| {
-            p.camera_weight <= 0.0 || p.projector.is_some_and(|lit| lit.weight <= 0.0)
-        });
+        let outliers = points
+            .filter(|p| p.camera_weight <= 0.0 || p.projector.is_some_and(|lit| lit.weight <= 0.0));
         let rig = &solution.rig;
         Self {
             made_by: about.made_by.clone(),

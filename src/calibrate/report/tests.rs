@@ -55,14 +55,20 @@ fn pose(name: &str, given: usize, noise: &mut Noise) -> (SolvedPose, PoseSightin
     let rig = nominal();
     let angle = given as f64 * 2.4;
     let camera_from_board = Pose::from_xyz_deg(
-        DVec3::new(120.0 * angle.cos(), 40.0 * angle.sin(), 1000.0 + 30.0 * angle.sin()),
+        DVec3::new(
+            120.0 * angle.cos(),
+            40.0 * angle.sin(),
+            1000.0 + 30.0 * angle.sin(),
+        ),
         DVec3::new(25.0 * angle.sin(), 25.0 * angle.cos(), 20.0 * angle.sin()),
     );
     let mut sightings = Vec::new();
     let mut points = Vec::new();
     for index in board.indices() {
         let at = camera_from_board.point(board.point(index).extend(0.0));
-        let Some(px) = rig.camera.project(at) else { continue };
+        let Some(px) = rig.camera.project(at) else {
+            continue;
+        };
         let lit = rig.projector.project(at);
         let lit = lit.filter(|px| rig.projector.lens.contains(*px));
         let (camera, projector) = (noise.pair(), noise.pair());
@@ -114,15 +120,18 @@ fn made_up(names: &[&str]) -> Calibration {
         .map(|(i, name)| pose(name, i, &mut noise))
         .unzip();
     let rig = nominal();
-    let mut parameters: Vec<Parameter> = [("camera.fx", rig.camera.lens.focal_px.x), ("camera.cx", 0.1)]
-        .into_iter()
-        .map(|(name, value)| Parameter {
-            name: name.to_owned(),
-            unit: "px",
-            value,
-            sigma: 0.02,
-        })
-        .collect();
+    let mut parameters: Vec<Parameter> = [
+        ("camera.fx", rig.camera.lens.focal_px.x),
+        ("camera.cx", 0.1),
+    ]
+    .into_iter()
+    .map(|(name, value)| Parameter {
+        name: name.to_owned(),
+        unit: "px",
+        value,
+        sigma: 0.02,
+    })
+    .collect();
     for name in names {
         parameters.extend((0..6).map(|i| Parameter {
             name: format!("{name}.{i}"),
@@ -330,7 +339,10 @@ fn a_screenful_says_it_all() {
     ] {
         assert!(text.lines().any(|l| l == line), "{line}\n{text}");
     }
-    assert!(text.lines().all(|line| line.chars().count() < 100 && line == line.trim_end()));
+    assert!(
+        text.lines()
+            .all(|line| line.chars().count() < 100 && line == line.trim_end())
+    );
 }
 
 #[test]

@@ -24,9 +24,8 @@ pub fn bars(sheet: &mut Sheet, panel: &Panel, class: &str, bars: &[(&str, f64)],
             Some(&format!("{name}: {} {unit}", figures(*value, 4))),
         );
     }
-    let longest = bars.iter().map(|(name, _)| name.chars().count()).max();
-    // A letter is some 7 units wide, a line 13 high.
-    let upright = longest.unwrap_or(0) as f64 * 7.0 < pitch;
+    let names = bars.iter().map(|(name, _)| *name);
+    let upright = longest(names) as f64 * LETTER < pitch;
     let every = if upright {
         1
     } else {
@@ -49,7 +48,19 @@ pub fn bars(sheet: &mut Sheet, panel: &Panel, class: &str, bars: &[(&str, f64)],
 }
 
 /// The most letters of a name that are shown below a bar; its tip has the whole.
-pub(super) const LETTERS: usize = 14;
+const LETTERS: usize = 14;
+/// Width of a letter on the sheet, about; a line is 13 high.
+const LETTER: f64 = 7.0;
+
+/// Room below a panel that names of bars need at most.
+pub fn room_for_names<'a>(names: impl IntoIterator<Item = &'a str>) -> f64 {
+    longest(names.into_iter()) as f64 * LETTER + 16.0
+}
+
+fn longest<'a>(names: impl Iterator<Item = &'a str>) -> usize {
+    let letters = names.map(|name| name.chars().count());
+    letters.max().unwrap_or(0).min(LETTERS)
+}
 
 fn short(name: &str) -> String {
     if name.chars().count() <= LETTERS {

@@ -19,7 +19,7 @@ mod text;
 mod ticks;
 
 pub use axis::{Axis, Scale};
-pub use bars::bars;
+pub use bars::{bars, room_for_names};
 pub use cells::cells;
 pub use histogram::Histogram;
 pub use marks::{curve, dots, spans};

@@ -15,8 +15,10 @@ pub struct Arrow {
 
 /// The most arrows that are drawn.
 const MOST: usize = 12_000;
-/// Length on the sheet of an arrow of the size that one in twenty exceeds.
-const LENGTH: f64 = 22.0;
+/// Length on the sheet, least and most, of an arrow of the size that one in twenty exceeds.
+const LENGTHS: [f64; 2] = [9.0, 30.0];
+/// Length on the sheet that the arrow for scale has at least.
+const SAMPLE: f64 = 25.0;
 
 /// Draws arrows in a panel whose axes have one scale, all enlarged by one factor, chosen so that they
 /// can be seen, and says so with an arrow of round length above the panel's right end. Of more than
@@ -37,7 +39,10 @@ pub fn quiver(
     let mut sizes: Vec<f64> = placed.iter().map(|(_, by)| by.length()).collect();
     sizes.sort_unstable_by(f64::total_cmp);
     let large = *sizes.get(sizes.len() * 19 / 20)?;
-    let scale = LENGTH / large;
+    // Many are shorter, so that they do not cover one another.
+    let apart = (panel.size.x * panel.size.y / placed.len() as f64).sqrt();
+    let length = (2.0 * apart).clamp(LENGTHS[0], LENGTHS[1]);
+    let scale = length / large;
     if !(scale.is_finite() && scale > 0.0) {
         return None;
     }
@@ -51,7 +56,7 @@ pub fn quiver(
         &format!("thin {class}"),
         shown.flat_map(|(at, by)| arrow(*at, *by * sense * scale)),
     );
-    let sample = round_step(large);
+    let sample = round_step(SAMPLE / scale);
     let end = panel.corner + DVec2::new(panel.size.x, -12.0);
     let start = end - DVec2::new(sample * scale, 0.0);
     sheet.lines(&format!("line {class}"), arrow(start, end - start));
@@ -121,7 +126,12 @@ mod tests {
             let by = (line[1] - line[0]) / scale;
             assert!((by - arrow.by).length() < 0.02 / scale, "{by} {}", arrow.by);
         }
-        assert!(text.contains(">0.02 px</text>"), "{text}");
+        // The arrow for scale stands above the panel's right end and is as long as it says.
+        let sample = text.split("class=\"line c0\" d=\"M").nth(1).unwrap();
+        let from: f64 = sample.split(' ').next().unwrap().parse().unwrap();
+        let said = text.split(" px</text>").next().unwrap();
+        let said: f64 = said.rsplit('>').next().unwrap().parse().unwrap();
+        assert!(((110.0 - from) - said * scale).abs() < 0.02, "{text}");
     }
 
     #[test]

@@ -12,16 +12,17 @@ pub const STYLE: &str = "\
 .plot .thin{fill:none;stroke-width:.8;stroke-opacity:.75}\
 .plot .faint{fill:none;stroke:#777;stroke-width:.8}\
 .plot .ring{fill:none;stroke:#c00000;stroke-width:1.5}\
-.plot .fill{stroke:none;fill-opacity:.85}\
+.plot .fill{fill-opacity:.85}\
 .plot .area{fill-opacity:.12;stroke-width:1}\
-.plot .c0{stroke:#0060a8}.plot .fill.c0,.plot .area.c0{fill:#0060a8}\
-.plot .c1{stroke:#c24a00}.plot .fill.c1,.plot .area.c1{fill:#c24a00}\
-.plot .c2{stroke:#555}.plot .fill.c2,.plot .area.c2{fill:#555}\
+.plot .veil{fill-opacity:.04;stroke-width:.8;stroke-opacity:.7}\
+.plot .c0{stroke:#0060a8}.plot .fill.c0{stroke:none}.plot .c0.fill,.plot .c0.area,.plot .c0.veil{fill:#0060a8}\
+.plot .c1{stroke:#c24a00}.plot .fill.c1{stroke:none}.plot .c1.fill,.plot .c1.area,.plot .c1.veil{fill:#c24a00}\
+.plot .c2{stroke:#555}.plot .fill.c2{stroke:none}.plot .c2.fill,.plot .c2.area,.plot .c2.veil{fill:#555}\
 @media(prefers-color-scheme:dark){\
 .plot text{fill:#ddd}\
 .plot .frame{stroke:#888}\
 .plot .faint{stroke:#aaa}\
-.plot .c0{stroke:#6cb8f0}.plot .fill.c0,.plot .area.c0{fill:#6cb8f0}\
-.plot .c1{stroke:#f0a050}.plot .fill.c1,.plot .area.c1{fill:#f0a050}\
-.plot .c2{stroke:#bbb}.plot .fill.c2,.plot .area.c2{fill:#bbb}}\
+.plot .c0{stroke:#6cb8f0}.plot .c0.fill,.plot .c0.area,.plot .c0.veil{fill:#6cb8f0}\
+.plot .c1{stroke:#f0a050}.plot .c1.fill,.plot .c1.area,.plot .c1.veil{fill:#f0a050}\
+.plot .c2{stroke:#bbb}.plot .c2.fill,.plot .c2.area,.plot .c2.veil{fill:#bbb}}\
 ";

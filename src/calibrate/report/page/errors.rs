@@ -1,19 +1,19 @@
 //! Mean error of each pose, camera above projector, which have scales of their own.
 
 use crate::calibrate::solve::{Errors, Solution, SolvedPose};
-use crate::measure::plot::{Axis, Panel, ROOM, Sheet, bars, figures};
+use crate::measure::plot::{Axis, Panel, ROOM, Sheet, bars, figures, room_for_names};
 use glam::DVec2;
 
 const SIZE: DVec2 = DVec2::new(880.0, 130.0);
-/// Below a panel, for the poses' names.
-const NAMES: f64 = 110.0;
 const HEADING: f64 = 30.0;
 
 pub(super) fn errors(solution: &Solution) -> String {
     if solution.poses.is_empty() {
         return String::new();
     }
-    let height = 2.0 * (HEADING + SIZE.y + NAMES);
+    let names = solution.poses.iter().map(|pose| pose.name.as_str());
+    let pitch = HEADING + SIZE.y + room_for_names(names);
+    let height = 2.0 * pitch;
     let mut sheet = Sheet::new(ROOM.x + SIZE.x + 10.0, height);
     let camera: fn(&SolvedPose) -> &Errors = |pose| &pose.camera_errors;
     let projector: fn(&SolvedPose) -> &Errors = |pose| &pose.projector_errors;
@@ -30,7 +30,7 @@ pub(super) fn errors(solution: &Solution) -> String {
             .map(|(name, e)| (name, if e.count > 0 { e.mean_px } else { f64::NAN }))
             .collect();
         let panel = Panel {
-            corner: DVec2::new(ROOM.x, HEADING + i as f64 * (HEADING + SIZE.y + NAMES)),
+            corner: DVec2::new(ROOM.x, HEADING + i as f64 * pitch),
             size: SIZE,
             x: Axis::between("", 0.0, 1.0),
             y: Axis::from_zero("mean error, px", values.iter().map(|(_, v)| *v)),

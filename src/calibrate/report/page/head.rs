@@ -66,7 +66,10 @@ fn about(summary: &Summary) -> String {
     };
     let board = format!("{columns} x {rows} {kind}, pitch {pitch} mm");
     let own = [("made by", summary.made_by.as_str()), ("board", &board)];
-    let others = summary.remarks.iter().map(|(n, v)| (n.as_str(), v.as_str()));
+    let others = summary
+        .remarks
+        .iter()
+        .map(|(n, v)| (n.as_str(), v.as_str()));
     let all = own.into_iter().chain(others);
     table(
         &["", ""],

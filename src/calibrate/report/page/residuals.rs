@@ -16,7 +16,7 @@ const HEADING: f64 = 34.0;
 /// Cells in a row of the image.
 const CELLS: f64 = 16.0;
 /// Points that a cell must hold for its mean to be shown.
-const ENOUGH: usize = 4;
+const ENOUGH: usize = 8;
 /// The most outliers that are marked.
 const MARKED: usize = 500;
 
@@ -128,7 +128,9 @@ fn means(lens: &Lens, spots: &[&Spot]) -> Vec<Cell> {
 
 /// How much larger the cells' means are than noise makes them.
 fn over_noise(cells: &[Cell]) -> f64 {
-    let squares = cells.iter().map(|c| c.whitened.length_squared() * c.count as f64);
+    let squares = cells
+        .iter()
+        .map(|c| c.whitened.length_squared() * c.count as f64);
     (squares.sum::<f64>() / (2 * cells.len()) as f64).sqrt()
 }
 
@@ -159,7 +161,12 @@ mod tests {
     #[test]
     fn means_are_of_the_points_in_a_cell() {
         let spots: Vec<Spot> = (0..8)
-            .map(|i| spot(DVec2::new(10.0 + f64::from(i), 25.0), DVec2::new(f64::from(i), 1.0)))
+            .map(|i| {
+                spot(
+                    DVec2::new(10.0 + f64::from(i), 25.0),
+                    DVec2::new(f64::from(i), 1.0),
+                )
+            })
             .chain([spot(DVec2::NAN, DVec2::ONE), spot(DVec2::ONE, DVec2::ONE)])
             .collect();
         let cells = means(&lens(), &spots.iter().collect::<Vec<_>>());

@@ -6,7 +6,7 @@ use crate::geometry::{Board, Pose, View};
 use crate::measure::plot::{Anchor, Axis, Panel, ROOM, Sheet, figures};
 use glam::{DVec2, DVec3};
 
-const WIDTH: f64 = 400.0;
+const WIDTH: f64 = 420.0;
 const LEAST_HEIGHT: f64 = 120.0;
 const MOST_HEIGHT: f64 = 420.0;
 const HEADING: f64 = 30.0;
@@ -19,7 +19,7 @@ struct Outline {
     points: Vec<DVec3>,
     closed: bool,
     tip: String,
-    /// Stands in its middle.
+    /// Stands at its first point.
     label: Option<String>,
 }
 
@@ -76,7 +76,12 @@ pub(super) fn stage(calibration: &Calibration) -> String {
     }
     let rig = &calibration.solution.rig;
     let baseline = (rig.projector.center() - rig.camera.center()).length();
-    let cosine = rig.camera.rig_from_view.rotation.z_axis.dot(rig.projector.rig_from_view.rotation.z_axis);
+    let cosine = rig
+        .camera
+        .rig_from_view
+        .rotation
+        .z_axis
+        .dot(rig.projector.rig_from_view.rotation.z_axis);
     out.push_str(&note(&format!(
         "Blue: the camera and its field of view; orange: the projector's; grey: boards, numbered as \
          in the table of poses, a dot at their first point. The frame is the camera's: x right, y \
@@ -99,10 +104,15 @@ fn outlines(calibration: &Calibration) -> Vec<Outline> {
     let middle = distances.get(distances.len() / 2).copied();
     let reach = 0.3 * middle.unwrap_or(1000.0);
     let mut all = field(&solution.rig.camera, "area c0", "camera", reach);
-    all.extend(field(&solution.rig.projector, "area c1", "projector", reach));
+    all.extend(field(
+        &solution.rig.projector,
+        "area c1",
+        "projector",
+        reach,
+    ));
     for (i, pose) in solution.poses.iter().enumerate() {
         all.push(Outline {
-            class: "area c2",
+            class: "veil c2",
             points: corners(&calibration.board, &pose.camera_from_board).to_vec(),
             closed: true,
             tip: format!("{}: {}", i + 1, pose.name),
@@ -122,7 +132,10 @@ fn corners(board: &Board, rig_from_board: &Pose) -> [DVec3; 4] {
 /// A view's pyramid, as far as `reach`: four sides.
 fn field(view: &View, class: &'static str, name: &str, reach: f64) -> Vec<Outline> {
     let lens = &view.lens;
-    let (right, below) = (f64::from(lens.width_px) - 0.5, f64::from(lens.height_px) - 0.5);
+    let (right, below) = (
+        f64::from(lens.width_px) - 0.5,
+        f64::from(lens.height_px) - 0.5,
+    );
     let ends = [(-0.5, -0.5), (right, -0.5), (right, below), (-0.5, below)].map(|(u, v)| {
         // Without distortion, which a drawing of this size would not show.
         let ideal = (DVec2::new(u, v) - lens.principal_px) / lens.focal_px;
@@ -145,9 +158,20 @@ fn view(look: &Look, outlines: &[Outline]) -> String {
         .map(|p| look.at(*p))
         .filter(|p| p.is_finite())
         .collect();
-    let low = flat.iter().copied().reduce(DVec2::min).unwrap_or(DVec2::ZERO);
-    let high = flat.iter().copied().reduce(DVec2::max).unwrap_or(DVec2::ONE);
-    let (middle, span) = ((low + high) / 2.0, (high - low).max(DVec2::splat(1e-6)) * 1.08);
+    let low = flat
+        .iter()
+        .copied()
+        .reduce(DVec2::min)
+        .unwrap_or(DVec2::ZERO);
+    let high = flat
+        .iter()
+        .copied()
+        .reduce(DVec2::max)
+        .unwrap_or(DVec2::ONE);
+    let (middle, span) = (
+        (low + high) / 2.0,
+        (high - low).max(DVec2::splat(1e-6)) * 1.08,
+    );
     let height = (WIDTH * span.y / span.x).clamp(LEAST_HEIGHT, MOST_HEIGHT);
     // One scale for both axes: the larger need decides.
     let unit = (span.x / WIDTH).max(span.y / height);
@@ -171,8 +195,8 @@ fn view(look: &Look, outlines: &[Outline]) -> String {
         sheet.polyline(outline.class, &points, outline.closed, Some(&outline.tip));
         if let (Some(label), Some(first)) = (&outline.label, points.first()) {
             sheet.disc("fill c2", *first, 2.0, None);
-            let middle = points.iter().sum::<DVec2>() / points.len() as f64;
-            sheet.text("", middle + DVec2::new(0.0, 4.0), Anchor::Middle, label);
+            let beside = *first + DVec2::new(-4.0, -3.0);
+            sheet.text("", beside, Anchor::End, label);
         }
     }
     sheet.into_element(&format!("Camera, projector and boards. {}", look.name))

@@ -27,7 +27,9 @@ pub(super) fn parameters(solution: &Solution) -> String {
     let mut out = table(&["parameter", "value", "standard deviation", "unit"], rows);
     let pairs = correlated(solution, CLOSE);
     if pairs.is_empty() {
-        out.push_str(&note(&format!("No correlation beyond {CLOSE} between these.")));
+        out.push_str(&note(&format!(
+            "No correlation beyond {CLOSE} between these."
+        )));
         return out;
     }
     let name = |i: usize| rigs.get(i).map_or("", |p| p.name.as_str());

@@ -84,7 +84,12 @@ fn quantiles(sheet: &mut Sheet, left: f64, class: &str, values: &[f64]) {
         y: Axis::between("quantile of residuals", -ends, ends),
     };
     panel.draw(sheet);
-    curve(sheet, &panel, "c2", &[DVec2::splat(-ends), DVec2::splat(ends)]);
+    curve(
+        sheet,
+        &panel,
+        "c2",
+        &[DVec2::splat(-ends), DVec2::splat(ends)],
+    );
     dots(sheet, &panel, class, 3.0, &points, &[]);
 }
 
@@ -125,7 +130,11 @@ mod tests {
             let (mut low, mut high) = (-6.0, 6.0);
             for _ in 0..60 {
                 let z = 0.5 * (low + high);
-                if share_below(z) < p { low = z } else { high = z }
+                if share_below(z) < p {
+                    low = z
+                } else {
+                    high = z
+                }
             }
             0.5 * (low + high)
         };
