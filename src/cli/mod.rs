@@ -29,6 +29,7 @@ mod demo;
 #[cfg(target_os = "linux")]
 mod doctor;
 mod interrupt;
+mod method;
 mod plan;
 mod profile;
 mod scan;
