@@ -4,12 +4,14 @@ pub mod bias;
 mod biweight;
 pub mod chess;
 pub mod dots;
+mod draw;
 pub mod lit;
 mod not_found;
 mod picture;
 mod sighting;
 mod smooth;
 
+pub use draw::draw;
 pub use not_found::NotFound;
 pub use picture::Picture;
 pub use sighting::{Lit, Seen, Sighting};
