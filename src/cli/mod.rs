@@ -18,6 +18,8 @@ macro_rules! println {
 
 mod backend;
 mod bench;
+mod board;
+mod board_args;
 mod camera;
 mod compare;
 mod decode;
@@ -64,6 +66,7 @@ enum Command {
     Scene(scene::Args),
     Plan(plan::Args),
     Bench(bench::Args),
+    Board(board::Args),
     Doctor(doctor::Args),
 }
 
@@ -108,6 +111,7 @@ fn dispatch(command: Command) -> Result<()> {
         Command::Scene(args) => scene::run(&args),
         Command::Plan(args) => plan::run(&args),
         Command::Bench(args) => bench::run(&args),
+        Command::Board(args) => board::run(&args),
         Command::Doctor(args) => doctor::run(&args),
     }
 }

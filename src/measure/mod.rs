@@ -1,7 +1,7 @@
 //! Error against truth: distances between clouds and surfaces, registration, pictures.
 
 mod colour;
-mod font;
+pub(crate) mod font;
 mod icp;
 mod metrics;
 pub mod picture;
