@@ -1,5 +1,6 @@
 //! What a camera has seen of a board, and where the projector lit it.
 
+pub mod dots;
 mod not_found;
 mod picture;
 mod sighting;
