@@ -2,6 +2,7 @@
 
 use super::check::Check;
 use super::motion::{self, Deform, Motion};
+use super::placing::{POSITION_MM, ROTATION_DEG};
 use super::skin::{self, Skin};
 use super::surface::{self, Specular};
 use crate::error::Result;
@@ -163,8 +164,8 @@ impl Object {
 
 pub(super) fn check(o: &Object, at: &str, check: &Check<'_>) -> Result<()> {
     let field = |name: &str| format!("{at}.{name}");
-    check.all_within(&field("position_mm"), &o.position_mm, -1e9..=1e9)?;
-    check.all_within(&field("rotation_deg"), &o.rotation_deg, -360.0..=360.0)?;
+    check.all_within(&field("position_mm"), &o.position_mm, POSITION_MM)?;
+    check.all_within(&field("rotation_deg"), &o.rotation_deg, ROTATION_DEG)?;
     check.within(&field("scale"), o.scale, 1e-6..=1e6)?;
     check.within(&field("albedo"), o.albedo, 0.0..=1.0)?;
     let is_mesh = matches!(o.shape, Shape::Mesh { .. });
