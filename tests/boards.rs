@@ -50,16 +50,12 @@ fn is_ink(board: &Board, points: &[[u32; 2]], p: DVec2) -> bool {
         Board::Dots { .. } => points
             .iter()
             .any(|&i| p.distance(board.point(i)) <= board.radius_mm(i)),
-        // A corner has dark squares at its upper right and lower left, or on the other diagonal.
-        Board::Chess { columns, rows, .. } => points
+        // Of an even one, dark are the squares at its upper left and lower right.
+        Board::Chess { .. } => points
             .iter()
             .map(|&i| (i, p - board.point(i)))
             .filter(|(_, off)| off.abs().cmple(DVec2::splat(pitch)).all())
-            .any(|([column, row], off)| {
-                (column + row).is_multiple_of(2) == (off.x * off.y > 0.0)
-                    && column < *columns
-                    && row < *rows
-            }),
+            .any(|([column, row], off)| (column + row).is_multiple_of(2) == (off.x * off.y > 0.0)),
     }
 }
 

@@ -174,6 +174,10 @@ texture = "noise.png"
 const PRINTED: &str = r#"
 ambient = { irradiance_w_m2 = 0.2 }
 [[object]]
+shape = { kind = "plane" }
+position_mm = [0, 0, 1350]
+albedo = 0.5
+[[object]]
 shape = { kind = "board", board = { pattern = "dots", columns = 25, rows = 19, pitch_mm = 24.0, dot_mm = 10.0, marker_mm = 20.0 } }
 position_mm = [10, -5, 1100]
 rotation_deg = [20, -35, 15]
