@@ -140,8 +140,7 @@ fn seen(
         known.remove(&cell);
     }
     let mut dots = Dots { board, known };
-    let measure = measure::Measure::new(picture, &dots);
-    measure.all(&mut dots);
+    let measure = measure::Measure::new(picture, &mut dots);
     let judge = judge::Judge::new(&measure, &dots);
     judge::proportions(&dots)?;
     judge.sift(&mut dots);
