@@ -1,12 +1,16 @@
 //! What a camera has seen of a board, and where the projector lit it.
 
+pub mod bias;
+mod biweight;
 pub mod chess;
 pub mod dots;
 mod draw;
 mod find;
+pub mod lit;
 mod not_found;
 mod picture;
 mod sighting;
+mod smooth;
 
 pub use draw::draw;
 pub use find::find;
