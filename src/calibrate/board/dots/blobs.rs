@@ -1,0 +1,247 @@
+//! Dark blobs on lighter ground: what may be dots.
+//!
+//! A pixel is dark if it is well below the mean of a square about it that is somewhat larger than
+//! the grid's pitch: uneven light changes little over that. Dark pixels that touch are one blob; its
+//! moments, weighted by darkness, give the ellipse to start from.
+
+use super::ellipse::{Ellipse, root};
+use crate::calibrate::board::Picture;
+use glam::{DMat2, DVec2};
+
+/// Darkness of a pixel in standard deviations of its noise, at least.
+const SURE: f64 = 5.0;
+/// Pixels of a blob, at least.
+const SMALLEST: u32 = 4;
+/// Longer over shorter axis: 60 degrees of tilt make 2, a wide lens adds to it.
+const LONGEST: f64 = 6.0;
+/// Most blobs that are looked at; the largest board has fewer dots.
+const MOST: usize = 60_000;
+
+/// What may be a dot.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Blob {
+    pub ellipse: Ellipse,
+    /// Sum of darkness: area in pixels times contrast.
+    pub mass: f64,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Run {
+    from: u32,
+    to: u32,
+    parent: u32,
+}
+
+/// Moments of a blob's darkness about the picture's first pixel.
+#[derive(Debug, Clone, Copy, Default)]
+struct Sums {
+    count: u32,
+    mass: f64,
+    x: f64,
+    y: f64,
+    xx: f64,
+    xy: f64,
+    yy: f64,
+    cut: bool,
+}
+
+/// Blobs that are darker than `part` of the mean of the square of `side` pixels about them.
+pub(super) fn find(picture: &Picture, side: usize, part: f64) -> Vec<Blob> {
+    let (width, height) = (picture.width, picture.height);
+    let mut columns = ColumnSums::new(picture, side / 2);
+    let mut darkness = vec![0.0f32; width];
+    let mut runs: Vec<Run> = Vec::new();
+    let mut sums: Vec<Sums> = Vec::new();
+    let mut above = 0..0;
+    for v in 0..height {
+        columns.row(v, part, &mut darkness);
+        let first = runs.len();
+        let mut u = 0;
+        while u < width {
+            if darkness[u] <= 0.0 {
+                u += 1;
+                continue;
+            }
+            let from = u;
+            let mut sum = Sums {
+                cut: v == 0 || v + 1 == height,
+                ..Sums::default()
+            };
+            while u < width && darkness[u] > 0.0 {
+                let (d, x, y) = (f64::from(darkness[u]), u as f64, v as f64);
+                sum.count += 1;
+                sum.mass += d;
+                sum.x += d * x;
+                sum.y += d * y;
+                sum.xx += d * x * x;
+                sum.xy += d * x * y;
+                sum.yy += d * y * y;
+                u += 1;
+            }
+            sum.cut |= from == 0 || u == width;
+            runs.push(Run {
+                from: from as u32,
+                to: u as u32,
+                parent: runs.len() as u32,
+            });
+            sums.push(sum);
+        }
+        join(&mut runs, above, first);
+        above = first..runs.len();
+    }
+    gather(&mut runs, &sums)
+}
+
+/// Joins the runs from `first` on with those of the row above that they touch.
+fn join(runs: &mut [Run], above: std::ops::Range<usize>, first: usize) {
+    let mut up = above.start;
+    for at in first..runs.len() {
+        let here = runs[at];
+        while up < above.end && runs[up].to <= here.from {
+            up += 1;
+        }
+        let mut touching = up;
+        while touching < above.end && runs[touching].from < here.to {
+            let (a, b) = (top(runs, at as u32), top(runs, touching as u32));
+            runs[a.max(b) as usize].parent = a.min(b);
+            touching += 1;
+        }
+    }
+}
+
+/// The run that stands for a blob; paths are halved on the way.
+fn top(runs: &mut [Run], mut at: u32) -> u32 {
+    while runs[at as usize].parent != at {
+        let up = runs[at as usize].parent;
+        runs[at as usize].parent = runs[up as usize].parent;
+        at = up;
+    }
+    at
+}
+
+fn gather(runs: &mut [Run], sums: &[Sums]) -> Vec<Blob> {
+    let mut whole: Vec<Sums> = vec![Sums::default(); sums.len()];
+    for (at, sum) in sums.iter().enumerate() {
+        let to = &mut whole[top(runs, at as u32) as usize];
+        to.count += sum.count;
+        to.mass += sum.mass;
+        to.x += sum.x;
+        to.y += sum.y;
+        to.xx += sum.xx;
+        to.xy += sum.xy;
+        to.yy += sum.yy;
+        to.cut |= sum.cut;
+    }
+    let mut blobs: Vec<Blob> = whole.iter().filter_map(blob).collect();
+    if blobs.len() > MOST {
+        blobs.sort_by(|a, b| b.mass.total_cmp(&a.mass));
+        blobs.truncate(MOST);
+    }
+    blobs
+}
+
+fn blob(sum: &Sums) -> Option<Blob> {
+    if sum.count < SMALLEST || sum.cut || !(sum.mass > 0.0) {
+        return None;
+    }
+    let centre = DVec2::new(sum.x, sum.y) / sum.mass;
+    let (xx, xy, yy) = (
+        sum.xx / sum.mass - centre.x * centre.x,
+        sum.xy / sum.mass - centre.x * centre.y,
+        sum.yy / sum.mass - centre.y * centre.y,
+    );
+    // Second moments of a disc are a quarter of its radius squared, of a pixel a twelfth.
+    let moments = DMat2::from_cols(DVec2::new(xx, xy), DVec2::new(xy, yy));
+    let ellipse = Ellipse {
+        centre,
+        shape: 2.0
+            * root(
+                moments - DMat2::from_diagonal(DVec2::splat(1.0 / 12.0)),
+                0.25,
+            ),
+    };
+    let [small, large] = ellipse.half_axes();
+    let filled = f64::from(sum.count) / (std::f64::consts::PI * ellipse.size());
+    // Pixels that are dark in part make small blobs fuller than their ellipse.
+    let fullest = 1.5 + 2.0 / small;
+    (ellipse.is_sound() && large <= LONGEST * small && filled > 0.6 && filled < fullest).then_some(
+        Blob {
+            ellipse,
+            mass: sum.mass,
+        },
+    )
+}
+
+/// Sums of columns over a band of rows that moves down the picture.
+struct ColumnSums<'a> {
+    picture: &'a Picture,
+    half: usize,
+    sums: Vec<f64>,
+    counts: Vec<f64>,
+    /// Rows that are in the sums.
+    band: std::ops::Range<usize>,
+}
+
+impl<'a> ColumnSums<'a> {
+    fn new(picture: &'a Picture, half: usize) -> Self {
+        Self {
+            picture,
+            half,
+            sums: vec![0.0; picture.width],
+            counts: vec![0.0; picture.width],
+            band: 0..0,
+        }
+    }
+
+    fn add(&mut self, row: usize, sign: f64) {
+        let width = self.picture.width;
+        let levels = &self.picture.level[row * width..][..width];
+        for ((sum, count), &level) in self.sums.iter_mut().zip(&mut self.counts).zip(levels) {
+            let known = level.is_finite();
+            *sum += if known { sign * f64::from(level) } else { 0.0 };
+            *count += if known { sign } else { 0.0 };
+        }
+    }
+
+    /// Darkness of a row's pixels as part of the paper's level; 0 where they are not dark.
+    fn row(&mut self, v: usize, part: f64, darkness: &mut [f32]) {
+        let (width, height) = (self.picture.width, self.picture.height);
+        while self.band.end < (v + self.half + 1).min(height) {
+            self.add(self.band.end, 1.0);
+            self.band.end += 1;
+        }
+        while self.band.start + self.half < v {
+            self.add(self.band.start, -1.0);
+            self.band.start += 1;
+        }
+        let levels = &self.picture.level[v * width..][..width];
+        let variances = &self.picture.variance[v * width..][..width];
+        let (mut sum, mut count) = (0.0, 0.0);
+        for u in 0..(self.half).min(width) {
+            sum += self.sums[u];
+            count += self.counts[u];
+        }
+        for u in 0..width {
+            if let Some(enters) = self.sums.get(u + self.half) {
+                sum += enters;
+                count += self.counts[u + self.half];
+            }
+            if u > self.half {
+                sum -= self.sums[u - self.half - 1];
+                count -= self.counts[u - self.half - 1];
+            }
+            let mean = sum / f64::max(count, 1.0);
+            let level = f64::from(levels[u]);
+            let below = mean * part - level;
+            let noise = SURE * SURE * f64::from(variances[u]);
+            // Dots take about a tenth of the mean away.
+            let paper = 1.15 * mean;
+            let dark = below > 0.0 && (mean - level) * (mean - level) > noise;
+            darkness[u] = if dark {
+                ((paper - level) / paper) as f32
+            } else {
+                0.0
+            };
+        }
+    }
+}

@@ -1,0 +1,227 @@
+//! Which fitted dots are trusted, and whether they are the board's that was said.
+
+use super::dots::{Dot, Dots, median};
+use super::ellipse::Ellipse;
+use super::lattice::Cell;
+use super::measure::Measure;
+use crate::calibrate::board::{NotFound, Picture};
+use crate::geometry::Board;
+
+/// Part of what its pixels could tell of a dot's centre that must have been told.
+const TOLD: f64 = 0.8;
+/// Times the usual sum of squared residuals.
+const WORSE: f64 = 25.0;
+/// Ratio of contrast and of radius to the usual, either way.
+const CONTRAST: f64 = 1.4;
+const RADIUS: f64 = 1.2;
+/// Deviation from where its neighbours put it, in pitches.
+const STRAY: f64 = 0.25;
+/// Standard deviations that a dot must stand out.
+const STRENGTH: f64 = 10.0;
+/// Standard deviation of a centre that is of use, in pixels.
+const LEAST_SURE: f64 = 0.1;
+/// Ratio of measured to said proportions, either way: ink spreads on paper.
+const PROPORTION: f64 = 1.15;
+/// Part of the paper's level above which paper is lit.
+const LIT: f64 = 0.6;
+
+/// What dots of this picture have in common.
+pub(super) struct Judge<'a> {
+    picture: &'a Picture,
+    sigma: f64,
+    /// Medians of the sum of squares per degree of freedom (at least 1), and of the contrast.
+    pub chi2: f64,
+    contrast: f64,
+}
+
+impl<'a> Judge<'a> {
+    pub fn new(measure: &Measure<'a>, dots: &Dots) -> Self {
+        let of = |value: fn(&super::fit::Fit) -> f64| {
+            median(
+                dots.known
+                    .values()
+                    .filter_map(|dot| dot.fit.as_ref().map(value))
+                    .collect(),
+            )
+        };
+        Self {
+            picture: measure.picture,
+            sigma: measure.blur.sqrt(),
+            chi2: of(|fit| fit.chi2).unwrap_or(1.0).max(1.0),
+            contrast: of(|fit| fit.model.contrast).unwrap_or(1.0),
+        }
+    }
+
+    /// Whether a dot lies wholly on the picture, its blurred edge too.
+    pub fn fits_in(&self, dot: &Ellipse) -> bool {
+        let reach = dot.reach() + 0.5 + 2.0 * self.sigma;
+        let (low, high) = (dot.centre - reach, dot.centre + reach);
+        low.min_element() >= -0.5
+            && high.x <= self.picture.width as f64 - 0.5
+            && high.y <= self.picture.height as f64 - 0.5
+    }
+
+    /// Whether a dot is one of the board's, whole and measured well.
+    pub fn accepts(&self, dots: &Dots, cell: Cell, dot: &Dot) -> bool {
+        let Some(fit) = &dot.fit else { return false };
+        let ellipse = &fit.model.ellipse;
+        let [sure, unsure] = Ellipse {
+            centre: ellipse.centre,
+            shape: fit.covariance,
+        }
+        .half_axes();
+        let alike = |ratio: f64, limit: f64| ratio < limit && ratio > 1.0 / limit;
+        let expected = dots.place(cell).and_then(|place| {
+            let off = place.basis.inverse() * (ellipse.centre - place.at);
+            let outline = dots.outline(cell, place.at)?;
+            Some((off.length(), (ellipse.size() / outline.size()).sqrt()))
+        });
+        self.fits_in(ellipse)
+            && fit.told >= TOLD
+            && fit.chi2 <= WORSE * self.chi2
+            && fit.strength >= STRENGTH
+            && alike(fit.model.contrast / self.contrast, CONTRAST)
+            && sure > 0.0
+            && unsure * self.chi2 < LEAST_SURE * LEAST_SURE
+            && expected.is_some_and(|(off, ratio)| off < STRAY && alike(ratio, RADIUS))
+    }
+
+    /// Leaves only dots that are accepted.
+    pub fn sift(&self, dots: &mut Dots) {
+        let refused: Vec<Cell> = dots
+            .known
+            .iter()
+            .filter(|(cell, dot)| !self.accepts(dots, **cell, dot))
+            .map(|(cell, _)| *cell)
+            .collect();
+        for cell in refused {
+            dots.known.remove(&cell);
+        }
+    }
+}
+
+/// Whether dots and markers have the sizes that the board's have for its pitch.
+pub(super) fn proportions(dots: &Dots) -> Result<(), NotFound> {
+    let Board::Dots {
+        dot_mm,
+        marker_mm,
+        pitch_mm,
+        ..
+    } = *dots.board
+    else {
+        return Ok(());
+    };
+    let measured = |marker: bool| {
+        median(
+            dots.known
+                .iter()
+                .filter(|(cell, _)| {
+                    dots.index(**cell)
+                        .is_some_and(|index| dots.board.is_marker(index) == marker)
+                })
+                .filter_map(|(cell, dot)| {
+                    let place = dots.place(*cell)?;
+                    let size = dot.fit.as_ref()?.model.ellipse.size();
+                    Some(2.0 * (size / place.basis.determinant()).sqrt())
+                })
+                .collect(),
+        )
+    };
+    let said = [dot_mm / pitch_mm, marker_mm / pitch_mm];
+    let [Some(dot), Some(marker)] = [measured(false), measured(true)] else {
+        return Ok(());
+    };
+    let alike = |a: f64, b: f64| a < b * PROPORTION && b < a * PROPORTION;
+    if alike(dot, said[0]) && alike(marker, said[1]) {
+        return Ok(());
+    }
+    Err(NotFound::WrongBoard {
+        found: format!("dots of {dot:.2} and markers of {marker:.2} times the pitch"),
+        wanted: format!(
+            "dots of {:.2} and markers of {:.2} times the pitch, {PROPORTION} times more or less",
+            said[0], said[1]
+        ),
+    })
+}
+
+/// Whether an outer row or column is missing where lit paper is in its place.
+pub(super) fn extent(dots: &Dots, judge: &Judge) -> Result<(), NotFound> {
+    let [columns, rows] = dots.board.grid().map(|n| n as i32);
+    let range = |axis: usize| {
+        let all = || dots.known.keys().map(|cell| cell[axis]);
+        Some((all().min()?, all().max()?))
+    };
+    let (Some((left, right)), Some((top, bottom))) = (range(0), range(1)) else {
+        return Ok(());
+    };
+    let lines: [(bool, Vec<Cell>); 4] = [
+        (left > 0, (top..=bottom).map(|v| [left - 1, v]).collect()),
+        (
+            right + 1 < columns,
+            (top..=bottom).map(|v| [right + 1, v]).collect(),
+        ),
+        (top > 0, (left..=right).map(|u| [u, top - 1]).collect()),
+        (
+            bottom + 1 < rows,
+            (left..=right).map(|u| [u, bottom + 1]).collect(),
+        ),
+    ];
+    for (missing, line) in lines {
+        let blank = line
+            .iter()
+            .filter(|&&cell| judge.is_blank(dots, cell))
+            .count();
+        if missing && 2 * blank > line.len() && blank >= 4 {
+            return Err(NotFound::WrongBoard {
+                found: format!(
+                    "a grid of {} x {} dots with blank paper beside it",
+                    right - left + 1,
+                    bottom - top + 1
+                ),
+                wanted: format!("{columns} x {rows} dots"),
+            });
+        }
+    }
+    Ok(())
+}
+
+impl Judge<'_> {
+    /// Whether a cell's place is in the picture, lit as paper is, and has no dot.
+    fn is_blank(&self, dots: &Dots, cell: Cell) -> bool {
+        let Some((place, outline)) = dots
+            .place(cell)
+            .and_then(|place| Some((place, dots.outline(cell, place.at)?)))
+        else {
+            return false;
+        };
+        if !self.fits_in(&outline) {
+            return false;
+        }
+        let near = dots
+            .around(cell, 2)
+            .filter_map(|(_, dot)| dot.fit.as_ref().map(|fit| fit.model.paper[0]));
+        let Some(paper) = median(near.collect()) else {
+            return false;
+        };
+        // The dot's own place, and half a pitch to all sides.
+        let half = 0.5 * place.basis;
+        [
+            glam::DVec2::ZERO,
+            half.x_axis,
+            -half.x_axis,
+            half.y_axis,
+            -half.y_axis,
+        ]
+        .iter()
+        .all(|&step| {
+            let px = (place.at + step).round();
+            let inside = px.min_element() >= 0.0
+                && px.x < self.picture.width as f64
+                && px.y < self.picture.height as f64;
+            inside && {
+                let level = self.picture.level[px.y as usize * self.picture.width + px.x as usize];
+                f64::from(level) > LIT * paper
+            }
+        })
+    }
+}

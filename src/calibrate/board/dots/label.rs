@@ -1,0 +1,136 @@
+//! Which of a grid's dots are markers, and which way round the board is by them.
+
+use super::blobs::Blob;
+use super::lattice::{Cell, Grid, typical};
+use crate::calibrate::board::NotFound;
+use crate::geometry::{Board, MARKERS};
+
+/// Markers that must be seen in their places.
+pub(super) const ENOUGH: usize = 4;
+
+/// How a grid's own numbers become the board's: a turn by quarters, or a reflection of one, and
+/// where the grid's cell [0, 0] goes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Labels {
+    turn: [[i32; 2]; 2],
+    offset: [i32; 2],
+}
+
+impl Labels {
+    /// Column and row on the board, perhaps beyond its edge.
+    pub fn index(&self, cell: Cell) -> [i32; 2] {
+        let [[a, b], [c, d]] = self.turn;
+        [
+            a * cell[0] + b * cell[1] + self.offset[0],
+            c * cell[0] + d * cell[1] + self.offset[1],
+        ]
+    }
+}
+
+/// The four turns and their reflections; the first four have a positive determinant.
+const TURNS: [[[i32; 2]; 2]; 8] = [
+    [[1, 0], [0, 1]],
+    [[0, -1], [1, 0]],
+    [[-1, 0], [0, -1]],
+    [[0, 1], [-1, 0]],
+    [[-1, 0], [0, 1]],
+    [[0, 1], [1, 0]],
+    [[1, 0], [0, -1]],
+    [[0, -1], [-1, 0]],
+];
+
+/// The one way round in which the grid's large dots are the board's markers.
+///
+/// # Errors
+/// None, several, or only that of a mirror.
+pub(super) fn label(board: &Board, blobs: &[Blob], grid: &Grid) -> Result<Labels, NotFound> {
+    let large = markers(board, blobs, grid);
+    let ways: Vec<(usize, Labels)> = TURNS
+        .iter()
+        .enumerate()
+        .flat_map(|(k, &turn)| {
+            let large = &large;
+            offsets(board, large, turn).map(move |offset| (k, Labels { turn, offset }))
+        })
+        .filter(|(_, labels)| agrees(board, grid, &large, labels))
+        .collect();
+    let (turned, mirrored): (Vec<_>, Vec<_>) = ways.iter().partition(|(k, _)| *k < 4);
+    match (turned.as_slice(), mirrored.as_slice()) {
+        ([(_, only)], []) => Ok(*only),
+        ([], [_, ..]) => Err(NotFound::Mirrored {
+            found: format!(
+                "{} markers among {} dots in the order that a mirror shows",
+                large.len(),
+                grid.len()
+            ),
+        }),
+        (turned, _) => Err(NotFound::Ambiguous {
+            found: format!(
+                "{} in a grid of {}, which fit in {} ways",
+                count(large.len(), "large dot"),
+                count(grid.len(), "dot"),
+                turned.len()
+            ),
+            wanted: format!(
+                "at least {ENOUGH} of the {} markers in their places and no other large dot",
+                MARKERS.len()
+            ),
+        }),
+    }
+}
+
+fn count(n: usize, what: &str) -> String {
+    format!("{n} {what}{}", if n == 1 { "" } else { "s" })
+}
+
+/// Cells whose dots are larger than their neighbours as markers are.
+fn markers(board: &Board, blobs: &[Blob], grid: &Grid) -> Vec<Cell> {
+    let Board::Dots {
+        dot_mm, marker_mm, ..
+    } = *board
+    else {
+        return Vec::new();
+    };
+    // Half way, by ratio, between the areas of a dot and of a marker.
+    let limit = marker_mm / dot_mm;
+    grid.iter()
+        .filter(|&(&cell, &k)| {
+            typical(cell, |c| grid.get(&c).map(|&k| blobs[k].mass))
+                .is_some_and(|usual| blobs[k].mass > limit * usual)
+        })
+        .map(|(&cell, _)| cell)
+        .collect()
+}
+
+/// Offsets that take the first or second large dot to one of the markers: with four of five agreeing and no
+/// other large dot, every large dot is a marker.
+fn offsets(
+    board: &Board,
+    large: &[Cell],
+    turn: [[i32; 2]; 2],
+) -> impl Iterator<Item = [i32; 2]> + use<> {
+    let [columns, rows] = board.grid();
+    let middle = [(columns / 2) as i32, (rows / 2) as i32];
+    let first = large.first().map(|&cell| {
+        Labels {
+            turn,
+            offset: [0, 0],
+        }
+        .index(cell)
+    });
+    first.into_iter().flat_map(move |at| {
+        MARKERS
+            .iter()
+            .map(move |m| [middle[0] + m[0] - at[0], middle[1] + m[1] - at[1]])
+    })
+}
+
+/// Whether every large dot is a marker, enough markers are large dots, and none is a small one.
+fn agrees(board: &Board, grid: &Grid, large: &[Cell], labels: &Labels) -> bool {
+    let is_marker = |cell: Cell| match labels.index(cell) {
+        [column, row] if column >= 0 && row >= 0 => board.is_marker([column as u32, row as u32]),
+        _ => false,
+    };
+    let seen = grid.keys().filter(|&&cell| is_marker(cell)).count();
+    large.len() >= ENOUGH && large.len() == seen && large.iter().all(|&cell| is_marker(cell))
+}

@@ -1,0 +1,208 @@
+//! Dots measured: the picture's blur and contrast by some of them, then each by its fit.
+
+use super::coverage::{self, Cell as Covered};
+use super::dots::{Dot, Dots, median};
+use super::ellipse::{Ellipse, Window};
+use super::fit::{Fit, Known, Patch, fit};
+use super::lattice::Cell;
+use super::step::Steps;
+use crate::calibrate::board::Picture;
+use rayon::prelude::*;
+
+/// Paper around a dot that its fit sees, in pixels on top of the blur.
+const RING: f64 = 3.0;
+/// Dots that tell the blur.
+const SAMPLES: usize = 32;
+/// Standard deviation of ink's contrast over a board.
+const INK_SPREAD: f64 = 0.1;
+/// A blur (variance in pixels squared) above which dots reach into their neighbours' paper.
+const WIDE: f64 = 0.3;
+
+/// A picture with what all its dots share.
+pub(super) struct Measure<'a> {
+    pub picture: &'a Picture,
+    pub steps: Steps,
+    /// Variance of the blur in pixels squared.
+    pub blur: f64,
+    known: Known,
+}
+
+impl<'a> Measure<'a> {
+    /// Blur and contrast by markers and some of the other dots.
+    pub fn new(picture: &'a Picture, dots: &Dots) -> Self {
+        let mut this = Self {
+            picture,
+            steps: Steps::new(),
+            blur: 0.1,
+            known: Known {
+                blur: None,
+                contrast: None,
+            },
+        };
+        let every = dots.known.len().div_ceil(SAMPLES).max(1);
+        let sample: Vec<Cell> = dots
+            .known
+            .keys()
+            .enumerate()
+            .filter(|&(k, &cell)| {
+                k % every == 0 || dots.index(cell).is_some_and(|i| dots.board.is_marker(i))
+            })
+            .map(|(_, &cell)| cell)
+            .collect();
+        let fits: Vec<Fit> = this
+            .fits(dots, &sample, false)
+            .into_iter()
+            .flatten()
+            .filter(|fit| fit.told > 0.8)
+            .collect();
+        this.blur = weighted_median(
+            fits.iter()
+                .map(|fit| (fit.model.blur, 1.0 / fit.blur_variance.sqrt()))
+                .collect(),
+        )
+        .unwrap_or(0.0);
+        if this.blur < coverage::SHARP * 1.5 {
+            this.blur = 0.0;
+        }
+        this.known = Known {
+            blur: Some(this.blur),
+            contrast: median(fits.iter().map(|fit| fit.model.contrast).collect())
+                .map(|contrast| [contrast, INK_SPREAD]),
+        };
+        this
+    }
+
+    /// Fits every known dot.
+    pub fn all(&self, dots: &mut Dots) {
+        let cells: Vec<Cell> = dots.known.keys().copied().collect();
+        self.take(dots, &cells, false);
+        if self.blur > WIDE {
+            self.take(dots, &cells, true);
+        }
+    }
+
+    fn take(&self, dots: &mut Dots, cells: &[Cell], overlapping: bool) {
+        let fits = self.fits(dots, cells, overlapping);
+        for (cell, fit) in cells.iter().zip(fits) {
+            if let Some(dot) = dots.known.get_mut(cell) {
+                dot.fit = fit;
+            }
+        }
+    }
+
+    /// Fits dots from where they are known to be; with `overlapping`, what their neighbours' blur
+    /// takes from their paper is part of the model, else such pixels are left out.
+    fn fits(&self, dots: &Dots, cells: &[Cell], overlapping: bool) -> Vec<Option<Fit>> {
+        cells
+            .par_iter()
+            .with_min_len(8)
+            .map_init(Vec::new, |scratch, cell| {
+                let dot = dots.known.get(cell)?;
+                self.one(dots, *cell, dot.ellipse(), overlapping, scratch)
+            })
+            .collect()
+    }
+
+    /// Fits what should be a dot.
+    pub fn try_at(&self, dots: &Dots, cell: Cell, start: Ellipse) -> Option<Dot> {
+        let mut scratch = Vec::new();
+        let fit = self.one(dots, cell, start, false, &mut scratch)?;
+        Some(Dot {
+            start,
+            fit: Some(fit),
+        })
+    }
+
+    fn one(
+        &self,
+        dots: &Dots,
+        cell: Cell,
+        start: Ellipse,
+        overlapping: bool,
+        scratch: &mut Vec<Covered>,
+    ) -> Option<Fit> {
+        let neighbours: Vec<Ellipse> = dots.around(cell, 2).map(|(_, dot)| dot.ellipse()).collect();
+        let patch = self.patch(start, &neighbours, overlapping, scratch)?;
+        fit(&patch, start, &self.known, &self.steps, scratch)
+    }
+
+    /// The pixels of a dot and of the paper around it.
+    fn patch(
+        &self,
+        dot: Ellipse,
+        neighbours: &[Ellipse],
+        overlapping: bool,
+        scratch: &mut Vec<Covered>,
+    ) -> Option<Patch> {
+        let Picture {
+            width,
+            height,
+            level,
+            variance,
+        } = self.picture;
+        let sigma = self.blur.sqrt();
+        let field = dot.wider(RING + 3.0 * sigma);
+        let window = Window::about(dot.centre, field.reach(), *width, *height)?;
+        let rows = || (window.top..window.top + window.height).map(|v| v * width + window.left);
+        let level: Vec<f64> = rows()
+            .flat_map(|from| &level[from..from + window.width])
+            .map(|&l| f64::from(l))
+            .collect();
+        let variance = rows().flat_map(|from| &variance[from..from + window.width]);
+        let highest = level.iter().copied().fold(0.0, f64::max);
+        // Noise that is none would be weight without end.
+        let least = (1e-4 * highest).powi(2).max(f64::MIN_POSITIVE);
+        let inside = field.inward();
+        let margin = if overlapping { 0.5 } else { 1.0 + 2.5 * sigma };
+        let near: Vec<_> = neighbours
+            .iter()
+            .filter(|n| {
+                let gap = (n.centre - dot.centre).abs() - n.reach() - field.reach();
+                gap.max_element() < 2.0 * margin
+            })
+            .collect();
+        let beside: Vec<_> = near.iter().map(|n| n.wider(margin).inward()).collect();
+        let weight = window
+            .pixels()
+            .zip(level.iter().zip(variance))
+            .map(|(px, (l, &v))| {
+                let v = f64::from(v);
+                let counts = l.is_finite()
+                    && v.is_finite()
+                    && v >= 0.0
+                    && inside(px) <= 1.0
+                    && beside.iter().all(|theirs| theirs(px) > 1.0);
+                if counts { 1.0 / v.max(least) } else { 0.0 }
+            })
+            .collect();
+        let mut others = vec![0.0; level.len()];
+        if overlapping {
+            for n in near {
+                coverage::cover(n, self.blur, &window, &self.steps, scratch);
+                for (other, covered) in others.iter_mut().zip(scratch.iter()) {
+                    *other += covered[0];
+                }
+            }
+        }
+        Some(Patch {
+            window,
+            level,
+            weight,
+            others,
+        })
+    }
+}
+
+fn weighted_median(mut values: Vec<(f64, f64)>) -> Option<f64> {
+    values.retain(|v| v.0.is_finite() && v.1.is_finite());
+    values.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let half = 0.5 * values.iter().map(|v| v.1).sum::<f64>();
+    let mut sum = 0.0;
+    values
+        .iter()
+        .find(|v| {
+            sum += v.1;
+            sum >= half
+        })
+        .map(|v| v.0)
+}

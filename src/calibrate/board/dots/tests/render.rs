@@ -1,0 +1,301 @@
+//! Pictures of boards by another way than the model's: each dot's outline is carried point by point
+//! through pose and lens, the polygon is cut by the sides of pixels of a quarter's width, light is
+//! multiplied, and the fine picture is blurred by sampled weights before it is binned.
+
+use crate::calibrate::board::Picture;
+use crate::geometry::{Board, Lens, Pose};
+use glam::{DMat3, DVec2, DVec3};
+use std::collections::BTreeMap;
+
+/// Fine pixels along a pixel.
+const FINE: usize = 4;
+/// Points of an outline.
+const POINTS: usize = 360;
+
+pub struct Scene {
+    pub board: Board,
+    pub lens: Lens,
+    pub pose: Pose,
+    /// Level of the paper at a pixel.
+    pub light: fn(DVec2) -> f64,
+    /// Standard deviation of the blur in pixels.
+    pub blur: f64,
+    /// Times 0.25 DN on paper of 188 DN; 0 for none.
+    pub noise: f64,
+    pub seed: u64,
+    /// Dots that are not there.
+    pub hidden: Vec<[u32; 2]>,
+}
+
+/// The lens of the project's bench: 1138 x 489 pixels, 632 pixels of focal length.
+pub fn bench_lens() -> Lens {
+    Lens {
+        width_px: 1138,
+        height_px: 489,
+        focal_px: DVec2::splat(632.2),
+        principal_px: DVec2::new(568.5, 244.0),
+        distortion: [0.0; 5],
+    }
+}
+
+/// A lens for a smaller picture of the board's middle.
+pub fn small_lens(width: u32, height: u32) -> Lens {
+    Lens {
+        width_px: width,
+        height_px: height,
+        principal_px: DVec2::new(f64::from(width - 1), f64::from(height - 1)) / 2.0,
+        ..bench_lens()
+    }
+}
+
+/// A board at a place, turned in its plane, then tilted about an axis in the picture's plane.
+pub fn pose(at: DVec3, turn_deg: f64, tilt_deg: f64, axis_deg: f64) -> Pose {
+    let axis = axis_deg.to_radians();
+    let tilt = DMat3::from_axis_angle(
+        DVec3::new(axis.cos(), axis.sin(), 0.0),
+        tilt_deg.to_radians(),
+    );
+    Pose {
+        rotation: tilt * DMat3::from_rotation_z(turn_deg.to_radians()),
+        translation_mm: at,
+    }
+}
+
+/// A smaller board of the bench's dots.
+pub fn board(columns: u32, rows: u32) -> Board {
+    Board::Dots {
+        columns,
+        rows,
+        pitch_mm: 24.0,
+        dot_mm: 10.0,
+        marker_mm: 20.0,
+    }
+}
+
+impl Scene {
+    pub fn new(board: Board, lens: Lens, pose: Pose) -> Self {
+        Self {
+            board,
+            lens,
+            pose,
+            light: |_| 188.0,
+            blur: 0.0,
+            noise: 1.0,
+            seed: 1,
+            hidden: Vec::new(),
+        }
+    }
+
+    fn outline(&self, index: [u32; 2]) -> Option<Vec<DVec2>> {
+        let (middle, radius) = (self.board.point(index), self.board.radius_mm(index));
+        (0..POINTS)
+            .map(|k| {
+                let t = k as f64 * std::f64::consts::TAU / POINTS as f64;
+                let at = middle + radius * DVec2::new(t.cos(), t.sin());
+                self.lens.project(self.pose.point(at.extend(0.0)))
+            })
+            .collect()
+    }
+
+    /// Centroid of each dot that lies in the picture with room for `margin` pixels about it.
+    pub fn truth(&self, margin: f64) -> BTreeMap<[u32; 2], DVec2> {
+        let (w, h) = (
+            f64::from(self.lens.width_px),
+            f64::from(self.lens.height_px),
+        );
+        self.board
+            .indices()
+            .filter(|index| !self.hidden.contains(index))
+            .filter_map(|index| {
+                let outline = self.outline(index)?;
+                let inside = outline.iter().all(|p| {
+                    p.x - margin >= -0.5
+                        && p.y - margin >= -0.5
+                        && p.x + margin <= w - 0.5
+                        && p.y + margin <= h - 0.5
+                });
+                inside.then(|| (index, area_and_centroid(&outline).1))
+            })
+            .collect()
+    }
+
+    /// Covered share of each fine pixel.
+    fn ink(&self) -> Vec<f64> {
+        let (width, height) = (
+            self.lens.width_px as usize * FINE,
+            self.lens.height_px as usize * FINE,
+        );
+        let mut ink = vec![0.0; width * height];
+        for index in self.board.indices().filter(|i| !self.hidden.contains(i)) {
+            let Some(outline) = self.outline(index) else {
+                continue;
+            };
+            // Fine pixel k covers [k, k + 1) of these.
+            let fine: Vec<DVec2> = outline.iter().map(|p| (p + 0.5) * FINE as f64).collect();
+            let low = fine.iter().fold(DVec2::INFINITY, |a, p| a.min(*p)).floor();
+            let high = fine
+                .iter()
+                .fold(DVec2::NEG_INFINITY, |a, p| a.max(*p))
+                .ceil();
+            if !(low.is_finite() && high.is_finite()) || (high - low).max_element() > 2000.0 {
+                continue;
+            }
+            let rows = (low.y.max(0.0) as usize)..(high.y.clamp(0.0, height as f64) as usize);
+            for v in rows {
+                let y = v as f64;
+                let strip = cut(&cut(&fine, |p| p.y - y), |p| y + 1.0 - p.y);
+                if strip.is_empty() {
+                    continue;
+                }
+                let columns = (low.x.max(0.0) as usize)..(high.x.clamp(0.0, width as f64) as usize);
+                for u in columns {
+                    let x = u as f64;
+                    let cell = cut(&cut(&strip, |p| p.x - x), |p| x + 1.0 - p.x);
+                    ink[v * width + u] += area_and_centroid(&cell).0;
+                }
+            }
+        }
+        ink
+    }
+
+    /// Level without noise of each pixel.
+    fn clean(&self) -> Vec<f64> {
+        let (width, height) = (self.lens.width_px as usize, self.lens.height_px as usize);
+        let mut fine = self.ink();
+        let sheet = self.sheet();
+        let fine_width = width * FINE;
+        for (k, value) in fine.iter_mut().enumerate() {
+            let (u, v) = (k % fine_width, k / fine_width);
+            let px = (DVec2::new(u as f64, v as f64) + 0.5) / FINE as f64 - 0.5;
+            let paper = if sheet[v / FINE * width + u / FINE] {
+                1.0
+            } else {
+                0.01
+            };
+            *value = (self.light)(px) * paper * (1.0 - 0.94 * *value);
+        }
+        blur(&mut fine, fine_width, self.blur * FINE as f64);
+        let mut level = vec![0.0; width * height];
+        for (k, value) in fine.iter().enumerate() {
+            let (u, v) = (k % fine_width, k / fine_width);
+            level[v / FINE * width + u / FINE] += value / (FINE * FINE) as f64;
+        }
+        level
+    }
+
+    /// Whether a pixel sees the sheet: a pitch beyond the outer dots' centres.
+    fn sheet(&self) -> Vec<bool> {
+        let [columns, rows] = self.board.grid();
+        let half =
+            (DVec2::new(f64::from(columns), f64::from(rows)) + 1.0) / 2.0 * self.board.pitch_mm();
+        let camera = self.pose.inverse();
+        let origin = camera.translation_mm;
+        (0..self.lens.height_px)
+            .flat_map(|v| (0..self.lens.width_px).map(move |u| (u, v)))
+            .map(|(u, v)| {
+                let ray = camera.direction(self.lens.ray(DVec2::new(f64::from(u), f64::from(v))));
+                let at = origin - ray * (origin.z / ray.z);
+                at.x.abs() <= half.x && at.y.abs() <= half.y && origin.z / ray.z < 0.0
+            })
+            .collect()
+    }
+
+    pub fn picture(&self) -> Picture {
+        let (width, height) = (self.lens.width_px as usize, self.lens.height_px as usize);
+        let clean = self.clean();
+        let of =
+            |level: f64| self.noise.max(0.01).powi(2) * (0.0025 + 0.06 * level.max(0.0) / 188.0);
+        let mut draw = Draw(self.seed);
+        Picture {
+            width,
+            height,
+            level: clean
+                .iter()
+                .map(|&l| {
+                    let noise = if self.noise > 0.0 {
+                        draw.normal() * of(l).sqrt()
+                    } else {
+                        0.0
+                    };
+                    (l + noise) as f32
+                })
+                .collect(),
+            variance: clean.iter().map(|&l| of(l) as f32).collect(),
+        }
+    }
+}
+
+/// The part of a polygon where `side` is not negative.
+fn cut(polygon: &[DVec2], side: impl Fn(DVec2) -> f64) -> Vec<DVec2> {
+    let mut kept = Vec::new();
+    for (k, &a) in polygon.iter().enumerate() {
+        let b = polygon[(k + 1) % polygon.len()];
+        let (da, db) = (side(a), side(b));
+        if da >= 0.0 {
+            kept.push(a);
+        }
+        if (da >= 0.0) != (db >= 0.0) {
+            kept.push(a + (b - a) * (da / (da - db)));
+        }
+    }
+    kept
+}
+
+pub fn area_and_centroid(polygon: &[DVec2]) -> (f64, DVec2) {
+    let Some(&origin) = polygon.first() else {
+        return (0.0, DVec2::ZERO);
+    };
+    let (mut area, mut moment) = (0.0, DVec2::ZERO);
+    for (k, &a) in polygon.iter().enumerate() {
+        let (a, b) = (a - origin, polygon[(k + 1) % polygon.len()] - origin);
+        let cross = 0.5 * a.perp_dot(b);
+        area += cross;
+        moment += cross * (a + b) / 3.0;
+    }
+    (area.abs(), origin + moment / area)
+}
+
+fn blur(fine: &mut [f64], width: usize, sigma: f64) {
+    if sigma == 0.0 {
+        return;
+    }
+    let reach = (6.0 * sigma).ceil() as isize;
+    let weights: Vec<f64> = (-reach..=reach)
+        .map(|k| (-0.5 * (k as f64 / sigma).powi(2)).exp())
+        .collect();
+    let sum: f64 = weights.iter().sum();
+    let height = fine.len() / width;
+    let along = |from: &[f64], step: usize, count: usize, at: usize| -> f64 {
+        let (line, place) = (at - at / step % count * step, (at / step % count) as isize);
+        weights
+            .iter()
+            .zip(-reach..=reach)
+            .map(|(w, k)| w * from[line + (place + k).clamp(0, count as isize - 1) as usize * step])
+            .sum::<f64>()
+            / sum
+    };
+    let across: Vec<f64> = (0..fine.len())
+        .map(|at| along(fine, 1, width, at))
+        .collect();
+    for (at, value) in fine.iter_mut().enumerate() {
+        *value = along(&across, width, height, at);
+    }
+}
+
+/// Numbers that look random (splitmix64), and normal ones by Box and Muller.
+pub struct Draw(pub u64);
+
+impl Draw {
+    pub fn uniform(&mut self) -> f64 {
+        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+        ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64
+    }
+
+    pub fn normal(&mut self) -> f64 {
+        let (a, b) = (self.uniform(), self.uniform());
+        (-2.0 * (1.0 - a).ln()).sqrt() * (std::f64::consts::TAU * b).cos()
+    }
+}
