@@ -84,12 +84,17 @@ impl Bundle {
         let radial = [true, true, false, false, false];
         let most: Model = wanted.map(Coefficients::most);
         let first: Model = most.map(|set| std::array::from_fn(|i| set[i] && radial[i]));
+        let fewer: Model = std::array::from_fn(|i| match wanted[i] {
+            Coefficients::Auto => [true, true, true, true, false],
+            Coefficients::Fixed(set) => set,
+        });
         let least: Model = wanted.map(Coefficients::least);
 
         let maps = start::maps(self, choice.robust)?;
         let mut state = start::state(self, &maps, sizes, &first, choice)?;
+        self.drop_behind(&mut state)?;
         self.approach(&mut state, &first, choice, false)?;
-        let mut solved = self.largest(&state, &[most, first, least], choice)?;
+        let mut solved = self.largest(&state, &[most, fewer, first, least], choice)?;
         let largest = solved.model;
         let order = ranked(
             wanted,
@@ -178,6 +183,19 @@ impl Bundle {
         Ok(())
     }
 
+    /// Leaves out poses that the first state puts behind a lens.
+    fn drop_behind(&mut self, state: &mut State) -> Result<(), Unsolved> {
+        for at in (0..self.poses.len()).rev() {
+            let points = &self.poses[at].points;
+            if points.iter().any(|o| residual(o, state, at).is_none()) {
+                let why = "by the other poses it lies behind the camera or the projector";
+                self.leave_out(at, why.to_owned());
+                state.boards.remove(at);
+            }
+        }
+        self.enough_poses()
+    }
+
     /// Leaves out the pose that fits worst, if that is bad enough.
     fn drop_worst(&mut self, state: &mut State) -> bool {
         let total = self.poses.len() + self.left_out.len();
@@ -228,6 +246,9 @@ impl Bundle {
             let before = inflation;
             inflation = self.inflation(&state, &model);
             moved = (0..2).any(|g| (inflation[g] / before[g] - 1.0).abs() > 1e-3);
+        }
+        if self.degrees_of_freedom(&model) == 0 {
+            return Err(self.diverged());
         }
         let covariance = Normal::at(&self.poses, &state, &Loss::Square(inflation))
             .and_then(|n| n.covariance(&free))
