@@ -3,6 +3,7 @@
 mod served;
 
 use super::backend::Choice;
+use super::method::MethodArgs;
 use super::scan::capture;
 use super::step;
 use crate::decode::{Options, Summary as Decoding};
@@ -52,6 +53,8 @@ pub struct Args {
     /// Leave the sensor's noise out
     #[arg(long)]
     no_noise: bool,
+    #[command(flatten)]
+    method: MethodArgs,
     /// Print the figures as JSON
     #[arg(long)]
     json: bool,
@@ -71,6 +74,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
         backend: args.backend.into(),
     }
     .checked()?;
+    args.method.check()?;
     check_folder(&args.out)?;
     step("starting the device");
     let served = Served::start(&serve_arguments(args))?;
@@ -95,7 +99,9 @@ pub(super) fn run(args: &Args) -> Result<()> {
         .calibration
         .ok_or_else(|| Error::device("the device gave no calibration"))?;
     let begin = Instant::now();
-    let (decoder, decoded) = captured.decode(Options::default())?;
+    let (decoder, mut decoded) = captured.decode(Options::default())?;
+    args.method
+        .apply(&decoder, &mut decoded, Options::default())?;
     let decode_s = begin.elapsed().as_secs_f64();
     step("asking for the truth");
     let maps = truth(&endpoints.service)?;
