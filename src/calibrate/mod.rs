@@ -3,6 +3,9 @@
 pub mod board;
 pub mod files;
 pub mod height;
+pub mod poses;
+pub mod report;
+pub mod rig;
 pub mod solve;
 mod triangulate;
 

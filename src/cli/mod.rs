@@ -20,6 +20,7 @@ mod backend;
 mod bench;
 mod board;
 mod board_args;
+mod calibrate;
 mod camera;
 mod compare;
 mod decode;
@@ -35,6 +36,8 @@ mod scan;
 mod scene;
 #[cfg(target_os = "linux")]
 mod serve;
+#[cfg(target_os = "linux")]
+mod served;
 #[cfg(not(target_os = "linux"))]
 mod without_link;
 #[cfg(not(target_os = "linux"))]
@@ -61,6 +64,7 @@ enum Command {
     Scan(scan::Args),
     Camera(camera::Args),
     Decode(decode::Args),
+    Calibrate(calibrate::Args),
     Compare(compare::Args),
     Profile(profile::Args),
     Scene(scene::Args),
@@ -106,6 +110,7 @@ fn dispatch(command: Command) -> Result<()> {
         Command::Scan(args) => scan::run(&args),
         Command::Camera(args) => camera::run(&args),
         Command::Decode(args) => decode::run(&args),
+        Command::Calibrate(args) => calibrate::run(&args),
         Command::Compare(args) => compare::run(&args),
         Command::Profile(args) => profile::run(&args),
         Command::Scene(args) => scene::run(&args),
