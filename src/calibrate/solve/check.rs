@@ -47,6 +47,15 @@ pub(super) fn refuse(solution: &Solution) -> Result<(), Unsolved> {
         ("camera", &solution.camera_errors, &rig.camera.lens),
         ("projector", &solution.projector_errors, &rig.projector.lens),
     ] {
+        if let Some(corner) = lens.folds_before() {
+            return Err(Unsolved::Undetermined {
+                found: format!(
+                    "the {name}'s coefficients fold the image over before pixel ({:.0}, {:.0})",
+                    corner.x, corner.y
+                ),
+                wanted: "fewer coefficients, or points nearer to the image's corners".to_owned(),
+            });
+        }
         let diagonal = f64::from(lens.width_px).hypot(f64::from(lens.height_px));
         if errors.rms_px > WORST_FIT * diagonal && errors.whitened_rms > 10.0 {
             return Err(Unsolved::Undetermined {

@@ -22,6 +22,7 @@ mod robust;
 mod rotation;
 mod solution;
 mod start;
+mod start_projector;
 mod summary;
 #[cfg(test)]
 mod tests;
