@@ -16,7 +16,7 @@ const SAMPLES: usize = 32;
 /// Standard deviation of ink's contrast over a board.
 const INK_SPREAD: f64 = 0.1;
 /// A blur (variance in pixels squared) above which dots reach into their neighbours' paper.
-const WIDE: f64 = 0.3;
+const WIDE: f64 = 0.1;
 
 /// A picture with what all its dots share.
 pub(super) struct Measure<'a> {
@@ -28,8 +28,8 @@ pub(super) struct Measure<'a> {
 }
 
 impl<'a> Measure<'a> {
-    /// Blur and contrast by markers and some of the other dots.
-    pub fn new(picture: &'a Picture, dots: &Dots) -> Self {
+    /// Fits every known dot, after blur and contrast have been told by markers and some others.
+    pub fn new(picture: &'a Picture, dots: &mut Dots) -> Self {
         let mut this = Self {
             picture,
             steps: Steps::new(),
@@ -39,6 +39,21 @@ impl<'a> Measure<'a> {
                 contrast: None,
             },
         };
+        let cells: Vec<Cell> = dots.known.keys().copied().collect();
+        this.estimate(dots, false);
+        this.take(dots, &cells, false);
+        if this.blur > WIDE {
+            // With what is known of the neighbours now, their blurred edges are no riddle.
+            this.estimate(dots, true);
+            for _ in 0..2 {
+                this.take(dots, &cells, true);
+            }
+        }
+        this
+    }
+
+    fn estimate(&mut self, dots: &Dots, overlapping: bool) {
+        self.known.blur = None;
         let every = dots.known.len().div_ceil(SAMPLES).max(1);
         let sample: Vec<Cell> = dots
             .known
@@ -49,36 +64,25 @@ impl<'a> Measure<'a> {
             })
             .map(|(_, &cell)| cell)
             .collect();
-        let fits: Vec<Fit> = this
-            .fits(dots, &sample, false)
+        let fits: Vec<Fit> = self
+            .fits(dots, &sample, overlapping)
             .into_iter()
             .flatten()
             .filter(|fit| fit.told > 0.8)
             .collect();
-        this.blur = weighted_median(
-            fits.iter()
-                .map(|fit| (fit.model.blur, 1.0 / fit.blur_variance.sqrt()))
-                .collect(),
-        )
-        .unwrap_or(0.0);
-        if this.blur < coverage::SHARP * 1.5 {
-            this.blur = 0.0;
+        let blurs = fits
+            .iter()
+            .map(|fit| (fit.model.blur, 1.0 / fit.blur_variance.sqrt()))
+            .collect();
+        self.blur = weighted_median(blurs).unwrap_or(0.0);
+        if self.blur < coverage::SHARP * 1.5 {
+            self.blur = 0.0;
         }
-        this.known = Known {
-            blur: Some(this.blur),
+        self.known = Known {
+            blur: Some(self.blur),
             contrast: median(fits.iter().map(|fit| fit.model.contrast).collect())
                 .map(|contrast| [contrast, INK_SPREAD]),
         };
-        this
-    }
-
-    /// Fits every known dot.
-    pub fn all(&self, dots: &mut Dots) {
-        let cells: Vec<Cell> = dots.known.keys().copied().collect();
-        self.take(dots, &cells, false);
-        if self.blur > WIDE {
-            self.take(dots, &cells, true);
-        }
     }
 
     fn take(&self, dots: &mut Dots, cells: &[Cell], overlapping: bool) {
@@ -98,7 +102,12 @@ impl<'a> Measure<'a> {
             .with_min_len(8)
             .map_init(Vec::new, |scratch, cell| {
                 let dot = dots.known.get(cell)?;
-                self.one(dots, *cell, dot.ellipse(), overlapping, scratch)
+                // A blob that could not be fitted is as large as its blur.
+                let start = match (&dot.fit, overlapping) {
+                    (None, true) => dots.outline(*cell, dot.start.centre)?,
+                    _ => dot.ellipse(),
+                };
+                self.one(dots, *cell, start, overlapping, scratch)
             })
             .collect()
     }
@@ -153,12 +162,16 @@ impl<'a> Measure<'a> {
         // Noise that is none would be weight without end.
         let least = (1e-4 * highest).powi(2).max(f64::MIN_POSITIVE);
         let inside = field.inward();
-        let margin = if overlapping { 0.5 } else { 1.0 + 2.5 * sigma };
+        let (margin, reach) = if overlapping {
+            (0.3, 0.5 + 3.5 * sigma)
+        } else {
+            (0.75 + 1.5 * sigma, 0.75 + 1.5 * sigma)
+        };
         let near: Vec<_> = neighbours
             .iter()
             .filter(|n| {
                 let gap = (n.centre - dot.centre).abs() - n.reach() - field.reach();
-                gap.max_element() < 2.0 * margin
+                gap.max_element() < reach
             })
             .collect();
         let beside: Vec<_> = near.iter().map(|n| n.wider(margin).inward()).collect();
