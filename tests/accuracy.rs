@@ -1,10 +1,11 @@
 //! Rendered frames through the decoder against the device's truth, in one process: the bars that
 //! the demo is held to.
 
+use phasma::calibrate::height::Mapping;
 use phasma::decode::{Decoded, Decoder, FrameStack, Options, Samples};
 use phasma::emulator::render::Renderer;
 use phasma::emulator::{Shot, Slide, Truth};
-use phasma::pattern::Pattern;
+use phasma::pattern::{Axis, Pattern};
 use phasma::profile::{Profile, Scene};
 use phasma::study::score::{Score, score};
 use std::f64::consts::TAU;
@@ -81,6 +82,55 @@ fn trapezoid_with_default_noise() {
         s.crease.gross_error_rate == 0.0 && s.crease.coverage >= 0.75,
         "{s:?}"
     );
+}
+
+/// The two ways from phase to points, on the bench where both are exact and where lenses distort.
+#[test]
+fn phase_to_height_beside_triangulation() {
+    for (name, exact) in [("pmp-bench", true), ("pmp-real", false)] {
+        let profile = Profile::load(name).unwrap();
+        let (rig, manifest) = (
+            profile.nominal_rig(),
+            profile.manifest(&profile.sequence[0]),
+        );
+        let scan = full_scan(name, "trapezoid", 1, true);
+        let plane = full_scan(name, "plane", 7, true).decoded;
+        let map = plane.x.as_ref().unwrap();
+        let depth = [&plane.depth[..], &plane.depth_sigma];
+        let period = 16.0;
+        let captured =
+            Mapping::of_capture(&rig, Axis::X, period, [&map.coordinate, &map.sigma], depth);
+        let computed = Mapping::of_plane(&rig, Axis::X, period, 1000.0);
+        let [captured, computed] = [captured, computed].map(|mapping| {
+            let mapping = mapping.unwrap();
+            println!("{name} {:?} {:?}", mapping.constants, mapping.quality);
+            let mut decoded = scan.decoded.clone();
+            let map = scan.decoded.x.as_ref().unwrap();
+            let coordinate = [&map.coordinate[..], &map.sigma];
+            mapping.depths(coordinate, &mut decoded.depth, &mut decoded.depth_sigma);
+            score(&decoded, &scan.truth, &manifest, &rig).unwrap()
+        });
+        let cut = scan.score.mae_mm;
+        println!(
+            "{name}: MAE of triangulation {cut:.4}, height over a computed plane {:.4}, over a \
+             captured one {:.4} mm; coverage {:.4} {:.4} {:.4}",
+            computed.mae_mm,
+            captured.mae_mm,
+            scan.score.coverage,
+            computed.coverage,
+            captured.coverage
+        );
+        if exact {
+            assert!((computed.mae_mm / cut - 1.0).abs() < 0.01, "{computed:?}");
+            // The plane's noise comes on top, as much as the scan's own.
+            assert!(
+                (1.2..1.7).contains(&(captured.mae_mm / cut)),
+                "{captured:?}"
+            );
+        } else {
+            assert!(computed.mae_mm > 1.5 * cut, "{computed:?}");
+        }
+    }
 }
 
 #[test]

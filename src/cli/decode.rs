@@ -2,7 +2,9 @@
 
 use super::method::MethodArgs;
 use crate::calibrate::files::{Sizes, read_rig_sized};
-use crate::decode::{Decoder, Options, Plan, Summary, load_frames, output_names, write_outputs};
+use crate::decode::{
+    Decoder, Options, Plan, Summary, frame_size, load_frames, output_names, write_outputs,
+};
 use crate::error::{Error, Result};
 use crate::pattern::Manifest;
 use std::path::{Path, PathBuf};
@@ -64,16 +66,16 @@ pub(super) fn run(args: &Args) -> Result<()> {
     args.method.check()?;
     let manifest = Manifest::read(&args.manifest)?;
     let plan = Plan::new(&manifest).map_err(|e| name_file(e, &args.manifest))?;
-    prepare(&args.out, args.force)?;
     let beside = args.manifest.parent().unwrap_or(Path::new(""));
     let folder = args.frames.as_deref().unwrap_or(beside);
-    let frames = load_frames(&manifest, &plan, folder)?;
     let sizes = Sizes {
-        camera: Some([frames.width as u32, frames.height as u32]),
+        camera: frame_size(&manifest, &plan, folder),
         projector: Some([manifest.projector.width_px, manifest.projector.height_px]),
     };
     let read = |path: &PathBuf| read_rig_sized(path, sizes);
     let rig = args.calibration.as_ref().map(read).transpose()?;
+    prepare(&args.out, args.force)?;
+    let frames = load_frames(&manifest, &plan, folder)?;
     let options = Options {
         keep_mixed: args.keep_mixed,
         unwrap_spatial: args.unwrap.is_some(),

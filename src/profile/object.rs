@@ -6,7 +6,7 @@ use super::placing::{POSITION_MM, ROTATION_DEG};
 use super::skin::{self, Skin};
 use super::surface::{self, Specular};
 use crate::error::Result;
-use crate::geometry::{Pose, shapes};
+use crate::geometry::{Board, Pose, shapes};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
@@ -73,6 +73,15 @@ pub enum Shape {
         #[serde(default)]
         size_mm: Option<[f64; 2]>,
     },
+    /// A calibration board: a sheet in the plane z = 0 with the grid's middle at the origin, x along
+    /// the columns' numbers and y along the rows'. It is printed on the side towards -z.
+    Board {
+        /// What is printed on it. Its lengths are before scaling.
+        board: Board,
+        /// Factor on the albedo, which is the paper's, where there is ink: 0 to 1.
+        #[serde(default = "ink")]
+        ink: f64,
+    },
     /// A sphere about the origin.
     Sphere {
         /// Radius.
@@ -121,6 +130,9 @@ pub enum Shape {
     },
 }
 
+fn ink() -> f64 {
+    0.06
+}
 fn torso_length() -> f64 {
     500.0
 }
@@ -181,6 +193,12 @@ pub(super) fn check(o: &Object, at: &str, check: &Check<'_>) -> Result<()> {
                 "the path of a PNG, BMP, TIFF or JPEG file",
             )?;
             check.that(
+                !matches!(o.shape, Shape::Board { .. }),
+                &field("texture"),
+                "a texture on a board",
+                "none: a board has its own ink",
+            )?;
+            check.that(
                 is_mesh || o.texture_size_mm.is_some(),
                 &field("texture"),
                 "a texture of no size",
@@ -217,6 +235,13 @@ pub(super) fn check(o: &Object, at: &str, check: &Check<'_>) -> Result<()> {
             Some(sides) => check.all_within(&shape("size_mm"), sides, size),
             None => Ok(()),
         },
+        Shape::Board { board, ink } => {
+            check.within(&shape("ink"), *ink, 0.0..=1.0)?;
+            board.check().map_err(|(name, found, allowed)| {
+                let field = shape(&format!("board.{name}"));
+                check.source.violation(&field, found, allowed)
+            })
+        }
         Shape::Sphere { radius_mm } => check.within(&shape("radius_mm"), *radius_mm, size),
         Shape::Cylinder {
             radius_mm,

@@ -4,7 +4,7 @@ use crate::error::{Error, Result};
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// The files that [`write`](super::write) makes.
+/// The files that [`write()`](super::write()) makes.
 pub const FILES: [&str; 7] = [
     "report.html",
     "points.csv",

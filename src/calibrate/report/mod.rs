@@ -1,7 +1,7 @@
 //! What a calibration leaves behind: the rig, every point it rests on, how well it fits, and a page
 //! that shows all of it.
 //!
-//! [`prepare`] refuses a folder before the work begins, [`write`] fills it at the end; in between,
+//! [`prepare`] refuses a folder before the work begins, [`write()`] fills it at the end; in between,
 //! the pictures of what was found go there under the names of [`picture_names`].
 
 mod about;

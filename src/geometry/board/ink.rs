@@ -35,7 +35,7 @@ impl Board {
             let sheet = self.sheet_mm();
             let [low, high] = self.cells();
             let cells = high - low;
-            return self.mean() * (cells.x * cells.y) / (sheet.x * sheet.y);
+            return self.mean_ink() * (cells.x * cells.y) / (sheet.x * sheet.y);
         }
         match Parallelogram::new(at, across, down) {
             Some(piece) => self.ink_in(at, &piece),
@@ -63,8 +63,9 @@ impl Board {
         }
     }
 
-    /// The share of ink in all cells together.
-    fn mean(&self) -> f64 {
+    /// The share of ink on the grid as a whole, each point with the square of one pitch about it, or
+    /// each square of a chessboard.
+    pub fn mean_ink(&self) -> f64 {
         let cells = self.cell_count();
         let cells = cells.x * cells.y;
         match *self {
@@ -112,7 +113,7 @@ impl Board {
         let [columns, rows] = self.cells_near(at, piece.half + beyond);
         if columns.len().saturating_mul(rows.len()) > MOST {
             let [low, high] = self.cells();
-            return self.mean() * piece.in_rectangle(low, high);
+            return self.mean_ink() * piece.in_rectangle(low, high);
         }
         let cells = rows.flat_map(|row| columns.clone().map(move |column| [column, row]));
         let share: f64 = cells.map(|cell| self.ink_of_cell(cell, piece)).sum();

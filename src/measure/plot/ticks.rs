@@ -17,7 +17,7 @@ pub(super) fn round_step(least: f64) -> f64 {
 
 /// `m` times ten to the power `exponent`, as the decimal number reads.
 fn scaled(m: f64, exponent: i32) -> f64 {
-    if exponent < 0 && exponent >= -300 {
+    if (-300..0).contains(&exponent) {
         m / 10f64.powi(-exponent)
     } else {
         m * 10f64.powi(exponent)
