@@ -57,6 +57,8 @@ fn every_command_runs() {
         "calibrated/report.html",
         "calibrated/truth.json",
         "from-captures/calibration.yml",
+        "dots.svg",
+        "chess.svg",
     ] {
         assert!(folder.path().join(file).is_file(), "{file}\n{out}");
     }
@@ -97,6 +99,19 @@ fn the_manifest_in_the_readme_reads() {
         .unwrap()
         .usb;
     assert_ne!(usb, phasma::profile::Usb::default());
+}
+
+#[test]
+fn a_board_is_a_shape() {
+    let readme = include_str!("../README.md");
+    let examples = blocks(readme, "toml");
+    let board = examples.iter().find(|text| text.contains("chess"));
+    let text = format!("name = \"s\"\ndescription = \"\"\n{}", board.unwrap());
+    let scene = phasma::profile::Scene::parse(&text, "README").unwrap();
+    assert!(matches!(
+        scene.object[0].shape,
+        phasma::profile::Shape::Board { .. }
+    ));
 }
 
 #[test]
