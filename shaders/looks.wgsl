@@ -22,7 +22,7 @@ struct Look {
     colours: u32,
     coordinates: u32,
     rest: u32,
-    // Of the picture: place of its sums, columns, rows, mean.
+    // Of the picture: place of its sums, columns, rows, mean. Of a board: columns, rows, mean.
     sums: u32,
     width: u32,
     height: u32,
@@ -30,6 +30,8 @@ struct Look {
     pad: u32,
     // Of the picture on the object in millimetres.
     size_mm: vec2f,
+    // Pitch, radii of a dot and of a marker in millimetres, factor of ink.
+    board: vec4f,
     // From the frame of the object's hierarchy, or of the solid, to its own: rows of a pose.
     own_from_there: mat3x4f,
 }

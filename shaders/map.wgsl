@@ -1,6 +1,7 @@
-// needs: looks, there, texture, laid
+// needs: looks, there, texture, laid, board
 //
-// Twin of look/map.rs and look/spot.rs: what vertex colours and a texture make of an object's albedo.
+// Twin of look/map.rs, look/printed.rs and look/spot.rs: what vertex colours, a texture or a board's
+// ink make of an object's albedo.
 //
 // The CPU takes a spot to where its surface rests in the rig's frame, and from there into the
 // object's own; here both steps are one, from the frame that the surface is kept in.
@@ -27,6 +28,9 @@ fn look_factor(hit: Hit, there: There, point: vec3f, across: vec3f, down: vec3f)
     if about.colours != NOTHING && is_corners {
         factor = dot(weights, look_value3(about.colours + 3u * index));
     }
+    if about.lay == LAY_DOTS || about.lay == LAY_CHESS {
+        return printed_factor(about, local);
+    }
     if about.lay == LAY_NONE || (about.lay == LAY_CORNERS && !is_corners) {
         return factor;
     }
@@ -49,6 +53,18 @@ fn look_factor(hit: Hit, there: There, point: vec3f, across: vec3f, down: vec3f)
     }
     let picture = Picture(about.sums, about.width, about.height, about.mean);
     return factor * texture_average(picture, laid.at, laid.across, laid.down);
+}
+
+// A board is kept in its own frame, printed on the side towards -z.
+fn printed_factor(about: Look, own: Own) -> f32 {
+    if !(own.normal.z < 0.0) {
+        return 1.0;
+    }
+    let grid = vec2f(f32(about.width), f32(about.height));
+    let sizes = about.board;
+    let board = Board(about.lay == LAY_DOTS, grid, sizes.x, sizes.y, sizes.z, about.mean);
+    let ink = board_ink(board, own.point.xy, own.across.xy, own.down.xy);
+    return 1.0 - (1.0 - sizes.w) * ink;
 }
 
 fn own_of(pose: mat3x4f, local: Own) -> Own {

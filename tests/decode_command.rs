@@ -195,6 +195,71 @@ fn with_a_calibration_there_are_points() {
         text.contains("property float nx") && text.contains("intensity"),
         "{text}"
     );
+    // The same as OpenCV's, which names no sizes: they are the photographs' and the manifest's.
+    let opencv = root.path().join("rig.yml");
+    let matrix = |name: &str, rows: u32, data: &str| {
+        let cols = data.split(',').count() as u32 / rows;
+        format!(
+            "{name}: !!opencv-matrix\n   rows: {rows}\n   cols: {cols}\n   dt: d\n   data: [ {data} ]\n"
+        )
+    };
+    let text = [
+        "%YAML:1.0\n---\n".to_owned(),
+        matrix("Kc", 3, "80., 0., 32., 0., 80., 10., 0., 0., 1."),
+        matrix("Kp", 3, "600., 0., 600., 0., 600., 150., 0., 0., 1."),
+        matrix("Rp", 3, "1., 0., 0., 0., 1., 0., 0., 0., 1."),
+        matrix("Tp", 3, "-300., 0., 0."),
+    ];
+    std::fs::write(&opencv, text.concat()).unwrap();
+    std::fs::remove_dir_all(&out).unwrap();
+    let output = run(&opencv);
+    assert!(output.status.success(), "{output:?}");
+    assert_eq!(read_npy(&out.join("depth.npy")).1, depth);
+    // The paper's formula, exact with image planes parallel to the plane, and its options.
+    let with = |more: &[&str]| {
+        let args = args(&calibration);
+        let args = [&args.each_ref().map(String::as_str)[..], &["--force"], more].concat();
+        (
+            phasma(&args),
+            args.into_iter().map(str::to_owned).collect::<Vec<_>>(),
+        )
+    };
+    for plane in ["700", "1500"] {
+        let (output, _) = with(&["--method", "height", "--plane-mm", plane]);
+        let said = String::from_utf8_lossy(&output.stdout).into_owned();
+        assert!(
+            said.contains(&format!("L = {plane}.000 mm, D = 300.000 mm")),
+            "{output:?}"
+        );
+        let (_, other) = read_npy(&out.join("depth.npy"));
+        let both = depth
+            .iter()
+            .zip(&other)
+            .filter(|(a, b)| !a.is_nan() && !b.is_nan());
+        assert!(both.clone().count() > 1000);
+        let off = both.map(|(a, b)| (a / b - 1.0).abs()).fold(0.0, f32::max);
+        assert!(off < 2e-5, "{off}");
+    }
+    for (more, needle) in [
+        (&["--plane-mm", "700"][..], "--method height"),
+        (&["--method", "height", "--plane-mm", "-1"], "--plane-mm"),
+        (
+            &["--method", "height", "--reference", "/nowhere"],
+            "/nowhere",
+        ),
+        (
+            &["--method", "height", "--height-d-mm", "nan"],
+            "--height-d-mm",
+        ),
+    ] {
+        let (_, args) = with(&[]);
+        let args: Vec<&str> = args
+            .iter()
+            .map(String::as_str)
+            .chain(more.iter().copied())
+            .collect();
+        refused(&args, &[needle]);
+    }
     // Another camera's calibration.
     let other = root.path().join("other.toml");
     std::fs::write(&other, rig.replace("width_px = 64", "width_px = 65")).unwrap();

@@ -1,5 +1,6 @@
 //! `phasma compare`: a cloud against a true surface, as a table or as JSON.
 
+use crate::calibrate::files::read_rig;
 use crate::error::{Error, Result};
 use crate::geometry::{Pose, Rig, View, ply};
 use crate::measure::{
@@ -39,7 +40,7 @@ struct Report {
 pub(super) fn run(args: &Args) -> Result<()> {
     let mut cloud = ply::read_cloud(&args.cloud)?;
     let truth = Truth::read(&args.truth)?;
-    let mut rig = args.calibration.as_deref().map(Rig::read).transpose()?;
+    let mut rig = args.calibration.as_deref().map(read_rig).transpose()?;
     let surface = Surface::new(&truth)?;
     let alignment = args
         .align

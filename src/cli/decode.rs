@@ -1,8 +1,11 @@
 //! `phasma decode`: photographs of a sequence to projector coordinates and points.
 
-use crate::decode::{Decoder, Options, Plan, Summary, load_frames, output_names, write_outputs};
+use super::method::MethodArgs;
+use crate::calibrate::files::{Sizes, read_rig_sized};
+use crate::decode::{
+    Decoder, Options, Plan, Summary, frame_size, load_frames, output_names, write_outputs,
+};
 use crate::error::{Error, Result};
-use crate::geometry::Rig;
 use crate::pattern::Manifest;
 use std::path::{Path, PathBuf};
 
@@ -19,9 +22,12 @@ pub(super) struct Args {
     /// Folder of the photographs [default: the manifest's]
     #[arg(long, value_name = "DIR")]
     frames: Option<PathBuf>,
-    /// Calibration: adds cloud.ply and depth.npy
+    /// Calibration: adds cloud.ply and depth.npy. calibration.toml, or OpenCV's YAML or XML, or
+    /// SLStudio's formats
     #[arg(long, value_name = "FILE")]
     calibration: Option<PathBuf>,
+    #[command(flatten)]
+    method: MethodArgs,
     /// Keep pixels that read two surfaces at once
     #[arg(long)]
     keep_mixed: bool,
@@ -57,12 +63,18 @@ pub(super) fn run(args: &Args) -> Result<()> {
             "a finite number of grey levels, 0 or more",
         ));
     }
+    args.method.check()?;
     let manifest = Manifest::read(&args.manifest)?;
-    let rig = args.calibration.as_deref().map(Rig::read).transpose()?;
     let plan = Plan::new(&manifest).map_err(|e| name_file(e, &args.manifest))?;
-    prepare(&args.out, args.force)?;
     let beside = args.manifest.parent().unwrap_or(Path::new(""));
     let folder = args.frames.as_deref().unwrap_or(beside);
+    let sizes = Sizes {
+        camera: frame_size(&manifest, &plan, folder),
+        projector: Some([manifest.projector.width_px, manifest.projector.height_px]),
+    };
+    let read = |path: &PathBuf| read_rig_sized(path, sizes);
+    let rig = args.calibration.as_ref().map(read).transpose()?;
+    prepare(&args.out, args.force)?;
     let frames = load_frames(&manifest, &plan, folder)?;
     let options = Options {
         keep_mixed: args.keep_mixed,
@@ -78,7 +90,8 @@ pub(super) fn run(args: &Args) -> Result<()> {
         options,
     )
     .map_err(|e| name_calibration(name_file(e, &args.manifest), args.calibration.as_deref()))?;
-    let decoded = decoder.decode(&frames.stack())?;
+    let mut decoded = decoder.decode(&frames.stack())?;
+    args.method.apply(&decoder, &mut decoded, options)?;
     std::fs::create_dir_all(&args.out).map_err(|e| Error::io(&args.out, e))?;
     let names = write_outputs(&args.out, &decoder, &decoded)?;
     let summary = Summary::new(&decoder, &decoded);

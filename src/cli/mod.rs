@@ -18,6 +18,9 @@ macro_rules! println {
 
 mod backend;
 mod bench;
+mod board;
+mod board_args;
+mod calibrate;
 mod camera;
 mod compare;
 mod decode;
@@ -26,12 +29,15 @@ mod demo;
 #[cfg(target_os = "linux")]
 mod doctor;
 mod interrupt;
+mod method;
 mod plan;
 mod profile;
 mod scan;
 mod scene;
 #[cfg(target_os = "linux")]
 mod serve;
+#[cfg(target_os = "linux")]
+mod served;
 #[cfg(not(target_os = "linux"))]
 mod without_link;
 #[cfg(not(target_os = "linux"))]
@@ -58,11 +64,13 @@ enum Command {
     Scan(scan::Args),
     Camera(camera::Args),
     Decode(decode::Args),
+    Calibrate(calibrate::Args),
     Compare(compare::Args),
     Profile(profile::Args),
     Scene(scene::Args),
     Plan(plan::Args),
     Bench(bench::Args),
+    Board(board::Args),
     Doctor(doctor::Args),
 }
 
@@ -102,11 +110,13 @@ fn dispatch(command: Command) -> Result<()> {
         Command::Scan(args) => scan::run(&args),
         Command::Camera(args) => camera::run(&args),
         Command::Decode(args) => decode::run(&args),
+        Command::Calibrate(args) => calibrate::run(&args),
         Command::Compare(args) => compare::run(&args),
         Command::Profile(args) => profile::run(&args),
         Command::Scene(args) => scene::run(&args),
         Command::Plan(args) => plan::run(&args),
         Command::Bench(args) => bench::run(&args),
+        Command::Board(args) => board::run(&args),
         Command::Doctor(args) => doctor::run(&args),
     }
 }

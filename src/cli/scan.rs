@@ -1,6 +1,8 @@
 //! `phasma scan`: captures a sequence from any device that can be reached, and decodes it.
 
 use super::interrupt::Interruptible;
+use super::method::MethodArgs;
+use crate::calibrate::files::read_rig;
 use crate::decode::{Options, Summary, write_outputs};
 use crate::error::{Error, Result};
 use crate::geometry::Rig;
@@ -35,9 +37,12 @@ pub(super) struct Args {
     /// Folder for what is captured.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// Calibration to use in place of the device's own.
+    /// Calibration to use in place of the device's own: calibration.toml, or OpenCV's YAML or XML,
+    /// or SLStudio's formats, with image sizes.
     #[arg(long, value_name = "FILE")]
     calibration: Option<PathBuf>,
+    #[command(flatten)]
+    method: MethodArgs,
     /// Sequence to select on the device; the selected one when absent.
     #[arg(long, value_name = "NAME")]
     sequence: Option<String>,
@@ -94,6 +99,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
             format!("{} to {} s", range.start(), range.end()),
         ));
     }
+    args.method.check()?;
     if args.device.is_none() && args.control.is_none() && args.manifest.is_none() {
         return Err(Error::input(
             "--control",
@@ -107,7 +113,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     super::decode::prepare(&args.out, args.force)?;
     let manifest = args.manifest.as_deref().map(Manifest::read).transpose();
     let manifest = manifest.map_err(|e| e.at("--manifest"))?;
-    let calibration = args.calibration.as_deref().map(Rig::read).transpose();
+    let calibration = args.calibration.as_deref().map(read_rig).transpose();
     let calibration = calibration.map_err(|e| e.at("--calibration"))?;
     let options = ScanOptions {
         sequence: args.sequence.clone(),
@@ -254,9 +260,10 @@ fn decode_captured(captured: &Captured, args: &Args) -> Result<(Summary, f64)> {
         ..Options::default()
     };
     let begin = Instant::now();
-    let (decoder, decoded) = captured
+    let (decoder, mut decoded) = captured
         .decode(options)
         .map_err(|e| super::decode::name_calibration(e, args.calibration.as_deref()))?;
+    args.method.apply(&decoder, &mut decoded, options)?;
     let decode_s = begin.elapsed().as_secs_f64();
     write_outputs(&args.out, &decoder, &decoded)?;
     Ok((Summary::new(&decoder, &decoded), decode_s))

@@ -137,6 +137,15 @@ pub fn load_frames(manifest: &Manifest, plan: &Plan, folder: &Path) -> Result<Lo
     })
 }
 
+/// Columns and rows of the first photograph that `plan` needs from `folder`; `None` where there is
+/// none to be read, which [`load_frames`] says in words.
+pub fn frame_size(manifest: &Manifest, plan: &Plan, folder: &Path) -> Option<[u32; 2]> {
+    let mut used = manifest.frame.iter().enumerate();
+    let (_, frame) = used.find(|(i, _)| plan.uses(*i))?;
+    let (width, height) = size(&folder.join(frame.file.as_ref()?)).ok()?;
+    Some([width, height])
+}
+
 /// How many pictures of a size may be decoded at the same time.
 fn at_once(width: u32, height: u32) -> usize {
     let picture = u64::from(width) * u64::from(height) * WIDEST_PIXEL;

@@ -34,7 +34,7 @@ mod unwrap;
 
 pub use decoder::{Decoder, Options};
 pub use gray::{GrayBit, GrayCode};
-pub use load::{LoadedFrames, load_frames};
+pub use load::{LoadedFrames, frame_size, load_frames};
 pub use maps::{AxisMap, Decoded, Verdict};
 pub use noise::estimate_noise;
 pub use npy::write_npy;

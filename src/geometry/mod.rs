@@ -27,7 +27,7 @@ pub use lens::Lens;
 pub use mesh::Mesh;
 pub use neighbours::Neighbours;
 pub use pose::Pose;
-pub use rig::{NoiseModel, Rig, View};
+pub use rig::{NoiseModel, Rig, View, Violation};
 pub use solid::{Solid, SolidHit};
 pub use timeline::{Span, Timeline};
 pub use trajectory::Trajectory;

@@ -33,6 +33,23 @@ impl Pose {
         }
     }
 
+    /// Position and rotations that [`Self::from_xyz_deg`] makes this pose of; where y is turned by
+    /// a right angle, the turn about z is 0.
+    pub fn to_xyz_deg(&self) -> (DVec3, DVec3) {
+        let m = self.rotation;
+        // Of R = Rz Ry Rx: the third row is -sin y, cos y sin x, cos y cos x.
+        let y = (-m.x_axis.z).atan2(m.y_axis.z.hypot(m.z_axis.z));
+        let (x, z) = match m.y_axis.z.hypot(m.z_axis.z) > 1e-12 {
+            true => (m.y_axis.z.atan2(m.z_axis.z), m.x_axis.y.atan2(m.x_axis.x)),
+            // There Ry(+-90) Rx has cos x and sin x in its second row.
+            false => ((-m.z_axis.y).atan2(m.y_axis.y), 0.0),
+        };
+        (
+            self.translation_mm,
+            DVec3::new(x, y, z) * (180.0 / std::f64::consts::PI),
+        )
+    }
+
     /// Takes a point in b to a.
     pub fn point(&self, p: DVec3) -> DVec3 {
         self.rotation * p + self.translation_mm
@@ -87,6 +104,23 @@ mod tests {
         let p = DVec3::new(0.3, 7.0, -11.0);
         let back = (pose.inverse() * pose).point(p);
         assert!((back - p).length() < 1e-10, "{back}");
+    }
+
+    #[test]
+    fn angles_make_the_pose_again() {
+        let angles = [-170.0, -90.0, -33.0, 0.0, 20.0, 90.0, 180.0];
+        for x in angles {
+            for y in angles {
+                for z in angles {
+                    let pose = Pose::from_xyz_deg(DVec3::X, DVec3::new(x, y, z));
+                    let (position, rotation) = pose.to_xyz_deg();
+                    let back = Pose::from_xyz_deg(position, rotation);
+                    let off = (back.rotation - pose.rotation).to_cols_array();
+                    let worst = off.iter().fold(0.0_f64, |m, o| m.max(o.abs()));
+                    assert!(worst < 1e-12, "{x} {y} {z}: {rotation}");
+                }
+            }
+        }
     }
 
     #[test]

@@ -104,28 +104,43 @@ impl Rig {
 
     fn from_source(source: &TomlSource) -> Result<Self> {
         let rig: Self = source.deserialize()?;
-        for (name, view) in [("camera", &rig.camera), ("projector", &rig.projector)] {
+        rig.check()
+            .map_err(|v| source.violation(&v.field, v.found, v.allowed))?;
+        Ok(rig)
+    }
+
+    /// Whether the numbers are those of a rig.
+    ///
+    /// # Errors
+    /// The first field whose number no rig can have.
+    pub fn check(&self) -> Result<(), Violation> {
+        let violation = |field: String, found, allowed| Violation {
+            field,
+            found,
+            allowed,
+        };
+        for (name, view) in [("camera", &self.camera), ("projector", &self.projector)] {
             view.check().map_err(|(field, found, allowed)| {
-                source.violation(&format!("{name}.{field}"), found, allowed)
+                violation(format!("{name}.{field}"), found, allowed)
             })?;
         }
-        if (rig.camera.center() - rig.projector.center()).length() < 1e-6 {
-            return Err(source.violation(
-                "projector.rig_from_view.translation_mm",
-                "the camera's own position (zero baseline)",
+        if (self.camera.center() - self.projector.center()).length() < 1e-6 {
+            return Err(violation(
+                "projector.rig_from_view.translation_mm".to_owned(),
+                "the camera's own position (zero baseline)".to_owned(),
                 "a projector at another place than the camera",
             ));
         }
-        if let Some(noise) = &rig.noise {
+        if let Some(noise) = &self.noise {
             noise.check().map_err(|(field, found)| {
-                source.violation(
-                    &format!("noise.{field}"),
-                    found,
+                violation(
+                    format!("noise.{field}"),
+                    found.to_string(),
                     "a finite number, 0 or more",
                 )
             })?;
         }
-        Ok(rig)
+        Ok(())
     }
 
     /// The calibration as TOML.
@@ -134,10 +149,19 @@ impl Rig {
     }
 }
 
-type Violation = (&'static str, String, &'static str);
+/// A field of a rig whose number no rig can have.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Violation {
+    /// Its path, such as `camera.lens.focal_px`.
+    pub field: String,
+    /// What stands there.
+    pub found: String,
+    /// What may stand there.
+    pub allowed: &'static str,
+}
 
 impl View {
-    fn check(&self) -> Result<(), Violation> {
+    fn check(&self) -> Result<(), (&'static str, String, &'static str)> {
         let Lens {
             width_px,
             height_px,

@@ -12,6 +12,20 @@ impl Captured {
     /// # Errors
     /// A sequence that determines nothing, or frames that do not fit it.
     pub fn decode(&self, options: Options) -> Result<(Decoder, Decoded)> {
+        self.with_stack(|stack| {
+            let rig = self.calibration.as_ref();
+            let (width, height) = (stack.width(), stack.height());
+            let decoder = Decoder::new(&self.manifest, width, height, rig, options)?;
+            let decoded = decoder.decode(stack)?;
+            Ok((decoder, decoded))
+        })
+    }
+
+    /// The frames as decoders take them.
+    ///
+    /// # Errors
+    /// Those of `then`, no frame, and frames that do not fit each other.
+    pub fn with_stack<T>(&self, then: impl FnOnce(&FrameStack<'_>) -> Result<T>) -> Result<T> {
         let (width, height) = self
             .frames
             .first()
@@ -37,9 +51,6 @@ impl Captured {
                 _ => Samples::U8(&frame.data),
             })
             .collect();
-        let rig = self.calibration.as_ref();
-        let decoder = Decoder::new(&self.manifest, width, height, rig, options)?;
-        let decoded = decoder.decode(&FrameStack::new(width, height, samples)?)?;
-        Ok((decoder, decoded))
+        then(&FrameStack::new(width, height, samples)?)
     }
 }

@@ -6,6 +6,7 @@ use crate::emulator::{Exposure, Renderer, Shot, Truth};
 use crate::error::{Error, Result};
 use crate::pattern::Pattern;
 use crate::protocol::Frame;
+use crate::protocol::service::Placement;
 use std::collections::VecDeque;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -19,6 +20,8 @@ enum Job {
     Expose(Box<Exposure>),
     /// Of a sequence, at a device time or in its middle.
     Truth(Vec<(Pattern, Shot)>, Option<u64>, oneshot::Sender<Truth>),
+    /// An object goes elsewhere.
+    Place(Placement, oneshot::Sender<Result<()>>),
 }
 
 /// Frames that wait to be handed on; the optics stand still beyond that.
@@ -78,15 +81,33 @@ impl<W: Fn() -> Duration> Work<W> {
                 self.under_way.push_back((exposure, pending));
             }
             Job::Truth(sequence, time_ns, reply) => {
-                while !self.under_way.is_empty() {
-                    self.finish();
-                }
+                self.finish_all();
                 let truth = match time_ns {
                     Some(time_ns) => self.renderer.truth_at(&sequence, time_ns),
                     None => self.renderer.truth(&sequence),
                 };
                 let _ = reply.send(truth);
             }
+            Job::Place(placement, reply) => {
+                // They see the scene as it was when they were begun.
+                self.finish_all();
+                let Placement {
+                    object,
+                    position_mm,
+                    rotation_deg,
+                } = placement;
+                let placed = self
+                    .renderer
+                    .place(object as usize, position_mm, rotation_deg);
+                // The client may have left meanwhile.
+                let _ = reply.send(placed);
+            }
+        }
+    }
+
+    fn finish_all(&mut self) {
+        while !self.under_way.is_empty() {
+            self.finish();
         }
     }
 
@@ -119,9 +140,7 @@ impl<W: Fn() -> Duration> Work<W> {
                 true
             }
             Err(e) => {
-                while !self.under_way.is_empty() {
-                    self.finish();
-                }
+                self.finish_all();
                 let _ = self.done.blocking_send(Err(e));
                 false
             }
@@ -189,6 +208,11 @@ impl Optics {
         reply: oneshot::Sender<Truth>,
     ) {
         self.submit(Job::Truth(sequence, time_ns, reply));
+    }
+
+    /// Takes an object elsewhere, after the exposures that were handed over before.
+    pub(super) fn place(&self, placement: Placement, reply: oneshot::Sender<Result<()>>) {
+        self.submit(Job::Place(placement, reply));
     }
 
     /// Microseconds spent on frames since power-on.

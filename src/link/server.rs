@@ -340,6 +340,23 @@ impl Server {
                     let _ = reply.send(answer);
                 });
             }
+            Request::Place(placement) => {
+                let (sender, placed) = oneshot::channel();
+                self.optics.place(placement, sender);
+                let render_us = self.optics.render_us();
+                tokio::spawn(async move {
+                    let answer = match placed.await {
+                        Ok(Ok(())) => Reply {
+                            render_us,
+                            ..Reply::default()
+                        },
+                        Ok(Err(why)) => Reply::refusal(why),
+                        Err(_) => Reply::refusal("the device is going away"),
+                    };
+                    // The client may have left meanwhile.
+                    let _ = reply.send((answer, Vec::new()));
+                });
+            }
             Request::Do(Action::Trigger) => {
                 self.firmware.external_trigger(now_ns);
                 let _ = reply.send((Reply::default(), Vec::new()));

@@ -7,13 +7,13 @@ const HEIGHT: u32 = 5;
 const GAP: u32 = 1;
 
 /// Width and height in pixels of a text with dots of `dot` pixels.
-pub(super) fn size(text: &str, dot: u32) -> (u32, u32) {
+pub(crate) fn size(text: &str, dot: u32) -> (u32, u32) {
     let dots: u32 = text.chars().map(|c| glyph(c).0 + GAP).sum();
     (dots.saturating_sub(GAP) * dot, HEIGHT * dot)
 }
 
 /// Draws a text with its upper left corner at (x, y); what falls off the picture is left out.
-pub(super) fn draw(
+pub(crate) fn draw(
     image: &mut RgbImage,
     text: &str,
     (x, y): (u32, u32),

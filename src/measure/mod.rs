@@ -1,10 +1,11 @@
-//! Error against truth: distances between clouds and surfaces, registration, pictures.
+//! Error against truth: distances between clouds and surfaces, registration, pictures, plots.
 
 mod colour;
-mod font;
+pub(crate) mod font;
 mod icp;
 mod metrics;
 pub mod picture;
+pub mod plot;
 mod surface;
 mod visible;
 

@@ -110,10 +110,16 @@ impl Pattern {
 
     /// One row (or column) of `len` held pixels, quantised to `bits` bits: levels 0 to
     /// 2^bits - 1. Images have none.
+    ///
+    /// A level half-way between two is rounded up wherever it stands in a fringe, however its phase
+    /// was written: where 1.57079632679 goes up and 4.71238898038 down, all of a 16-pixel fringe of
+    /// 12 steps is 0.0004 px off.
     pub fn quantised_row(&self, len: u32, bits: u32) -> Option<Vec<u16>> {
+        /// Part of a level that phases of twelve digits leave open, and much more.
+        const TIE: f64 = 1e-6;
         let full = f64::from((1u32 << bits) - 1);
         (0..len)
-            .map(|x| self.level(x).map(|level| (level * full).round() as u16))
+            .map(|x| Some((self.level(x)? * full + 0.5 + TIE).floor() as u16))
             .collect()
     }
 }
@@ -197,6 +203,27 @@ mod tests {
         };
         let row = fringe.quantised_row(32, 8).unwrap();
         assert_eq!((row[0], row[8], row[16], row[4]), (255, 0, 255, 128));
+    }
+
+    /// Rounding to levels moves no fringe as a whole, with phases as profiles have them.
+    #[test]
+    fn rounding_has_no_side() {
+        let (mut sine, mut cosine) = (0.0, 0.0);
+        for step in 0..12 {
+            let phase_rad = (f64::from(step) * TAU / 12.0 * 1e11).trunc() / 1e11;
+            let fringe = Pattern::Fringe {
+                axis: Axis::Y,
+                period_px: 16.0,
+                phase_rad,
+            };
+            for (x, level) in (0..).zip(fringe.quantised_row(16, 8).unwrap()) {
+                let (s, c) = (f64::from(x) / 16.0 * TAU + phase_rad).sin_cos();
+                sine += f64::from(level) * s;
+                cosine += f64::from(level) * c;
+            }
+        }
+        let off_px = sine.atan2(cosine) * 16.0 / TAU;
+        assert!(off_px.abs() < 1e-9, "{off_px}");
     }
 
     #[test]

@@ -21,7 +21,7 @@ const PROFILES: [(&str, &str); 3] = [
 ];
 
 /// Name and text of each scene.
-const SCENES: [(&str, &str); 5] = [
+const SCENES: [(&str, &str); 6] = [
     (
         "trapezoid",
         include_str!("../../device-profiles/scenes/trapezoid.toml"),
@@ -41,6 +41,10 @@ const SCENES: [(&str, &str); 5] = [
     (
         "sphere",
         include_str!("../../device-profiles/scenes/sphere.toml"),
+    ),
+    (
+        "board",
+        include_str!("../../device-profiles/scenes/board.toml"),
     ),
 ];
 

@@ -1,7 +1,8 @@
 //! A device profile: everything that makes one scanner model differ from another.
 
 use super::check::{Check, name};
-use super::{Camera, Projector, Sequence, TomlSource, builtin, camera, projector, sequence, usb};
+use super::{Calibration, Camera, Projector, Sequence, TomlSource};
+use super::{builtin, calibration, camera, projector, sequence, usb};
 use crate::error::Result;
 use crate::geometry::Rig;
 use crate::pattern::{Manifest, ProjectorSize};
@@ -25,6 +26,9 @@ pub struct Profile {
     /// How it enumerates as a USB device.
     #[serde(default)]
     pub usb: super::Usb,
+    /// How it is calibrated.
+    #[serde(default)]
+    pub calibration: Calibration,
     /// The sequences in the device's memory; the first is selected at power-on.
     pub sequence: Vec<Sequence>,
     /// Folder that pattern images are relative to; the profile file's own.
@@ -132,5 +136,5 @@ fn check(p: &Profile, check: &Check<'_>) -> Result<()> {
             "a name of its own",
         )?;
     }
-    Ok(())
+    calibration::check(p, check)
 }

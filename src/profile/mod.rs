@@ -1,6 +1,7 @@
 //! `device-profiles/*.toml` and scene files as typed, validated structs.
 
 mod builtin;
+mod calibration;
 mod camera;
 mod camera_response;
 mod check;
@@ -11,6 +12,7 @@ mod interreflection;
 mod light;
 mod motion;
 mod object;
+mod placing;
 mod projector;
 mod response;
 mod scene;
@@ -23,6 +25,7 @@ mod usb;
 pub(crate) mod vignetting;
 
 pub use builtin::{profile_names, scene_names};
+pub use calibration::Calibration;
 pub use camera::Camera;
 pub use camera_response::CameraResponse;
 pub use device::{Identity, Profile};

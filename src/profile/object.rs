@@ -2,10 +2,11 @@
 
 use super::check::Check;
 use super::motion::{self, Deform, Motion};
+use super::placing::{POSITION_MM, ROTATION_DEG};
 use super::skin::{self, Skin};
 use super::surface::{self, Specular};
 use crate::error::Result;
-use crate::geometry::{Pose, shapes};
+use crate::geometry::{Board, Pose, shapes};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
@@ -72,6 +73,15 @@ pub enum Shape {
         #[serde(default)]
         size_mm: Option<[f64; 2]>,
     },
+    /// A calibration board: a sheet in the plane z = 0 with the grid's middle at the origin, x along
+    /// the columns' numbers and y along the rows'. It is printed on the side towards -z.
+    Board {
+        /// What is printed on it. Its lengths are before scaling.
+        board: Board,
+        /// Factor on the albedo, which is the paper's, where there is ink: 0 to 1.
+        #[serde(default = "ink")]
+        ink: f64,
+    },
     /// A sphere about the origin.
     Sphere {
         /// Radius.
@@ -120,6 +130,9 @@ pub enum Shape {
     },
 }
 
+fn ink() -> f64 {
+    0.06
+}
 fn torso_length() -> f64 {
     500.0
 }
@@ -151,8 +164,8 @@ impl Object {
 
 pub(super) fn check(o: &Object, at: &str, check: &Check<'_>) -> Result<()> {
     let field = |name: &str| format!("{at}.{name}");
-    check.all_within(&field("position_mm"), &o.position_mm, -1e9..=1e9)?;
-    check.all_within(&field("rotation_deg"), &o.rotation_deg, -360.0..=360.0)?;
+    check.all_within(&field("position_mm"), &o.position_mm, POSITION_MM)?;
+    check.all_within(&field("rotation_deg"), &o.rotation_deg, ROTATION_DEG)?;
     check.within(&field("scale"), o.scale, 1e-6..=1e6)?;
     check.within(&field("albedo"), o.albedo, 0.0..=1.0)?;
     let is_mesh = matches!(o.shape, Shape::Mesh { .. });
@@ -178,6 +191,12 @@ pub(super) fn check(o: &Object, at: &str, check: &Check<'_>) -> Result<()> {
                 &field("texture"),
                 "an empty path",
                 "the path of a PNG, BMP, TIFF or JPEG file",
+            )?;
+            check.that(
+                !matches!(o.shape, Shape::Board { .. }),
+                &field("texture"),
+                "a texture on a board",
+                "none: a board has its own ink",
             )?;
             check.that(
                 is_mesh || o.texture_size_mm.is_some(),
@@ -216,6 +235,13 @@ pub(super) fn check(o: &Object, at: &str, check: &Check<'_>) -> Result<()> {
             Some(sides) => check.all_within(&shape("size_mm"), sides, size),
             None => Ok(()),
         },
+        Shape::Board { board, ink } => {
+            check.within(&shape("ink"), *ink, 0.0..=1.0)?;
+            board.check().map_err(|(name, found, allowed)| {
+                let field = shape(&format!("board.{name}"));
+                check.source.violation(&field, found, allowed)
+            })
+        }
         Shape::Sphere { radius_mm } => check.within(&shape("radius_mm"), *radius_mm, size),
         Shape::Cylinder {
             radius_mm,

@@ -2,6 +2,12 @@
 //! `{"get":"truth"}` or `{"truth_at_ns":1500000000}`; one line of JSON answers, followed by as many bytes as it says. A connection
 //! takes any number of requests, one after the other.
 //!
+//! `{"place":{"object":0,"position_mm":[0,0,900],"rotation_deg":[0,20,0]}}` takes an object elsewhere,
+//! as if the scene file said so. It is done in order with exposures: frames that are under way are
+//! finished first, and the next exposure sees the object where it is then. The answer, without maps,
+//! comes when it is done. Refused are an object that is not there or moves along a path, and numbers
+//! that a scene file may not have either; the scene stays as it was.
+//!
 //! Maps follow one another in the order of their names, each width * height little-endian f32 row
 //! by row, then, where `flags` is true, one byte of flags a pixel.
 
@@ -18,7 +24,7 @@ const MAX_MAPS: usize = 64;
 pub const MAX_PAYLOAD: u64 = 2 << 30;
 
 /// What a client asks for.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase", deny_unknown_fields)]
 pub enum Request {
     /// Something of the emulator's inside.
@@ -29,6 +35,20 @@ pub enum Request {
     TruthAt(u64),
     /// Something that happens to the device.
     Do(Action),
+    /// An object is taken to another place in the scene.
+    Place(Placement),
+}
+
+/// Where an object of the scene is to be, as in a scene file.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Placement {
+    /// Which object, counted from 0 in the order of the scene file.
+    pub object: u32,
+    /// Its origin in the scene's frame in millimetres.
+    pub position_mm: [f64; 3],
+    /// Rotation in degrees about the fixed x, then y, then z axis.
+    pub rotation_deg: [f64; 3],
 }
 
 /// What can be asked for.
@@ -58,7 +78,7 @@ impl Request {
 
     /// The line with its newline.
     pub fn to_line(self) -> String {
-        let mut line = serde_json::to_string(&self).expect("an enum of words");
+        let mut line = serde_json::to_string(&self).expect("words and numbers");
         line.push('\n');
         line
     }
@@ -274,6 +294,15 @@ mod tests {
         let at = Request::TruthAt(1_500_000_000);
         assert_eq!(at.to_line(), "{\"truth_at_ns\":1500000000}\n");
         assert_eq!(Request::parse(at.to_line().as_bytes()), Ok(at));
+        let place = Request::Place(Placement {
+            object: 1,
+            position_mm: [0.1, 0.0, 1000.0],
+            rotation_deg: [0.0, -20.5, 180.0],
+        });
+        let line = "{\"place\":{\"object\":1,\"position_mm\":[0.1,0.0,1000.0],\
+            \"rotation_deg\":[0.0,-20.5,180.0]}}\n";
+        assert_eq!(place.to_line(), line);
+        assert_eq!(Request::parse(line.as_bytes()), Ok(place));
         for bad in [
             "",
             "{",
@@ -281,6 +310,10 @@ mod tests {
             "{\"truth_at_ns\":1.5}",
             "{\"get\":\"moon\"}",
             "{\"get\":\"truth\",\"x\":1}",
+            "{\"place\":{\"object\":0,\"position_mm\":[0,0,1]}}",
+            "{\"place\":{\"object\":-1,\"position_mm\":[0,0,1],\"rotation_deg\":[0,0,0]}}",
+            "{\"place\":{\"object\":0,\"position_mm\":[0,0,null],\"rotation_deg\":[0,0,0]}}",
+            "{\"place\":{\"object\":0,\"position_mm\":[0,0,1e999],\"rotation_deg\":[0,0,0]}}",
             "[]",
         ] {
             assert!(Request::parse(bad.as_bytes()).is_err(), "{bad}");

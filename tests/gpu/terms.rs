@@ -135,6 +135,28 @@ specular = { f0 = 0.3, roughness = 0.2 }
     Case::with("looks", "pmp-bench", scene, folder, |_| {})
 }
 
+fn boards() -> Case {
+    let mut case = real(
+        "boards",
+        "ambient = { irradiance_w_m2 = 0.05 }
+[[object]]
+shape = { kind = \"board\", board = { pattern = \"dots\", columns = 25, rows = 19, pitch_mm = 24.0, dot_mm = 10.0, marker_mm = 20.0 } }
+position_mm = [0, 0, 1050]
+rotation_deg = [5, -32, 2]
+albedo = 0.8
+[[object]]
+shape = { kind = \"board\", board = { pattern = \"chess\", columns = 9, rows = 6, pitch_mm = 12.0 } }
+position_mm = [-70, 0, 900]
+rotation_deg = [40, 10, 0]
+albedo = 0.7
+specular = { f0 = 0.04, roughness = 0.35 }
+",
+        |_| {},
+    );
+    case.shoot_picture();
+    case
+}
+
 fn skin() -> Case {
     let mut case = real("skin", &torso("skin = { fitzpatrick = 2 }"), |_| {});
     case.shoot(&[
@@ -252,6 +274,12 @@ fn bent_responses_and_blooming() {
 fn textures_highlights_and_lamps() {
     let folder = tempfile::tempdir().unwrap();
     agree(&looks(folder.path()));
+}
+
+#[test]
+#[ignore = "needs a Vulkan adapter"]
+fn boards_of_dots_and_squares() {
+    agree(&boards());
 }
 
 #[test]

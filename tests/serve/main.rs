@@ -3,6 +3,7 @@
 
 mod clients;
 mod directory;
+mod place;
 mod scan;
 mod served;
 mod several;

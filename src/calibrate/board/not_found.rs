@@ -25,6 +25,14 @@ pub enum NotFound {
         /// What tells.
         found: String,
     },
+    /// Some of the board's points, where all of them are needed.
+    #[error("part of a board: {found}; wanted: {wanted}")]
+    Partial {
+        /// How much of it there is.
+        found: String,
+        /// The whole.
+        wanted: String,
+    },
     /// Another board than was said.
     #[error("another board: {found}; wanted: {wanted}")]
     WrongBoard {

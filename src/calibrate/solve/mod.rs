@@ -1,7 +1,35 @@
 //! From sightings of a board to a rig, with a covariance that can be believed.
+//!
+//! Homographies give the camera's lens and the boards' poses in closed form (`zhang`), the lit points
+//! in space then the projector (`resection`); what is no board's picture is left out on the way
+//! (`start`). Bundle adjustment (`bundle`, `fit`, `normal`) brings all unknowns to the minimum of
+//! the whitened residuals (`observation`), first by a robust loss, then by plain squares without the
+//! outliers (`robust`), in the model that the data demand (`coefficients`). The inverse of the
+//! normal matrix is the covariance; where residuals are larger than the given covariances allow,
+//! these are inflated first. `check` says what a user should know.
 
+mod bundle;
+mod check;
+mod chi_square;
+mod coefficients;
+mod fit;
+mod homography;
+mod model;
+mod normal;
+mod observation;
+mod resection;
+mod robust;
+mod rotation;
 mod solution;
+mod start;
+mod start_projector;
+mod summary;
+#[cfg(test)]
+mod tests;
 mod unsolved;
+mod zhang;
+
+pub use chi_square::{chi_square_below, chi_square_bound};
 
 pub use solution::{
     Errors, LeftOut, Parameter, PointResidual, ProjectorResidual, Solution, SolvedPose,
@@ -10,6 +38,9 @@ pub use unsolved::Unsolved;
 
 use super::board::Sighting;
 use crate::geometry::Board;
+
+/// The covariance of so many poses takes 72 MB.
+const MOST_POSES: usize = 500;
 
 /// What is known of the board in one pose.
 #[derive(Debug, Clone, PartialEq)]
@@ -58,14 +89,22 @@ impl Default for Choice {
 /// # Errors
 /// What leaves a part of the rig undetermined.
 pub fn solve(
-    _board: &Board,
+    board: &Board,
     poses: &[PoseSightings],
-    _camera_px: [u32; 2],
-    _projector_px: [u32; 2],
-    _choice: &Choice,
+    camera_px: [u32; 2],
+    projector_px: [u32; 2],
+    choice: &Choice,
 ) -> Result<Solution, Unsolved> {
-    Err(Unsolved::TooFewPoses {
-        found: format!("{} poses", poses.len()),
-        wanted: "a solver".to_owned(),
-    })
+    if poses.len() > MOST_POSES {
+        return Err(Unsolved::TooManyPoses {
+            found: poses.len().to_string(),
+            wanted: format!("{MOST_POSES} or fewer"),
+        });
+    }
+    let mut bundle = bundle::Bundle::new(board, poses);
+    let solved = bundle.solve([camera_px, projector_px], choice)?;
+    let mut solution = summary::of(bundle, solved);
+    check::refuse(&solution)?;
+    solution.warnings = check::warnings(&solution, poses);
+    Ok(solution)
 }

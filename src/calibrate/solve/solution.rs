@@ -1,8 +1,9 @@
 //! What solving gives: the rig, the poses, and how well all of it is known.
 
+use super::rotation::difference;
 use crate::geometry::{Pose, Rig};
 use glam::DVec2;
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector};
 
 /// A rig that was solved for.
 #[derive(Debug, Clone, PartialEq)]
@@ -27,11 +28,11 @@ pub struct Solution {
     /// they were given; 1 where these are right.
     pub variance_factor: f64,
     /// What the given covariances of camera points and of projector coordinates were multiplied by
-    /// because residuals were larger than they allow: 1 or more. `covariance` has it in it.
+    /// because residuals were larger than they and chance allow: 1 or more. `covariance` has it in it.
     pub inflation: [f64; 2],
     /// Numbers that were observed (by points that were used) minus parameters.
     pub degrees_of_freedom: usize,
-    /// Ratio of largest and smallest eigenvalue of the parameters' correlation matrix.
+    /// Ratio of largest and smallest eigenvalue of the correlation matrix of the rig's parameters.
     pub condition: f64,
     /// Distances in camera pixels between points seen and points expected.
     pub camera_errors: Errors,
@@ -126,10 +127,53 @@ pub struct Parameter {
 
 impl Solution {
     /// Squared Mahalanobis distance of the estimates from the true rig and, where given, the true
-    /// poses of the boards (`camera_from_board`, one for each used pose), and its degrees of freedom: it follows a chi-square
-    /// distribution where the covariance is honest. NaN where the covariance has no inverse or the
-    /// number of poses differs.
-    pub fn mahalanobis(&self, _truth: &Rig, _boards: Option<&[Pose]>) -> (f64, usize) {
-        (f64::NAN, self.parameters.len())
+    /// poses of the boards (`camera_from_board`, one for each used pose, in their order), and its
+    /// degrees of freedom: it follows a chi-square distribution where the covariance is honest; see
+    /// [`chi_square_bound`](super::chi_square_bound). The true rig's frame may be any; distortion
+    /// coefficients that were not estimated are not compared. NaN where the covariance has no
+    /// inverse or the number of poses differs.
+    pub fn mahalanobis(&self, truth: &Rig, boards: Option<&[Pose]>) -> (f64, usize) {
+        let camera_from_rig = truth.camera.rig_from_view.inverse();
+        let place = camera_from_rig * truth.projector.rig_from_view;
+        let mut errors = Vec::new();
+        for (own, other, estimated) in [
+            (
+                &self.rig.camera.lens,
+                &truth.camera.lens,
+                self.camera_coefficients,
+            ),
+            (
+                &self.rig.projector.lens,
+                &truth.projector.lens,
+                self.projector_coefficients,
+            ),
+        ] {
+            let (f, c) = (
+                other.focal_px - own.focal_px,
+                other.principal_px - own.principal_px,
+            );
+            errors.extend([f.x, f.y, c.x, c.y]);
+            let coefficients = (0..5).filter(|i| estimated[*i]);
+            errors.extend(coefficients.map(|i| other.distortion[i] - own.distortion[i]));
+        }
+        errors.extend(difference(&self.rig.projector.rig_from_view, &place));
+        for (own, other) in self.poses.iter().zip(boards.unwrap_or_default()) {
+            errors.extend(difference(&own.camera_from_board, other));
+        }
+        let dof = errors.len();
+        let complete = boards.is_none_or(|b| b.len() == self.poses.len());
+        if !complete || dof > self.covariance.nrows() {
+            return (f64::NAN, dof);
+        }
+        // Scaled to unit variances, as units differ by orders of magnitude.
+        let sigma: Vec<f64> = (0..dof).map(|i| self.covariance[(i, i)].sqrt()).collect();
+        let correlation = DMatrix::from_fn(dof, dof, |i, j| {
+            self.covariance[(i, j)] / (sigma[i] * sigma[j])
+        });
+        let error = DVector::from_fn(dof, |i, _| errors[i] / sigma[i]);
+        let square = correlation
+            .cholesky()
+            .map_or(f64::NAN, |c| error.dot(&c.solve(&error)));
+        (square, dof)
     }
 }

@@ -11,6 +11,14 @@ pub enum Unsolved {
         /// How many are needed.
         wanted: String,
     },
+    /// More poses than a covariance of all of them is made for.
+    #[error("too many poses: {found}; wanted: {wanted}")]
+    TooManyPoses {
+        /// How many.
+        found: String,
+        /// How many may be.
+        wanted: String,
+    },
     /// Boards that all face the same way.
     #[error("boards that face one way: {found}; wanted: {wanted}")]
     Parallel {

@@ -18,7 +18,7 @@ use glam::{DMat3, DVec2, DVec3};
 use rayon::prelude::*;
 
 /// A depth known worse than this part of itself is no depth: the parallax is lost in noise.
-const WORST_RELATIVE_SIGMA: f64 = 0.05;
+pub(super) const WORST_RELATIVE_SIGMA: f64 = 0.05;
 
 /// A decoded projector coordinate in pixels and its standard deviation.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -1,9 +1,9 @@
 //! `phasma demo`: a device that is not there, scanned through its ports and held against its truth.
 
-mod served;
-
 use super::backend::Choice;
+use super::method::MethodArgs;
 use super::scan::capture;
+use super::served::{Served, service};
 use super::step;
 use crate::decode::{Options, Summary as Decoding};
 use crate::emulator::Truth;
@@ -12,13 +12,11 @@ use crate::error::{Error, Result};
 use crate::geometry::ply;
 use crate::host::{Capture, Captured, ScanOptions};
 use crate::protocol::PixelFormat;
-use crate::protocol::service::{Item, Maps, Request, ask};
+use crate::protocol::service::{Item, Request, ask};
 use crate::study::report::{PICTURES, Summary, write_pictures};
 use crate::study::score::score;
 use image::GrayImage;
-use served::Served;
 use std::fs;
-use std::os::unix::net::UnixStream;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
@@ -52,6 +50,8 @@ pub struct Args {
     /// Leave the sensor's noise out
     #[arg(long)]
     no_noise: bool,
+    #[command(flatten)]
+    method: MethodArgs,
     /// Print the figures as JSON
     #[arg(long)]
     json: bool,
@@ -71,9 +71,10 @@ pub(super) fn run(args: &Args) -> Result<()> {
         backend: args.backend.into(),
     }
     .checked()?;
+    args.method.check()?;
     check_folder(&args.out)?;
     step("starting the device");
-    let served = Served::start(&serve_arguments(args))?;
+    let served = Served::start("demo", &serve_arguments(args))?;
     let endpoints = served.endpoints();
     let begin = Instant::now();
     let options = ScanOptions {
@@ -95,10 +96,13 @@ pub(super) fn run(args: &Args) -> Result<()> {
         .calibration
         .ok_or_else(|| Error::device("the device gave no calibration"))?;
     let begin = Instant::now();
-    let (decoder, decoded) = captured.decode(Options::default())?;
+    let (decoder, mut decoded) = captured.decode(Options::default())?;
+    args.method
+        .apply(&decoder, &mut decoded, Options::default())?;
     let decode_s = begin.elapsed().as_secs_f64();
     step("asking for the truth");
-    let maps = truth(&endpoints.service)?;
+    let mut service = service(&endpoints.service)?;
+    let maps = ask(&mut service, Request::Get(Item::Truth))?;
     let render_s = maps.render_us as f64 * 1e-6;
     let truth = Truth::from_maps(maps)?;
     served.stop()?;
@@ -220,13 +224,4 @@ fn check_folder(out: &Path) -> Result<()> {
         ));
     }
     Captured::check_folder(out, false)
-}
-
-/// The truth, over the channel that no physical device has.
-fn truth(service: &Path) -> Result<Maps> {
-    let mut stream = UnixStream::connect(service).map_err(|e| Error::io(service, e))?;
-    let io = |e| Error::io(service, e);
-    stream.set_read_timeout(Some(TIMEOUT)).map_err(io)?;
-    stream.set_write_timeout(Some(TIMEOUT)).map_err(io)?;
-    ask(&mut stream, Request::Get(Item::Truth))
 }

@@ -73,6 +73,7 @@ impl Reference {
                     Shape::Plane { size_mm } => Primitive::Plane(
                         size_mm.map_or(DVec2::INFINITY, |s| DVec2::from(s) * scale / 2.0),
                     ),
+                    Shape::Board { board, .. } => Primitive::Plane(board.sheet_mm() * scale / 2.0),
                     Shape::Sphere { radius_mm } => Primitive::Sphere(radius_mm * scale),
                     Shape::Cylinder {
                         radius_mm,
@@ -133,6 +134,11 @@ impl Reference {
             rig_from_part,
             look,
         } = &self.parts[part];
+        let normal = if normal.dot(direction) > 0.0 {
+            -normal
+        } else {
+            normal
+        };
         let local = rig_from_part.inverse();
         let albedo = look.albedo(
             surface,
@@ -140,11 +146,6 @@ impl Reference {
             local.point(point),
             local.direction(normal),
         );
-        let normal = if normal.dot(direction) > 0.0 {
-            -normal
-        } else {
-            normal
-        };
         let pupil = self.projector.center();
         let way = point - pupil;
         let projected = self.projector.project(point);

@@ -1,5 +1,6 @@
 //! One camera before one scene: runs the passes that a shot needs.
 
+mod place;
 mod time;
 mod truth;
 mod under_way;
@@ -36,6 +37,8 @@ const CHUNK: usize = 2048;
 /// Renders the frames of one camera in front of one scene.
 pub struct Renderer {
     profile: Profile,
+    /// What the worlds are made of.
+    scene: Scene,
     worlds: Worlds,
     optics: Optics,
     /// When the worlds are; `None` at power-on.
@@ -102,6 +105,7 @@ impl Renderer {
         )?;
         Ok(Self {
             profile: profile.clone(),
+            scene: scene.clone(),
             worlds: Worlds::new(world),
             optics,
             moment: None,
@@ -136,7 +140,14 @@ impl Renderer {
     /// Computes a term, or leaves it out, whatever the scene needs: for tests and for costs. A
     /// term that is not needed changes no byte.
     pub fn force(&mut self, term: Term, included: bool) {
-        self.plan.set(term, included);
+        let mut plan = self.plan;
+        plan.set(term, included);
+        self.go_by(plan);
+    }
+
+    /// Takes another plan, and what follows from it.
+    fn go_by(&mut self, plan: Plan) {
+        self.plan = plan;
         let table = || ideal_points(&self.optics);
         self.rays = self.plan.has(Term::CameraDistortion).then(table);
         self.fixed = fixed_pattern(&self.plan, &self.profile);

@@ -12,6 +12,9 @@ pub(super) fn solid(shape: &Shape, scale: f64) -> Option<Solid> {
         Shape::Plane { size_mm } => Solid::Plane {
             half: size_mm.map_or(DVec2::INFINITY, |s| DVec2::from_array(s) * scale / 2.0),
         },
+        Shape::Board { ref board, .. } => Solid::Plane {
+            half: board.sheet_mm() * scale / 2.0,
+        },
         Shape::Sphere { radius_mm } => Solid::Sphere {
             radius: radius_mm * scale,
         },
@@ -50,6 +53,7 @@ pub(super) fn mesh(shape: &Shape, folder: &Path) -> Result<Mesh> {
         Shape::Couch {} => Ok(shapes::couch(&shapes::Couch::default())),
         Shape::Mesh { ref file } => Mesh::read(&folder.join(file)),
         Shape::Plane { .. }
+        | Shape::Board { .. }
         | Shape::Sphere { .. }
         | Shape::Cylinder { .. }
         | Shape::Frustum { .. } => Ok(Mesh::default()),

@@ -37,7 +37,7 @@ pub enum Term {
     Shadows,
     /// The camera's pupil is a disc: what is out of focus is blurred.
     DepthOfField,
-    /// Vertex colours and textures.
+    /// Vertex colours, textures and boards.
     AlbedoMaps,
     /// Specular lobes: highlights.
     Specular,
@@ -207,7 +207,7 @@ impl Needs<'_> {
             ),
             Term::AlbedoMaps => choose(
                 self.world.looks.any_map(),
-                "some object has vertex colours or a texture",
+                "some object has vertex colours or a texture, or is a board",
                 "each object has one albedo",
             ),
             Term::Specular => choose(

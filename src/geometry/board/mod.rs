@@ -5,7 +5,10 @@
 //! its rows', z into the board: somebody in front of it, looking along +z, sees x to the right and y
 //! down, so that the pose of a board that faces a camera is near the identity.
 
+mod check;
+mod ink;
 mod kind;
+mod parallelogram;
 mod points;
 
 pub use kind::Board;

@@ -37,7 +37,7 @@ impl Board {
     /// The point in a column and row, in the board's frame in millimetres.
     pub fn point(&self, [column, row]: [u32; 2]) -> DVec2 {
         let [columns, rows] = self.grid();
-        let middle = DVec2::new(f64::from(columns - 1), f64::from(rows - 1)) / 2.0;
+        let middle = (DVec2::new(columns.into(), rows.into()) - 1.0) / 2.0;
         (DVec2::new(f64::from(column), f64::from(row)) - middle) * self.pitch_mm()
     }
 

@@ -5,6 +5,8 @@
 //! the CPU, which deforms them, has made them.
 
 #[cfg(test)]
+mod board_tests;
+#[cfg(test)]
 mod map_tests;
 mod pack;
 mod tables;

@@ -109,6 +109,12 @@ impl Passes {
         self.engine.gpu()
     }
 
+    /// Forgets what it holds of the scene, which is another one now; pipelines stay.
+    pub(in crate::emulator::render) fn forget(&mut self) {
+        self.made = None;
+        self.holds = None;
+    }
+
     /// Runs the geometry pass if its result is not at hand.
     ///
     /// # Errors

@@ -20,6 +20,7 @@ const PIECES: &[(&str, &str)] = pieces![
     "bell",
     "blend",
     "bloom",
+    "board",
     "bounce_in",
     "bounce_types",
     "bvh",
@@ -108,6 +109,7 @@ const PIECES: &[(&str, &str)] = pieces![
 #[cfg(test)]
 #[rustfmt::skip] // One a line.
 const TESTS: &[(&str, &str)] = pieces![
+    "tests/board_test",
     "tests/falloff_test",
     "tests/footprint_test",
     "tests/ggx_test",

@@ -1,16 +1,23 @@
-//! A texture on an object: by the mesh's own coordinates, or laid over the shape.
+//! By what an object's albedo varies over its surface: a texture, by the mesh's own coordinates or laid
+//! over the shape, or a board's ink.
 
 use super::lay::Lay;
+use super::printed::Printed;
 use super::spot::Spot;
 use super::texture::Texture;
 use super::{barycentric, shares};
 use crate::error::{Error, Result};
-use crate::geometry::{Mesh, Pose};
+use crate::geometry::{Board, Mesh, Pose};
 use crate::profile::{Object, Scene};
 use glam::DVec2;
 use std::sync::Arc;
 
-pub(in super::super) struct Map {
+pub(in super::super) enum Map {
+    Picture(Picture),
+    Board(Printed),
+}
+
+pub(in super::super) struct Picture {
     pub(in super::super) texture: Arc<Texture>,
     pub(in super::super) place: Place,
 }
@@ -27,7 +34,37 @@ pub(in super::super) enum Place {
 }
 
 impl Map {
-    pub(super) fn new(texture: Arc<Texture>, scene: &Scene, object: &Object) -> Self {
+    pub(super) fn picture(texture: Arc<Texture>, scene: &Scene, object: &Object) -> Self {
+        Self::Picture(Picture::new(texture, scene, object))
+    }
+
+    pub(super) fn board(board: Board, ink: f64, scene: &Scene, object: &Object) -> Self {
+        Self::Board(Printed::new(board, ink, scene, object))
+    }
+
+    /// Takes the coordinates of the object's mesh.
+    ///
+    /// # Errors
+    /// A mesh without, where the scene gives the picture no size.
+    pub(super) fn take(&mut self, mesh: &Mesh) -> Result<()> {
+        match self {
+            Self::Picture(picture) => picture.take(mesh),
+            Self::Board(_) => Ok(()),
+        }
+    }
+
+    /// Mean over a spot's footprint, where the object rests. `index` is the triangle's among the
+    /// object's.
+    pub(super) fn albedo(&self, index: usize, spot: &Spot) -> f64 {
+        match self {
+            Self::Picture(picture) => picture.albedo(index, spot),
+            Self::Board(printed) => printed.albedo(spot),
+        }
+    }
+}
+
+impl Picture {
+    fn new(texture: Arc<Texture>, scene: &Scene, object: &Object) -> Self {
         let place = match object.texture_size_mm {
             Some(size) => Place::Over {
                 lay: Lay::new(&object.shape),
@@ -39,11 +76,7 @@ impl Map {
         Self { texture, place }
     }
 
-    /// Takes the coordinates of the object's mesh.
-    ///
-    /// # Errors
-    /// A mesh without, where the scene gives the picture no size.
-    pub(super) fn take(&mut self, mesh: &Mesh) -> Result<()> {
+    fn take(&mut self, mesh: &Mesh) -> Result<()> {
         let Place::Corners(uv) = &mut self.place else {
             return Ok(());
         };
@@ -58,9 +91,7 @@ impl Map {
         Ok(())
     }
 
-    /// Mean over a spot's footprint, where the object rests. `index` is the triangle's among the
-    /// object's.
-    pub(super) fn albedo(&self, index: usize, spot: &Spot) -> f64 {
+    fn albedo(&self, index: usize, spot: &Spot) -> f64 {
         let Spot {
             corners,
             point,

@@ -6,6 +6,7 @@ mod ggx;
 mod lay;
 mod map;
 mod normals;
+mod printed;
 mod spot;
 mod texture;
 
@@ -17,13 +18,14 @@ use super::{Plan, Term, lamps};
 use crate::error::{Error, Result};
 use crate::geometry::Mesh;
 use crate::geometry::raycast::{LANES, Scratch};
-use crate::profile::{Object, Scene, Specular};
+use crate::profile::{Object, Scene, Shape, Specular};
 pub(super) use evenly::{Evenly, Patch};
 pub(super) use ggx::Ggx;
 use glam::{DVec3, Vec3};
 pub(super) use lay::Lay;
-pub(super) use map::{Map, Place};
+pub(super) use map::{Map, Picture, Place};
 pub(super) use normals::Smoother;
+pub(super) use printed::Printed;
 pub(super) use spot::Spot;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -61,12 +63,17 @@ impl Looks {
     pub(super) fn new(scene: &Scene, skins: &Skins) -> Result<Self> {
         let mut made = Made::default();
         let look = |(i, object): (usize, &Object)| {
-            let map = match &object.texture {
-                None => None,
-                Some(file) => {
+            let map = match (&object.texture, &object.shape) {
+                (None, &Shape::Board { board, ink }) => Some(Map::board(board, ink, scene, object)),
+                (None, _) => None,
+                (Some(file), _) => {
                     let place = || format!("scene, object[{i}].texture");
                     let read = made.texture(scene.folder.join(file));
-                    Some(Map::new(read.map_err(|e| e.at(place()))?, scene, object))
+                    Some(Map::picture(
+                        read.map_err(|e| e.at(place()))?,
+                        scene,
+                        object,
+                    ))
                 }
             };
             Ok(Look {

@@ -5,8 +5,8 @@ use super::super::look::texels;
 use super::microfacets::Microfacets;
 use super::primitive::Primitive;
 use crate::error::Result;
-use crate::geometry::Mesh;
-use crate::profile::Object;
+use crate::geometry::{Board, Mesh};
+use crate::profile::{Object, Shape};
 use glam::{DVec2, DVec3};
 use std::f64::consts::FRAC_PI_2;
 use std::path::Path;
@@ -16,8 +16,17 @@ pub(super) struct Look {
     albedo: f64,
     specular: Option<Microfacets>,
     picture: Option<Picture>,
+    printed: Option<Printed>,
     /// Reflectances at the corners of triangles, where they are wanted.
     colours: Vec<[f64; 3]>,
+}
+
+/// A board.
+struct Printed {
+    board: Board,
+    ink: f64,
+    /// Of the object.
+    scale: f64,
 }
 
 struct Picture {
@@ -45,7 +54,16 @@ impl Look {
                 })
             }
         };
+        let printed = match object.shape {
+            Shape::Board { board, ink } => Some(Printed {
+                board,
+                ink,
+                scale: object.scale,
+            }),
+            _ => None,
+        };
         Ok(Self {
+            printed,
             albedo: object.albedo,
             specular: object.lobe().map(|s| Microfacets::new(s.f0, s.roughness)),
             picture,
@@ -65,7 +83,7 @@ impl Look {
         }
     }
 
-    /// Albedo at a point with a unit normal, both in the shape's own frame.
+    /// Albedo at a point with a unit normal on the camera's side, both in the shape's own frame.
     pub(super) fn albedo(
         &self,
         surface: &Primitive,
@@ -93,6 +111,12 @@ impl Look {
             };
             albedo *= picture.texel(at);
         }
+        if let Some(printed) = &self.printed
+            && normal.z < 0.0
+            && printed.is_ink(point.truncate() / printed.scale)
+        {
+            albedo *= printed.ink;
+        }
         albedo
     }
 
@@ -113,6 +137,29 @@ impl Look {
                 share + albedo * (1.0 - share)
             }
             None => albedo,
+        }
+    }
+}
+
+impl Printed {
+    /// Tries all dots, or looks where among the squares a place lies.
+    fn is_ink(&self, at: DVec2) -> bool {
+        let board = &self.board;
+        match *board {
+            Board::Dots { .. } => board
+                .indices()
+                .any(|i| at.distance(board.point(i)) <= board.radius_mm(i)),
+            Board::Chess {
+                columns,
+                rows,
+                pitch_mm,
+            } => {
+                let square = at / pitch_mm + DVec2::new(columns.into(), rows.into()) / 2.0;
+                let [column, row] = [square.x, square.y].map(|s| (s + 0.5).floor());
+                (0.0..=columns.into()).contains(&column)
+                    && (0.0..=rows.into()).contains(&row)
+                    && (column + row) % 2.0 == 0.0
+            }
         }
     }
 }

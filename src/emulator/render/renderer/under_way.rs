@@ -143,7 +143,7 @@ impl Renderer {
     }
 
     /// Goes on without the GPU.
-    fn give_up(&mut self, e: &Error) {
+    pub(super) fn give_up(&mut self, e: &Error) {
         self.gpu = None;
         match self.options.backend {
             Backend::Gpu => self.news.failed = Some(e.to_string()),

@@ -170,6 +170,37 @@ vertex_colours = true
 texture = "noise.png"
 "#;
 
+/// Boards near and far, face on and steep, from the front and from behind.
+const PRINTED: &str = r#"
+ambient = { irradiance_w_m2 = 0.2 }
+[[object]]
+shape = { kind = "board", board = { pattern = "dots", columns = 25, rows = 19, pitch_mm = 24.0, dot_mm = 10.0, marker_mm = 20.0 } }
+position_mm = [10, -5, 1100]
+rotation_deg = [20, -35, 15]
+albedo = 0.8
+[[object]]
+shape = { kind = "board", ink = 0.2, board = { pattern = "chess", columns = 9, rows = 6, pitch_mm = 10.0 } }
+position_mm = [80, -20, 900]
+rotation_deg = [50, 10, 30]
+scale = 1.5
+albedo = 0.9
+specular = { f0 = 0.05, roughness = 0.4 }
+[[object]]
+shape = { kind = "board", ink = 0.0, board = { pattern = "dots", columns = 60, rows = 40, pitch_mm = 2.0, dot_mm = 1.1, marker_mm = 2.2 } }
+position_mm = [-90, 30, 950]
+rotation_deg = [10, 60, 0]
+albedo = 0.7
+[[object]]
+shape = { kind = "board", board = { pattern = "chess", columns = 90, rows = 90, pitch_mm = 0.5 } }
+position_mm = [-60, -50, 800]
+albedo = 0.7
+[[object]]
+shape = { kind = "board", board = { pattern = "chess", columns = 3, rows = 3, pitch_mm = 10.0 } }
+position_mm = [40, 60, 800]
+rotation_deg = [0, 180, 0]
+albedo = 0.7
+"#;
+
 /// Highlights, and lamps of both kinds that flicker, over solids and a mesh.
 const SHINY: &str = r#"
 ambient = { irradiance_w_m2 = 0.1, flicker = { frequency_hz = 100, depth = 0.4, phase_deg = 25 } }
@@ -217,6 +248,11 @@ specular = { f0 = 0.1, roughness = 0.3 }
 /// Things that move, painted and shining, one of which deforms.
 const MOVING: &str = r#"
 ambient = { irradiance_w_m2 = 0.1 }
+[[object]]
+shape = { kind = "board", board = { pattern = "dots", columns = 9, rows = 7, pitch_mm = 8.0, dot_mm = 4.0, marker_mm = 8.0 } }
+position_mm = [100, -60, 950]
+albedo = 0.7
+motion = { keyframes = [ { time_s = 0 }, { time_s = 1, rotation_deg = [30, 40, 20], position_mm = [0, 30, 0] } ] }
 [[light]]
 kind = "point"
 position_mm = [-200, -300, 500]
@@ -289,6 +325,7 @@ fn gpu_looks_of_still_scenes_are_the_cpus() {
     for (of, profile) in profiles() {
         for (name, text) in [
             ("painted", PAINTED.to_owned()),
+            ("printed", PRINTED.to_owned()),
             ("shiny", SHINY.to_owned()),
             ("thrown-on", format!("{bounce}{PAINTED}")),
         ] {

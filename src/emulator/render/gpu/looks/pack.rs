@@ -2,8 +2,9 @@
 
 use super::{Deforming, tables};
 use crate::emulator::render::body::Body;
-use crate::emulator::render::look::{Ggx, Lay, Look, Map, Place, Texture};
+use crate::emulator::render::look::{Ggx, Lay, Look, Map, Picture, Place, Printed, Texture};
 use crate::emulator::render::world::{Surface, World};
+use crate::geometry::Board;
 use crate::geometry::Pose;
 use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
@@ -17,6 +18,8 @@ const LAY_CORNERS: u32 = 1;
 pub(super) const LAY_ALONG: u32 = 2;
 pub(super) const LAY_SPHERE: u32 = 3;
 pub(super) const LAY_CYLINDER: u32 = 4;
+pub(super) const LAY_DOTS: u32 = 5;
+pub(super) const LAY_CHESS: u32 = 6;
 
 /// Twin of `Look` in `looks.wgsl`.
 #[repr(C)]
@@ -37,6 +40,7 @@ pub(super) struct Packed {
     mean: f32,
     pad: u32,
     size_mm: [f32; 2],
+    board: [f32; 4],
     own_from_there: [[f32; 4]; 3],
 }
 
@@ -103,8 +107,12 @@ impl Packer {
         if !look.colours.is_empty() {
             packed.colours = self.put(look.colours.iter().flatten().copied());
         }
-        if let Some(map) = &look.map {
-            self.map(map, bodies.first().copied(), is_here, &mut packed);
+        match &look.map {
+            Some(Map::Picture(picture)) => {
+                self.picture(picture, bodies.first().copied(), is_here, &mut packed);
+            }
+            Some(Map::Board(printed)) => board(printed, &mut packed),
+            None => {}
         }
         self.looks.push(packed);
     }
@@ -131,12 +139,18 @@ impl Packer {
         (at, 9 * look.normals.len() as u32)
     }
 
-    fn map(&mut self, map: &Map, body: Option<&Body>, is_here: bool, packed: &mut Packed) {
-        let texture = &map.texture;
+    fn picture(
+        &mut self,
+        picture: &Picture,
+        body: Option<&Body>,
+        is_here: bool,
+        packed: &mut Packed,
+    ) {
+        let texture = &picture.texture;
         packed.sums = self.texture(texture);
         packed.mean = tables::mean(texture);
         (packed.width, packed.height) = (texture.width as u32, texture.height as u32);
-        match &map.place {
+        match &picture.place {
             Place::Corners(uv) => {
                 packed.lay = LAY_CORNERS;
                 // Rows of a picture run down.
@@ -192,6 +206,22 @@ impl Packer {
         self.values.extend(values);
         at
     }
+}
+
+/// A board, whose plane is kept in its own frame.
+fn board(printed: &Printed, packed: &mut Packed) {
+    let [columns, rows] = printed.board.grid();
+    (packed.width, packed.height) = (columns, rows);
+    let (lay, radii) = match printed.board {
+        Board::Dots {
+            dot_mm, marker_mm, ..
+        } => (LAY_DOTS, [dot_mm / 2.0, marker_mm / 2.0]),
+        Board::Chess { .. } => (LAY_CHESS, [0.0; 2]),
+    };
+    packed.lay = lay;
+    let [dot, marker] = radii;
+    packed.mean = printed.board.mean_ink() as f32;
+    packed.board = [printed.board.pitch_mm(), dot, marker, printed.ink].map(|v| v as f32);
 }
 
 /// Normals as the shaders have them, one number after the other.

@@ -1,5 +1,9 @@
 //! A picture to look for a board in.
 
+mod frames;
+#[cfg(test)]
+mod tests;
+
 /// One picture made of all frames of a pose: linear in light, with what is known of its noise.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Picture {

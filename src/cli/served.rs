@@ -1,10 +1,11 @@
-//! A device in a process of its own, for as long as the demo needs it.
+//! A device in a process of its own, for as long as a command needs it.
 
 use crate::error::{Error, Result};
 use crate::protocol::Endpoints;
 use rustix::process::{Pid, Signal, kill_process};
 use std::fs;
 use std::io::Read;
+use std::os::unix::net::UnixStream;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::thread::{JoinHandle, sleep};
@@ -12,6 +13,8 @@ use std::time::{Duration, Instant};
 
 /// How long a device may take to be ready, and to go away.
 const PATIENCE: Duration = Duration::from_secs(60);
+/// How long it may take to answer on its service channel: frames under way are finished first.
+const ANSWER: Duration = Duration::from_secs(30);
 const POLL: Duration = Duration::from_millis(5);
 
 /// A running `phasma serve`; it ends with this value.
@@ -24,18 +27,18 @@ pub(super) struct Served {
 }
 
 impl Served {
-    /// Starts `phasma serve` with these arguments and waits until it can be reached.
+    /// Starts `phasma serve` with these arguments for a command and waits until it can be reached.
     ///
     /// # Errors
     /// A process that cannot be started, ends, or is not ready in time; with its own words.
-    pub(super) fn start(arguments: &[String]) -> Result<Self> {
+    pub(super) fn start(command: &str, arguments: &[String]) -> Result<Self> {
         let program = std::env::current_exe().map_err(|e| Error::io("phasma", e))?;
         // Short: the path of a socket has room for some hundred bytes.
-        let run_dir = std::env::temp_dir().join(format!("phasma-demo-{}", std::process::id()));
+        let run_dir = std::env::temp_dir().join(format!("phasma-{command}-{}", std::process::id()));
         let child = Command::new(&program)
             .arg("serve")
             .args(arguments)
-            // A node for other programs is not for a demo to take.
+            // A node for other programs is not for this to take.
             .args(["--camera", "socket"])
             .arg("--run-dir")
             .arg(&run_dir)
@@ -112,6 +115,18 @@ impl Drop for Served {
             let _ = words.join();
         }
     }
+}
+
+/// The device's service channel, which no physical device has.
+///
+/// # Errors
+/// What the system refuses.
+pub(super) fn service(path: &Path) -> Result<UnixStream> {
+    let io = |e| Error::io(path, e);
+    let stream = UnixStream::connect(path).map_err(io)?;
+    stream.set_read_timeout(Some(ANSWER)).map_err(io)?;
+    stream.set_write_timeout(Some(ANSWER)).map_err(io)?;
+    Ok(stream)
 }
 
 struct Starting {

@@ -1,0 +1,353 @@
+//! The place of a corner by an area model of the intensities about it.
+//!
+//! Two straight edges cross at c. With u1, u2 the distances of a pixel from them, it has the level
+//!
+//! ```text
+//! I = (1 + g . d) (m + k S),   S = E1 E2 + 4 integral from 0 to rho of phi2(u1 / s, u2 / s; r) dr
+//! ```
+//!
+//! where d is its place in the window, E = 2 F - 1 with F an [`Edge`]'s share, rho the cosine
+//! between the edges' normals, s the blur with the pixel's own variance of 1/12 and phi2 the density
+//! of the bivariate normal distribution: S is the mean of sign(u1) sign(u2) under the blur. The
+//! product alone holds for edges at right angles; the integral is what correlation adds (Plackett,
+//! "A reduction formula for normal multivariate integrals", Biometrika 41, 1954), and matters to the
+//! few pixels next to the corner, where a Gaussian is good enough for the pixel's square. Light that
+//! changes as (1 + g . d) does so before the blur, which moves S by -g s^2, to the first order.
+//!
+//! The nine unknowns (c, two angles, the blur's variance, m, k, g) are fitted by least squares with
+//! each pixel's variance, by Levenberg's and Marquardt's method.
+
+use super::edge::Edge;
+use crate::calibrate::board::Picture;
+use glam::{DMat2, DVec2};
+use nalgebra::{SMatrix, SVector};
+use std::f64::consts::PI;
+
+const UNKNOWNS: usize = 9;
+type Square = SMatrix<f64, UNKNOWNS, UNKNOWNS>;
+type Column = SVector<f64, UNKNOWNS>;
+
+/// Variance of a pixel's square along any direction.
+const PIXEL: f64 = 1.0 / 12.0;
+/// Half a window's side at most, in pixels, unless blur asks for more.
+const REACH: f64 = 8.0;
+/// Gauss and Legendre's nodes on [0, 1] and their weights.
+const NODES: [(f64, f64); 4] = [
+    (0.069_431_844_202_973_71, 0.173_927_422_568_726_9),
+    (0.330_009_478_207_571_9, 0.326_072_577_431_273_1),
+    (0.669_990_521_792_428_1, 0.326_072_577_431_273_1),
+    (0.930_568_155_797_026_3, 0.173_927_422_568_726_9),
+];
+
+/// Where a corner is thought to be: its place and the steps to the next corners along the board's
+/// x and y, in pixels.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Guess {
+    pub(super) px: DVec2,
+    pub(super) along_x: DVec2,
+    pub(super) along_y: DVec2,
+    /// Whether the square between the board's -x and -y is dark.
+    pub(super) dark: bool,
+}
+
+/// A corner as measured.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Corner {
+    pub(super) px: DVec2,
+    /// From the picture's noise, or from the residuals where those are larger.
+    pub(super) covariance: DMat2,
+}
+
+/// Measures a corner; `None` where there is none of that kind.
+pub(super) fn fit(picture: &Picture, guess: &Guess) -> Option<Corner> {
+    let turn = guess.along_x.perp_dot(guess.along_y);
+    if !(turn.is_finite() && guess.px.is_finite() && turn > 1.0) {
+        return None;
+    }
+    // First with a window for an ordinary blur, then for the blur that was found.
+    let mut state = State::first(guess);
+    let window = Window::cut(picture, guess, guess.px, 0.7)?;
+    state.level(&window)?;
+    window.solve(&mut state, guess, 0.01)?;
+    let centre = state.centre;
+    let blur = (state.variance + PIXEL).sqrt();
+    let window = Window::cut(picture, guess, centre, blur)?;
+    let fit = window.solve(&mut state, guess, 1e-4)?;
+    state.accept(&window, &fit, guess)
+}
+
+/// The unknowns.
+#[derive(Debug, Clone, Copy)]
+struct State {
+    centre: DVec2,
+    angles: [f64; 2],
+    variance: f64,
+    mean: f64,
+    contrast: f64,
+    gradient: DVec2,
+}
+
+/// One pixel of a window.
+struct Pixel {
+    place: DVec2,
+    level: f64,
+    weight: f64,
+}
+
+struct Window {
+    origin: DVec2,
+    pixels: Vec<Pixel>,
+}
+
+/// What least squares leaves.
+struct Fit {
+    squares: f64,
+    normal: Square,
+    right: Column,
+}
+
+impl State {
+    fn first(guess: &Guess) -> Self {
+        let x = guess.along_x;
+        let first = x.y.atan2(x.x);
+        Self {
+            centre: guess.px,
+            angles: [first, first + x.angle_to(guess.along_y)],
+            variance: 0.3,
+            mean: 0.0,
+            contrast: 0.0,
+            gradient: DVec2::ZERO,
+        }
+    }
+
+    /// Mean and contrast by linear least squares with all else as it is.
+    fn level(&mut self, window: &Window) -> Option<()> {
+        (self.mean, self.contrast) = (0.0, 1.0);
+        let (mut sums, mut right) = ([0.0; 3], [0.0; 2]);
+        let model = self.model();
+        for p in &window.pixels {
+            let s = model.at(p.place - self.centre).0;
+            sums[0] += p.weight;
+            sums[1] += p.weight * s;
+            sums[2] += p.weight * s * s;
+            right[0] += p.weight * p.level;
+            right[1] += p.weight * p.level * s;
+        }
+        let determinant = sums[0] * sums[2] - sums[1] * sums[1];
+        self.mean = (sums[2] * right[0] - sums[1] * right[1]) / determinant;
+        self.contrast = (sums[0] * right[1] - sums[1] * right[0]) / determinant;
+        (self.mean.is_finite() && self.contrast.is_finite()).then_some(())
+    }
+
+    fn model(&self) -> Model {
+        let [(s1, c1), (s2, c2)] = self.angles.map(f64::sin_cos);
+        let normals = [DVec2::new(-s1, c1), DVec2::new(s2, -c2)];
+        Model {
+            normals,
+            along: [DVec2::new(c1, s1), DVec2::new(c2, s2)],
+            edges: normals.map(|n| Edge::new(n.x, n.y, self.variance)),
+            sigma: (self.variance.max(0.0) + PIXEL).sqrt(),
+            lean: normals[0].dot(normals[1]).clamp(-1.0, 1.0).asin(),
+        }
+    }
+
+    /// Level at a pixel and its derivatives by the unknowns.
+    fn at(&self, model: &Model, origin: DVec2, place: DVec2) -> (f64, Column) {
+        let d = place - origin;
+        let spread = self.variance + PIXEL;
+        let from_centre = place - self.centre + self.gradient * spread;
+        let (s, by_distance, by_variance) = model.at(from_centre);
+        let shade = 1.0 + self.gradient.dot(d);
+        let plain = self.mean + self.contrast * s;
+        let scale = shade * self.contrast;
+        let by_place = model.normals[0] * by_distance[0] + model.normals[1] * by_distance[1];
+        let by_gradient = plain * d + scale * spread * by_place;
+        let row = [
+            -scale * by_place.x,
+            -scale * by_place.y,
+            -scale * by_distance[0] * model.along[0].dot(from_centre),
+            scale * by_distance[1] * model.along[1].dot(from_centre),
+            scale * (by_variance + self.gradient.dot(by_place)),
+            shade,
+            shade * s,
+            by_gradient.x,
+            by_gradient.y,
+        ];
+        (shade * plain, row.into())
+    }
+
+    fn moved(&self, step: &Column) -> Self {
+        Self {
+            centre: self.centre + DVec2::new(step[0], step[1]),
+            angles: [self.angles[0] + step[2], self.angles[1] + step[3]],
+            variance: (self.variance + step[4]).max(0.0),
+            mean: self.mean + step[5],
+            contrast: self.contrast + step[6],
+            gradient: self.gradient + DVec2::new(step[7], step[8]),
+        }
+    }
+
+    /// Whether these are unknowns of the corner that was guessed.
+    fn is_near(&self, guess: &Guess) -> bool {
+        let shortest = guess.along_x.length().min(guess.along_y.length());
+        let open = self.angles[1] - self.angles[0];
+        self.centre.distance(guess.px) <= (0.3 * shortest).min(4.0)
+            && (0.15..PI - 0.15).contains(&open)
+            && self.variance <= shortest * shortest / 9.0
+    }
+
+    fn accept(&self, window: &Window, fit: &Fit, guess: &Guess) -> Option<Corner> {
+        let inverse = fit.normal.cholesky()?.inverse();
+        let freedom = window.pixels.len() as f64 - UNKNOWNS as f64;
+        let excess = (fit.squares / freedom).max(1.0);
+        let covariance = DMat2::from_cols_array(&[
+            inverse[(0, 0)],
+            inverse[(1, 0)],
+            inverse[(0, 1)],
+            inverse[(1, 1)],
+        ]) * excess;
+        // Of the wrong sign, in the noise, or a poor likeness.
+        let error = (inverse[(6, 6)] * excess).sqrt();
+        let weights: f64 = window.pixels.iter().map(|p| p.weight).sum();
+        let misfit = (fit.squares / weights).sqrt();
+        let noise = (window.pixels.len() as f64 / weights).sqrt();
+        let strong =
+            self.contrast.abs() > 5.0 * error && misfit <= 3.0 * noise + 0.3 * self.contrast.abs();
+        let sharp = covariance.x_axis.x + covariance.y_axis.y < 0.25;
+        ((self.contrast < 0.0) == guess.dark && strong && sharp && covariance.is_finite())
+            .then_some(Corner {
+                px: self.centre,
+                covariance,
+            })
+    }
+}
+
+struct Model {
+    normals: [DVec2; 2],
+    along: [DVec2; 2],
+    edges: [Edge; 2],
+    sigma: f64,
+    /// Arc sine of the correlation of the two distances.
+    lean: f64,
+}
+
+impl Model {
+    /// S, its derivatives by both distances and by the blur's variance.
+    fn at(&self, d: DVec2) -> (f64, [f64; 2], f64) {
+        let u = self.normals.map(|n| n.dot(d));
+        let [p, q] = [self.edges[0].at(u[0]), self.edges[1].at(u[1])];
+        let (e1, e2) = (2.0 * p.share - 1.0, 2.0 * q.share - 1.0);
+        let mut s = e1 * e2;
+        let mut by = [2.0 * p.by_distance * e2, 2.0 * q.by_distance * e1];
+        let mut by_variance = 2.0 * (p.by_variance * e2 + q.by_variance * e1);
+        let [h, k] = u.map(|u| u / self.sigma);
+        if h * h + k * k < 36.0 && self.lean.abs() > 1e-3 {
+            // With r = sin(x), dr / sqrt(1 - r^2) is dx.
+            for (node, weight) in NODES {
+                let (r, c) = (self.lean * node).sin_cos();
+                let squares = (h * h - 2.0 * r * h * k + k * k) / (c * c);
+                let part = 4.0 * weight * self.lean * (-0.5 * squares).exp() / (2.0 * PI);
+                s += part;
+                let slope = part / (c * c * self.sigma);
+                by[0] -= slope * (h - r * k);
+                by[1] -= slope * (k - r * h);
+                by_variance += 0.5 * part * squares / (self.sigma * self.sigma);
+            }
+        }
+        (s, by, by_variance)
+    }
+}
+
+impl Window {
+    /// The pixels that two edges alone decide, for a corner at `centre` and a blur in pixels.
+    fn cut(picture: &Picture, guess: &Guess, centre: DVec2, blur: f64) -> Option<Self> {
+        let turn = guess.along_x.perp_dot(guess.along_y);
+        let along = [guess.along_x, guess.along_y];
+        // How far the next edges are, and how near one may go to them.
+        let reach = along.map(|a| {
+            let next = turn / a.length();
+            (next - 0.75 - 2.0 * blur).min(0.75 * next).max(0.45 * next)
+        });
+        let normals = along.map(|a| a.perp().normalize());
+        let radius = REACH.max(4.0 * blur);
+        let bounds = |middle: f64, size: usize| {
+            let low = (middle - radius).ceil().max(0.0);
+            let high = (middle + radius).floor().min(size as f64 - 1.0);
+            (low <= high).then_some((low as usize, high as usize))
+        };
+        let (left, right) = bounds(centre.x, picture.width)?;
+        let (top, bottom) = bounds(centre.y, picture.height)?;
+        let mut pixels = Vec::new();
+        for (y, x) in (top..=bottom).flat_map(|y| (left..=right).map(move |x| (y, x))) {
+            let place = DVec2::new(x as f64, y as f64);
+            let d = place - centre;
+            let inside = (0..2).all(|i| normals[i].dot(d).abs() <= reach[i]);
+            let at = y * picture.width + x;
+            let (level, variance) = (
+                f64::from(picture.level[at]),
+                f64::from(picture.variance[at]),
+            );
+            let known = level.is_finite() && variance > 0.0 && variance.is_finite();
+            if inside && known && d.length() <= radius {
+                let weight = 1.0 / variance;
+                pixels.push(Pixel {
+                    place,
+                    level,
+                    weight,
+                });
+            }
+        }
+        (pixels.len() >= 2 * UNKNOWNS).then_some(Self {
+            origin: centre,
+            pixels,
+        })
+    }
+
+    fn fit(&self, state: &State) -> Fit {
+        let model = state.model();
+        let (mut squares, mut normal, mut right) = (0.0, Square::zeros(), Column::zeros());
+        for p in &self.pixels {
+            let (level, row) = state.at(&model, self.origin, p.place);
+            let off = p.level - level;
+            squares += p.weight * off * off;
+            let weighted = row * p.weight;
+            right += weighted * off;
+            normal.ger(1.0, &weighted, &row, 1.0);
+        }
+        Fit {
+            squares,
+            normal,
+            right,
+        }
+    }
+
+    /// Moves the unknowns to the least squares, within `enough` pixels.
+    fn solve(&self, state: &mut State, guess: &Guess, enough: f64) -> Option<Fit> {
+        let mut fit = self.fit(state);
+        let mut damping = 1e-4;
+        for _ in 0..30 {
+            let mut damped = fit.normal;
+            for i in 0..UNKNOWNS {
+                damped[(i, i)] += damping * fit.normal[(i, i)] + 1e-12;
+            }
+            let next = state.moved(&damped.cholesky()?.solve(&fit.right));
+            let after = self.fit(&next);
+            if after.squares <= fit.squares && next.is_near(guess) {
+                let gain = fit.squares - after.squares;
+                let settled = next.centre.distance(state.centre) < enough
+                    && gain < 1.0 + 0.01 * after.squares;
+                (*state, fit) = (next, after);
+                damping = (damping * 0.1).max(1e-9);
+                if settled {
+                    break;
+                }
+            } else {
+                damping *= 10.0;
+                if damping > 1e6 {
+                    break;
+                }
+            }
+        }
+        (fit.squares.is_finite() && state.is_near(guess)).then_some(fit)
+    }
+}

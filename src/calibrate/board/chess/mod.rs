@@ -1,0 +1,197 @@
+//! Corners of a chessboard.
+//!
+//! Saddles of the picture ([`saddles`]) are linked along edges ([`links`]) into grids ([`grid`]), at
+//! full size first and then, for large squares out of focus or in noise, at half, a quarter and an
+//! eighth of it. A grid of all the board's corners is labelled ([`label`]) and each corner measured
+//! in the full picture ([`fit`]). The whole board has to be seen: part of a chessboard does not say
+//! which part it is.
+
+mod edge;
+mod fit;
+mod grey;
+mod grid;
+mod label;
+mod links;
+mod saddles;
+#[cfg(test)]
+mod tests;
+
+use super::{NotFound, Picture, Seen};
+use crate::geometry::Board;
+use fit::{Guess, fit};
+use glam::{DMat2, DVec2};
+use grey::Grey;
+use grid::Grid;
+use rayon::prelude::*;
+use saddles::Saddle;
+
+/// Pictures of half the size that are looked at after the full one.
+const HALVINGS: u32 = 3;
+/// Corners that make a grid worth a word.
+const WORTH_A_WORD: usize = 6;
+/// Least distance of corners in pixels.
+const LEAST_PX: f64 = 5.0;
+
+/// The corners of a chessboard in a picture, row by row, labelled as the board's are seen from the
+/// front; see the module's page for which of its turns.
+///
+/// # Errors
+/// No board, a part of it, another one, or more than one; with what was found.
+pub fn find(board: &Board, picture: &Picture) -> Result<Vec<Seen>, NotFound> {
+    let wanted = board.grid();
+    if wanted.iter().any(|&n| n < 3) {
+        return Err(NotFound::Ambiguous {
+            found: format!("a board of {} corners", words(wanted)),
+            wanted: "3 x 3 corners or more".into(),
+        });
+    }
+    let mut grey = Grey::of(picture);
+    let mut worst = Best::default();
+    for halvings in 0..=HALVINGS {
+        let smoothed = grey.smoothed();
+        let saddles = saddles::saddles(&smoothed);
+        let links = links::links(&smoothed, &saddles);
+        let grids = grid::grids(&saddles, &links);
+        let whole: Vec<&Grid> = grids.iter().filter(|g| is_whole(g, wanted)).collect();
+        let scale = f64::from(1 << halvings);
+        match whole[..] {
+            [] => worst.consider(&saddles, &grids),
+            [grid] => return measure(board, picture, &saddles, grid, scale),
+            _ => {
+                return Err(NotFound::Ambiguous {
+                    found: format!("{} boards of {} corners", whole.len(), words(wanted)),
+                    wanted: "one of them".into(),
+                });
+            }
+        }
+        grey = grey.halved();
+    }
+    Err(worst.refusal(wanted))
+}
+
+fn words([columns, rows]: [u32; 2]) -> String {
+    format!("{columns} x {rows}")
+}
+
+fn is_whole(grid: &Grid, [columns, rows]: [u32; 2]) -> bool {
+    let (_, size) = grid.bounds();
+    grid.conflicts == 0
+        && (size == [columns, rows] || size == [rows, columns])
+        && grid.at.len() as u64 == u64::from(columns) * u64::from(rows)
+}
+
+/// The most that any size of the picture shows.
+#[derive(Default)]
+struct Best {
+    saddles: usize,
+    corners: usize,
+    size: [u32; 2],
+    conflicts: usize,
+}
+
+impl Best {
+    fn consider(&mut self, saddles: &[Saddle], grids: &[Grid]) {
+        self.saddles = self.saddles.max(saddles.len());
+        if let Some(grid) = grids.first().filter(|g| g.at.len() > self.corners) {
+            self.corners = grid.at.len();
+            self.size = grid.bounds().1;
+            self.conflicts = grid.conflicts;
+        }
+    }
+
+    fn refusal(&self, wanted: [u32; 2]) -> NotFound {
+        let [least, most] = [wanted[0].min(wanted[1]), wanted[0].max(wanted[1])];
+        let [low, high] = [
+            self.size[0].min(self.size[1]),
+            self.size[0].max(self.size[1]),
+        ];
+        let all = format!("all {} corners, with a light margin", words(wanted));
+        if self.corners < WORTH_A_WORD {
+            return NotFound::Nothing {
+                found: format!(
+                    "{} places like corners, {} of them in one grid",
+                    self.saddles, self.corners
+                ),
+                wanted: all,
+            };
+        }
+        let found = format!("{} corners in a grid of {}", self.corners, words(self.size));
+        if low > least || high > most {
+            return NotFound::WrongBoard { found, wanted: all };
+        }
+        if self.conflicts > 0 {
+            return NotFound::Ambiguous {
+                found: format!("{found}, {} of them in two places", self.conflicts),
+                wanted: all,
+            };
+        }
+        NotFound::Partial { found, wanted: all }
+    }
+}
+
+/// Labels and measures a whole grid that was found in a picture of `scale` times as large pixels.
+fn measure(
+    board: &Board,
+    picture: &Picture,
+    saddles: &[Saddle],
+    grid: &Grid,
+    scale: f64,
+) -> Result<Vec<Seen>, NotFound> {
+    let px = |place: [i32; 2]| -> DVec2 {
+        let saddle = grid.at.get(&place).map_or(DVec2::NAN, |&i| saddles[i].px);
+        (saddle + 0.5) * scale - 0.5
+    };
+    let size = board.grid();
+    let refused = || NotFound::Ambiguous {
+        found: format!("a grid of {}", words(grid.bounds().1)),
+        wanted: words(size),
+    };
+    let labels = label::labels(grid, size, &px).ok_or_else(refused)?;
+    let last = size.map(|n| n as i32 - 1);
+    let at = |column: i32, row: i32| px(labels.place([column, row]));
+    let measured: Vec<Result<Seen, [u32; 2]>> = board
+        .indices()
+        .collect::<Vec<_>>()
+        .into_par_iter()
+        .map(|index| {
+            let [column, row] = index.map(|i| i as i32);
+            let step = |low: i32, high: i32, at: &dyn Fn(i32) -> DVec2| {
+                (at(high) - at(low)) / f64::from(high - low)
+            };
+            let near = |i: i32, last: i32| ((i - 1).max(0), (i + 1).min(last));
+            let (left, right) = near(column, last[0]);
+            let (up, down) = near(row, last[1]);
+            let guess = Guess {
+                px: at(column, row),
+                along_x: step(left, right, &|column| at(column, row)),
+                along_y: step(up, down, &|row| at(column, row)),
+                dark: labels.dark == ((column + row) % 2 == 0),
+            };
+            let shortest = guess.along_x.length().min(guess.along_y.length());
+            let corner = (shortest >= LEAST_PX)
+                .then(|| fit(picture, &guess))
+                .flatten();
+            corner.ok_or(index).map(|corner| Seen {
+                index,
+                px: corner.px,
+                covariance: corner.covariance,
+                outline: DMat2::ZERO,
+            })
+        })
+        .collect();
+    let lost: Vec<[u32; 2]> = measured.iter().filter_map(|m| m.err()).collect();
+    let Some(&[column, row]) = lost.first() else {
+        return Ok(measured.into_iter().flatten().collect());
+    };
+    Err(NotFound::Partial {
+        found: format!(
+            "{} of {} corners that cannot be measured, the first in column {column} and row {row}",
+            lost.len(),
+            measured.len()
+        ),
+        wanted: format!(
+            "all {} corners, {LEAST_PX} px or more apart, neither saturated nor hidden",
+            words(size)
+        ),
+    })
+}

@@ -1,0 +1,312 @@
+mod scene;
+
+use super::find;
+use crate::calibrate::board::{NotFound, Picture, Seen};
+use crate::geometry::{Board, Pose};
+use glam::DVec3;
+use scene::{Random, Scene, lens};
+
+const BOARD: Board = Board::Chess {
+    columns: 6,
+    rows: 5,
+    pitch_mm: 25.0,
+};
+
+/// A board with squares of about `square` pixels, turned by degrees about x, y and z.
+fn scene(square: f64, turn_deg: [f64; 3]) -> Scene {
+    let place = DVec3::new(4.0, -3.0, 630.0 * 25.0 / square);
+    Scene {
+        board: BOARD,
+        lens: lens(256, 240, [0.0; 5]),
+        camera_from_board: Pose::from_xyz_deg(place, turn_deg.into()),
+        blur: 0.5,
+        light: |_| 110.0,
+        frames: 12,
+        seed: 7,
+    }
+}
+
+/// Root mean square and largest error, and the root mean square of errors by their standard
+/// deviations.
+fn errors(scene: &Scene, seen: &[Seen]) -> (f64, f64, f64) {
+    let (mut squares, mut worst, mut whitened) = (0.0, 0.0_f64, 0.0);
+    for s in seen {
+        let off = s.px - scene.truth(s.index);
+        squares += off.length_squared();
+        worst = worst.max(off.length());
+        whitened += off.dot(s.covariance.inverse() * off);
+    }
+    let n = 2.0 * seen.len() as f64;
+    ((squares / n).sqrt(), worst, (whitened / n).sqrt())
+}
+
+fn assert_found(scene: &Scene, limit: f64, what: &str) {
+    let seen = match find(&scene.board, &scene.render()) {
+        Ok(seen) => seen,
+        Err(error) => panic!("{what}: {error}"),
+    };
+    assert!(seen.iter().map(|s| s.index).eq(scene.board.indices()));
+    let (rms, worst, _) = errors(scene, &seen);
+    assert!(
+        rms <= limit && worst <= 5.0 * limit,
+        "{what}: rms {rms} worst {worst}"
+    );
+}
+
+#[test]
+fn corners_are_where_they_are() {
+    for (square, turn) in [
+        (22.0, [0.0, 0.0, 0.0]),
+        (24.0, [10.0, -15.0, 7.0]),
+        (27.0, [-5.0, 20.0, 45.0]),
+        (24.0, [0.0, 0.0, 90.0]),
+        (24.0, [20.0, 10.0, 130.0]),
+        (30.0, [5.0, 5.0, 180.0]),
+        (24.0, [-25.0, 10.0, 260.0]),
+    ] {
+        // 6 x 5 is an odd number together: the colours decide, so every turn is told.
+        assert_found(&scene(square, turn), 0.012, &format!("{square} {turn:?}"));
+    }
+    for turn in [[0.0, 0.0, 3.0], [10.0, 20.0, 30.0]] {
+        assert_found(&scene(8.0, turn), 0.03, &format!("8 {turn:?}"));
+    }
+}
+
+#[test]
+fn blur_light_tilt_and_distortion_do_no_harm() {
+    for blur in [0.0, 0.3, 1.0, 2.0] {
+        let sharp = Scene {
+            blur,
+            ..scene(22.0, [12.0, -10.0, 4.0])
+        };
+        assert_found(&sharp, 0.012, &format!("blur {blur}"));
+        let small = Scene {
+            blur,
+            ..scene(8.5, [5.0, -10.0, 14.0])
+        };
+        assert_found(&small, 0.03, &format!("small, blur {blur}"));
+    }
+    let uneven = Scene {
+        light: |p| 25.0 + 125.0 * p.x / 256.0,
+        ..scene(24.0, [0.0, 20.0, 0.0])
+    };
+    assert_found(&uneven, 0.012, "uneven light");
+    for turn in [
+        [60.0, 0.0, 0.0],
+        [0.0, 60.0, 10.0],
+        [60.0, 0.0, 45.0],
+        [-42.0, 42.0, 20.0],
+    ] {
+        assert_found(&scene(24.0, turn), 0.012, &format!("tilt {turn:?}"));
+    }
+    let wide = lens(256, 240, [-0.25, 0.1, 1e-3, -1e-3, 0.0]);
+    for turn in [[0.0, 0.0, 0.0], [30.0, 20.0, 70.0]] {
+        assert_found(
+            &Scene {
+                lens: wide,
+                ..scene(30.0, turn)
+            },
+            0.012,
+            "distortion",
+        );
+    }
+}
+
+#[test]
+fn errors_are_those_of_the_noise() {
+    // One frame in poor light, so that noise counts for more than the model.
+    let (mut sum, mut n) = (0.0, 0.0);
+    for seed in 0..6 {
+        let poor = Scene {
+            frames: 1,
+            light: |_| 25.0,
+            seed,
+            blur: 0.8,
+            ..scene(22.0, [10.0, 20.0, 33.0])
+        };
+        let seen = find(&poor.board, &poor.render()).unwrap();
+        let (_, _, whitened) = errors(&poor, &seen);
+        sum += whitened * whitened;
+        n += 1.0;
+    }
+    let ratio = f64::sqrt(sum / n);
+    assert!((0.85..1.3).contains(&ratio), "{ratio}");
+}
+
+#[test]
+fn squares_without_noise_are_exact() {
+    let clean = Scene {
+        frames: 0,
+        blur: 0.7,
+        ..scene(26.0, [8.0, 12.0, 5.0])
+    };
+    assert_found(&clean, 0.002, "no noise");
+}
+
+/// What a picture is refused with.
+fn refusal(board: &Board, picture: &Picture) -> NotFound {
+    match find(board, picture) {
+        Ok(seen) => panic!("{} corners", seen.len()),
+        Err(error) => error,
+    }
+}
+
+fn chess(columns: u32, rows: u32) -> Board {
+    Board::Chess {
+        columns,
+        rows,
+        pitch_mm: 25.0,
+    }
+}
+
+#[test]
+fn another_board_or_part_of_one_is_refused_with_numbers() {
+    let whole = scene(22.0, [12.0, 8.0, 5.0]);
+    let picture = whole.render();
+    for (board, needles) in [
+        (
+            chess(5, 4),
+            ["another board", "30 corners in a grid of 6 x 5", "5 x 4"],
+        ),
+        (
+            chess(6, 4),
+            ["another board", "30 corners in a grid of 6 x 5", "6 x 4"],
+        ),
+        (
+            chess(7, 5),
+            ["part of a board", "30 corners in a grid of 6 x 5", "7 x 5"],
+        ),
+        (chess(6, 2), ["cannot be told", "6 x 2", "3 x 3"]),
+        (chess(0, 9), ["cannot be told", "0 x 9", "3 x 3"]),
+    ] {
+        let message = refusal(&board, &picture).to_string();
+        for needle in needles {
+            assert!(message.contains(needle), "{needle} not in: {message}");
+        }
+    }
+    // Half of it outside of the picture; a hand before a corner.
+    let half = Scene {
+        camera_from_board: Pose::from_xyz_deg(DVec3::new(130.0, 0.0, 700.0), DVec3::ZERO),
+        ..scene(22.0, [0.0; 3])
+    };
+    assert!(matches!(
+        refusal(&BOARD, &half.render()),
+        NotFound::Partial { .. }
+    ));
+    let mut hidden = picture.clone();
+    let corner = whole.truth([2, 2]).round();
+    for (y, x) in (0..14).flat_map(|y| (0..14).map(move |x| (y, x))) {
+        let at = (corner.y as usize + y - 7) * hidden.width + corner.x as usize + x - 7;
+        hidden.level[at] = 20.0;
+    }
+    assert!(matches!(refusal(&BOARD, &hidden), NotFound::Partial { .. }));
+    // What is saturated is not known.
+    for level in hidden.level.iter_mut().filter(|v| **v == 20.0) {
+        *level = f32::NAN;
+    }
+    refusal(&BOARD, &hidden);
+}
+
+#[test]
+fn pictures_without_a_board_are_refused() {
+    let mut random = Random(99);
+    let mut noise = |width: usize, height: usize, size: f64| {
+        let level = (0..width * height).map(|_| (100.0 + size * random.normal()) as f32);
+        Picture {
+            width,
+            height,
+            level: level.collect(),
+            variance: vec![(size * size) as f32; width * height],
+        }
+    };
+    for size in [0.0, 1.0, 40.0] {
+        let picture = noise(320, 240, size);
+        assert!(
+            matches!(refusal(&BOARD, &picture), NotFound::Nothing { .. }),
+            "{size}"
+        );
+    }
+    // Noise that the variances know nothing of.
+    let mut unknown = noise(320, 240, 30.0);
+    unknown.variance.fill(1e-6);
+    refusal(&BOARD, &unknown);
+    for (width, height) in [(0, 0), (1, 1), (3, 200), (9, 9), (17, 33)] {
+        refusal(&BOARD, &noise(width, height, 10.0));
+    }
+    let mut odd = noise(64, 64, 10.0);
+    odd.level.fill(f32::NAN);
+    refusal(&BOARD, &odd);
+    odd.level.fill(f32::INFINITY);
+    odd.variance.fill(f32::NAN);
+    refusal(&BOARD, &odd);
+    odd.level.truncate(7);
+    refusal(&BOARD, &odd);
+    // Dots from 5 to 20 pixels apart.
+    for pitch in [5.0, 7.0, 10.0, 20.0] {
+        let mut dots = noise(300, 240, 0.5);
+        for (i, level) in dots.level.iter_mut().enumerate() {
+            let [x, y] = [i % 300, i / 300].map(|v| (v as f64 / pitch).fract() - 0.5);
+            *level +=
+                (120.0 * (1.0 - ((x.hypot(y) - 0.25) * 6.0).clamp(-1.0, 1.0)) - 60.0).abs() as f32;
+        }
+        refusal(&BOARD, &dots);
+    }
+    assert!(matches!(
+        refusal(&Board::DOTS, &odd),
+        NotFound::Nothing { .. }
+    ));
+}
+
+#[test]
+fn turns_that_look_alike_take_the_uppermost_corner() {
+    // Columns and rows that add up to an even number, and as many of both.
+    for (board, turns) in [
+        (chess(6, 4), [0.0, 20.0, 180.0, 200.0]),
+        (chess(5, 5), [0.0, 90.0, 180.0, 265.0]),
+    ] {
+        for turn in turns {
+            let scene = Scene {
+                board,
+                ..scene(24.0, [10.0, 10.0, turn])
+            };
+            let seen = find(&board, &scene.render()).unwrap();
+            let px = |i: usize| seen[i].px;
+            assert!(px(0).y < px(seen.len() - 1).y);
+            // Each is one of the board's corners, and x, y go round clockwise.
+            for s in &seen {
+                let near = board.indices().map(|i| scene.truth(i).distance(s.px));
+                assert!(near.min_by(f64::total_cmp).is_some_and(|d| d < 0.02));
+            }
+            let [columns, _] = board.grid();
+            let down = px(columns as usize) - px(0);
+            assert!((px(1) - px(0)).perp_dot(down) > 0.0);
+        }
+    }
+}
+
+#[test]
+fn two_boards_are_one_too_many() {
+    let one = scene(16.0, [5.0, 3.0, 10.0]).render();
+    let mut two = one.clone();
+    two.width *= 2;
+    let rows = |v: &[f32]| {
+        v.chunks(one.width)
+            .flat_map(|row| [row, row].concat())
+            .collect()
+    };
+    (two.level, two.variance) = (rows(&one.level), rows(&one.variance));
+    let message = refusal(&BOARD, &two).to_string();
+    assert!(message.contains("2 boards of 6 x 5 corners"), "{message}");
+}
+
+#[test]
+fn large_squares_out_of_focus_are_found_at_half_the_size() {
+    let soft = Scene {
+        lens: lens(720, 600, [0.0; 5]),
+        blur: 7.0,
+        frames: 1,
+        light: |_| 60.0,
+        ..scene(70.0, [20.0, 10.0, 15.0])
+    };
+    assert_found(&soft, 0.1, "out of focus");
+}

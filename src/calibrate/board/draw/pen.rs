@@ -1,0 +1,103 @@
+//! Lines, crosses, arrows and words at places of a picture that may be enlarged.
+
+use crate::measure::font;
+use glam::DVec2;
+use image::{Rgb, RgbImage};
+
+/// What words stand on.
+pub(super) const PAPER: [u8; 3] = [22, 22, 24];
+
+pub(super) struct Pen<'a> {
+    image: &'a mut RgbImage,
+    zoom: f64,
+}
+
+impl<'a> Pen<'a> {
+    pub(super) fn new(image: &'a mut RgbImage, zoom: f64) -> Self {
+        Self { image, zoom }
+    }
+
+    /// Place on the enlarged picture; whole numbers are pixels' centres on both.
+    fn place(&self, px: DVec2) -> DVec2 {
+        (px + 0.5) * self.zoom - 0.5
+    }
+
+    fn dot(&mut self, at: DVec2, colour: [u8; 3]) {
+        let at = at.round();
+        let size = DVec2::new(self.image.width().into(), self.image.height().into());
+        if at.cmpge(DVec2::ZERO).all() && at.cmplt(size).all() {
+            self.image.put_pixel(at.x as u32, at.y as u32, Rgb(colour));
+        }
+    }
+
+    /// A line between two places of the picture; none where an end is far outside of it.
+    pub(super) fn line(&mut self, from: DVec2, to: DVec2, colour: [u8; 3]) {
+        let (from, to) = (self.place(from), self.place(to));
+        let far = 3.0 * f64::from(self.image.width().max(self.image.height()));
+        if !(from.abs().max_element() <= far && to.abs().max_element() <= far) {
+            return;
+        }
+        let steps = (to - from).abs().max_element().ceil().max(1.0);
+        for i in 0..=steps as u32 {
+            self.dot(from.lerp(to, f64::from(i) / steps), colour);
+        }
+    }
+
+    pub(super) fn cross(&mut self, at: DVec2, reach: f64, colour: [u8; 3]) {
+        for arm in [DVec2::X, DVec2::Y] {
+            self.line(at - arm * reach, at + arm * reach, colour);
+        }
+    }
+
+    /// A line three pixels wide with a head.
+    pub(super) fn arrow(&mut self, from: DVec2, to: DVec2, colour: [u8; 3]) {
+        let along = (to - from).normalize_or_zero();
+        let aside = along.perp() / self.zoom;
+        for k in [-1.0, 0.0, 1.0] {
+            self.line(from + aside * k, to + aside * k, colour);
+        }
+        let head = (0.25 * from.distance(to)).clamp(3.0, 12.0);
+        for side in [-0.6, 0.6] {
+            self.line(to, to - (along + along.perp() * side) * head, colour);
+        }
+    }
+
+    /// A word with its middle at a place.
+    pub(super) fn text(&mut self, at: DVec2, text: &str, colour: [u8; 3]) {
+        let dot = (self.image.height() / 240).clamp(1, 4);
+        let (wide, tall) = font::size(text, dot);
+        let corner = self.place(at) - DVec2::new(wide.into(), tall.into()) / 2.0;
+        let size = DVec2::new(self.image.width().into(), self.image.height().into());
+        // The font draws from whole pixels on; what would begin outside is moved to the edge.
+        let corner = corner.max(DVec2::ZERO).round();
+        if corner.cmplt(size).all() {
+            font::draw(
+                self.image,
+                text,
+                (corner.x as u32, corner.y as u32),
+                dot,
+                colour,
+            );
+        }
+    }
+}
+
+/// A word on a dark plate, its upper left corner at (x, y) and the plate two dots beyond.
+pub(super) fn label(
+    image: &mut RgbImage,
+    text: &str,
+    (x, y): (u32, u32),
+    dot: u32,
+    colour: [u8; 3],
+) {
+    let (wide, tall) = font::size(text, dot);
+    let span = |from: u32, length: u32, size: u32| {
+        from.saturating_sub(2 * dot)..from.saturating_add(length + 2 * dot).min(size)
+    };
+    for row in span(y, tall, image.height()) {
+        for column in span(x, wide, image.width()) {
+            image.put_pixel(column, row, Rgb(PAPER));
+        }
+    }
+    font::draw(image, text, (x, y), dot, colour);
+}

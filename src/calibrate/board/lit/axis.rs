@@ -1,0 +1,162 @@
+//! One axis about one point: a plane through what the smooth map leaves.
+//!
+//! The first weights are the biweight's, which a third of wrong pixels does not mislead. Then what
+//! lies within five standard deviations counts in full and the rest not at all: with normal noise
+//! that is least squares, whose covariance is known.
+
+use super::super::biweight::{biweight, scale};
+use super::super::smooth::Smooth;
+use super::cell::Sample;
+use glam::{DMat3, DVec2, DVec3};
+
+/// Fewest pixels of a fit.
+const PIXELS: usize = 12;
+/// Standard deviations within which a pixel counts.
+const KEEP: f64 = 5.0;
+/// The variance at the point over that of a mean of as many pixels, at most: 1 in the middle of
+/// evenly spread pixels, 4 at their edge.
+const UNEVEN: f64 = 4.0;
+/// Rounds of reweighting, then of trimming.
+const ROUNDS: [usize; 2] = [5, 3];
+
+/// A plane over camera pixels, with the covariance of its coefficients.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct AxisFit {
+    middle: DVec2,
+    /// Pixels to the unit of the coefficients.
+    size: f64,
+    terms: DVec3,
+    covariance: DMat3,
+    pub(super) pixels: usize,
+}
+
+/// The plane at a pixel.
+pub(super) struct At {
+    pub(super) value: f64,
+    pub(super) slope: DVec2,
+    pub(super) variance: f64,
+}
+
+struct Row {
+    basis: DVec3,
+    left: f64,
+    /// One over the standard deviation.
+    certainty: f64,
+}
+
+impl AxisFit {
+    /// `None` where the pixels are too few or too uneven about `middle`.
+    pub(super) fn new(
+        middle: DVec2,
+        samples: &[Sample],
+        light: &Smooth,
+        axis: usize,
+    ) -> Option<Self> {
+        if samples.len() < PIXELS {
+            return None;
+        }
+        let reach = |s: &Sample| (s.at - middle).abs().max_element();
+        let size = samples.iter().map(reach).fold(1.0, f64::max);
+        let rows: Vec<Row> = samples
+            .iter()
+            .map(|s| Row {
+                basis: ((s.at - middle) / size).extend(1.0),
+                left: s.value[axis] - light.at(s.at)[axis],
+                certainty: 1.0 / s.sigma[axis],
+            })
+            .collect();
+        let (terms, covariance, kept) = robust(&rows)?;
+        let fit = Self {
+            middle,
+            size,
+            terms,
+            covariance,
+            pixels: kept.len(),
+        };
+        let weight: f64 = kept.iter().map(|&i| rows[i].certainty.powi(2)).sum();
+        let variance = fit.at(middle).variance;
+        (variance * weight <= UNEVEN && variance > 0.0).then_some(fit)
+    }
+
+    /// Value, slope and variance at a pixel.
+    pub(super) fn at(&self, px: DVec2) -> At {
+        let basis = ((px - self.middle) / self.size).extend(1.0);
+        At {
+            value: self.terms.dot(basis),
+            slope: self.terms.truncate() / self.size,
+            variance: basis.dot(self.covariance * basis),
+        }
+    }
+}
+
+/// Coefficients, covariance and which rows counted.
+fn robust(rows: &[Row]) -> Option<(DVec3, DMat3, Vec<usize>)> {
+    let residuals = |terms: DVec3| -> Vec<f64> {
+        rows.iter()
+            .map(|r| (r.left - terms.dot(r.basis)) * r.certainty)
+            .collect()
+    };
+    // From the median, so that a fit through wrong pixels is never where it starts.
+    let mut lefts: Vec<f64> = rows.iter().map(|r| r.left).collect();
+    let half = lefts.len() / 2;
+    let median = *lefts.select_nth_unstable_by(half, f64::total_cmp).1;
+    let mut terms = DVec3::new(0.0, 0.0, median);
+    let mut spread = 1.0f64;
+    for _ in 0..ROUNDS[0] {
+        let off = residuals(terms);
+        let sizes: Vec<f64> = off.iter().map(|r| r.abs()).collect();
+        spread = scale(&sizes).max(1.0);
+        let weights = off.iter().map(|r| biweight(r / spread));
+        (terms, _) = solve(rows.iter().zip(weights))?;
+    }
+    let mut kept = Vec::new();
+    let mut covariance = DMat3::ZERO;
+    for _ in 0..ROUNDS[1] {
+        let off = residuals(terms);
+        kept = (0..rows.len())
+            .filter(|&i| off[i].abs() <= KEEP * spread)
+            .collect();
+        if kept.len() < PIXELS.max(rows.len() / 2) {
+            return None;
+        }
+        (terms, covariance) = solve(kept.iter().map(|&i| (&rows[i], 1.0)))?;
+    }
+    let squares: f64 = residuals(terms)
+        .iter()
+        .enumerate()
+        .filter(|(i, _)| kept.binary_search(i).is_ok())
+        .map(|(_, r)| r * r)
+        .sum();
+    let freedom = (kept.len() - 3) as f64;
+    let ratio = squares / freedom;
+    // Three standard deviations of a chi-square distribution over its mean: more is not chance.
+    let chance = 1.0 + 3.0 * (2.0 / freedom).sqrt();
+    Some((
+        terms,
+        covariance * if ratio > chance { ratio } else { 1.0 },
+        kept,
+    ))
+}
+
+/// Weighted least squares and its covariance.
+fn solve<'a>(rows: impl Iterator<Item = (&'a Row, f64)>) -> Option<(DVec3, DMat3)> {
+    let (mut normal, mut right) = (DMat3::ZERO, DVec3::ZERO);
+    for (row, weight) in rows {
+        let weight = weight * row.certainty.powi(2);
+        let basis = row.basis * weight;
+        normal += DMat3::from_cols(
+            basis * row.basis.x,
+            basis * row.basis.y,
+            basis * row.basis.z,
+        );
+        right += basis * row.left;
+    }
+    // Scale-free: the determinant over its largest possible value.
+    let diagonal = normal.x_axis.x * normal.y_axis.y * normal.z_axis.z;
+    if !(normal.determinant() > 1e-9 * diagonal) {
+        return None;
+    }
+    let covariance = normal.inverse();
+    let terms = covariance * right;
+    (terms.is_finite() && covariance.is_finite()).then_some((terms, covariance))
+}

@@ -1,0 +1,152 @@
+//! The decoded pixels of a point's cell of the board, without those that an outline crosses.
+
+use super::super::Seen;
+use super::super::smooth::Smooth;
+use crate::decode::{AxisMap, Decoded, Verdict};
+use crate::geometry::Board;
+use glam::{DMat2, DVec2};
+
+/// Camera pixels between an outline and the square of a pixel that counts: blur reaches that far.
+const MARGIN_PX: f64 = 1.0;
+/// Half the side of a cell in camera pixels at most, where dots leave that much: the plane of a fit
+/// is meant for no larger one.
+const HALF_PX: f64 = 16.0;
+/// Pixels that a cell gives at most.
+const PIXELS: f64 = 4096.0;
+
+/// One pixel, decoded on both axes.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Sample {
+    /// Its middle in camera pixels.
+    pub(super) at: DVec2,
+    /// Projector column and row, in pixels.
+    pub(super) value: [f64; 2],
+    /// Their standard deviations.
+    pub(super) sigma: [f64; 2],
+    /// Whether it lies on ink.
+    pub(super) ink: bool,
+}
+
+/// Where cells lie and what was decoded.
+pub(super) struct Cells<'a> {
+    board: &'a Board,
+    camera: &'a Smooth,
+    decoded: &'a Decoded,
+    axes: [&'a AxisMap; 2],
+}
+
+impl<'a> Cells<'a> {
+    /// `None` where the sequence does not resolve both axes.
+    pub(super) fn new(board: &'a Board, camera: &'a Smooth, decoded: &'a Decoded) -> Option<Self> {
+        let pixels = decoded.width.checked_mul(decoded.height)?;
+        let resolved = |map: &'a Option<AxisMap>| {
+            map.as_ref().filter(|m| {
+                let whole = [m.coordinate.len(), m.sigma.len(), m.verdict.len()] == [pixels; 3];
+                m.wrapped_px.is_none() && whole
+            })
+        };
+        Some(Self {
+            board,
+            camera,
+            decoded,
+            axes: [resolved(&decoded.x)?, resolved(&decoded.y)?],
+        })
+    }
+
+    /// The pixels of one point's cell.
+    pub(super) fn samples(&self, seen: &Seen) -> Vec<Sample> {
+        let middle = self.board.point(seen.index);
+        let px_per_mm = self.camera.slope(middle);
+        let mm_per_px = px_per_mm.inverse();
+        if !mm_per_px.is_finite() || !seen.px.is_finite() {
+            return Vec::new();
+        }
+        let half_mm = self.half_mm(seen.index, px_per_mm);
+        // The cell's corners in the picture, and a pixel for its curvature.
+        let reach = (px_per_mm.x_axis.abs() + px_per_mm.y_axis.abs()) * half_mm + 1.0;
+        let size = DVec2::new(self.decoded.width as f64, self.decoded.height as f64);
+        let low = (seen.px - reach).ceil().max(DVec2::ZERO);
+        let high = (seen.px + reach).floor().min(size - 1.0);
+        if !(low.cmple(high).all()) {
+            return Vec::new();
+        }
+        let area = (high - low + 1.0).element_product();
+        let stride = (area / PIXELS).sqrt().ceil().max(1.0) as usize;
+        let mut samples = Vec::new();
+        for v in (low.y as usize..=high.y as usize).step_by(stride) {
+            for u in (low.x as usize..=high.x as usize).step_by(stride) {
+                let at = DVec2::new(u as f64, v as f64);
+                let linear = middle + mm_per_px * (at - seen.px);
+                let mm = linear + mm_per_px * (at - self.camera.at(linear));
+                if ((mm - middle).abs().max_element() > half_mm) || self.crossed(mm, mm_per_px) {
+                    continue;
+                }
+                samples.extend(self.sample(v * self.decoded.width + u, at, mm));
+            }
+        }
+        samples
+    }
+
+    /// Half the side of a cell: half a pitch, or less where that is many pixels.
+    fn half_mm(&self, index: [u32; 2], px_per_mm: DMat2) -> f64 {
+        let scale = px_per_mm.x_axis.length().max(px_per_mm.y_axis.length());
+        let needed = (2.0 * self.board.radius_mm(index)).max(HALF_PX / scale);
+        needed.min(self.board.pitch_mm() / 2.0)
+    }
+
+    fn sample(&self, i: usize, at: DVec2, mm: DVec2) -> Option<Sample> {
+        let value = self.axes.map(|map| f64::from(map.coordinate[i]));
+        let sigma = self.axes.map(|map| f64::from(map.sigma[i]));
+        let valid = self.axes.iter().all(|map| map.verdict[i] == Verdict::Valid);
+        let known =
+            value.iter().all(|v| v.is_finite()) && sigma.iter().all(|&s| s > 0.0 && s.is_finite());
+        (valid && known).then(|| Sample {
+            at,
+            value,
+            sigma,
+            ink: self.on_ink(mm),
+        })
+    }
+
+    /// Distance in millimetres to the nearest outline, negative within a dot, and its gradient; of a
+    /// chessboard both families of edges.
+    fn outlines(&self, mm: DVec2) -> [(f64, DVec2); 2] {
+        let index = self.nearest(mm);
+        let from = mm - self.board.point(index);
+        match self.board {
+            Board::Dots { .. } => {
+                let away = from.length();
+                let distance = away - self.board.radius_mm(index);
+                [(distance, from.normalize_or(DVec2::X)); 2]
+            }
+            Board::Chess { .. } => [(from.x, DVec2::X), (from.y, DVec2::Y)],
+        }
+    }
+
+    /// Whether the pixel's square, or the margin about it, meets an outline.
+    fn crossed(&self, mm: DVec2, mm_per_px: DMat2) -> bool {
+        self.outlines(mm).iter().any(|&(distance, gradient)| {
+            // By camera pixels; a square reaches half a pixel along both axes.
+            let by_px = mm_per_px.transpose() * gradient;
+            let square = 0.5 * (by_px.x.abs() + by_px.y.abs());
+            !(distance.abs() > square + MARGIN_PX * by_px.length())
+        })
+    }
+
+    fn on_ink(&self, mm: DVec2) -> bool {
+        match self.board {
+            Board::Dots { .. } => self.outlines(mm)[0].0 < 0.0,
+            // Which squares are black does not matter to the fit that asks.
+            Board::Chess { .. } => false,
+        }
+    }
+
+    /// The grid's point that is nearest, as far as the grid goes.
+    fn nearest(&self, mm: DVec2) -> [u32; 2] {
+        let first = self.board.point([0, 0]);
+        let at = ((mm - first) / self.board.pitch_mm()).round();
+        let [columns, rows] = self.board.grid();
+        let clamp = |v: f64, n: u32| v.clamp(0.0, f64::from(n.saturating_sub(1))) as u32;
+        [clamp(at.x, columns), clamp(at.y, rows)]
+    }
+}

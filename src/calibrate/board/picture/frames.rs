@@ -1,0 +1,246 @@
+//! One picture from the frames of a sequence.
+//!
+//! Frames are put together in groups whose mean does not depend on where the projector's pixels lie:
+//! the mean A of a fringe set by least squares over its steps ([`FringeSet`]), a Gray bit with its
+//! complement, white, and black, which ambient light fills. Each group sees the same board under
+//! light of its own strength, s, with a variance v; the sum with weights proportional to s / v has
+//! the least noise for its signal (maximal ratio combining; Brennan, "Linear diversity combining
+//! techniques", Proc. IRE 47, 1959). The weights are the same for all pixels, so that the sum stays
+//! linear in light.
+
+use super::Picture;
+use crate::decode::{FrameStack, FringeSet, Samples};
+use crate::error::{Error, Result};
+use crate::geometry::NoiseModel;
+use crate::pattern::{Axis, Manifest, Pattern};
+use rayon::prelude::*;
+
+/// Pixels that the groups' strengths are taken from.
+const LOOKED_AT: usize = 40_000;
+
+/// Frames and their weights, which sum to 1.
+struct Group {
+    frames: Vec<(usize, f64)>,
+}
+
+impl Picture {
+    /// The picture that all frames of a sequence make together whose light does not depend on the
+    /// projector's pixels: complete fringe sets, Gray bits with their complements, white and black
+    /// frames. Frames that were not loaded (empty) are left out, and so are images, and fringes or
+    /// bits that are not complete. A single photograph is a sequence of one white.
+    ///
+    /// # Errors
+    /// Frames that are not the manifest's, a sequence without such a group, or frames that are
+    /// saturated everywhere.
+    pub fn from_frames(
+        manifest: &Manifest,
+        stack: &FrameStack<'_>,
+        noise: &NoiseModel,
+    ) -> Result<Self> {
+        if stack.frames().len() != manifest.frame.len() {
+            return Err(Error::input(
+                "frames",
+                format!("{} of them", stack.frames().len()),
+                format!("the sequence's {}", manifest.frame.len()),
+            ));
+        }
+        let groups = groups(manifest, stack);
+        if groups.is_empty() || stack.width() * stack.height() == 0 {
+            let sizes = (stack.width(), stack.height(), manifest.frame.len());
+            return Err(Error::input(
+                "sequence",
+                format!(
+                    "no frame that shows a board, of {} frames of {} x {} pixels",
+                    sizes.2, sizes.0, sizes.1
+                ),
+                "a white frame, 3 or more steps of a fringe, or a Gray bit with its complement",
+            ));
+        }
+        let strengths = strengths(&groups, stack, noise).ok_or_else(|| {
+            Error::input(
+                "frames",
+                format!(
+                    "every pixel at {} or more in some frame",
+                    noise.saturation_dn
+                ),
+                "pixels that are not saturated: a shorter exposure",
+            )
+        })?;
+        Ok(combine(&groups, &strengths, stack, noise))
+    }
+}
+
+/// The sequence's groups.
+fn groups(manifest: &Manifest, stack: &FrameStack<'_>) -> Vec<Group> {
+    let mut groups = Vec::new();
+    let mut fringes: Vec<(Axis, f64, Vec<usize>, Vec<f64>)> = Vec::new();
+    let mut bits: Vec<(Axis, f64, u32, [Vec<usize>; 2])> = Vec::new();
+    for (i, frame) in manifest.frame.iter().enumerate() {
+        if stack.frames()[i].is_empty() {
+            continue;
+        }
+        match frame.pattern {
+            Pattern::Fringe {
+                axis,
+                period_px,
+                phase_rad,
+            } => {
+                let near =
+                    |g: &(Axis, f64, _, _)| g.0 == axis && (g.1 / period_px - 1.0).abs() < 1e-6;
+                let at = fringes.iter().position(near).unwrap_or_else(|| {
+                    fringes.push((axis, period_px, Vec::new(), Vec::new()));
+                    fringes.len() - 1
+                });
+                fringes[at].2.push(i);
+                fringes[at].3.push(phase_rad);
+            }
+            Pattern::Gray {
+                axis,
+                cell_px,
+                bit,
+                inverted,
+                ..
+            } => {
+                let same = |g: &(Axis, f64, u32, _)| g.0 == axis && g.1 == cell_px && g.2 == bit;
+                let at = bits.iter().position(same).unwrap_or_else(|| {
+                    bits.push((axis, cell_px, bit, [Vec::new(), Vec::new()]));
+                    bits.len() - 1
+                });
+                bits[at].3[usize::from(inverted)].push(i);
+            }
+            Pattern::White {} | Pattern::Black {} => groups.push(Group {
+                frames: vec![(i, 1.0)],
+            }),
+            Pattern::Image { .. } => {}
+        }
+    }
+    for (axis, period, frames, phases) in fringes {
+        // Steps that cannot tell the mean from the fringe are no use here.
+        if let Ok(set) = FringeSet::new(&format!("axis {axis}"), period, frames, phases) {
+            let weights = set.weights.iter().map(|w| w[0]);
+            groups.push(Group {
+                frames: set.frames.iter().copied().zip(weights).collect(),
+            });
+        }
+    }
+    for (_, _, _, [plain, inverse]) in bits {
+        let pairs = plain.into_iter().zip(inverse);
+        groups.extend(pairs.map(|(p, q)| Group {
+            frames: vec![(p, 0.5), (q, 0.5)],
+        }));
+    }
+    groups
+}
+
+/// Each group's weight in the sum, 1 together; `None` where no pixel is free of saturation.
+fn strengths(groups: &[Group], stack: &FrameStack<'_>, noise: &NoiseModel) -> Option<Vec<f64>> {
+    let pixels = stack.width() * stack.height();
+    let mut sums = vec![0.0; groups.len()];
+    let mut count = 0.0;
+    let mut means = vec![0.0; groups.len()];
+    // Where few pixels are free of saturation, a stride may miss them all.
+    for stride in [(pixels / LOOKED_AT).max(1), 1] {
+        'pixels: for i in (0..pixels).step_by(stride) {
+            for (mean, group) in means.iter_mut().zip(groups) {
+                *mean = 0.0;
+                for &(frame, weight) in &group.frames {
+                    let dn = sample(stack.frames()[frame], i);
+                    if dn >= noise.saturation_dn {
+                        continue 'pixels;
+                    }
+                    *mean += weight * dn;
+                }
+            }
+            count += 1.0;
+            sums.iter_mut().zip(&means).for_each(|(s, m)| *s += m);
+        }
+        if count > 0.0 {
+            break;
+        }
+    }
+    if count == 0.0 {
+        return None;
+    }
+    let weights: Vec<f64> = groups
+        .iter()
+        .zip(sums)
+        .map(|(group, sum)| {
+            let mean = sum / count;
+            (mean - noise.black_level_dn).max(0.0) / (spread(group) * noise.variance_dn2(mean))
+        })
+        .collect();
+    let total: f64 = weights.iter().sum();
+    Some(if total > 0.0 && total.is_finite() {
+        weights.iter().map(|w| w / total).collect()
+    } else {
+        // In the dark any weights do.
+        vec![1.0 / groups.len() as f64; groups.len()]
+    })
+}
+
+/// Variance of a group's mean by a sample's.
+fn spread(group: &Group) -> f64 {
+    group.frames.iter().map(|(_, w)| w * w).sum()
+}
+
+fn sample(samples: Samples<'_>, i: usize) -> f64 {
+    match samples {
+        Samples::U8(s) => f64::from(s[i]),
+        Samples::U16(s) => f64::from(s[i]),
+    }
+}
+
+fn combine(
+    groups: &[Group],
+    strengths: &[f64],
+    stack: &FrameStack<'_>,
+    noise: &NoiseModel,
+) -> Picture {
+    let (width, height) = (stack.width(), stack.height());
+    let mut level = vec![0.0_f32; width * height];
+    let mut variance = vec![0.0_f32; width * height];
+    let rows = level
+        .par_chunks_mut(width)
+        .zip(variance.par_chunks_mut(width));
+    rows.enumerate().for_each(|(row, (level, variance))| {
+        let span = row * width..(row + 1) * width;
+        let (black, saturation) = (noise.black_level_dn as f32, noise.saturation_dn as f32);
+        let mut mean = vec![0.0_f32; width];
+        for (group, &strength) in groups.iter().zip(strengths) {
+            mean.fill(-black);
+            for &(frame, weight) in &group.frames {
+                let weight = weight as f32;
+                let add = |(sum, dn): (&mut f32, f32)| {
+                    *sum += if dn >= saturation {
+                        f32::NAN
+                    } else {
+                        weight * dn
+                    };
+                };
+                match stack.frames()[frame] {
+                    Samples::U8(s) => mean
+                        .iter_mut()
+                        .zip(s[span.clone()].iter().map(|&v| f32::from(v)))
+                        .for_each(add),
+                    Samples::U16(s) => mean
+                        .iter_mut()
+                        .zip(s[span.clone()].iter().map(|&v| f32::from(v)))
+                        .for_each(add),
+                }
+            }
+            let share = (strength * strength * spread(group)) as f32;
+            let floor = noise.variance_dn2(noise.black_level_dn) as f32;
+            let (strength, gain) = (strength as f32, noise.gain_dn_per_e as f32);
+            for ((level, variance), mean) in level.iter_mut().zip(variance.iter_mut()).zip(&mean) {
+                *level += strength * mean;
+                *variance += share * (floor + gain * mean.max(0.0));
+            }
+        }
+    });
+    Picture {
+        width,
+        height,
+        level,
+        variance,
+    }
+}

@@ -1,0 +1,199 @@
+//! A rig from named matrices.
+
+use super::Sizes;
+use super::node::{Fault, Node, Nodes, Value, names};
+use crate::geometry::{Lens, Pose, Rig, View};
+use glam::{DMat3, DVec2, DVec3};
+
+/// How far a rotation may be from one and still be meant as one: numbers of few digits.
+const WORST_ROTATION: f64 = 1e-4;
+
+/// Puts a rig together. Its frame is the camera's.
+///
+/// # Errors
+/// What is missing, and matrices that are not what their names say.
+pub(super) fn rig(nodes: &Nodes, sizes: Sizes) -> Result<Rig, Fault> {
+    let camera = View {
+        lens: lens(
+            nodes,
+            "camera",
+            names::CAMERA,
+            names::CAMERA_LENS,
+            [names::CAMERA_WIDTH, names::CAMERA_HEIGHT],
+            sizes.camera,
+        )?,
+        rig_from_view: Pose::IDENTITY,
+    };
+    let projector_lens = lens(
+        nodes,
+        "projector",
+        names::PROJECTOR,
+        names::PROJECTOR_LENS,
+        [names::PROJECTOR_WIDTH, names::PROJECTOR_HEIGHT],
+        sizes.projector,
+    )?;
+    let projector_from_camera = Pose {
+        rotation: rotation(need(nodes, names::ROTATION)?)?,
+        translation_mm: {
+            let node = need(nodes, names::TRANSLATION)?;
+            let [x, y, z] = *fixed::<3>(node, "3 numbers")?;
+            DVec3::new(x, y, z)
+        },
+    };
+    Ok(Rig {
+        camera,
+        projector: View {
+            lens: projector_lens,
+            rig_from_view: projector_from_camera.inverse(),
+        },
+        noise: None,
+    })
+}
+
+/// A lens from its matrix, its coefficients (none: no distortion) and its image's size.
+fn lens(
+    nodes: &Nodes,
+    who: &str,
+    matrix: &[&str],
+    distortion: &[&str],
+    size: [&[&str]; 2],
+    given: Option<[u32; 2]>,
+) -> Result<Lens, Fault> {
+    let node = need(nodes, matrix)?;
+    let k = *square(node)?;
+    let [fx, skew, cx, zero, fy, cy, a, b, one_] = k;
+    let straight = skew.abs() <= 1e-9 * fx.abs() && [zero, a, b, one_] == [0.0, 0.0, 0.0, 1.0];
+    if !straight {
+        return Err(Fault::new(
+            node.line,
+            format!("{}: {k:?}", node.name),
+            "fx 0 cx, 0 fy cy, 0 0 1: a camera matrix without skew",
+        ));
+    }
+    let distortion = match nodes.get(distortion)? {
+        Some(node) => coefficients(node)?,
+        None => [0.0; 5],
+    };
+    let [width, height] = size.map(|names| pixels(nodes, names));
+    let [width_px, height_px] = match (width?, height?, given) {
+        (Some(width), Some(height), _) => [width, height],
+        (_, _, Some(size)) => size,
+        _ => {
+            return Err(Fault::new(
+                0,
+                format!("no image size of the {who}"),
+                format!(
+                    "{} and {}, or {} and {}; decode takes those of the photographs and the manifest",
+                    size[0][0], size[1][0], size[0][1], size[1][1]
+                ),
+            ));
+        }
+    };
+    Ok(Lens {
+        width_px,
+        height_px,
+        focal_px: DVec2::new(fx, fy),
+        principal_px: DVec2::new(cx, cy),
+        distortion,
+    })
+}
+
+/// OpenCV's k1 k2 p1 p2 (k3 (k4 k5 k6 (s1 s2 s3 s4 (tx ty)))), of which this lens has five.
+fn coefficients(node: &Node) -> Result<[f64; 5], Fault> {
+    let list = node.value.numbers();
+    let wrong = |found: String| {
+        let allowed = "k1 k2 p1 p2 or k1 k2 p1 p2 k3, and zeros after them";
+        Err(Fault::new(
+            node.line,
+            format!("{}: {found}", node.name),
+            allowed,
+        ))
+    };
+    if ![0, 4, 5, 8, 12, 14].contains(&list.len()) {
+        return wrong(format!("{} numbers", list.len()));
+    }
+    if list.iter().skip(5).any(|&k| k != 0.0) {
+        return wrong(format!("a model of {} coefficients", list.len()));
+    }
+    let mut five = [0.0; 5];
+    five.iter_mut().zip(list).for_each(|(to, from)| *to = *from);
+    Ok(five)
+}
+
+/// A rotation, of which few digits may be written: the nearest true one.
+fn rotation(node: &Node) -> Result<DMat3, Fault> {
+    let found = DMat3::from_cols_slice(square(node)?).transpose();
+    let away = |r: DMat3| {
+        let off = r * r.transpose() - DMat3::IDENTITY;
+        let off = off.to_cols_array();
+        off.iter().fold(0.0, |worst: f64, x| worst.max(x.abs()))
+    };
+    // Negated, so that NaN is refused.
+    if !(away(found) <= WORST_ROTATION && found.determinant() > 0.0) {
+        return Err(Fault::new(
+            node.line,
+            format!(
+                "{}: a matrix {:.1e} away from a rotation",
+                node.name,
+                away(found)
+            ),
+            format!("orthonormal rows to {WORST_ROTATION:e}, determinant +1"),
+        ));
+    }
+    // Newton's iteration to the orthogonal factor (Higham, SIAM J. Sci. Stat. Comput. 7 (1986),
+    // equation 3.5); where the matrix is one to rounding, its digits stay as they are.
+    let mut nearest = found;
+    for _ in 0..4 {
+        if away(nearest) < 1e-14 {
+            break;
+        }
+        nearest = (nearest + nearest.inverse().transpose()) * 0.5;
+    }
+    Ok(nearest)
+}
+
+fn need<'a>(nodes: &'a Nodes, names: &[&str]) -> Result<&'a Node, Fault> {
+    nodes
+        .get(names)?
+        .ok_or_else(|| Fault::new(0, format!("no {}", names[0]), names.join(", or ")))
+}
+
+/// The nine numbers of a 3 x 3 matrix.
+fn square(node: &Node) -> Result<&[f64; 9], Fault> {
+    match node.value {
+        Value::Matrix { rows, cols, .. } if (rows, cols) != (3, 3) => Err(Fault::new(
+            node.line,
+            format!("{}: {rows} x {cols}", node.name),
+            "3 x 3",
+        )),
+        _ => fixed(node, "3 x 3 numbers"),
+    }
+}
+
+fn fixed<'a, const N: usize>(node: &'a Node, wanted: &str) -> Result<&'a [f64; N], Fault> {
+    let list = node.value.numbers();
+    let found = |found: String| Fault::new(node.line, format!("{}: {found}", node.name), wanted);
+    let numbers = list
+        .try_into()
+        .map_err(|_| found(format!("{} numbers", list.len())))?;
+    match list.iter().find(|x| !x.is_finite()) {
+        Some(x) => Err(found(x.to_string())),
+        None => Ok(numbers),
+    }
+}
+
+/// A number of pixels; 0, as SLStudio writes what it does not know, is none.
+fn pixels(nodes: &Nodes, names: &[&str]) -> Result<Option<u32>, Fault> {
+    let Some(node) = nodes.get(names)? else {
+        return Ok(None);
+    };
+    match *node.value.numbers() {
+        [0.0] => Ok(None),
+        [n] if n.fract() == 0.0 && (1.0..=32768.0).contains(&n) => Ok(Some(n as u32)),
+        _ => Err(Fault::new(
+            node.line,
+            format!("{}: {:?}", node.name, node.value.numbers().first()),
+            "1 to 32768 pixels",
+        )),
+    }
+}

@@ -1,0 +1,223 @@
+//! What the foreign formats have in common: named numbers and matrices, and where they stand.
+
+use super::number::number;
+use crate::geometry::file;
+
+/// Something wrong, on a line of the file (0: nowhere in particular).
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Fault {
+    pub line: usize,
+    pub found: String,
+    pub allowed: String,
+}
+
+impl Fault {
+    pub(super) fn new(
+        line: usize,
+        found: impl std::fmt::Display,
+        allowed: impl std::fmt::Display,
+    ) -> Self {
+        Self {
+            line,
+            found: found.to_string(),
+            allowed: allowed.to_string(),
+        }
+    }
+}
+
+/// Numbers of a node.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) enum Value {
+    /// One number, or several in a row.
+    List(Vec<f64>),
+    /// A matrix row by row; `cols` counts the channels of an element as columns of their own.
+    Matrix {
+        rows: usize,
+        cols: usize,
+        data: Vec<f64>,
+    },
+}
+
+impl Value {
+    /// The numbers, row by row.
+    pub(super) fn numbers(&self) -> &[f64] {
+        match self {
+            Self::List(data) | Self::Matrix { data, .. } => data,
+        }
+    }
+}
+
+/// A named node.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Node {
+    pub name: &'static str,
+    pub line: usize,
+    pub value: Value,
+}
+
+/// The nodes of a file that a calibration may be made of. A file may hold anything besides: what
+/// has another name is not kept, nor looked at.
+#[derive(Debug, Default)]
+pub(super) struct Nodes(Vec<Node>);
+
+impl Nodes {
+    /// Keeps a node if its name is one of [`names::ALL`].
+    ///
+    /// # Errors
+    /// A name for the second time, and what `value` finds wrong.
+    pub(super) fn add(
+        &mut self,
+        name: &str,
+        line: usize,
+        value: impl FnOnce() -> Result<Value, Fault>,
+    ) -> Result<(), Fault> {
+        let Some(name) = names::ALL.iter().copied().flatten().find(|n| **n == name) else {
+            return Ok(());
+        };
+        if let Some(first) = self.0.iter().find(|node| node.name == *name) {
+            let found = format!("{name} once more, after line {}", first.line);
+            return Err(Fault::new(line, found, "each name once"));
+        }
+        let value = value().map_err(|fault| Fault {
+            found: format!("{name}: {}", fault.found),
+            ..fault
+        })?;
+        self.0.push(Node { name, line, value });
+        Ok(())
+    }
+
+    /// The node of any of these names that say the same; `None` without one.
+    ///
+    /// # Errors
+    /// Two that differ.
+    pub(super) fn get(&self, names: &[&str]) -> Result<Option<&Node>, Fault> {
+        let mut found = self.0.iter().filter(|node| names.contains(&node.name));
+        let Some(first) = found.next() else {
+            return Ok(None);
+        };
+        match found.find(|other| other.value.numbers() != first.value.numbers()) {
+            None => Ok(Some(first)),
+            Some(other) => Err(Fault::new(
+                other.line,
+                format!(
+                    "{} that is not {} of line {}",
+                    other.name, first.name, first.line
+                ),
+                "the same numbers, or one of the two",
+            )),
+        }
+    }
+}
+
+/// Names of nodes: ours, SLStudio's, and those of other tools around OpenCV.
+pub(super) mod names {
+    pub const CAMERA: &[&str] = &["camera_matrix", "Kc", "cam_K", "M1"];
+    pub const CAMERA_LENS: &[&str] = &["distortion_coefficients", "kc", "cam_kc", "D1"];
+    pub const PROJECTOR: &[&str] = &["projector_matrix", "Kp", "proj_K", "M2"];
+    pub const PROJECTOR_LENS: &[&str] =
+        &["projector_distortion_coefficients", "kp", "proj_kc", "D2"];
+    pub const ROTATION: &[&str] = &["R", "Rp"];
+    pub const TRANSLATION: &[&str] = &["T", "Tp"];
+    pub const CAMERA_WIDTH: &[&str] = &["image_width", "frameWidth", "frame_width"];
+    pub const CAMERA_HEIGHT: &[&str] = &["image_height", "frameHeight", "frame_height"];
+    pub const PROJECTOR_WIDTH: &[&str] = &["projector_width", "screenResX", "screen_res_x"];
+    pub const PROJECTOR_HEIGHT: &[&str] = &["projector_height", "screenResY", "screen_res_y"];
+    /// All of them.
+    pub const ALL: &[&[&str]] = &[
+        CAMERA,
+        CAMERA_LENS,
+        PROJECTOR,
+        PROJECTOR_LENS,
+        ROTATION,
+        TRANSLATION,
+        CAMERA_WIDTH,
+        CAMERA_HEIGHT,
+        PROJECTOR_WIDTH,
+        PROJECTOR_HEIGHT,
+    ];
+}
+
+/// A stretch of text and the line that it begins on.
+pub(super) type Piece<'a> = (usize, &'a str);
+
+/// The numbers of pieces of text, apart by white space and commas.
+pub(super) fn numbers(pieces: &[Piece<'_>]) -> Result<Vec<f64>, Fault> {
+    let mut found = Vec::new();
+    for &(first, text) in pieces {
+        for (at, line) in text.lines().enumerate() {
+            let words = line.split(|c: char| c == ',' || c.is_whitespace());
+            for word in words.filter(|word| !word.is_empty()) {
+                let value =
+                    number(word).ok_or_else(|| Fault::new(first + at, quoted(word), "a number"))?;
+                found.push(value);
+            }
+        }
+    }
+    Ok(found)
+}
+
+/// The fields of an `opencv-matrix`, each with its line.
+#[derive(Debug, Default)]
+pub(super) struct Fields<'a> {
+    pub rows: Option<Piece<'a>>,
+    pub cols: Option<Piece<'a>>,
+    pub dt: Option<Piece<'a>>,
+    pub data: Option<Vec<Piece<'a>>>,
+}
+
+impl Fields<'_> {
+    /// The matrix of a node on `line`.
+    pub(super) fn matrix(&self, line: usize) -> Result<Value, Fault> {
+        let count = |field: Option<Piece<'_>>, name| {
+            let (line, text) = field
+                .ok_or_else(|| Fault::new(line, format!("no {name}"), "rows, cols, dt, data"))?;
+            text.trim()
+                .parse::<u32>()
+                .ok()
+                .map(|n| n as usize)
+                .ok_or_else(|| {
+                    let found = format!("{name}: {}", quoted(text.trim()));
+                    Fault::new(line, found, "a whole number")
+                })
+        };
+        let (rows, cols) = (count(self.rows, "rows")?, count(self.cols, "cols")?);
+        let channels = match self.dt {
+            None => 1,
+            Some((line, text)) => channels(text).ok_or_else(|| {
+                let found = format!("dt: {}", quoted(text.trim()));
+                Fault::new(line, found, "a type such as d or f")
+            })?,
+        };
+        let pieces = self
+            .data
+            .as_ref()
+            .ok_or_else(|| Fault::new(line, "no data", "rows, cols, dt, data"))?;
+        let data = numbers(pieces)?;
+        let cols = cols.saturating_mul(channels);
+        if rows.saturating_mul(cols) != data.len() {
+            return Err(Fault::new(
+                line,
+                format!("{} numbers", data.len()),
+                format!("{rows} x {cols}, as rows, cols and dt say"),
+            ));
+        }
+        Ok(Value::Matrix { rows, cols, data })
+    }
+}
+
+/// Channels of OpenCV's element type: a count (absent: 1) and a letter.
+fn channels(dt: &str) -> Option<usize> {
+    let dt = dt.trim().trim_matches('"');
+    let digits = dt.trim_end_matches(|c: char| "ucwsifdhIUL".contains(c));
+    (dt.len() == digits.len() + 1)
+        .then(|| match digits {
+            "" => Some(1),
+            _ => digits.parse().ok().filter(|n| (1..=512).contains(n)),
+        })
+        .flatten()
+}
+
+/// A word for a message: its beginning, printable.
+pub(super) fn quoted(word: &str) -> String {
+    file::quoted(word.as_bytes())
+}

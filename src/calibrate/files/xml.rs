@@ -1,0 +1,220 @@
+//! OpenCV's dialect of XML: elements in `<opencv_storage>`, of which those with
+//! `type_id="opencv-matrix"` hold `rows`, `cols`, `dt` and `data`, and those without hold numbers.
+//! Anything else is passed over; declarations of document types are refused.
+
+use super::node::{Fault, Fields, Nodes, Piece, Value, numbers, quoted};
+
+/// Elements in elements.
+const MAX_DEPTH: usize = 64;
+
+/// The nodes of a text.
+///
+/// # Errors
+/// Tags that do not match, or another root than OpenCV's.
+pub(super) fn parse(text: &str) -> Result<Nodes, Fault> {
+    let mut reader = Reader {
+        rest: text,
+        line: 1,
+    };
+    let mut nodes = Nodes::default();
+    // The elements that are open, outermost first, and the node being read.
+    let mut open: Vec<&str> = Vec::new();
+    let mut element = Element::default();
+    let mut rooted = false;
+    while let Some((line, event)) = reader.next()? {
+        match event {
+            Event::Open {
+                name,
+                attributes,
+                empty,
+            } => {
+                match open.len() {
+                    0 if rooted || name != "opencv_storage" => {
+                        let found = format!("<{}>", quoted(name));
+                        return Err(Fault::new(line, found, "one <opencv_storage>"));
+                    }
+                    0 => rooted = true,
+                    1 => element = Element::new(line, attributes),
+                    MAX_DEPTH.. => {
+                        let found = "elements in elements in elements";
+                        return Err(Fault::new(line, found, format!("up to {MAX_DEPTH} levels")));
+                    }
+                    _ => element.has_children = true,
+                }
+                open.push(name);
+                if empty {
+                    close(&mut open, name, line, &mut element, &mut nodes)?;
+                }
+            }
+            Event::Close(name) => close(&mut open, name, line, &mut element, &mut nodes)?,
+            Event::Text(text) => match (open.len(), open.last()) {
+                (2, _) => element.text.push((line, text)),
+                (3, Some(&name)) => element.field(name, (line, text)),
+                (0, _) if !text.trim().is_empty() => {
+                    return Err(Fault::new(
+                        line,
+                        quoted(text.trim()),
+                        "one <opencv_storage>",
+                    ));
+                }
+                _ => {}
+            },
+        }
+    }
+    match open.last() {
+        Some(name) => {
+            let found = format!("the end of the file in <{}>", quoted(name));
+            Err(Fault::new(reader.line, found, "a closing tag"))
+        }
+        None if !rooted => Err(Fault::new(0, "no element", "one <opencv_storage>")),
+        None => Ok(nodes),
+    }
+}
+
+fn close(
+    open: &mut Vec<&str>,
+    name: &str,
+    line: usize,
+    element: &mut Element<'_>,
+    nodes: &mut Nodes,
+) -> Result<(), Fault> {
+    match open.pop() {
+        Some(opened) if opened == name => {}
+        other => {
+            return Err(Fault::new(
+                line,
+                format!("</{}>", quoted(name)),
+                other.map_or("no more tags".to_owned(), |o| format!("</{}>", quoted(o))),
+            ));
+        }
+    }
+    if open.len() == 1 {
+        let element = std::mem::take(element);
+        nodes.add(name, element.line, || element.value())?;
+    }
+    Ok(())
+}
+
+/// An element of the storage while it is read.
+#[derive(Debug, Default)]
+struct Element<'a> {
+    line: usize,
+    is_matrix: bool,
+    has_children: bool,
+    fields: Fields<'a>,
+    text: Vec<Piece<'a>>,
+}
+
+impl<'a> Element<'a> {
+    fn new(line: usize, attributes: &str) -> Self {
+        Self {
+            line,
+            is_matrix: ["\"opencv-matrix\"", "'opencv-matrix'"]
+                .iter()
+                .any(|kind| attributes.contains(kind)),
+            ..Self::default()
+        }
+    }
+
+    fn field(&mut self, name: &str, text: Piece<'a>) {
+        match name {
+            "rows" => self.fields.rows = Some(text),
+            "cols" => self.fields.cols = Some(text),
+            "dt" => self.fields.dt = Some(text),
+            // A comment may come between two stretches of numbers.
+            "data" => self.fields.data.get_or_insert_default().push(text),
+            _ => {}
+        }
+    }
+
+    fn value(&self) -> Result<Value, Fault> {
+        if self.is_matrix {
+            return self.fields.matrix(self.line);
+        }
+        if self.has_children {
+            return Err(Fault::new(
+                self.line,
+                "elements",
+                "a number or an opencv-matrix",
+            ));
+        }
+        numbers(&self.text).map(Value::List)
+    }
+}
+
+enum Event<'a> {
+    Open {
+        name: &'a str,
+        attributes: &'a str,
+        empty: bool,
+    },
+    Close(&'a str),
+    Text(&'a str),
+}
+
+struct Reader<'a> {
+    rest: &'a str,
+    line: usize,
+}
+
+impl<'a> Reader<'a> {
+    /// The next tag or text, and the line that it begins on; comments and `<?...?>` are passed over.
+    fn next(&mut self) -> Result<Option<(usize, Event<'a>)>, Fault> {
+        loop {
+            let line = self.line;
+            let rest = self.rest;
+            if rest.is_empty() {
+                return Ok(None);
+            }
+            if rest.starts_with("<!--") {
+                self.until("-->", "a comment")?;
+            } else if rest.starts_with("<?") {
+                self.until("?>", "a processing instruction")?;
+            } else if rest.starts_with("<!") {
+                let found = "a document type or CDATA section";
+                return Err(Fault::new(line, found, "elements, as OpenCV writes them"));
+            } else if rest.starts_with('<') {
+                let tag = self.until(">", "a tag")?;
+                let inside = &tag[1..tag.len() - 1];
+                return Ok(Some((line, event(inside))));
+            } else {
+                let text = self.take(rest.find('<').unwrap_or(rest.len()));
+                return Ok(Some((line, Event::Text(text))));
+            }
+        }
+    }
+
+    /// Takes text up to and with `end`.
+    fn until(&mut self, end: &str, what: &str) -> Result<&'a str, Fault> {
+        let at = self.rest.find(end).ok_or_else(|| {
+            Fault::new(self.line, format!("{what} without end"), format!("`{end}`"))
+        })?;
+        Ok(self.take(at + end.len()))
+    }
+
+    fn take(&mut self, length: usize) -> &'a str {
+        let (taken, rest) = self.rest.split_at(length);
+        self.line += taken.bytes().filter(|&b| b == b'\n').count();
+        self.rest = rest;
+        taken
+    }
+}
+
+/// A tag from what stands between its brackets.
+fn event(inside: &str) -> Event<'_> {
+    if let Some(name) = inside.strip_prefix('/') {
+        return Event::Close(name.trim());
+    }
+    let (inside, empty) = match inside.strip_suffix('/') {
+        Some(inside) => (inside, true),
+        None => (inside, false),
+    };
+    let (name, attributes) = inside
+        .split_once(|c: char| c.is_whitespace())
+        .unwrap_or((inside, ""));
+    Event::Open {
+        name,
+        attributes,
+        empty,
+    }
+}

@@ -1,0 +1,201 @@
+//! Where to show a board to a scanner so that a calibration learns the most: tilted in all
+//! directions, near and far, all over the image, and turned.
+//!
+//! Zhang (IEEE PAMI 22, 2000, section 5) finds that tilts about 45 degrees determine focal lengths
+//! best and that parallel boards determine nothing; corners of boards give way sooner, so tilts are
+//! drawn between 15 and 45. Positions are aimed all over the image and then moved towards the middle
+//! of what camera and projector share, until the board can be seen and lit.
+
+mod draw;
+mod fit;
+
+use crate::error::{Error, Result};
+use crate::geometry::{Board, Pose, Rig};
+use fit::{Fit, Flaw};
+use glam::{DMat3, DVec2, DVec3};
+use std::f64::consts::TAU;
+use std::ops::Range;
+
+/// Steps from where a board is aimed at to the middle.
+const STEPS: u32 = 20;
+/// How far what was drawn is given up, a half after the other, where it does not fit.
+const EASE: [f64; 3] = [0.0, 0.5, 1.0];
+/// Columns and rows of pixels that are looked at for the field that camera and projector share.
+const GRID: u32 = 33;
+/// Most poses of one calibration.
+pub const MOST_POSES: usize = 500;
+
+/// Which poses are wanted.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Wanted {
+    /// Decides which they are: the same ones for the same seed.
+    pub seed: u64,
+    /// How many.
+    pub count: usize,
+    /// Depth of a board's middle in the camera's frame in millimetres; when absent, where the middles
+    /// of the camera's and the projector's fields meet.
+    pub distance_mm: Option<f64>,
+    /// Least and greatest tilt against the image plane in degrees.
+    pub tilt_deg: [f64; 2],
+    /// Least and greatest depth relative to the distance.
+    pub reach: [f64; 2],
+    /// Greatest turn about a board's normal in degrees, to either side.
+    pub roll_deg: f64,
+    /// Least minor axis of a dot's image in pixels.
+    pub least_dot_px: f64,
+}
+
+impl Default for Wanted {
+    fn default() -> Self {
+        Self {
+            seed: 0,
+            count: 20,
+            distance_mm: None,
+            tilt_deg: [15.0, 45.0],
+            reach: [0.85, 1.15],
+            roll_deg: 30.0,
+            least_dot_px: 3.0,
+        }
+    }
+}
+
+/// Poses of a board before a rig, as `rig_from_board`: of dots, all markers and three of five dots
+/// are in the image and in the projector's light; of a chessboard all of it is.
+///
+/// # Errors
+/// A rig and a distance at which the board cannot be shown, with the numbers that tell why.
+pub fn poses(board: &Board, rig: &Rig, wanted: &Wanted) -> Result<Vec<Pose>> {
+    check(wanted)?;
+    let distance = match wanted.distance_mm {
+        Some(distance) => distance,
+        None => meeting_mm(rig).unwrap_or_else(|| filling_mm(board, rig)),
+    };
+    (0..wanted.count)
+        .map(|index| pose(board, rig, wanted, distance, index))
+        .collect()
+}
+
+fn check(wanted: &Wanted) -> Result<()> {
+    let within = |place: &str, value: f64, low: f64, high: f64| match (low..=high).contains(&value)
+    {
+        true => Ok(()),
+        false => Err(Error::input(place, value, format!("{low} to {high}"))),
+    };
+    within("poses", wanted.count as f64, 1.0, MOST_POSES as f64)?;
+    if let Some(distance) = wanted.distance_mm {
+        within("distance in mm", distance, 1.0, 1e6)?;
+    }
+    let [low, high] = wanted.tilt_deg;
+    within("least tilt in degrees", low, 0.0, 60.0)?;
+    within("greatest tilt in degrees", high, low, 60.0)?;
+    let [near, far] = wanted.reach;
+    within("least depth over distance", near, 0.1, 10.0)?;
+    within("greatest depth over distance", far, near, 10.0)?;
+    within("roll in degrees", wanted.roll_deg, 0.0, 180.0)?;
+    within("least width of a dot in px", wanted.least_dot_px, 0.0, 1e6)
+}
+
+fn pose(board: &Board, rig: &Rig, wanted: &Wanted, distance: f64, index: usize) -> Result<Pose> {
+    let [u, v, around, tilt, reach, roll] = draw::numbers(wanted.seed, index);
+    let between = |[low, high]: [f64; 2], share: f64| low + (high - low) * share;
+    let tilt = between(wanted.tilt_deg, tilt).to_radians();
+    let roll = between([-wanted.roll_deg, wanted.roll_deg], roll).to_radians();
+    let reach = between(wanted.reach, reach);
+    let lens = &rig.camera.lens;
+    let size = DVec2::new(lens.width_px.into(), lens.height_px.into());
+    let aim = DVec2::new(u, v) * size - 0.5;
+    let mut last = None;
+    // A board that is nearly too large or too small is shown at the distance itself.
+    for ease in EASE {
+        let depth = distance * (reach + (1.0 - reach) * ease);
+        let Some(middle) = shared_middle(rig, depth) else {
+            last = Some(no_field(depth));
+            continue;
+        };
+        // Towards the direction that was drawn or else, rather than to come near the middle, away
+        // from it.
+        let (outer, inner) = (STEPS / 2..STEPS + 1, 0..STEPS / 2);
+        let turns = |steps: Range<u32>| [(0.0, steps.clone()), (0.5, steps)];
+        for (turn, steps) in turns(outer).into_iter().chain(turns(inner)) {
+            for (step, ease) in steps.rev().flat_map(|s| EASE.map(|ease| (s, ease))) {
+                let px = middle + (aim - middle) * (f64::from(step) / f64::from(STEPS));
+                let around = (around + turn) * TAU;
+                let axis = DVec3::new(around.cos(), around.sin(), 0.0);
+                let rotation = DMat3::from_axis_angle(axis, tilt)
+                    * DMat3::from_rotation_z(roll * (1.0 - ease));
+                let camera_from_board = Pose {
+                    rotation,
+                    translation_mm: lens.ray(px) * depth,
+                };
+                let fit = Fit {
+                    board,
+                    rig,
+                    rig_from_board: rig.camera.rig_from_view * camera_from_board,
+                };
+                match fit.check(wanted) {
+                    Ok(()) => return Ok(fit.rig_from_board),
+                    Err(flaw) => last = Some(flaw),
+                }
+            }
+        }
+    }
+    Err(name(last.unwrap_or_else(|| no_field(distance)), index))
+}
+
+fn name(flaw: Flaw, index: usize) -> Error {
+    Error::input(format!("board, pose {index}"), flaw.found, flaw.allowed)
+}
+
+fn no_field(depth: f64) -> Flaw {
+    Flaw {
+        found: format!("no pixel of the camera's sees the projector's light {depth:.0} mm away"),
+        allowed: "a distance at which their fields meet".to_owned(),
+    }
+}
+
+/// The mean of the camera's pixels that see what the projector lights at a depth.
+fn shared_middle(rig: &Rig, depth: f64) -> Option<DVec2> {
+    let lens = &rig.camera.lens;
+    let size = DVec2::new(lens.width_px.into(), lens.height_px.into());
+    let (mut sum, mut count) = (DVec2::ZERO, 0);
+    for row in 0..GRID {
+        for column in 0..GRID {
+            let share = (DVec2::new(column.into(), row.into()) + 0.5) / f64::from(GRID);
+            let px = share * size - 0.5;
+            let point = rig.camera.rig_from_view.point(lens.ray(px) * depth);
+            let lit = rig.projector.project(point);
+            if lit.is_some_and(|lit| rig.projector.lens.contains(lit)) {
+                sum += px;
+                count += 1;
+            }
+        }
+    }
+    (count > 0).then(|| sum / f64::from(count))
+}
+
+/// Depth at which the rays through the middles of both images are closest; none where they part.
+fn meeting_mm(rig: &Rig) -> Option<f64> {
+    let [seen, lit] = [&rig.camera, &rig.projector].map(|view| {
+        let lens = &view.lens;
+        let size = DVec2::new(lens.width_px.into(), lens.height_px.into());
+        view.ray((size - 1.0) / 2.0)
+    });
+    // Least squares of center + s ray over both rays.
+    let between = rig.projector.center() - rig.camera.center();
+    let (aa, bb, ab) = (seen.dot(seen), lit.dot(lit), seen.dot(lit));
+    let determinant = aa * bb - ab * ab;
+    let s = (bb * seen.dot(between) - ab * lit.dot(between)) / determinant;
+    (determinant > 1e-9 * aa * bb && s.is_finite() && (1.0..=1e6).contains(&s)).then_some(s)
+}
+
+/// Depth at which a board that faces the camera fills half of the image.
+fn filling_mm(board: &Board, rig: &Rig) -> f64 {
+    let [columns, rows] = board.grid().map(f64::from);
+    let lens = &rig.camera.lens;
+    let wide = columns * lens.focal_px.x / f64::from(lens.width_px);
+    let high = rows * lens.focal_px.y / f64::from(lens.height_px);
+    (2.0 * board.pitch_mm() * wide.max(high)).clamp(1.0, 1e6)
+}
+
+#[cfg(test)]
+mod tests;

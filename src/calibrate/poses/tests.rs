@@ -1,0 +1,163 @@
+//! Poses of boards before the built-in devices.
+
+use super::*;
+use crate::profile::{Profile, profile_names};
+
+fn rig(name: &str) -> (Rig, f64) {
+    let profile = Profile::load(name).unwrap();
+    (
+        profile.nominal_rig(),
+        profile.calibration.board_scale.unwrap(),
+    )
+}
+
+#[test]
+fn boards_are_shown_to_every_device_all_over_its_field() {
+    for name in profile_names() {
+        let (rig, scale) = rig(name);
+        for (board, seed) in [
+            (Board::DOTS.scaled(scale), 0),
+            (Board::DOTS.scaled(scale), 7),
+        ] {
+            let wanted = Wanted {
+                seed,
+                ..Wanted::default()
+            };
+            let poses = poses(&board, &rig, &wanted).unwrap();
+            assert_eq!(poses.len(), 20);
+            let tilt = |pose: &Pose| pose.direction(DVec3::Z).z.acos().to_degrees();
+            assert!(poses.iter().all(|p| (14.9..45.1).contains(&tilt(p))));
+            let depth = |pose: &Pose| pose.translation_mm.z;
+            assert!(
+                poses.iter().all(|p| (849.0..1151.0).contains(&depth(p))),
+                "{name}"
+            );
+            // Tilted to all four sides.
+            let normals: Vec<_> = poses.iter().map(|p| p.direction(DVec3::Z)).collect();
+            for side in [DVec3::X, DVec3::NEG_X, DVec3::Y, DVec3::NEG_Y] {
+                let many = normals.iter().filter(|n| n.dot(side) > 0.1).count();
+                assert!(many >= 4, "{name}: {many} tilted to {side}");
+            }
+            // Dots of some pose are lit from most cells of the projector's image.
+            let lens = &rig.projector.lens;
+            let mut cells = [false; 48];
+            for pose in &poses {
+                for index in board.indices() {
+                    let point = pose.point(board.point(index).extend(0.0));
+                    if let Some(px) = rig.projector.project(point).filter(|px| lens.contains(*px)) {
+                        let column = ((px.x + 0.5) * 8.0 / f64::from(lens.width_px)) as usize;
+                        let row = ((px.y + 0.5) * 6.0 / f64::from(lens.height_px)) as usize;
+                        cells[(row * 8 + column).min(47)] = true;
+                    }
+                }
+            }
+            let covered = cells.iter().filter(|c| **c).count();
+            assert!(covered >= 46, "{name}, seed {seed}: {covered} of 48 cells");
+        }
+    }
+}
+
+#[test]
+fn a_seed_decides_and_chessboards_are_whole() {
+    let (rig, scale) = rig("pmp-bench");
+    let board = Board::CHESS;
+    let wanted = Wanted {
+        seed: 3,
+        ..Wanted::default()
+    };
+    let first = poses(&board, &rig, &wanted).unwrap();
+    assert_eq!(first, poses(&board, &rig, &wanted).unwrap());
+    for pose in &first {
+        for index in board.indices() {
+            let point = pose.point(board.point(index).extend(0.0));
+            for view in [&rig.camera, &rig.projector] {
+                assert!(view.project(point).is_some_and(|px| view.lens.contains(px)));
+            }
+        }
+    }
+    let other = Wanted { seed: 4, ..wanted };
+    assert_ne!(first, poses(&board, &rig, &other).unwrap());
+    // Each pose is the same however many there are.
+    let more = Wanted {
+        count: 40,
+        ..wanted
+    };
+    assert_eq!(first[..], poses(&board, &rig, &more).unwrap()[..20]);
+    assert!(poses(&Board::DOTS.scaled(scale), &rig, &more).is_ok());
+}
+
+#[test]
+fn what_cannot_be_shown_is_told_with_numbers() {
+    let (rig, _) = rig("pmp-bench");
+    let told = |board: Board, wanted: Wanted| poses(&board, &rig, &wanted).unwrap_err().to_string();
+    let words = told(Board::DOTS, Wanted::default());
+    for needle in [
+        "dots of 2.5 mm",
+        " px in their shorter direction",
+        "3 px or more",
+    ] {
+        assert!(words.contains(needle), "{words}");
+    }
+    let words = told(Board::DOTS.scaled(40.0), Wanted::default());
+    assert!(
+        words.contains("in the ") && words.contains("board with"),
+        "{words}"
+    );
+    let near = Wanted {
+        distance_mm: Some(30.0),
+        ..Wanted::default()
+    };
+    let words = told(Board::DOTS, near);
+    assert!(
+        words.contains("30 mm away") || words.contains("mm away"),
+        "{words}"
+    );
+    for wanted in [
+        Wanted {
+            count: 0,
+            ..Wanted::default()
+        },
+        Wanted {
+            count: 501,
+            ..Wanted::default()
+        },
+        Wanted {
+            distance_mm: Some(f64::NAN),
+            ..Wanted::default()
+        },
+        Wanted {
+            tilt_deg: [20.0, 80.0],
+            ..Wanted::default()
+        },
+        Wanted {
+            reach: [1.2, 1.0],
+            ..Wanted::default()
+        },
+        Wanted {
+            roll_deg: f64::INFINITY,
+            ..Wanted::default()
+        },
+        Wanted {
+            least_dot_px: -1.0,
+            ..Wanted::default()
+        },
+    ] {
+        let words = told(Board::DOTS.scaled(4.0), wanted);
+        assert!(words.contains("allowed"), "{words}");
+    }
+}
+
+#[test]
+fn the_middles_of_the_fields_meet_where_they_were_aimed() {
+    for name in profile_names() {
+        let (rig, _) = rig(name);
+        let meeting = meeting_mm(&rig).unwrap();
+        assert!((meeting - 1000.0).abs() < 20.0, "{name}: {meeting}");
+    }
+    // Side by side and parallel they never meet.
+    let (mut rig, _) = rig("pmp-bench");
+    rig.projector.lens = rig.camera.lens;
+    assert_eq!(meeting_mm(&rig), None);
+    let filling = filling_mm(&Board::DOTS.scaled(4.0), &rig);
+    assert!((100.0..2000.0).contains(&filling), "{filling}");
+}

@@ -1,0 +1,100 @@
+//! The folder that a report goes to.
+
+use crate::error::{Error, Result};
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// The files that [`write()`](super::write()) makes.
+pub const FILES: [&str; 7] = [
+    "report.html",
+    "points.csv",
+    "poses.csv",
+    "parameters.csv",
+    "covariance.csv",
+    "calibration.toml",
+    "summary.json",
+];
+
+/// Makes the folder where there is none, and refuses one that holds files which would be
+/// overwritten: any of [`FILES`], `also`, and the pictures `found_*.png`. With `force`, those go, so
+/// that nothing of an earlier calibration stands beside the new one.
+///
+/// # Errors
+/// A file in the folder's place, a folder with such files, what the system refuses.
+pub fn prepare(folder: &Path, also: &[&str], force: bool) -> Result<()> {
+    let place = || format!("--out {}", folder.display());
+    if folder.exists() && !folder.is_dir() {
+        let allowed = "a folder, or a path where one can be made";
+        return Err(Error::input(place(), "a file", allowed));
+    }
+    fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
+    let ours = ours(folder, also)?;
+    if force {
+        return ours
+            .iter()
+            .try_for_each(|path| fs::remove_file(path).map_err(|e| Error::io(path, e)));
+    }
+    let Some(first) = ours.first() else {
+        return Ok(());
+    };
+    let summary = fs::read_to_string(folder.join("summary.json")).unwrap_or_default();
+    let whose = if summary.contains("\"made_by\": \"phasma calibrate") {
+        "of an earlier calibration"
+    } else {
+        "which no calibration has made"
+    };
+    let name = first.file_name().unwrap_or_default().to_string_lossy();
+    Err(Error::input(
+        place(),
+        format!("{name}, {whose}"),
+        "another folder, or --force to overwrite",
+    ))
+}
+
+/// What stands in the folder under names of ours, in order.
+fn ours(folder: &Path, also: &[&str]) -> Result<Vec<PathBuf>> {
+    let mut found = Vec::new();
+    for entry in fs::read_dir(folder).map_err(|e| Error::io(folder, e))? {
+        let path = entry.map_err(|e| Error::io(folder, e))?.path();
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        let picture = name.starts_with("found_") && name.ends_with(".png");
+        if picture || FILES.contains(&&*name) || also.contains(&&*name) {
+            found.push(path);
+        }
+    }
+    found.sort_unstable();
+    Ok(found)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn nothing_is_overwritten_unless_forced() {
+        let dir = tempfile::tempdir().unwrap();
+        let out = dir.path().join("a/b");
+        prepare(&out, &["truth.json"], false).unwrap();
+        prepare(&out, &["truth.json"], false).unwrap();
+        fs::write(out.join("notes.txt"), "mine").unwrap();
+        prepare(&out, &[], false).unwrap();
+        for name in FILES.into_iter().chain(["found_x.png", "truth.json"]) {
+            fs::write(out.join(name), "old").unwrap();
+            let told = prepare(&out, &["truth.json"], false)
+                .unwrap_err()
+                .to_string();
+            assert!(told.contains(name) && told.contains("--force"), "{told}");
+            assert!(told.contains("no calibration"), "{told}");
+            prepare(&out, &["truth.json"], true).unwrap();
+            assert!(!out.join(name).exists());
+        }
+        assert!(out.join("notes.txt").exists());
+        let mine = "{\n  \"made_by\": \"phasma calibrate 9\"\n}";
+        fs::write(out.join("summary.json"), mine).unwrap();
+        let told = prepare(&out, &[], false).unwrap_err().to_string();
+        assert!(told.contains("an earlier calibration"), "{told}");
+        let file = out.join("notes.txt");
+        let told = prepare(&file, &[], true).unwrap_err().to_string();
+        assert!(told.contains("a file"), "{told}");
+    }
+}

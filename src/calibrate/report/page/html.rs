@@ -1,0 +1,67 @@
+//! Pieces of HTML.
+
+use crate::measure::plot::escaped;
+
+/// A cell with text.
+pub(super) fn cell(text: &str) -> String {
+    format!("<td>{}</td>", escaped(text))
+}
+
+/// A cell with words, which begin at its left.
+pub(super) fn words(text: &str) -> String {
+    format!("<td class=\"words\">{}</td>", escaped(text))
+}
+
+/// A table: names of columns, and rows of finished cells.
+pub(super) fn table(columns: &[&str], rows: impl IntoIterator<Item = Vec<String>>) -> String {
+    let names: String = columns
+        .iter()
+        .map(|name| format!("<th>{}</th>", escaped(name)))
+        .collect();
+    let mut out = format!("<div class=\"wide\"><table>\n<tr>{names}</tr>\n");
+    for row in rows {
+        out.push_str(&format!("<tr>{}</tr>\n", row.concat()));
+    }
+    out.push_str("</table></div>\n");
+    out
+}
+
+/// A paragraph in small letters that says how to read what stands by it.
+pub(super) fn note(text: &str) -> String {
+    format!("<p class=\"note\">{}</p>\n", escaped(text))
+}
+
+/// The address of a file beside the page: every byte that could mean something in an address is
+/// written as %XX (RFC 3986, section 2.1), and "./" keeps a colon from naming a scheme.
+pub(super) fn address(file: &str) -> String {
+    let mut out = "./".to_owned();
+    for byte in file.bytes() {
+        if byte.is_ascii_alphanumeric() || b"-_.~/".contains(&byte) {
+            out.push(char::from(byte));
+        } else {
+            out.push_str(&format!("%{byte:02X}"));
+        }
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn addresses_stay_beside_the_page() {
+        assert_eq!(address("found_a.png"), "./found_a.png");
+        assert_eq!(
+            address("javascript:\"a b\"?#ü"),
+            "./javascript%3A%22a%20b%22%3F%23%C3%BC"
+        );
+    }
+
+    #[test]
+    fn cells_are_escaped() {
+        let text = table(&["<a>"], [vec![cell("<b>"), words("&")]]);
+        assert!(text.contains("<th>&lt;a&gt;</th>"));
+        assert!(text.contains("<td>&lt;b&gt;</td><td class=\"words\">&amp;</td>"));
+    }
+}

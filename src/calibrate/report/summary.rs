@@ -1,0 +1,219 @@
+//! The figures of a calibration, for a screen and for programs.
+
+use super::about::About;
+use super::covariance::of_rig;
+use super::number::{shown, to_sigma};
+use crate::calibrate::rig::Calibration;
+use crate::calibrate::solve::{Errors, Solution};
+use crate::geometry::Board;
+use crate::measure::plot::figures;
+use serde::Serialize;
+use std::fmt;
+
+/// The figures of a calibration, as `summary.json` holds them.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Summary {
+    /// `phasma calibrate` and its version: marks a folder as a calibration's.
+    pub made_by: String,
+    /// What else was said of it, name and value.
+    pub remarks: Vec<(String, String)>,
+    /// The board that was shown.
+    pub board: Board,
+    /// Poses that were used.
+    pub poses: usize,
+    /// Points of these with weight 0 for the camera, the projector or both.
+    pub outliers: usize,
+    /// Camera pixels between points seen and expected.
+    pub camera: Figures,
+    /// Projector pixels between coordinates decoded and expected.
+    pub projector: Figures,
+    /// Which distortion coefficients of the camera were estimated.
+    pub camera_coefficients: Vec<&'static str>,
+    /// Which distortion coefficients of the projector were estimated.
+    pub projector_coefficients: Vec<&'static str>,
+    /// Whitened sum of squares over the degrees of freedom: 1 where the covariances of points are
+    /// right.
+    pub variance_factor: f64,
+    /// What the covariances of camera points and of projector coordinates were multiplied by.
+    pub inflation: [f64; 2],
+    /// Numbers observed minus parameters.
+    pub degrees_of_freedom: usize,
+    /// Ratio of largest and smallest eigenvalue of the parameters' correlation matrix.
+    pub condition: f64,
+    /// From the camera's pupil to the projector's in millimetres.
+    pub baseline_mm: f64,
+    /// How often it was solved.
+    pub rounds: usize,
+    /// The longest way from a dot's centroid to the image of its centre, in pixels.
+    pub largest_bias_px: f64,
+    /// How far a point would still go in another round, in pixels.
+    pub last_move_px: f64,
+    /// Lenses and projector's pose.
+    pub parameters: Vec<SummaryParameter>,
+    /// Poses that were not used.
+    pub left_out: Vec<LeftOutPose>,
+    /// What to know before trusting it.
+    pub warnings: Vec<String>,
+}
+
+/// Errors of camera points or projector coordinates.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Figures {
+    /// How many.
+    pub points: usize,
+    /// Mean reprojection error in pixels.
+    pub mean_px: f64,
+    /// Root of the mean square in pixels.
+    pub rms_px: f64,
+    /// Largest in pixels.
+    pub max_px: f64,
+    /// Root of the mean square of the whitened components; 1 where the covariances are right.
+    pub whitened_rms: f64,
+}
+
+/// A number that was estimated.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct SummaryParameter {
+    /// What it is.
+    pub name: String,
+    /// `px`, `mm`, `rad` or nothing.
+    pub unit: &'static str,
+    /// Its value.
+    pub value: f64,
+    /// Its standard deviation.
+    pub sigma: f64,
+}
+
+/// A pose that was not used.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct LeftOutPose {
+    /// Its name.
+    pub name: String,
+    /// Why.
+    pub why: String,
+}
+
+impl From<&Errors> for Figures {
+    fn from(e: &Errors) -> Self {
+        Self {
+            points: e.count,
+            mean_px: e.mean_px,
+            rms_px: e.rms_px,
+            max_px: e.max_px,
+            whitened_rms: e.whitened_rms,
+        }
+    }
+}
+
+const COEFFICIENTS: [&str; 5] = ["k1", "k2", "p1", "p2", "k3"];
+
+fn named(estimated: [bool; 5]) -> Vec<&'static str> {
+    let pairs = COEFFICIENTS.into_iter().zip(estimated);
+    pairs
+        .filter_map(|(name, yes)| yes.then_some(name))
+        .collect()
+}
+
+impl Summary {
+    /// The figures of a calibration.
+    pub fn new(calibration: &Calibration, about: &About) -> Self {
+        let solution = &calibration.solution;
+        let missed = calibration.missed.iter().map(|m| (&m.name, &m.why));
+        let unsolved = solution.left_out.iter().map(|l| (&l.name, &l.why));
+        let left_out = missed.chain(unsolved).map(|(name, why)| LeftOutPose {
+            name: name.clone(),
+            why: why.clone(),
+        });
+        let points = solution.poses.iter().flat_map(|pose| &pose.points);
+        let outliers = points
+            .filter(|p| p.camera_weight <= 0.0 || p.projector.is_some_and(|lit| lit.weight <= 0.0));
+        let rig = &solution.rig;
+        Self {
+            made_by: about.made_by.clone(),
+            remarks: about.remarks.clone(),
+            board: calibration.board,
+            poses: solution.poses.len(),
+            outliers: outliers.count(),
+            camera: (&solution.camera_errors).into(),
+            projector: (&solution.projector_errors).into(),
+            camera_coefficients: named(solution.camera_coefficients),
+            projector_coefficients: named(solution.projector_coefficients),
+            variance_factor: solution.variance_factor,
+            inflation: solution.inflation,
+            degrees_of_freedom: solution.degrees_of_freedom,
+            condition: solution.condition,
+            baseline_mm: (rig.projector.center() - rig.camera.center()).length(),
+            rounds: calibration.rounds,
+            largest_bias_px: calibration.largest_bias_px,
+            last_move_px: calibration.last_move_px,
+            parameters: parameters(solution),
+            left_out: left_out.collect(),
+            warnings: calibration.warnings.clone(),
+        }
+    }
+
+    /// The figures as JSON, with a line's end.
+    pub fn to_json(&self) -> String {
+        let json = serde_json::to_string_pretty(self).expect("numbers and strings");
+        format!("{json}\n")
+    }
+}
+
+fn parameters(solution: &Solution) -> Vec<SummaryParameter> {
+    let rigs = solution.parameters.iter().take(of_rig(solution));
+    rigs.map(|p| SummaryParameter {
+        name: p.name.clone(),
+        unit: p.unit,
+        value: p.value,
+        sigma: p.sigma,
+    })
+    .collect()
+}
+
+impl fmt::Display for Summary {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let [columns, rows] = self.board.grid();
+        let left_out = self.left_out.len();
+        writeln!(
+            f,
+            "poses: {} used, {left_out} left out; a board of {columns} x {rows} points",
+            self.poses
+        )?;
+        for (name, value) in &self.remarks {
+            writeln!(f, "{}: {}", shown(name), shown(value))?;
+        }
+        writeln!(f)?;
+        writeln!(f, "{:<26}{:>14}{:>14}", "", "camera", "projector")?;
+        let (c, p) = (&self.camera, &self.projector);
+        writeln!(f, "{:<26}{:>14}{:>14}", "points", c.points, p.points)?;
+        let mut row = |name: &str, a: f64, b: f64, unit: &str| {
+            let cell = |v: f64| format!("{} {unit}", figures(v, 3)).trim_end().to_owned();
+            writeln!(f, "{name:<26}{:>14}{:>14}", cell(a), cell(b))
+        };
+        row("mean reprojection error", c.mean_px, p.mean_px, "px")?;
+        row("RMS reprojection error", c.rms_px, p.rms_px, "px")?;
+        row("largest", c.max_px, p.max_px, "px")?;
+        row("whitened RMS", c.whitened_rms, p.whitened_rms, "")?;
+        writeln!(f)?;
+        writeln!(
+            f,
+            "variance factor {} over {} degrees of freedom; outliers: {}",
+            figures(self.variance_factor, 4),
+            self.degrees_of_freedom,
+            self.outliers
+        )?;
+        writeln!(f)?;
+        for p in &self.parameters {
+            let (value, sigma) = (to_sigma(p.value, p.sigma), figures(p.sigma, 2));
+            let line = format!("{:<26}{value:>14} +- {sigma:<9} {}", shown(&p.name), p.unit);
+            writeln!(f, "{}", line.trim_end())?;
+        }
+        for LeftOutPose { name, why } in &self.left_out {
+            writeln!(f, "left out, {}: {}", shown(name), shown(why))?;
+        }
+        for warning in &self.warnings {
+            writeln!(f, "warning: {}", shown(warning))?;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,324 @@
+//! Poses, state and loss on their way to the solution.
+
+use super::coefficients::{Model, free, ranked, restricted};
+use super::fit::{Effort, minimise};
+use super::model::{State, residual};
+use super::normal::Normal;
+use super::observation::PoseObservations;
+use super::robust::{self, Loss};
+use super::{Choice, Coefficients, LeftOut, PoseSightings, Unsolved, start};
+use crate::geometry::Board;
+use nalgebra::DMatrix;
+
+/// A pose half of whose points are beyond the outliers' threshold is an outlier itself.
+const OUTLYING_POSE: f64 = robust::OUTLYING / robust::MEDIAN;
+
+/// Poses that are used and those that are not.
+#[derive(Clone)]
+pub(super) struct Bundle {
+    pub poses: Vec<PoseObservations>,
+    pub left_out: Vec<LeftOut>,
+}
+
+/// The end of the way.
+pub(super) struct Solved {
+    pub state: State,
+    pub model: Model,
+    /// Of the free unknowns of the rig, then six of each board.
+    pub covariance: DMatrix<f64>,
+    pub inflation: [f64; 2],
+}
+
+impl Bundle {
+    pub fn new(board: &Board, poses: &[PoseSightings]) -> Self {
+        Self {
+            poses: poses
+                .iter()
+                .enumerate()
+                .map(|(i, p)| PoseObservations::new(board, p, i))
+                .collect(),
+            left_out: Vec::new(),
+        }
+    }
+
+    /// Uses a pose no longer.
+    pub fn leave_out(&mut self, at: usize, why: String) {
+        let pose = self.poses.remove(at);
+        self.left_out.push(LeftOut {
+            name: pose.name,
+            given: pose.given,
+            why,
+        });
+    }
+
+    /// Refuses fewer than two poses.
+    pub fn enough_poses(&self) -> Result<(), Unsolved> {
+        if self.poses.len() >= 2 {
+            return Ok(());
+        }
+        let total = self.poses.len() + self.left_out.len();
+        let mut found = format!("{} of {total} can be used", self.poses.len());
+        for out in self.left_out.iter().take(8) {
+            found += &format!("; {}: {}", out.name, out.why);
+        }
+        if self.left_out.len() > 8 {
+            found += &format!("; and {} more", self.left_out.len() - 8);
+        }
+        Err(Unsolved::TooFewPoses {
+            found,
+            wanted: "2 or more tilted in different directions, better 10".to_owned(),
+        })
+    }
+
+    /// How many numbers count.
+    pub fn observed(&self) -> usize {
+        let points = self.poses.iter().flat_map(|p| &p.points);
+        points
+            .map(|o| 2 * (usize::from(o.camera_counts) + usize::from(o.projector_counts)))
+            .sum()
+    }
+
+    /// From the closed form to the minimum.
+    pub fn solve(&mut self, sizes: [[u32; 2]; 2], choice: &Choice) -> Result<Solved, Unsolved> {
+        let wanted = [choice.camera, choice.projector];
+        let radial = [true, true, false, false, false];
+        let most: Model = wanted.map(Coefficients::most);
+        let first: Model = most.map(|set| std::array::from_fn(|i| set[i] && radial[i]));
+        let fewer: Model = std::array::from_fn(|i| match wanted[i] {
+            Coefficients::Auto => [true, true, true, true, false],
+            Coefficients::Fixed(set) => set,
+        });
+        let least: Model = wanted.map(Coefficients::least);
+
+        let maps = start::maps(self, choice.robust)?;
+        let mut state = start::state(self, &maps, sizes, &first, choice)?;
+        self.drop_behind(&mut state)?;
+        self.approach(&mut state, &first, choice, false)?;
+        let mut solved = self.largest(&state, &[most, fewer, first, least], choice)?;
+        let largest = solved.model;
+        let order = ranked(
+            wanted,
+            &largest,
+            &solved.state,
+            &solved.covariance,
+            self.observed(),
+        );
+        for model in order {
+            if model == largest {
+                break;
+            }
+            let mut other = self.clone();
+            let smaller = restricted(&solved.state, &model);
+            match other.settle(smaller, model, choice) {
+                Ok(found) if unfolded(&found.state, &model, choice) => {
+                    (*self, solved) = (other, found);
+                    break;
+                }
+                _ => {}
+            }
+        }
+        Ok(solved)
+    }
+
+    /// The first of some models, larger ones first, that the data hold: they determine it, and the
+    /// image does not fold.
+    fn largest(
+        &mut self,
+        state: &State,
+        models: &[Model],
+        choice: &Choice,
+    ) -> Result<Solved, Unsolved> {
+        let mut refusal = self.diverged();
+        for (i, model) in models.iter().enumerate() {
+            if models[..i].contains(model) {
+                continue;
+            }
+            let (mut other, mut state) = (self.clone(), restricted(state, model));
+            let solved = other
+                .approach(&mut state, model, choice, true)
+                .and_then(|()| other.settle(state, *model, choice));
+            match solved {
+                Ok(solved) if unfolded(&solved.state, model, choice) => {
+                    *self = other;
+                    return Ok(solved);
+                }
+                Ok(_) => {}
+                Err(why) => refusal = why,
+            }
+        }
+        Err(refusal)
+    }
+
+    /// Near to the minimum, by a robust loss; where asked to, leaves out poses that do not belong.
+    fn approach(
+        &mut self,
+        state: &mut State,
+        model: &Model,
+        choice: &Choice,
+        drop: bool,
+    ) -> Result<(), Unsolved> {
+        let free = free(model);
+        let mut last = f64::INFINITY;
+        for _ in 0..8 {
+            let scales = robust::scales(&self.poses, state);
+            let loss = if choice.robust {
+                Loss::huber(scales)
+            } else {
+                Loss::Square([1.0; 2])
+            };
+            let fit = minimise(&self.poses, state, &free, &loss, Effort::ROUGH)
+                .ok_or_else(|| self.diverged())?;
+            *state = fit.state;
+            // Scales are 1 at least: nearer to that there is nothing to gain.
+            let now: f64 = robust::scales(&self.poses, state).iter().sum();
+            let settled = now > 0.9 * last || now < 2.1;
+            last = now;
+            let dropped = drop && settled && choice.robust && self.drop_worst(state);
+            if dropped {
+                last = f64::INFINITY;
+            } else if settled || !choice.robust {
+                break;
+            }
+        }
+        Ok(())
+    }
+
+    /// Leaves out poses that the first state puts behind a lens.
+    fn drop_behind(&mut self, state: &mut State) -> Result<(), Unsolved> {
+        for at in (0..self.poses.len()).rev() {
+            let points = &self.poses[at].points;
+            if points.iter().any(|o| residual(o, state, at).is_none()) {
+                let why = "by the other poses it lies behind the camera or the projector";
+                self.leave_out(at, why.to_owned());
+                state.boards.remove(at);
+            }
+        }
+        self.enough_poses()
+    }
+
+    /// Leaves out the pose that fits worst, if that is bad enough.
+    fn drop_worst(&mut self, state: &mut State) -> bool {
+        let total = self.poses.len() + self.left_out.len();
+        // A majority has to decide, and it has to stay one.
+        if self.poses.len() < 4 || 3 * (self.poses.len() - 1) < 2 * total {
+            return false;
+        }
+        let scales: Vec<[Option<f64>; 2]> = (0..self.poses.len())
+            .map(|i| robust::pose_scales(&self.poses[i], state, i))
+            .collect();
+        let mut worst: Option<(f64, usize, usize)> = None;
+        for group in 0..2 {
+            let mut all: Vec<f64> = scales.iter().filter_map(|s| s[group]).collect();
+            let usual = super::homography::median(&mut all).max(1.0);
+            for (i, scale) in scales.iter().enumerate() {
+                let ratio = scale[group].map_or(0.0, |s| s / usual);
+                if ratio > worst.map_or(OUTLYING_POSE, |w| w.0) {
+                    worst = Some((ratio, i, group));
+                }
+            }
+        }
+        let Some((ratio, at, group)) = worst else {
+            return false;
+        };
+        let what = ["camera points", "projector coordinates"][group];
+        let why = format!(
+            "its {what} fit {ratio:.1} times worse than those of the usual pose; wanted: {OUTLYING_POSE:.1} times or less"
+        );
+        self.leave_out(at, why);
+        state.boards.remove(at);
+        true
+    }
+
+    /// To the minimum of squares over what counts, with outliers decided and noise estimated.
+    fn settle(&mut self, state: State, model: Model, choice: &Choice) -> Result<Solved, Unsolved> {
+        let free = free(&model);
+        let (mut state, mut inflation, mut moved) = (state, [1.0; 2], true);
+        for _ in 0..6 {
+            let changed = choice.robust && robust::reject(&mut self.poses, &state);
+            if !changed && !moved {
+                break;
+            }
+            let loss = Loss::Square(inflation);
+            let fit = minimise(&self.poses, &state, &free, &loss, Effort::FULL)
+                .filter(|fit| fit.converged)
+                .ok_or_else(|| self.diverged())?;
+            state = fit.state;
+            let before = inflation;
+            inflation = self.inflation(&state, &model);
+            moved = (0..2).any(|g| (inflation[g] / before[g] - 1.0).abs() > 1e-3);
+        }
+        if self.degrees_of_freedom(&model) == 0 {
+            return Err(self.diverged());
+        }
+        let covariance = Normal::at(&self.poses, &state, &Loss::Square(inflation))
+            .and_then(|n| n.covariance(&free))
+            .ok_or_else(|| self.diverged())?;
+        Ok(Solved {
+            state,
+            model,
+            covariance,
+            inflation,
+        })
+    }
+
+    /// Sums of squares and counts of whitened numbers, for camera and projector.
+    pub fn squares(&self, state: &State) -> [(f64, usize); 2] {
+        let mut sums = [(0.0, 0); 2];
+        for (i, pose) in self.poses.iter().enumerate() {
+            for o in &pose.points {
+                let Some(w) = residual(o, state, i).map(|r| r.whitened(o)) else {
+                    continue;
+                };
+                let parts = [
+                    Some(w.camera).filter(|_| o.camera_counts),
+                    w.projector.filter(|_| o.projector_counts),
+                ];
+                for (sum, part) in sums.iter_mut().zip(parts) {
+                    sum.0 += part.map_or(0.0, |p| p.length_squared());
+                    sum.1 += part.map_or(0, |_| 2);
+                }
+            }
+        }
+        sums
+    }
+
+    /// Numbers observed minus unknowns.
+    pub fn degrees_of_freedom(&self, model: &Model) -> usize {
+        let unknowns = free(model).iter().filter(|f| **f).count() + 6 * self.poses.len();
+        self.observed().saturating_sub(unknowns)
+    }
+
+    /// Mean squares of the whitened residuals of camera and projector, each group taken to have its
+    /// share of the degrees of freedom; 1 where they are below or chance explains them: three
+    /// standard deviations of a mean of squares, sqrt(2 / n).
+    fn inflation(&self, state: &State, model: &Model) -> [f64; 2] {
+        let share = self.degrees_of_freedom(model) as f64 / self.observed() as f64;
+        self.squares(state).map(|(sum, count)| {
+            let free = count as f64 * share;
+            let factor = sum / free;
+            if factor > 1.0 + 3.0 * (2.0 / free).sqrt() && factor.is_finite() {
+                factor
+            } else {
+                1.0
+            }
+        })
+    }
+
+    fn diverged(&self) -> Unsolved {
+        Unsolved::Undetermined {
+            found: format!(
+                "{} numbers of {} poses leave some of the unknowns open",
+                self.observed(),
+                self.poses.len()
+            ),
+            wanted: start::TILTS_WANTED.to_owned() + ", or fewer distortion coefficients",
+        }
+    }
+}
+
+/// Whether lenses whose coefficients are ours to choose can be inverted over their images.
+fn unfolded(state: &State, model: &Model, choice: &Choice) -> bool {
+    let lenses = [&state.camera, &state.projector];
+    let auto = [choice.camera, choice.projector].map(|c| c == Coefficients::Auto);
+    (0..2).all(|i| !auto[i] || model[i] == [false; 5] || lenses[i].folds_before().is_none())
+}

@@ -1,0 +1,272 @@
+//! What a user should know before trusting a solution, in numbers.
+
+use super::start::{TILTS_WANTED, largest_angle_deg};
+use super::{Parameter, PoseSightings, Solution, Unsolved};
+use glam::{DVec2, DVec3};
+use std::collections::HashSet;
+
+/// A focal length known worse than this part of itself is not known.
+const WORST_FOCAL: f64 = 0.1;
+/// Residuals larger than this part of the image's diagonal, and than their covariances allow ten
+/// times, fit no rig.
+const WORST_FIT: f64 = 0.01;
+/// Below, the numbers are worth a warning.
+const FEW_POSES: usize = 5;
+const LITTLE_TILT_DEG: f64 = 15.0;
+const CELLS: [u32; 2] = [8, 6];
+const LITTLE_COVERAGE: f64 = 0.5;
+/// Above, the numbers are worth a warning.
+const VAGUE: f64 = 0.01;
+const CORRELATED: f64 = 0.9995;
+const INFLATED: f64 = 1.5;
+const OUTLIERS: f64 = 0.01;
+const UNEVEN: f64 = 2.0;
+
+/// Refuses a solution that is none.
+pub(super) fn refuse(solution: &Solution) -> Result<(), Unsolved> {
+    let angle = largest_angle(solution);
+    let vague = focal_lengths(solution).find(|p| !(p.sigma <= WORST_FOCAL * p.value));
+    if let Some(p) = vague {
+        let found = format!(
+            "{} = {:.4} with a standard deviation of {:.2} {} from {} poses; the largest angle between two boards is {angle:.1} degrees",
+            p.name,
+            p.value,
+            p.sigma,
+            p.unit,
+            solution.poses.len(),
+        );
+        let wanted = TILTS_WANTED.to_owned();
+        return Err(if angle < LITTLE_TILT_DEG {
+            Unsolved::Parallel { found, wanted }
+        } else {
+            Unsolved::Undetermined { found, wanted }
+        });
+    }
+    let rig = &solution.rig;
+    for (name, errors, lens) in [
+        ("camera", &solution.camera_errors, &rig.camera.lens),
+        ("projector", &solution.projector_errors, &rig.projector.lens),
+    ] {
+        if let Some(corner) = lens.folds_before() {
+            return Err(Unsolved::Undetermined {
+                found: format!(
+                    "the {name}'s coefficients fold the image over before pixel ({:.0}, {:.0})",
+                    corner.x, corner.y
+                ),
+                wanted: "fewer coefficients, or points nearer to the image's corners".to_owned(),
+            });
+        }
+        let diagonal = f64::from(lens.width_px).hypot(f64::from(lens.height_px));
+        if errors.rms_px > WORST_FIT * diagonal && errors.whitened_rms > 10.0 {
+            return Err(Unsolved::Undetermined {
+                found: format!(
+                    "{name} points lie {:.1} px (RMS) from where the best rig expects them",
+                    errors.rms_px
+                ),
+                wanted: format!(
+                    "sightings of one rigid rig and one flat board, within {:.1} px",
+                    WORST_FIT * diagonal
+                ),
+            });
+        }
+    }
+    Ok(())
+}
+
+/// What is worth a warning.
+pub(super) fn warnings(solution: &Solution, given: &[PoseSightings]) -> Vec<String> {
+    let mut all = Vec::new();
+    poses(solution, &mut all);
+    coverage(solution, given, &mut all);
+    fit(solution, &mut all);
+    parameters(solution, &mut all);
+    all
+}
+
+fn poses(solution: &Solution, all: &mut Vec<String>) {
+    let count = solution.poses.len();
+    if count < FEW_POSES {
+        all.push(format!(
+            "{count} poses are used; wanted: {FEW_POSES} or more"
+        ));
+    }
+    let angle = largest_angle(solution);
+    if angle < LITTLE_TILT_DEG {
+        all.push(format!(
+            "the largest angle between two boards is {angle:.1} degrees; wanted: {LITTLE_TILT_DEG} or more"
+        ));
+    }
+}
+
+fn coverage(solution: &Solution, given: &[PoseSightings], all: &mut Vec<String>) {
+    let used = || solution.poses.iter().filter_map(|p| given.get(p.given));
+    let points = || used().flat_map(|p| &p.sightings);
+    let camera: Vec<DVec2> = points().map(|s| s.camera_px).collect();
+    let projector: Vec<DVec2> = points().filter_map(|s| s.projector).map(|l| l.px).collect();
+    let rig = &solution.rig;
+    for (name, points, lens) in [
+        ("camera", camera, &rig.camera.lens),
+        ("projector", projector, &rig.projector.lens),
+    ] {
+        let cells: HashSet<[u32; 2]> = points
+            .into_iter()
+            .filter(|p| lens.contains(*p))
+            .map(|p| {
+                let [width, height] = [lens.width_px, lens.height_px].map(f64::from);
+                let cell = |p: f64, size: f64, count: u32| {
+                    (((p + 0.5) / size * f64::from(count)) as u32).min(count - 1)
+                };
+                [cell(p.x, width, CELLS[0]), cell(p.y, height, CELLS[1])]
+            })
+            .collect();
+        let total = CELLS[0] * CELLS[1];
+        let share = cells.len() as f64 / f64::from(total);
+        if share < LITTLE_COVERAGE {
+            all.push(format!(
+                "points cover {} of {total} cells of the {name}'s image ({:.0} %); wanted: {:.0} % or more",
+                cells.len(),
+                100.0 * share,
+                100.0 * LITTLE_COVERAGE
+            ));
+        }
+    }
+}
+
+fn fit(solution: &Solution, all: &mut Vec<String>) {
+    for (name, factor) in ["camera points", "projector coordinates"]
+        .iter()
+        .zip(solution.inflation)
+    {
+        if factor > INFLATED {
+            all.push(format!(
+                "{name} scatter {:.2} times as much as their covariances say; standard deviations allow for it",
+                factor.sqrt()
+            ));
+        }
+    }
+    let points = || solution.poses.iter().flat_map(|p| &p.points);
+    let camera = (
+        points().filter(|p| p.camera_weight == 0.0).count(),
+        points().count(),
+    );
+    let lit = || points().filter_map(|p| p.projector);
+    let projector = (lit().filter(|p| p.weight == 0.0).count(), lit().count());
+    for (name, (out, total)) in [
+        ("camera points", camera),
+        ("projector coordinates", projector),
+    ] {
+        if out as f64 > OUTLIERS * total as f64 {
+            all.push(format!(
+                "{out} of {total} {name} are outliers and do not count"
+            ));
+        }
+    }
+    for pose in &solution.poses {
+        for (name, own, usual) in [
+            (
+                "camera points",
+                &pose.camera_errors,
+                &solution.camera_errors,
+            ),
+            (
+                "projector coordinates",
+                &pose.projector_errors,
+                &solution.projector_errors,
+            ),
+        ] {
+            let usual = usual.whitened_rms.max(1.0);
+            if own.whitened_rms > UNEVEN * usual {
+                all.push(format!(
+                    "{}: its {name} scatter {:.1} times as much as those of all poses",
+                    pose.name,
+                    own.whitened_rms / usual
+                ));
+            }
+        }
+    }
+}
+
+fn parameters(solution: &Solution, all: &mut Vec<String>) {
+    let baseline = baseline(solution);
+    let vague = focal_lengths(solution)
+        .chain(baseline.as_ref())
+        .filter(|p| p.sigma > VAGUE * p.value)
+        .map(|p| {
+            format!(
+                "{} = {:.4} {} is known to {:.1} % only (standard deviation {:.4})",
+                p.name,
+                p.value,
+                p.unit,
+                100.0 * p.sigma / p.value,
+                p.sigma
+            )
+        });
+    all.extend(vague);
+    for (p, at) in of_rig(solution) {
+        let width = match p.name.split('.').next() {
+            Some("camera") => solution.rig.camera.lens.width_px,
+            _ => solution.rig.projector.lens.width_px,
+        };
+        if p.name.ends_with(".cx") || p.name.ends_with(".cy") {
+            if p.sigma > VAGUE * f64::from(width) {
+                all.push(format!(
+                    "{} = {:.2} px is known to {:.2} px only; wanted: {:.2}",
+                    p.name,
+                    p.value,
+                    p.sigma,
+                    VAGUE * f64::from(width)
+                ));
+            }
+        } else if p.unit.is_empty() && p.sigma > p.value.abs() {
+            all.push(format!(
+                "{} = {:.5} cannot be told from 0: its standard deviation is {:.5}",
+                p.name, p.value, p.sigma
+            ));
+        }
+        for (q, other) in of_rig(solution).take(at) {
+            let c = solution.covariance[(at, other)] / (p.sigma * q.sigma);
+            if c.abs() > CORRELATED {
+                all.push(format!(
+                    "{} and {} are hardly told apart: their correlation is {c:.5}",
+                    q.name, p.name
+                ));
+            }
+        }
+    }
+}
+
+fn largest_angle(solution: &Solution) -> f64 {
+    let normals: Vec<DVec3> = solution
+        .poses
+        .iter()
+        .map(|p| p.camera_from_board.rotation.z_axis)
+        .collect();
+    largest_angle_deg(&normals)
+}
+
+/// The parameters that are not a board's, and their places.
+fn of_rig(solution: &Solution) -> impl Iterator<Item = (&Parameter, usize)> {
+    let count = solution.parameters.len() - 6 * solution.poses.len();
+    solution.parameters[..count].iter().zip(0..)
+}
+
+fn focal_lengths(solution: &Solution) -> impl Iterator<Item = &Parameter> {
+    of_rig(solution)
+        .map(|(p, _)| p)
+        .filter(|p| p.name.ends_with(".fx") || p.name.ends_with(".fy"))
+}
+
+/// The distance of camera and projector.
+fn baseline(solution: &Solution) -> Option<Parameter> {
+    let place = solution.rig.projector.center();
+    let (value, at) = (place.length(), of_rig(solution).count() - 3);
+    let along = nalgebra::Vector3::from_column_slice(&(place / value).to_array());
+    let block = solution.covariance.fixed_view::<3, 3>(at, at);
+    let variance = (along.transpose() * block * along)[(0, 0)];
+    (value > 0.0).then(|| Parameter {
+        name: "the baseline".to_owned(),
+        unit: "mm",
+        value,
+        sigma: variance.sqrt(),
+    })
+}

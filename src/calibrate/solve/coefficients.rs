@@ -1,0 +1,119 @@
+//! Which distortion coefficients the data demand.
+//!
+//! The models are nested: none, k1, k1 k2, k1 k2 p1 p2, all five; each for camera and projector. All
+//! are judged from the fit of the largest: leaving out coefficients c of covariance C raises the sum
+//! of squares by c' C^-1 c (Wald's statistic), and each coefficient kept costs ln n (the Bayesian
+//! information criterion; Schwarz, "Estimating the dimension of a model", 1978) but no less than
+//! 10.83, so that a coefficient that is zero is kept by chance once in a thousand times whatever the
+//! number n of observations.
+
+use super::Coefficients;
+use super::model::{LENS, RIG, State};
+use super::normal::Free;
+use nalgebra::{DMatrix, DVector};
+
+/// Which of k1 k2 p1 p2 k3, for camera and projector.
+pub(super) type Model = [[bool; 5]; 2];
+
+/// The 0.1 % point of the chi-square distribution of one degree of freedom.
+const LEAST_PENALTY: f64 = 10.83;
+
+const LADDER: [[bool; 5]; 5] = [
+    [false; 5],
+    [true, false, false, false, false],
+    [true, true, false, false, false],
+    [true, true, true, true, false],
+    [true; 5],
+];
+
+impl Coefficients {
+    /// The largest model.
+    pub(super) fn most(self) -> [bool; 5] {
+        match self {
+            Self::Auto => [true; 5],
+            Self::Fixed(set) => set,
+        }
+    }
+
+    /// The smallest model.
+    pub(super) fn least(self) -> [bool; 5] {
+        match self {
+            Self::Auto => [false; 5],
+            Self::Fixed(set) => set,
+        }
+    }
+
+    fn ladder(self) -> Vec<[bool; 5]> {
+        match self {
+            Self::Auto => LADDER.to_vec(),
+            Self::Fixed(set) => vec![set],
+        }
+    }
+}
+
+/// The unknowns of the rig that are free in a model.
+pub(super) fn free(model: &Model) -> Free {
+    let mut free = [true; RIG];
+    for (lens, set) in model.iter().enumerate() {
+        let at = lens * LENS + 4;
+        free[at..at + 5].copy_from_slice(set);
+    }
+    free
+}
+
+/// The state with the coefficients that a model lacks set to zero.
+pub(super) fn restricted(state: &State, model: &Model) -> State {
+    let mut state = state.clone();
+    for (lens, set) in [&mut state.camera, &mut state.projector]
+        .into_iter()
+        .zip(model)
+    {
+        for (k, free) in lens.distortion.iter_mut().zip(set) {
+            *k = if *free { *k } else { 0.0 };
+        }
+    }
+    state
+}
+
+/// The models that a choice leaves open, those that the data speak for first. `covariance` is that
+/// of the free unknowns of `largest`, the model in which `state` was fitted to `count` numbers.
+pub(super) fn ranked(
+    choice: [Coefficients; 2],
+    largest: &Model,
+    state: &State,
+    covariance: &DMatrix<f64>,
+    count: usize,
+) -> Vec<Model> {
+    let values = [state.camera.distortion, state.projector.distortion];
+    let all = free(largest);
+    // Where a coefficient stands in the covariance.
+    let place = |lens: usize, k: usize| (0..lens * LENS + 4 + k).filter(|i| all[*i]).count();
+    let penalty = (count as f64).ln().max(LEAST_PENALTY);
+    let mut models: Vec<(f64, Model)> = Vec::new();
+    let within = |set: &[bool; 5], lens: usize| (0..5).all(|k| largest[lens][k] || !set[k]);
+    for camera in choice[0].ladder().into_iter().filter(|s| within(s, 0)) {
+        for projector in choice[1].ladder().into_iter().filter(|s| within(s, 1)) {
+            let model = [camera, projector];
+            let (mut at, mut value, mut kept) = (Vec::new(), Vec::new(), 0);
+            for lens in 0..2 {
+                for k in 0..5 {
+                    if model[lens][k] {
+                        kept += 1;
+                    } else if largest[lens][k] {
+                        at.push(place(lens, k));
+                        value.push(values[lens][k]);
+                    }
+                }
+            }
+            let block = DMatrix::from_fn(at.len(), at.len(), |i, j| covariance[(at[i], at[j])]);
+            let value = DVector::from_vec(value);
+            let Some(factor) = block.cholesky() else {
+                continue;
+            };
+            let rise = value.dot(&factor.solve(&value));
+            models.push((rise + penalty * f64::from(kept), model));
+        }
+    }
+    models.sort_by(|a, b| a.0.total_cmp(&b.0));
+    models.into_iter().map(|(_, model)| model).collect()
+}

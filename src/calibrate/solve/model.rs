@@ -1,0 +1,223 @@
+//! What a rig predicts of a board's point, and the derivatives of it by all parameters.
+//!
+//! Unknowns are counted: the camera's fx fy cx cy k1 k2 p1 p2 k3 (0 to 8), the projector's (9 to
+//! 17), the projector's turn and place in the rig (18 to 23), then turn and place of a board. A turn
+//! d takes R to exp([d]x) R, so d(R v) = d x (R v).
+
+use super::observation::Observation;
+use super::rotation::nudge;
+use crate::geometry::{Lens, Pose};
+use glam::{DMat2, DVec2, DVec3};
+
+/// Unknowns of a lens.
+pub(super) const LENS: usize = 9;
+/// Unknowns of the rig.
+pub(super) const RIG: usize = 2 * LENS + 6;
+/// Unknowns that a point depends on.
+pub(super) const ALL: usize = RIG + 6;
+
+/// Values of all unknowns.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct State {
+    pub camera: Lens,
+    pub projector: Lens,
+    pub rig_from_projector: Pose,
+    pub boards: Vec<Pose>,
+}
+
+impl State {
+    /// The state after a step, counted as above; `boards` has six numbers for each board.
+    pub fn stepped(&self, rig: &[f64; RIG], boards: &[[f64; 6]]) -> Self {
+        Self {
+            camera: step_lens(&self.camera, &rig[..LENS]),
+            projector: step_lens(&self.projector, &rig[LENS..2 * LENS]),
+            rig_from_projector: step_pose(&self.rig_from_projector, &rig[2 * LENS..]),
+            boards: self
+                .boards
+                .iter()
+                .zip(boards)
+                .map(|(pose, step)| step_pose(pose, step))
+                .collect(),
+        }
+    }
+
+    /// Whether the lenses are lenses.
+    pub fn is_proper(&self) -> bool {
+        [&self.camera, &self.projector].iter().all(|l| {
+            l.focal_px.is_finite() && l.focal_px.min_element() > 0.0 && l.principal_px.is_finite()
+        })
+    }
+}
+
+fn step_lens(lens: &Lens, step: &[f64]) -> Lens {
+    Lens {
+        focal_px: lens.focal_px + DVec2::new(step[0], step[1]),
+        principal_px: lens.principal_px + DVec2::new(step[2], step[3]),
+        distortion: std::array::from_fn(|i| lens.distortion[i] + step[4 + i]),
+        ..*lens
+    }
+}
+
+fn step_pose(pose: &Pose, step: &[f64]) -> Pose {
+    nudge(
+        pose,
+        DVec3::new(step[0], step[1], step[2]),
+        DVec3::new(step[3], step[4], step[5]),
+    )
+}
+
+/// Residuals of a point, seen minus expected.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Residual {
+    /// In camera pixels.
+    pub camera: DVec2,
+    /// In projector pixels, where the point was lit.
+    pub projector: Option<DVec2>,
+}
+
+/// Whitened residuals of a point; see `observation`.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Whitened {
+    pub camera: DVec2,
+    pub projector: Option<DVec2>,
+}
+
+/// Residuals of a point on board `board`; `None` where it is behind a lens.
+pub(super) fn residual(o: &Observation, state: &State, board: usize) -> Option<Residual> {
+    let x = state.boards[board].point(o.board.extend(0.0));
+    let expected = project(&state.camera, x)?;
+    let projector = match &o.lit {
+        None => None,
+        Some(lit) => {
+            let rig = &state.rig_from_projector;
+            let y = rig.rotation.transpose() * (x - rig.translation_mm);
+            Some(lit.px - project(&state.projector, y)?)
+        }
+    };
+    Some(Residual {
+        camera: o.camera - expected,
+        projector,
+    })
+}
+
+fn project(lens: &Lens, p: DVec3) -> Option<DVec2> {
+    (p.z > 0.0).then(|| lens.distort_to_px(p.truncate() / p.z))
+}
+
+impl Residual {
+    /// The residuals as numbers of variance 1.
+    pub fn whitened(&self, o: &Observation) -> Whitened {
+        Whitened {
+            camera: o.camera_whitener * self.camera,
+            projector: self
+                .projector
+                .zip(o.lit.as_ref())
+                .map(|(r, lit)| lit.whitener * (r - lit.slope * self.camera)),
+        }
+    }
+}
+
+/// Derivatives of what is expected, whitened: rows u and v by all unknowns.
+pub(super) struct Slopes {
+    /// The camera's rows; zero for the projector's unknowns.
+    pub camera: [[f64; ALL]; 2],
+    /// The projector's rows.
+    pub projector: [[f64; ALL]; 2],
+}
+
+/// Residuals, whitened, and their derivatives (with the sign of what is expected).
+pub(super) fn linearise(
+    o: &Observation,
+    state: &State,
+    board: usize,
+) -> Option<(Whitened, Slopes)> {
+    let pose = &state.boards[board];
+    let arm = pose.rotation * o.board.extend(0.0);
+    let x = arm + pose.translation_mm;
+    let seen = sight(&state.camera, x)?;
+    // Columns of the camera's pixel by its lens and by the board.
+    let mut camera = [DVec2::ZERO; ALL];
+    camera[..LENS].copy_from_slice(&seen.by_lens);
+    by_motion(&seen.by_point, arm, &mut camera[RIG..]);
+
+    let mut whitened = Whitened {
+        camera: o.camera_whitener * (o.camera - seen.px),
+        projector: None,
+    };
+    let mut slopes = Slopes {
+        camera: rows(&camera.map(|c| o.camera_whitener * c)),
+        projector: [[0.0; ALL]; 2],
+    };
+    if let Some(lit) = &o.lit {
+        let rig = &state.rig_from_projector;
+        let from_rig = rig.rotation.transpose();
+        let arm_of_rig = x - rig.translation_mm;
+        let lights = sight(&state.projector, from_rig * arm_of_rig)?;
+        let by_point = lights.by_point.map(|row| rig.rotation * row);
+        let mut projector = [DVec2::ZERO; ALL];
+        projector[LENS..2 * LENS].copy_from_slice(&lights.by_lens);
+        // The point stays and the projector moves: the other way round.
+        by_motion(&by_point, arm_of_rig, &mut projector[2 * LENS..RIG]);
+        for c in &mut projector[2 * LENS..RIG] {
+            *c = -*c;
+        }
+        by_motion(&by_point, arm, &mut projector[RIG..]);
+        let r = lit.px - lights.px - lit.slope * (o.camera - seen.px);
+        whitened.projector = Some(lit.whitener * r);
+        for (p, c) in projector.iter_mut().zip(&camera) {
+            *p = lit.whitener * (*p - lit.slope * *c);
+        }
+        slopes.projector = rows(&projector);
+    }
+    Some((whitened, slopes))
+}
+
+/// A pixel, its derivatives by the lens's unknowns (columns) and by the point (rows).
+struct Sight {
+    px: DVec2,
+    by_lens: [DVec2; LENS],
+    by_point: [DVec3; 2],
+}
+
+fn sight(lens: &Lens, p: DVec3) -> Option<Sight> {
+    if !(p.z > 0.0) {
+        return None;
+    }
+    let ideal = p.truncate() / p.z;
+    let (x, y, r2) = (ideal.x, ideal.y, ideal.length_squared());
+    let d = lens.distort(ideal);
+    let f = lens.focal_px;
+    let by_lens = [
+        DVec2::new(d.x, 0.0),
+        DVec2::new(0.0, d.y),
+        DVec2::X,
+        DVec2::Y,
+        f * ideal * r2,
+        f * ideal * (r2 * r2),
+        f * DVec2::new(2.0 * x * y, r2 + 2.0 * y * y),
+        f * DVec2::new(r2 + 2.0 * x * x, 2.0 * x * y),
+        f * ideal * (r2 * r2 * r2),
+    ];
+    // Of the ideal point: [1 0 -x; 0 1 -y] / z.
+    let j = DMat2::from_diagonal(f) * lens.distort_jacobian(ideal);
+    let row = |a: DVec2| DVec3::new(a.x, a.y, -a.dot(ideal)) / p.z;
+    Some(Sight {
+        px: f * d + lens.principal_px,
+        by_lens,
+        by_point: [row(j.row(0)), row(j.row(1))],
+    })
+}
+
+/// Columns by turn and shift of what carries a point at `arm`: a . (d x arm) = d . (arm x a).
+fn by_motion(by_point: &[DVec3; 2], arm: DVec3, columns: &mut [DVec2]) {
+    let turns = by_point.map(|a| arm.cross(a).to_array());
+    let shifts = by_point.map(|a| a.to_array());
+    for i in 0..3 {
+        columns[i] = DVec2::new(turns[0][i], turns[1][i]);
+        columns[3 + i] = DVec2::new(shifts[0][i], shifts[1][i]);
+    }
+}
+
+fn rows(columns: &[DVec2; ALL]) -> [[f64; ALL]; 2] {
+    [columns.map(|c| c.x), columns.map(|c| c.y)]
+}

@@ -1,0 +1,245 @@
+//! A first state in closed form, and the poses that have no place in it.
+
+use super::bundle::Bundle;
+use super::coefficients::{Model, free};
+use super::fit::{Effort, minimise};
+use super::homography::Homography;
+use super::model::State;
+use super::robust::{self, Loss};
+use super::start_projector::projector;
+use super::{Choice, Unsolved, zhang};
+use crate::geometry::{Lens, Pose};
+use glam::{DMat3, DVec2, DVec3};
+
+/// A homography has eight unknowns: four points give it, two more check it.
+pub(super) const FEWEST_POINTS: usize = 6;
+/// Boards nearer to parallel than this before a lens of ordinary angle are parallel.
+const PARALLEL_DEG: f64 = 0.5;
+/// What parallel boards should be instead.
+pub(super) const TILTS_WANTED: &str =
+    "boards tilted in different directions, by 15 degrees or more between two of them";
+
+/// Homographies of the poses that can be used, in their order.
+pub(super) struct Maps {
+    pub camera: Vec<Homography>,
+    /// To the projector's image, where it lit enough, with the points that were lit.
+    pub projector: Vec<Option<(Homography, Vec<usize>)>>,
+}
+
+/// Fits homographies and leaves out what has none or a mirrored one.
+pub(super) fn maps(bundle: &mut Bundle, robust: bool) -> Result<Maps, Unsolved> {
+    let mut maps = Maps {
+        camera: Vec::new(),
+        projector: Vec::new(),
+    };
+    let (mut mirrored, mut crossed, mut at) = (0, 0, 0);
+    while at < bundle.poses.len() {
+        match of_pose(bundle, at, robust) {
+            Ok((camera, projector)) => {
+                maps.camera.push(camera);
+                maps.projector.push(projector);
+                at += 1;
+            }
+            Err((kind, why)) => {
+                mirrored += usize::from(kind == Kind::MirroredCamera);
+                crossed += usize::from(kind == Kind::MirroredProjector);
+                bundle.leave_out(at, why);
+            }
+        }
+    }
+    let total = bundle.left_out.len() + bundle.poses.len();
+    if mirrored > 0 && mirrored + 1 >= total && bundle.poses.len() < 2 {
+        return Err(Unsolved::Mirrored {
+            found: format!("the camera shows the board mirrored in {mirrored} of {total} poses"),
+            wanted: "pictures that are not flipped, of the board's front".to_owned(),
+        });
+    }
+    if crossed > 0 && crossed + 1 >= total && bundle.poses.len() < 2 {
+        return Err(Unsolved::Mirrored {
+            found: format!(
+                "the projector's columns and rows lie mirrored on the board in {crossed} of {total} poses"
+            ),
+            wanted: "columns that count to the right and rows that count down, as the projector \
+                     sees the board"
+                .to_owned(),
+        });
+    }
+    bundle.enough_poses()?;
+    Ok(maps)
+}
+
+#[derive(PartialEq)]
+enum Kind {
+    TooFew,
+    MirroredCamera,
+    MirroredProjector,
+}
+
+type OfPose = (Homography, Option<(Homography, Vec<usize>)>);
+
+fn of_pose(bundle: &Bundle, at: usize, robust: bool) -> Result<OfPose, (Kind, String)> {
+    let pose = &bundle.poses[at];
+    let improper = match pose.improper {
+        0 => String::new(),
+        n => format!(" ({n} more are off the board or have no proper covariance)"),
+    };
+    let few = |count: usize, what: &str| {
+        let why = format!(
+            "{count} points{improper}{what}; wanted: {FEWEST_POINTS} or more that are not on a line"
+        );
+        (Kind::TooFew, why)
+    };
+    if pose.points.len() < FEWEST_POINTS {
+        return Err(few(pose.points.len(), ""));
+    }
+    let pairs: Vec<_> = pose.points.iter().map(|o| (o.board, o.camera)).collect();
+    let camera = Homography::fit(&pairs, robust).ok_or_else(|| few(pairs.len(), " on a line"))?;
+    let agree = camera.fits.iter().filter(|f| **f).count();
+    if agree < FEWEST_POINTS || 2 * agree < pairs.len() {
+        let why = format!(
+            "{agree} of {} points agree on where the board is; wanted: half of them",
+            pairs.len()
+        );
+        return Err((Kind::TooFew, why));
+    }
+    if !camera.keeps_sense() {
+        let why = "the picture shows the board mirrored; wanted: its front, not flipped".to_owned();
+        return Err((Kind::MirroredCamera, why));
+    }
+    let lit: Vec<usize> = (0..pose.points.len())
+        .filter(|i| pose.points[*i].lit.is_some())
+        .collect();
+    if lit.len() < FEWEST_POINTS {
+        return Ok((camera, None));
+    }
+    let pairs: Vec<_> = lit
+        .iter()
+        .filter_map(|&i| {
+            let o = &pose.points[i];
+            o.lit.as_ref().map(|l| (o.board, l.px))
+        })
+        .collect();
+    let Some(map) = Homography::fit(&pairs, robust) else {
+        return Ok((camera, None));
+    };
+    if !map.keeps_sense() {
+        let why = "the projector's coordinates lie mirrored on the board".to_owned();
+        return Err((Kind::MirroredProjector, why));
+    }
+    let lit = lit
+        .into_iter()
+        .zip(&map.fits)
+        .filter(|(_, f)| **f)
+        .map(|(i, _)| i);
+    let lit = lit.collect();
+    Ok((camera, Some((map, lit))))
+}
+
+/// The largest angle between the normals of two boards, in degrees.
+pub(super) fn largest_angle_deg(normals: &[DVec3]) -> f64 {
+    let mut largest = 0.0f64;
+    for (i, a) in normals.iter().enumerate() {
+        for b in &normals[..i] {
+            largest = largest.max(a.cross(*b).length().atan2(a.dot(*b)).to_degrees());
+        }
+    }
+    largest
+}
+
+/// The camera's lens and the boards' poses, refined by the camera alone; then the projector.
+pub(super) fn state(
+    bundle: &Bundle,
+    maps: &Maps,
+    sizes: [[u32; 2]; 2],
+    model: &Model,
+    choice: &Choice,
+) -> Result<State, Unsolved> {
+    let homographies: Vec<DMat3> = maps.camera.iter().map(|m| m.matrix).collect();
+    refuse_parallel(&homographies, sizes[0])?;
+    let points: Vec<Vec<DVec2>> = bundle.poses.iter().map(some_points).collect();
+    let no_lens = || Unsolved::Undetermined {
+        found: format!(
+            "no camera makes the {} pictures of the board from planes in front of it",
+            homographies.len()
+        ),
+        wanted: TILTS_WANTED.to_owned(),
+    };
+    let (camera, _) = zhang::best(&homographies, &points, sizes[0]).ok_or_else(no_lens)?;
+    let boards: Vec<Pose> = homographies
+        .iter()
+        .map(|h| zhang::pose(&camera, h))
+        .collect::<Option<_>>()
+        .ok_or_else(no_lens)?;
+    let guess = State {
+        camera,
+        projector: camera,
+        rig_from_projector: Pose::IDENTITY,
+        boards,
+    };
+    let state = camera_alone(bundle, guess, model, choice);
+    let (projector, rig_from_projector) = projector(bundle, maps, &state, &points, sizes[1])?;
+    Ok(State {
+        projector,
+        rig_from_projector,
+        ..state
+    })
+}
+
+fn refuse_parallel(homographies: &[DMat3], size: [u32; 2]) -> Result<(), Unsolved> {
+    let [w, h] = size.map(f64::from);
+    let guess = Lens {
+        width_px: size[0],
+        height_px: size[1],
+        focal_px: DVec2::splat(w.max(h)),
+        principal_px: (DVec2::new(w, h) - 1.0) / 2.0,
+        distortion: [0.0; 5],
+    };
+    let normals: Vec<DVec3> = homographies
+        .iter()
+        .filter_map(|m| zhang::pose(&guess, m))
+        .map(|p| p.rotation.z_axis)
+        .collect();
+    let angle = largest_angle_deg(&normals);
+    if normals.len() == homographies.len() && angle < PARALLEL_DEG {
+        return Err(Unsolved::Parallel {
+            found: format!(
+                "the largest angle between two of {} boards is {angle:.2} degrees",
+                normals.len()
+            ),
+            wanted: TILTS_WANTED.to_owned(),
+        });
+    }
+    Ok(())
+}
+
+/// Some of a board's points, spread over those seen.
+fn some_points(pose: &super::observation::PoseObservations) -> Vec<DVec2> {
+    let stride = pose.points.len().div_ceil(40).max(1);
+    pose.points
+        .iter()
+        .step_by(stride)
+        .map(|o| o.board)
+        .collect()
+}
+
+fn camera_alone(bundle: &Bundle, guess: State, model: &Model, choice: &Choice) -> State {
+    let mut poses = bundle.poses.clone();
+    for o in poses.iter_mut().flat_map(|p| &mut p.points) {
+        (o.lit, o.projector_counts) = (None, false);
+    }
+    let mut free = free(model);
+    free[super::model::LENS..].fill(false);
+    let mut state = guess;
+    for _ in 0..2 {
+        let loss = if choice.robust {
+            Loss::huber(robust::scales(&poses, &state))
+        } else {
+            Loss::Square([1.0; 2])
+        };
+        match minimise(&poses, &state, &free, &loss, Effort::ROUGH) {
+            Some(fit) => state = fit.state,
+            None => break,
+        }
+    }
+    state
+}

@@ -1,0 +1,214 @@
+//! The solution as it is told.
+
+use super::bundle::{Bundle, Solved};
+use super::coefficients::free;
+use super::model::{LENS, RIG, State, residual};
+use super::observation::{Observation, PoseObservations};
+use super::rotation::log;
+use super::solution::ProjectorResidual;
+use super::{Errors, Parameter, PointResidual, Solution, SolvedPose};
+use crate::geometry::{Lens, Pose, Rig, View};
+use glam::DVec2;
+use nalgebra::DMatrix;
+
+const OF_LENS: [(&str, &str); LENS] = [
+    ("fx", "px"),
+    ("fy", "px"),
+    ("cx", "px"),
+    ("cy", "px"),
+    ("k1", ""),
+    ("k2", ""),
+    ("p1", ""),
+    ("p2", ""),
+    ("k3", ""),
+];
+const OF_POSE: [(&str, &str); 6] = [
+    ("turn_x", "rad"),
+    ("turn_y", "rad"),
+    ("turn_z", "rad"),
+    ("x", "mm"),
+    ("y", "mm"),
+    ("z", "mm"),
+];
+
+pub(super) fn of(bundle: Bundle, solved: Solved) -> Solution {
+    let degrees_of_freedom = bundle.degrees_of_freedom(&solved.model);
+    let squares: f64 = bundle.squares(&solved.state).iter().map(|s| s.0).sum();
+    let Solved {
+        state,
+        model,
+        covariance,
+        inflation,
+    } = solved;
+    let rig_unknowns = free(&model).iter().filter(|f| **f).count();
+    let condition = condition(&covariance, rig_unknowns);
+    let parameters = parameters(&bundle.poses, &state, &free(&model), &covariance);
+    let poses: Vec<SolvedPose> = bundle
+        .poses
+        .iter()
+        .enumerate()
+        .map(|(i, pose)| solved_pose(pose, &state, i))
+        .collect();
+    let all =
+        |errors: fn(&SolvedPose) -> Vec<(DVec2, DVec2)>| gathered(poses.iter().flat_map(errors));
+    let mut left_out = bundle.left_out;
+    left_out.sort_by_key(|l| l.given);
+    Solution {
+        rig: Rig {
+            camera: View {
+                lens: state.camera,
+                rig_from_view: Pose::IDENTITY,
+            },
+            projector: View {
+                lens: state.projector,
+                rig_from_view: state.rig_from_projector,
+            },
+            noise: None,
+        },
+        camera_errors: all(camera_errors),
+        projector_errors: all(projector_errors),
+        poses,
+        left_out,
+        camera_coefficients: model[0],
+        projector_coefficients: model[1],
+        parameters,
+        condition,
+        covariance,
+        variance_factor: squares / degrees_of_freedom as f64,
+        inflation,
+        degrees_of_freedom,
+        warnings: Vec::new(),
+    }
+}
+
+fn parameters(
+    poses: &[PoseObservations],
+    state: &State,
+    free: &[bool; RIG],
+    covariance: &DMatrix<f64>,
+) -> Vec<Parameter> {
+    let mut all: Vec<(String, &'static str, f64)> = Vec::new();
+    for (view, lens) in [("camera", &state.camera), ("projector", &state.projector)] {
+        for ((name, unit), value) in OF_LENS.iter().zip(of_lens(lens)) {
+            all.push((format!("{view}.{name}"), unit, value));
+        }
+    }
+    let mut motions = vec![("projector", &state.rig_from_projector)];
+    motions.extend(poses.iter().map(|p| p.name.as_str()).zip(&state.boards));
+    for (owner, pose) in motions {
+        for ((name, unit), value) in OF_POSE.iter().zip(of_pose(pose)) {
+            all.push((format!("{owner}.{name}"), unit, value));
+        }
+    }
+    all.into_iter()
+        .enumerate()
+        .filter(|(i, _)| *i >= RIG || free[*i])
+        .enumerate()
+        .map(|(at, (_, (name, unit, value)))| Parameter {
+            name,
+            unit,
+            value,
+            sigma: covariance[(at, at)].sqrt(),
+        })
+        .collect()
+}
+
+fn of_lens(lens: &Lens) -> [f64; LENS] {
+    let (f, c) = (lens.focal_px, lens.principal_px);
+    let [k1, k2, p1, p2, k3] = lens.distortion;
+    [f.x, f.y, c.x, c.y, k1, k2, p1, p2, k3]
+}
+
+fn of_pose(pose: &Pose) -> [f64; 6] {
+    let (turn, place) = (log(pose.rotation), pose.translation_mm);
+    [turn.x, turn.y, turn.z, place.x, place.y, place.z]
+}
+
+fn solved_pose(pose: &PoseObservations, state: &State, board: usize) -> SolvedPose {
+    let points: Vec<PointResidual> = pose
+        .points
+        .iter()
+        .filter_map(|o| point(o, state, board))
+        .collect();
+    let mut solved = SolvedPose {
+        name: pose.name.clone(),
+        given: pose.given,
+        camera_from_board: state.boards[board],
+        camera_errors: Errors::default(),
+        projector_errors: Errors::default(),
+        points,
+    };
+    solved.camera_errors = gathered(camera_errors(&solved).into_iter());
+    solved.projector_errors = gathered(projector_errors(&solved).into_iter());
+    solved
+}
+
+fn point(o: &Observation, state: &State, board: usize) -> Option<PointResidual> {
+    let r = residual(o, state, board)?;
+    let w = r.whitened(o);
+    Some(PointResidual {
+        index: o.index,
+        camera_px: r.camera,
+        camera_whitened: w.camera,
+        camera_weight: f64::from(u8::from(o.camera_counts)),
+        projector: r
+            .projector
+            .zip(w.projector)
+            .map(|(px, whitened)| ProjectorResidual {
+                px,
+                whitened,
+                weight: f64::from(u8::from(o.projector_counts)),
+            }),
+    })
+}
+
+/// Plain and whitened residuals that count.
+fn camera_errors(pose: &SolvedPose) -> Vec<(DVec2, DVec2)> {
+    let points = pose.points.iter().filter(|p| p.camera_weight > 0.0);
+    points.map(|p| (p.camera_px, p.camera_whitened)).collect()
+}
+
+fn projector_errors(pose: &SolvedPose) -> Vec<(DVec2, DVec2)> {
+    let parts = pose.points.iter().filter_map(|p| p.projector);
+    let parts = parts.filter(|p| p.weight > 0.0);
+    parts.map(|p| (p.px, p.whitened)).collect()
+}
+
+fn gathered(errors: impl Iterator<Item = (DVec2, DVec2)>) -> Errors {
+    let (mut all, mut squares, mut whitened) = (Errors::default(), 0.0, 0.0);
+    for (px, w) in errors {
+        let length = px.length();
+        all.count += 1;
+        all.mean_px += length;
+        all.max_px = all.max_px.max(length);
+        squares += length * length;
+        whitened += w.length_squared() / 2.0;
+    }
+    let count = (all.count as f64).max(1.0);
+    all.mean_px /= count;
+    all.rms_px = (squares / count).sqrt();
+    all.whitened_rms = (whitened / count).sqrt();
+    all
+}
+
+/// Ratio of the eigenvalues of the correlation matrix of the first `count` unknowns.
+fn condition(covariance: &DMatrix<f64>, count: usize) -> f64 {
+    let sigma: Vec<f64> = (0..count).map(|i| covariance[(i, i)].sqrt()).collect();
+    let correlation = DMatrix::from_fn(sigma.len(), sigma.len(), |i, j| {
+        covariance[(i, j)] / (sigma[i] * sigma[j])
+    });
+    if correlation.iter().any(|x| !x.is_finite()) {
+        return f64::INFINITY;
+    }
+    match correlation.try_symmetric_eigen(1e-15, 10_000) {
+        Some(eigen) => {
+            let least = eigen.eigenvalues.min();
+            if least > 0.0 {
+                eigen.eigenvalues.max() / least
+            } else {
+                f64::INFINITY
+            }
+        }
+        None => f64::INFINITY,
+    }
+}

@@ -1,0 +1,78 @@
+//! Poses from folders: captures made anywhere.
+
+use super::look::{Looked, look};
+use super::session::Session;
+use crate::calibrate::poses::MOST_POSES;
+use crate::decode::{Plan, load_frames};
+use crate::error::{Error, Result};
+use crate::geometry::{Board, Rig};
+use crate::host::{CALIBRATION_FILE, MANIFEST_FILE};
+use crate::pattern::Manifest;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// Looks at each pose, one at a time.
+///
+/// # Errors
+/// Pictures that cannot be written.
+pub(super) fn look_at_all(
+    poses: &[PathBuf],
+    board: &Board,
+    out: &Path,
+    mut progress: impl FnMut(usize, usize),
+) -> Result<Session> {
+    let names: Vec<String> = poses.iter().map(|pose| name(pose)).collect();
+    let mut session = Session::new(out, &names);
+    for (place, (pose, name)) in poses.iter().zip(&names).enumerate() {
+        progress(place, poses.len());
+        session.take(place, one(pose, name, board))?;
+    }
+    Ok(session)
+}
+
+fn name(folder: &Path) -> String {
+    let name = folder.file_name().unwrap_or_default();
+    name.to_string_lossy().into_owned()
+}
+
+/// The poses in a folder: its folders, in the order of their names.
+///
+/// # Errors
+/// A folder without any, or with too many.
+pub(super) fn poses(folder: &Path) -> Result<Vec<PathBuf>> {
+    let place = || format!("--captures {}", folder.display());
+    let allowed = format!("a folder with a folder for each pose: pictures and {MANIFEST_FILE}");
+    if folder.join(MANIFEST_FILE).exists() {
+        let found = format!("{MANIFEST_FILE}, of a single pose");
+        return Err(Error::input(place(), found, allowed));
+    }
+    let mut poses = Vec::new();
+    for entry in fs::read_dir(folder).map_err(|e| Error::io(folder, e).at("--captures"))? {
+        let path = entry.map_err(|e| Error::io(folder, e))?.path();
+        if path.is_dir() {
+            poses.push(path);
+        }
+        if poses.len() > MOST_POSES {
+            let found = format!("more than {MOST_POSES} folders");
+            return Err(Error::input(place(), found, format!("{MOST_POSES} poses")));
+        }
+    }
+    if poses.is_empty() {
+        return Err(Error::input(place(), "no folder in it", allowed));
+    }
+    poses.sort_unstable();
+    Ok(poses)
+}
+
+fn one(folder: &Path, name: &str, board: &Board) -> Result<Looked> {
+    let file = folder.join(MANIFEST_FILE);
+    let manifest = Manifest::read(&file)?;
+    let calibration = folder.join(CALIBRATION_FILE);
+    let nominal = match calibration.exists() {
+        true => Some(Rig::read(&calibration)?),
+        false => None,
+    };
+    let plan = Plan::new(&manifest).map_err(|e| e.at(file.display()))?;
+    let frames = load_frames(&manifest, &plan, folder)?;
+    look(board, name, &manifest, &frames.stack(), nominal).map_err(|e| e.at(folder.display()))
+}

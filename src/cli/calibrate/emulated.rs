@@ -1,0 +1,220 @@
+//! Poses from an emulated device: a board is shown to it again and again, and it is scanned over
+//! its ports, which stay open.
+
+use super::Args;
+use super::look::look;
+use super::scene::SceneFile;
+use super::session::Session;
+use crate::calibrate::poses::{self, Wanted};
+use crate::cli::interrupt::Interruptible;
+use crate::cli::served::{Served, service};
+use crate::emulator::render::Options as RenderOptions;
+use crate::error::{Error, Result};
+use crate::geometry::{Board, Pose, Rig};
+use crate::host::{Capture, Captured, ScanOptions, Scanner, SerialPort, open_camera};
+use crate::profile::Profile;
+use crate::protocol::service::{Placement, Request, ask};
+use std::path::{Path, PathBuf};
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::time::Duration;
+
+/// How long to wait for a reply or a frame: the first one waits for the scene to be prepared.
+const TIMEOUT: Duration = Duration::from_secs(30);
+
+/// A device that is to be calibrated.
+pub(super) struct Emulated {
+    board: Board,
+    sequence: String,
+    /// The poses that are shown, exactly as the device is told them.
+    shown: Vec<Pose>,
+    truth: Rig,
+}
+
+impl Emulated {
+    /// Decides what will be shown; nothing is started yet.
+    ///
+    /// # Errors
+    /// A profile that is none or has no sequence for it, and a board that cannot be shown.
+    pub(super) fn new(args: &Args, name: &str) -> Result<Self> {
+        RenderOptions {
+            samples: args.samples,
+            backend: args.backend.into(),
+            ..RenderOptions::default()
+        }
+        .checked()?;
+        let profile = Profile::load(name)?;
+        // A profile's scale is that of its board of dots.
+        let board = match args.board.board(1.0)? {
+            chess @ Board::Chess { .. } => chess,
+            Board::Dots { .. } => {
+                let scale = profile.calibration.board_scale.unwrap_or(1.0);
+                args.board.board(scale)?
+            }
+        };
+        let sequence = profile.calibration_sequence().ok_or_else(|| {
+            Error::input(
+                format!("profile {name}: sequence"),
+                "none with patterns along both axes",
+                "one with fringes or Gray code along x and along y",
+            )
+        })?;
+        let truth = profile.nominal_rig();
+        let usual = Wanted::default();
+        let wanted = Wanted {
+            seed: args.seed,
+            count: args.poses as usize,
+            distance_mm: args.distance_mm.or(profile.calibration.distance_mm),
+            tilt_deg: [usual.tilt_deg[0].min(args.max_tilt_deg), args.max_tilt_deg],
+            ..usual
+        };
+        let poses = poses::poses(&board, &truth, &wanted)?;
+        let told = |pose: &Pose| {
+            let (position, rotation) = pose.to_xyz_deg();
+            Pose::from_xyz_deg(position, rotation)
+        };
+        Ok(Self {
+            board,
+            sequence: sequence.name.clone(),
+            shown: poses.iter().map(told).collect(),
+            truth,
+        })
+    }
+
+    /// The board that is shown.
+    pub(super) fn board(&self) -> &Board {
+        &self.board
+    }
+
+    /// The rig as it is.
+    pub(super) fn truth(&self) -> &Rig {
+        &self.truth
+    }
+
+    /// The poses that are shown, `camera_from_board`.
+    pub(super) fn shown(&self) -> Vec<Pose> {
+        let camera_from_rig = self.truth.camera.rig_from_view.inverse();
+        self.shown.iter().map(|&pose| camera_from_rig * pose).collect()
+    }
+
+    /// Shows all poses and looks at what the camera sees of each, while the next one is captured.
+    ///
+    /// # Errors
+    /// A device that fails, and files that cannot be written.
+    pub(super) fn scan(
+        &self,
+        args: &Args,
+        name: &str,
+        progress: impl FnMut(usize, usize),
+    ) -> Result<(Session, String)> {
+        let digits = (self.shown.len() - 1).to_string().len().max(2);
+        let names: Vec<String> = (0..self.shown.len())
+            .map(|i| format!("pose_{i:0digits$}"))
+            .collect();
+        let scene = SceneFile::write(&self.board, &self.shown[0])?;
+        let served = Served::start("calibrate", &serve_arguments(args, name, &scene.path()))?;
+        // The device has read it.
+        drop(scene);
+        let endpoints = served.endpoints();
+        let port = SerialPort::open(&endpoints.control.display().to_string())?;
+        let mut scanner = Scanner::new(port, TIMEOUT, || {
+            open_camera(&endpoints.camera, Capture::Auto, TIMEOUT).map(Interruptible::new)
+        })?;
+        let (sender, receiver) = sync_channel(1);
+        let session = Session::new(&args.out, &names);
+        let keep = args.keep_captures.then(|| args.out.join(super::CAPTURES));
+        let looked = std::thread::scope(|scope| {
+            let analysis =
+                scope.spawn(|| look_at_all(receiver, &self.board, session, keep, &names));
+            let options = ScanOptions {
+                sequence: Some(self.sequence.clone()),
+                manifest: None,
+                frame_timeout: TIMEOUT,
+            };
+            let scan = || scanner.scan(&options, &mut |_| {});
+            let captured = self.capture(&endpoints.service, scan, sender, progress);
+            // Why the analysis gave up comes first: the captures only find it gone.
+            let session = analysis
+                .join()
+                .unwrap_or_else(|_| Err(Error::device("the analysis of the captures has died")))?;
+            Ok((session, captured?))
+        });
+        let finished = scanner.finish();
+        let looked = looked?;
+        finished?;
+        served.stop()?;
+        Ok(looked)
+    }
+
+    /// Captures the poses one after the other until nobody takes them any more; gives who the device
+    /// is.
+    fn capture(
+        &self,
+        socket: &Path,
+        mut scan: impl FnMut() -> Result<Captured>,
+        sender: SyncSender<(usize, Captured)>,
+        mut progress: impl FnMut(usize, usize),
+    ) -> Result<String> {
+        let mut service = service(socket)?;
+        let mut idn = String::new();
+        for (place, pose) in self.shown.iter().enumerate() {
+            progress(place, self.shown.len());
+            let (position, rotation) = pose.to_xyz_deg();
+            let placement = Placement {
+                object: 0,
+                position_mm: position.to_array(),
+                rotation_deg: rotation.to_array(),
+            };
+            ask(&mut service, Request::Place(placement))?;
+            let captured = scan()?;
+            idn.clone_from(&captured.idn);
+            if sender.send((place, captured)).is_err() {
+                break;
+            }
+        }
+        Ok(idn)
+    }
+}
+
+/// Looks at captures as they come; keeps them in a folder if there is one for it.
+fn look_at_all(
+    captures: Receiver<(usize, Captured)>,
+    board: &Board,
+    mut session: Session,
+    keep: Option<PathBuf>,
+    names: &[String],
+) -> Result<Session> {
+    while let Ok((place, captured)) = captures.recv() {
+        let name = &names[place];
+        if let Some(folder) = &keep {
+            captured.write(&folder.join(name))?;
+        }
+        let looked = captured
+            .with_stack(|stack| look(board, name, &captured.manifest, stack, captured.calibration));
+        session.take(place, looked)?;
+    }
+    Ok(session)
+}
+
+fn serve_arguments(args: &Args, profile: &str, scene: &Path) -> Vec<String> {
+    let mut arguments: Vec<String> = [
+        "--profile",
+        profile,
+        "--scene",
+        &scene.display().to_string(),
+        "--seed",
+        &args.seed.to_string(),
+        "--samples",
+        &args.samples.to_string(),
+        "--backend",
+        &args.backend.to_string(),
+        // Nobody waits for frames that come no sooner than they were exposed.
+        "--clock",
+        "fast",
+    ]
+    .map(str::to_owned)
+    .to_vec();
+    if args.no_noise {
+        arguments.push("--no-noise".to_owned());
+    }
+    arguments
+}

@@ -1,0 +1,81 @@
+//! A pose's frames to what a calibration keeps of them.
+
+use crate::calibrate::board::{Picture, draw};
+use crate::calibrate::rig::{PoseData, sight};
+use crate::decode::{Decoder, FrameStack, Options, Samples};
+use crate::error::{Error, Result};
+use crate::geometry::{Board, NoiseModel, Rig};
+use crate::pattern::{Axis, Manifest};
+use image::RgbImage;
+
+/// A pose that was looked at.
+pub(super) struct Looked {
+    /// What was found, or why nothing was.
+    pub(super) found: Result<PoseData, String>,
+    /// The picture, with what was found in it.
+    pub(super) picture: RgbImage,
+    /// Width and height of the camera's image.
+    pub(super) camera_px: [u32; 2],
+    /// Width and height of the projector's image.
+    pub(super) projector_px: [u32; 2],
+    /// What the device says of itself.
+    pub(super) nominal: Option<Rig>,
+    /// The camera's noise.
+    pub(super) noise: Option<NoiseModel>,
+}
+
+/// Decodes a pose's frames and looks for the board in them.
+///
+/// # Errors
+/// A sequence that does not tell both axes, and frames that do not fit it.
+pub(super) fn look(
+    board: &Board,
+    name: &str,
+    manifest: &Manifest,
+    stack: &FrameStack<'_>,
+    nominal: Option<Rig>,
+) -> Result<Looked> {
+    let options = Options {
+        noise: nominal.and_then(|rig| rig.noise),
+        ..Options::default()
+    };
+    // Points are not wanted, so the rig stays out of it.
+    let decoder = Decoder::new(manifest, stack.width(), stack.height(), None, options)?;
+    let decoded = decoder.decode(stack)?;
+    for axis in [Axis::X, Axis::Y] {
+        if decoded.axis(axis).is_none() {
+            return Err(Error::input(
+                "sequence",
+                format!("nothing that tells the projector's {axis} coordinate"),
+                "fringes or Gray code along x and along y",
+            ));
+        }
+    }
+    let picture = Picture::from_frames(manifest, stack, &decoded.noise.unwrap_or(guess(stack)))?;
+    let found = sight(board, name, &picture, &decoded);
+    let seen = found.as_ref().map_or(&[][..], |data| &data.seen);
+    let size = [stack.width(), stack.height()].map(|side| side as u32);
+    Ok(Looked {
+        picture: draw(&picture, board, seen),
+        found: found.map_err(|why| why.to_string()),
+        camera_px: size,
+        projector_px: [manifest.projector.width_px, manifest.projector.height_px],
+        nominal,
+        noise: decoded.noise,
+    })
+}
+
+/// What a camera's noise is taken for where neither a calibration nor the frames tell it: that of
+/// the dark, two thousandths of the range.
+fn guess(stack: &FrameStack<'_>) -> NoiseModel {
+    let full = match stack.frames().first() {
+        Some(Samples::U16(_)) => 65535.0,
+        _ => 255.0,
+    };
+    NoiseModel {
+        gain_dn_per_e: 0.0,
+        read_noise_dn: full * 2e-3,
+        black_level_dn: 0.0,
+        saturation_dn: full,
+    }
+}

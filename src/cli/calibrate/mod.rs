@@ -1,0 +1,285 @@
+//! `phasma calibrate`: from pictures of a board to a rig, of an emulated device or from captures.
+
+mod captures;
+mod coefficients;
+#[cfg(target_os = "linux")]
+mod emulated;
+mod folder;
+mod look;
+#[cfg(target_os = "linux")]
+mod scene;
+mod session;
+#[cfg(not(target_os = "linux"))]
+mod without_device;
+#[cfg(not(target_os = "linux"))]
+use without_device as emulated;
+
+use super::backend;
+use super::board_args::BoardArgs;
+use super::step;
+use crate::calibrate::files::{Reprojection, write_opencv};
+use crate::calibrate::report::{self, About, Summary};
+use crate::calibrate::rig::{Calibration, Task, calibrate};
+use crate::calibrate::solve::{Choice, Unsolved};
+use crate::error::{Error, Result};
+use crate::geometry::Board;
+use crate::study::calibration::Truth;
+use emulated::Emulated;
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use serde::Serialize;
+use session::Session;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// Folder of the captures that are kept.
+const CAPTURES: &str = "captures";
+/// The rig as OpenCV reads it.
+const OPENCV: [&str; 2] = ["calibration.yml", "calibration.xml"];
+/// File of what only an emulated device knows.
+const TRUTH: &str = "truth.json";
+
+/// Calibrate a scanner from pictures of a board in many poses: an emulated one, or any from captures
+#[derive(Debug, clap::Args)]
+pub(super) struct Args {
+    /// Device profile to calibrate: a built-in name or a TOML file. A board is shown to the emulated
+    /// device, which is scanned over its ports
+    #[arg(long, required_unless_present = "captures")]
+    profile: Option<String>,
+    /// Captures to calibrate from: a folder with a folder for each pose, as phasma scan --no-decode
+    /// makes them, pictures and a sequence.toml that says what they show
+    #[arg(long, value_name = "DIR", conflicts_with = "profile")]
+    captures: Option<PathBuf>,
+    #[command(flatten)]
+    board: BoardArgs,
+    /// Folder for the calibration and its report
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// Which distortion coefficients of the camera are estimated: auto (as many as the data demand),
+    /// none, all, or some of k1,k2,p1,p2,k3
+    #[arg(long, value_name = "WHICH", default_value = "auto")]
+    camera_distortion: coefficients::Choice,
+    /// The same of the projector
+    #[arg(long, value_name = "WHICH", default_value = "auto")]
+    projector_distortion: coefficients::Choice,
+    /// In how many poses the board is shown
+    #[arg(long, value_name = "N", default_value_t = 20, conflicts_with = "captures")]
+    poses: u32,
+    /// Distance at which it is shown in millimetres [default: the profile's, or where the fields of
+    /// camera and projector meet]
+    #[arg(long, value_name = "MM", conflicts_with = "captures")]
+    distance_mm: Option<f64>,
+    /// How far it is tilted at most, in degrees
+    #[arg(long, value_name = "DEG", default_value_t = 45.0, conflicts_with = "captures")]
+    max_tilt_deg: f64,
+    /// Seed of the poses and of the noise
+    #[arg(long, default_value_t = 1, conflicts_with = "captures")]
+    seed: u64,
+    /// Leave the sensor's noise out
+    #[arg(long, conflicts_with = "captures")]
+    no_noise: bool,
+    /// Rays a pixel: 1, 4, 16 or 64
+    #[arg(long, value_name = "N", default_value_t = 1, conflicts_with = "captures")]
+    samples: u32,
+    /// What runs the passes of the rendering
+    #[arg(long, value_enum, default_value_t = backend::Choice::Cpu, conflicts_with = "captures")]
+    backend: backend::Choice,
+    /// Keep the frames of each pose in the folder captures, as phasma scan writes them
+    #[arg(long, conflicts_with = "captures")]
+    keep_captures: bool,
+    /// Overwrite an earlier calibration
+    #[arg(long)]
+    force: bool,
+    /// Print the figures as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+/// What is printed as JSON.
+#[derive(Serialize)]
+struct Figures<'a> {
+    #[serde(flatten)]
+    summary: &'a Summary,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    truth: Option<&'a Truth>,
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// Captures, boards and options that do not do, poses that leave the rig open, a device that fails.
+pub(super) fn run(args: &Args) -> Result<()> {
+    match (&args.profile, &args.captures) {
+        (Some(name), _) => run_emulated(args, name),
+        (None, Some(folder)) => run_captures(args, folder),
+        (None, None) => Err(Error::input(
+            "--profile",
+            "neither it nor --captures is given",
+            "--profile of a device, or --captures DIR",
+        )),
+    }
+}
+
+fn run_captures(args: &Args, folder: &Path) -> Result<()> {
+    let board = args.board.board(1.0)?;
+    let poses = captures::poses(folder)?;
+    folder::prepare(args)?;
+    let bar = progress_bar();
+    let session = captures::look_at_all(&poses, &board, &args.out, |done, of| show(&bar, done, of));
+    bar.finish_and_clear();
+    let session = session?;
+    let place = format!("--captures {}", folder.display());
+    if session.poses.is_empty() {
+        let (found, allowed) = no_board(&session, &board);
+        return Err(Error::input(place, found, allowed));
+    }
+    let remarks = vec![("captures".to_owned(), folder.display().to_string())];
+    let calibration = solve(args, &board, &session, &place)?;
+    finish(args, &calibration, &session.pictures, remarks, None)
+}
+
+fn run_emulated(args: &Args, name: &str) -> Result<()> {
+    let device = Emulated::new(args, name)?;
+    folder::prepare(args)?;
+    step("starting the device");
+    let bar = progress_bar();
+    let scanned = device.scan(args, name, |done, of| show(&bar, done, of));
+    bar.finish_and_clear();
+    let (session, idn) = scanned?;
+    if session.poses.is_empty() {
+        let (found, allowed) = no_board(&session, device.board());
+        return Err(Error::device(format!("{name}: {found}; wanted: {allowed}")));
+    }
+    let place = format!("--poses {}", args.poses);
+    let calibration = solve(args, device.board(), &session, &place)?;
+    let shown = device.shown();
+    // The solver counts the poses with a board.
+    let given: Vec<_> = session.places.iter().map(|&place| shown[place]).collect();
+    let truth = Truth::new(&calibration.solution, device.truth(), &given);
+    let remarks = [
+        ("device", idn),
+        ("profile", name.to_owned()),
+        ("seed", args.seed.to_string()),
+        ("noise", if args.no_noise { "none" } else { "the sensor's" }.to_owned()),
+        (
+            "distance from the truth",
+            format!(
+                "squared Mahalanobis distance {:.1} over {} parameters, 99 % bound {:.1}",
+                truth.mahalanobis_squared, truth.degrees_of_freedom, truth.bound_99
+            ),
+        ),
+    ];
+    let remarks = remarks.map(|(name, value)| (name.to_owned(), value)).to_vec();
+    finish(args, &calibration, &session.pictures, remarks, Some(&truth))
+}
+
+/// What to say where no pose shows the board.
+fn no_board(session: &Session, board: &Board) -> (String, String) {
+    let some: Vec<_> = session
+        .missed
+        .iter()
+        .take(3)
+        .map(|missed| format!("{}: {}", missed.name, missed.why))
+        .collect();
+    let [columns, rows] = board.grid();
+    (
+        format!("no board in any of {} poses: {}", session.missed.len(), some.join("; ")),
+        format!("pictures of a board of {columns} x {rows} points, {} mm apart", board.pitch_mm()),
+    )
+}
+
+fn solve(args: &Args, board: &Board, session: &Session, place: &str) -> Result<Calibration> {
+    step("solving");
+    let [camera_px, projector_px] = session.sizes.unwrap_or_default();
+    let task = Task {
+        board,
+        camera_px,
+        projector_px,
+        nominal: session.nominal.as_ref(),
+        noise: session.noise,
+        choice: Choice {
+            camera: args.camera_distortion.0,
+            projector: args.projector_distortion.0,
+            ..Choice::default()
+        },
+    };
+    calibrate(&task, &session.poses, session.missed.clone())
+        .map_err(|why| unsolved(&why, session, place))
+}
+
+/// Poses that leave the rig open are the user's to mend.
+fn unsolved(why: &Unsolved, session: &Session, place: &str) -> Error {
+    let words = why.to_string();
+    let (found, wanted) = words.split_once("; wanted: ").unwrap_or((&words, "other poses"));
+    let without = session.missed.iter().map(|missed| missed.name.as_str());
+    let without: Vec<_> = without.collect();
+    let found = match without.is_empty() {
+        true => found.to_owned(),
+        false => format!("{found} (no board in {})", without.join(", ")),
+    };
+    Error::input(place, found, wanted)
+}
+
+fn finish(
+    args: &Args,
+    calibration: &Calibration,
+    pictures: &[(String, String)],
+    remarks: Vec<(String, String)>,
+    truth: Option<&Truth>,
+) -> Result<()> {
+    step("writing");
+    let about = About {
+        made_by: format!("phasma calibrate {}", env!("CARGO_PKG_VERSION")),
+        remarks,
+        pictures: pictures.to_vec(),
+    };
+    if let Some(truth) = truth {
+        let path = args.out.join(TRUTH);
+        fs::write(&path, json(truth)).map_err(|e| Error::io(&path, e))?;
+    }
+    for file in OPENCV {
+        let (rig, errors) = (&calibration.solution.rig, errors(calibration));
+        write_opencv(&args.out.join(file), rig, &errors)?;
+    }
+    let summary = report::write(&args.out, calibration, &about)?;
+    if args.json {
+        let summary = &summary;
+        print!("{}", json(&Figures { summary, truth }));
+    } else {
+        print!("{summary}");
+        println!("written to {}: report.html shows all of it", args.out.display());
+    }
+    Ok(())
+}
+
+/// Root mean square errors, which is what OpenCV's own calibration gives.
+fn errors(calibration: &Calibration) -> Reprojection {
+    let (camera, projector) = (
+        calibration.solution.camera_errors,
+        calibration.solution.projector_errors,
+    );
+    let (n, m) = (camera.count as f64, projector.count as f64);
+    let squares = n * camera.rms_px.powi(2) + m * projector.rms_px.powi(2);
+    Reprojection {
+        camera_px: Some(camera.rms_px),
+        projector_px: Some(projector.rms_px),
+        both_px: (n + m > 0.0).then(|| (squares / (n + m)).sqrt()),
+    }
+}
+
+fn json(value: &impl Serialize) -> String {
+    let text = serde_json::to_string_pretty(value).expect("numbers and strings");
+    format!("{text}\n")
+}
+
+fn progress_bar() -> ProgressBar {
+    let bar = ProgressBar::with_draw_target(None, ProgressDrawTarget::stderr());
+    if let Ok(style) = ProgressStyle::with_template("poses [{bar:30}] {pos}/{len}") {
+        bar.set_style(style);
+    }
+    bar
+}
+
+fn show(bar: &ProgressBar, done: usize, of: usize) {
+    bar.set_length(of as u64);
+    bar.set_position(done as u64);
+}

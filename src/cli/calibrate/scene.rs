@@ -1,0 +1,81 @@
+//! The scene of a device that is calibrated: a board and nothing else.
+
+use crate::error::{Error, Result};
+use crate::geometry::{Board, Pose};
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// Reflectance of the paper: the built-in devices expose a white wall at a metre so that it fills
+/// three quarters of a full well, and a board comes as near as 700 mm.
+const PAPER: f64 = 0.45;
+/// Light from everywhere in W/m^2, as in the built-in scenes.
+const AMBIENT_W_M2: f64 = 0.02;
+
+/// A scene file in a folder of its own; both go with this value.
+pub(super) struct SceneFile {
+    folder: PathBuf,
+}
+
+impl SceneFile {
+    /// Writes the scene of a board in a pose.
+    ///
+    /// # Errors
+    /// What the system refuses.
+    pub(super) fn write(board: &Board, rig_from_board: &Pose) -> Result<Self> {
+        let name = format!("phasma-board-{}", std::process::id());
+        let folder = std::env::temp_dir().join(name);
+        fs::create_dir_all(&folder).map_err(|e| Error::io(&folder, e))?;
+        let file = Self { folder };
+        let path = file.path();
+        fs::write(&path, text(board, rig_from_board)).map_err(|e| Error::io(&path, e))?;
+        Ok(file)
+    }
+
+    pub(super) fn path(&self) -> PathBuf {
+        self.folder.join("board.toml")
+    }
+}
+
+impl Drop for SceneFile {
+    fn drop(&mut self) {
+        // Nothing more can be done here.
+        let _ = fs::remove_dir_all::<&Path>(&self.folder);
+    }
+}
+
+fn text(board: &Board, rig_from_board: &Pose) -> String {
+    let (position, rotation) = rig_from_board.to_xyz_deg();
+    let board = toml::Value::try_from(board).expect("numbers and words");
+    format!(
+        "name = \"board\"\ndescription = \"A calibration board\"\n\n\
+         [ambient]\nirradiance_w_m2 = {AMBIENT_W_M2}\n\n\
+         [[object]]\nposition_mm = {:?}\nrotation_deg = {:?}\nalbedo = {PAPER}\n\
+         shape = {{ kind = \"board\", board = {board} }}\n",
+        position.to_array(),
+        rotation.to_array()
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::profile::Scene;
+    use glam::DVec3;
+
+    #[test]
+    fn the_scene_says_what_was_meant_and_goes() {
+        let at = Pose::from_xyz_deg(DVec3::new(1.5, -2e-7, 1000.0), DVec3::new(20.0, -31.5, 7.0));
+        for board in [Board::DOTS.scaled(4.0), Board::CHESS] {
+            let file = SceneFile::write(&board, &at).unwrap();
+            let scene = Scene::load(file.path().to_str().unwrap()).unwrap();
+            assert_eq!(scene.object.len(), 1);
+            let placed = scene.rig_from_object(&scene.object[0]);
+            let off = (placed.rotation - at.rotation).to_cols_array();
+            assert!(off.iter().all(|o| o.abs() < 1e-14));
+            assert_eq!(placed.translation_mm, at.translation_mm);
+            let path = file.path();
+            drop(file);
+            assert!(!path.exists());
+        }
+    }
+}

@@ -1,0 +1,36 @@
+//! A build without a device in it: captures only.
+
+use super::Args;
+use super::session::Session;
+use crate::error::{Error, Result};
+use crate::geometry::{Board, Pose, Rig};
+
+/// What there is none of.
+pub(super) enum Emulated {}
+
+impl Emulated {
+    pub(super) fn new(_: &Args, _: &str) -> Result<Self> {
+        Err(Error::device("--profile needs Linux; --captures works here"))
+    }
+
+    pub(super) fn board(&self) -> &Board {
+        match *self {}
+    }
+
+    pub(super) fn truth(&self) -> &Rig {
+        match *self {}
+    }
+
+    pub(super) fn shown(&self) -> Vec<Pose> {
+        match *self {}
+    }
+
+    pub(super) fn scan(
+        &self,
+        _: &Args,
+        _: &str,
+        _: impl FnMut(usize, usize),
+    ) -> Result<(Session, String)> {
+        match *self {}
+    }
+}

@@ -1,0 +1,223 @@
+//! `--method`: which way from projector coordinates to points.
+
+use crate::calibrate::height::{Given, Mapping, meeting_mm};
+use crate::decode::{Decoded, Decoder, Options, Plan, load_frames};
+use crate::error::{Error, Result};
+use crate::geometry::Rig;
+use crate::host::MANIFEST_FILE;
+use crate::pattern::{Axis, Manifest};
+use std::path::{Path, PathBuf};
+
+/// How coordinates become points, as the command line says.
+#[derive(Debug, clap::Args)]
+pub(super) struct MethodArgs {
+    /// How coordinates become points
+    #[arg(long, value_enum, default_value_t = Method::Triangulation)]
+    method: Method,
+    /// Of the method height: a scan of the bare reference plane
+    #[arg(long, value_name = "DIR", conflicts_with = "plane_mm")]
+    reference: Option<PathBuf>,
+    /// Of the method height, without --reference: a plane across the camera's axis at this depth in
+    /// mm, computed from the calibration [default: where the middles of the two images meet]
+    #[arg(long, value_name = "Z")]
+    plane_mm: Option<f64>,
+    /// Of the method height: the camera's distance L from the plane in mm, in place of the
+    /// calibration's
+    #[arg(long, value_name = "L")]
+    height_l_mm: Option<f64>,
+    /// Of the method height: the baseline D in mm, in place of the calibration's
+    #[arg(long, value_name = "D")]
+    height_d_mm: Option<f64>,
+    /// Of the method height: the fringes per mm on the plane f0, in place of the reference's
+    #[arg(long, value_name = "F0")]
+    height_f0_per_mm: Option<f64>,
+}
+
+/// How coordinates become points.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+pub(super) enum Method {
+    /// Rays of camera and projector cut, lenses and all
+    Triangulation,
+    /// The paper's h = L dphi / (2 pi f0 D + dphi) over a reference plane
+    Height,
+}
+
+impl MethodArgs {
+    /// Refuses numbers that are none, and options of the other method.
+    ///
+    /// # Errors
+    /// The option that is at fault.
+    pub(super) fn check(&self) -> Result<()> {
+        let numbers = [
+            ("--plane-mm", self.plane_mm),
+            ("--height-l-mm", self.height_l_mm),
+            ("--height-d-mm", self.height_d_mm),
+            ("--height-f0-per-mm", self.height_f0_per_mm),
+        ];
+        for (flag, value) in numbers {
+            if let Some(value) = value.filter(|v| !(*v > 0.0 && v.is_finite())) {
+                return Err(Error::input(flag, value, "a finite number above 0"));
+            }
+        }
+        let reference = self.reference.as_ref().map(|_| "--reference");
+        let given = numbers
+            .iter()
+            .find(|(_, v)| v.is_some())
+            .map(|(flag, _)| *flag);
+        match reference.or(given) {
+            Some(flag) if self.method != Method::Height => Err(Error::input(
+                flag,
+                "given without --method height",
+                "--method height, or none of its options",
+            )),
+            _ => Ok(()),
+        }
+    }
+
+    /// Puts depths by this method in place of those of triangulation.
+    ///
+    /// # Errors
+    /// No calibration, a reference that is none, or a sequence without a coordinate along the
+    /// baseline.
+    pub(super) fn apply(
+        &self,
+        decoder: &Decoder,
+        decoded: &mut Decoded,
+        options: Options,
+    ) -> Result<()> {
+        if self.method == Method::Triangulation {
+            return Ok(());
+        }
+        let rig = decoder.triangulator().map(|t| *t.rig()).ok_or_else(|| {
+            Error::input("--method height", "no calibration", "--calibration FILE")
+        })?;
+        let capture = self
+            .reference
+            .as_deref()
+            .map(|folder| Capture::open(folder, &rig, options));
+        let capture = capture.transpose()?;
+        let mut best: Option<Result<Mapping>> = None;
+        let resolved = decoded.axes().filter(|(_, map)| map.wrapped_px.is_none());
+        for (axis, _) in resolved {
+            // Of Gray code alone, a cell; the period only names f0.
+            let plan = decoder.plan().axis(axis);
+            let period = plan
+                .and_then(|p| p.sets.first())
+                .map_or(1.0, |set| set.period_px);
+            let mapping = self.mapping(&rig, axis, period, capture.as_ref());
+            let leverage = |m: &Mapping| {
+                (m.constants.baseline_mm * m.constants.fringes_per_mm * m.period_px).abs()
+            };
+            let better = match (&mapping, &best) {
+                (_, None) | (Ok(_), Some(Err(_))) => true,
+                (Ok(new), Some(Ok(old))) => leverage(new) > leverage(old),
+                (Err(_), _) => false,
+            };
+            if better {
+                best = Some(mapping);
+            }
+        }
+        let mapping = best.unwrap_or_else(|| {
+            Err(Error::input(
+                "--method height",
+                "a sequence that resolves no coordinate",
+                "a Gray code or a second period",
+            ))
+        })?;
+        let mapping = mapping.with(&Given {
+            distance_mm: self.height_l_mm,
+            baseline_mm: self.height_d_mm,
+            fringes_per_mm: self.height_f0_per_mm,
+        });
+        let mut depth = std::mem::take(&mut decoded.depth);
+        let mut sigma = std::mem::take(&mut decoded.depth_sigma);
+        if let Some(map) = decoded.axis(mapping.axis) {
+            mapping.depths([&map.coordinate, &map.sigma], &mut depth, &mut sigma);
+        }
+        (decoded.depth, decoded.depth_sigma) = (depth, sigma);
+        decoded.notes.push(self.note(&mapping));
+        Ok(())
+    }
+
+    fn mapping(
+        &self,
+        rig: &Rig,
+        axis: Axis,
+        period: f64,
+        capture: Option<&Capture>,
+    ) -> Result<Mapping> {
+        let Some(capture) = capture else {
+            let z = self.plane_mm.or_else(|| meeting_mm(rig)).ok_or_else(|| {
+                Error::input(
+                    "--plane-mm",
+                    "none, and the middles of the camera's and the projector's images meet nowhere",
+                    "the depth of the reference plane in mm",
+                )
+            })?;
+            return Mapping::of_plane(rig, axis, period, z).map_err(|e| e.at("--plane-mm"));
+        };
+        let at = |e: Error| e.at(format!("--reference {}", capture.folder.display()));
+        let map = capture
+            .decoded
+            .axis(axis)
+            .filter(|map| map.wrapped_px.is_none());
+        let map = map.ok_or_else(|| {
+            let found = format!("no coordinate along axis {axis}");
+            at(Error::input(
+                "sequence",
+                found,
+                "the axes of the scan itself",
+            ))
+        })?;
+        let depth = [&capture.decoded.depth[..], &capture.decoded.depth_sigma];
+        Mapping::of_capture(rig, axis, period, [&map.coordinate, &map.sigma], depth).map_err(at)
+    }
+
+    fn note(&self, mapping: &Mapping) -> String {
+        let c = mapping.constants;
+        let q = mapping.quality;
+        let from = match &self.reference {
+            Some(folder) => format!(
+                "captured in {} (flat to {:.3} mm)",
+                folder.display(),
+                q.plane_rms_mm
+            ),
+            None => "computed from the calibration".to_owned(),
+        };
+        format!(
+            "points by phase to height over a plane {from}: L = {:.3} mm, D = {:.3} mm, \
+             f0 = {:.5} fringes of {} px per mm along {}; exact if the projector were as far from it \
+             (it is {:+.3} mm farther) and its coordinate linear on it (it is to {:.3} px)",
+            c.distance_mm,
+            c.baseline_mm.abs(),
+            c.fringes_per_mm,
+            mapping.period_px,
+            mapping.axis,
+            q.farther_mm,
+            q.linear_rms_px
+        )
+    }
+}
+
+/// A capture of the reference plane, decoded.
+struct Capture {
+    folder: PathBuf,
+    decoded: Decoded,
+}
+
+impl Capture {
+    fn open(folder: &Path, rig: &Rig, options: Options) -> Result<Self> {
+        let read = || {
+            let manifest = Manifest::read(&folder.join(MANIFEST_FILE))?;
+            let plan = Plan::new(&manifest)?;
+            let frames = load_frames(&manifest, &plan, folder)?;
+            let (width, height) = (frames.width, frames.height);
+            Decoder::new(&manifest, width, height, Some(rig), options)?.decode(&frames.stack())
+        };
+        let decoded = read().map_err(|e| e.at("--reference"))?;
+        Ok(Self {
+            folder: folder.to_owned(),
+            decoded,
+        })
+    }
+}

@@ -1,0 +1,208 @@
+//! The sheet that plots are drawn on.
+
+use super::style::STYLE;
+use super::text::{coordinate, escaped};
+use glam::DVec2;
+use std::fmt::Write;
+
+/// Which end of a text stands at its place.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Anchor {
+    /// Its start.
+    Start,
+    /// Its middle.
+    Middle,
+    /// Its end.
+    End,
+}
+
+impl Anchor {
+    fn word(self) -> &'static str {
+        match self {
+            Self::Start => "start",
+            Self::Middle => "middle",
+            Self::End => "end",
+        }
+    }
+}
+
+/// A drawing under way: x to the right, y down, units about a pixel of a screen. Marks with a
+/// coordinate that is not finite are left out. `class` is one or more classes of the style.
+#[derive(Debug, Clone)]
+pub struct Sheet {
+    size: DVec2,
+    body: String,
+}
+
+impl Sheet {
+    /// An empty sheet of this size.
+    pub fn new(width: f64, height: f64) -> Self {
+        Self {
+            size: DVec2::new(width, height),
+            body: String::new(),
+        }
+    }
+
+    /// A line through points; `closed` joins its ends. `tip` is shown where the pointer rests on it.
+    pub fn polyline(&mut self, class: &str, points: &[DVec2], closed: bool, tip: Option<&str>) {
+        if points.is_empty() || points.iter().any(|p| !p.is_finite()) {
+            return;
+        }
+        let name = if closed { "polygon" } else { "polyline" };
+        self.write(format_args!(
+            "<{name} class=\"{}\" points=\"",
+            escaped(class)
+        ));
+        for (i, p) in points.iter().enumerate() {
+            let gap = if i == 0 { "" } else { " " };
+            let (x, y) = (coordinate(p.x), coordinate(p.y));
+            self.write(format_args!("{gap}{x},{y}"));
+        }
+        self.end(name, tip);
+    }
+
+    /// Many separate lines as one mark.
+    pub fn lines(&mut self, class: &str, lines: impl IntoIterator<Item = [DVec2; 2]>) {
+        let mut path = String::new();
+        for [from, to] in lines {
+            if from.is_finite() && to.is_finite() {
+                let [a, b] = [coordinate(from.x), coordinate(from.y)];
+                let [c, d] = [coordinate(to.x), coordinate(to.y)];
+                // Writing to a string does not fail.
+                let _ = write!(path, "M{a} {b}L{c} {d}");
+            }
+        }
+        if !path.is_empty() {
+            self.write(format_args!(
+                "<path class=\"{}\" d=\"{path}\"/>\n",
+                escaped(class)
+            ));
+        }
+    }
+
+    /// A box by its left upper corner and its size.
+    pub fn rect(&mut self, class: &str, corner: DVec2, size: DVec2, tip: Option<&str>) {
+        if corner.is_finite() && size.is_finite() {
+            self.write(format_args!(
+                "<rect class=\"{}\" x=\"{}\" y=\"{}\" width=\"{}\" height=\"{}",
+                escaped(class),
+                coordinate(corner.x),
+                coordinate(corner.y),
+                coordinate(size.x.max(0.0)),
+                coordinate(size.y.max(0.0))
+            ));
+            self.end("rect", tip);
+        }
+    }
+
+    /// A disc.
+    pub fn disc(&mut self, class: &str, centre: DVec2, radius: f64, tip: Option<&str>) {
+        if centre.is_finite() && radius.is_finite() {
+            self.write(format_args!(
+                "<circle class=\"{}\" cx=\"{}\" cy=\"{}\" r=\"{}",
+                escaped(class),
+                coordinate(centre.x),
+                coordinate(centre.y),
+                coordinate(radius.max(0.0))
+            ));
+            self.end("circle", tip);
+        }
+    }
+
+    /// Words on a line; `at` is on their base line. `class` may be empty.
+    pub fn text(&mut self, class: &str, at: DVec2, anchor: Anchor, words: &str) {
+        self.words(class, at, anchor, words, false);
+    }
+
+    /// Words that read from below upwards.
+    pub fn text_upwards(&mut self, class: &str, at: DVec2, anchor: Anchor, words: &str) {
+        self.words(class, at, anchor, words, true);
+    }
+
+    fn words(&mut self, class: &str, at: DVec2, anchor: Anchor, words: &str, upwards: bool) {
+        if !at.is_finite() {
+            return;
+        }
+        let (x, y) = (coordinate(at.x), coordinate(at.y));
+        let turn = if upwards {
+            format!(" transform=\"rotate(-90 {x} {y})\"")
+        } else {
+            String::new()
+        };
+        self.write(format_args!(
+            "<text class=\"{}\" x=\"{x}\" y=\"{y}\" text-anchor=\"{}\"{turn}>{}</text>\n",
+            escaped(class),
+            anchor.word(),
+            escaped(words)
+        ));
+    }
+
+    /// Ends an attribute and its element, which may hold a tip.
+    fn end(&mut self, name: &str, tip: Option<&str>) {
+        match tip {
+            Some(tip) => {
+                let tip = escaped(tip);
+                self.write(format_args!("\"><title>{tip}</title></{name}>\n"));
+            }
+            None => self.write(format_args!("\"/>\n")),
+        }
+    }
+
+    fn write(&mut self, what: std::fmt::Arguments<'_>) {
+        // Writing to a string does not fail.
+        let _ = self.body.write_fmt(what);
+    }
+
+    /// The drawing as an element of a page that holds the style; `label` says what it shows to those
+    /// who do not see it.
+    pub fn into_element(self, label: &str) -> String {
+        self.element(label, "", "")
+    }
+
+    /// The drawing as a file of its own.
+    pub fn into_file(self, label: &str) -> String {
+        let style = format!("<style>{STYLE}</style>\n");
+        self.element(label, " xmlns=\"http://www.w3.org/2000/svg\"", &style)
+    }
+
+    fn element(self, label: &str, space: &str, style: &str) -> String {
+        let (width, height) = (coordinate(self.size.x), coordinate(self.size.y));
+        format!(
+            "<svg{space} class=\"plot\" role=\"img\" aria-label=\"{}\" width=\"{width}\" \
+             height=\"{height}\" viewBox=\"0 0 {width} {height}\">\n{style}{}</svg>\n",
+            escaped(label),
+            self.body
+        )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_has_no_place_is_left_out() {
+        let mut sheet = Sheet::new(10.0, 10.0);
+        let nan = DVec2::new(f64::NAN, 1.0);
+        sheet.polyline("line", &[nan, DVec2::ONE], false, None);
+        sheet.lines("line", [[nan, DVec2::ONE]]);
+        sheet.rect("fill", nan, DVec2::ONE, None);
+        sheet.disc("fill", DVec2::ONE, f64::INFINITY, None);
+        sheet.text("", nan, Anchor::Start, "x");
+        let element = sheet.into_element("nothing");
+        assert!(!element.contains("NaN") && !element.contains("inf"));
+        assert_eq!(element.lines().count(), 2, "{element}");
+    }
+
+    #[test]
+    fn words_from_elsewhere_are_escaped() {
+        let mut sheet = Sheet::new(10.0, 10.0);
+        let bad = "</svg><script>\"'";
+        sheet.text(bad, DVec2::ONE, Anchor::End, bad);
+        sheet.rect(bad, DVec2::ZERO, DVec2::ONE, Some(bad));
+        let file = sheet.into_file(bad);
+        assert_eq!(file.matches("</svg>").count(), 1);
+        assert!(!file.contains("<script>"));
+        assert!(file.contains("xmlns"));
+    }
+}

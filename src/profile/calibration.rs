@@ -1,0 +1,128 @@
+//! How a scanner of this model is calibrated: what `phasma calibrate` uses unless told otherwise.
+
+use super::Profile;
+use super::check::Check;
+use crate::error::Result;
+use crate::pattern::Axis;
+use serde::{Deserialize, Serialize};
+
+/// What a calibration of the device uses.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Calibration {
+    /// Name of the sequence that tells both columns and rows of the projector; the first of them
+    /// when absent.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub sequence: Option<String>,
+    /// Factor on the size of the usual board of dots, so that the camera tells them: 1 when absent.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub board_scale: Option<f64>,
+    /// Distance from the camera at which boards are shown, in millimetres; when absent, where the
+    /// middles of the camera's and the projector's fields meet.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub distance_mm: Option<f64>,
+}
+
+impl Profile {
+    /// The sequence that a calibration uses: the one that is named, or else the first that has
+    /// patterns along both axes.
+    pub fn calibration_sequence(&self) -> Option<&super::Sequence> {
+        let wanted = self.calibration.sequence.as_ref();
+        self.sequence.iter().find(|sequence| match wanted {
+            Some(name) => sequence.name == *name,
+            None => has_both_axes(sequence),
+        })
+    }
+}
+
+fn has_both_axes(sequence: &super::Sequence) -> bool {
+    let has = |axis| {
+        let mut patterns = sequence.frame.iter().map(|frame| &frame.pattern);
+        patterns.any(|pattern| pattern.axis() == Some(axis))
+    };
+    has(Axis::X) && has(Axis::Y)
+}
+
+pub(super) fn check(p: &Profile, check: &Check<'_>) -> Result<()> {
+    if let Some(name) = &p.calibration.sequence {
+        let found = p.sequence.iter().find(|sequence| sequence.name == *name);
+        let names: Vec<_> = p.sequence.iter().map(|s| s.name.as_str()).collect();
+        check.that(
+            found.is_some(),
+            "calibration.sequence",
+            format!("{name:?}, no sequence of this profile"),
+            names.join(", "),
+        )?;
+        check.that(
+            found.is_none_or(has_both_axes),
+            "calibration.sequence",
+            format!("{name:?}, which has patterns along one axis at most"),
+            "a sequence with patterns along x and along y",
+        )?;
+    }
+    if let Some(scale) = p.calibration.board_scale {
+        check.within("calibration.board_scale", scale, 1e-3..=1e3)?;
+    }
+    if let Some(distance) = p.calibration.distance_mm {
+        check.within("calibration.distance_mm", distance, 1.0..=1e6)?;
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::profile::profile_names;
+
+    #[test]
+    fn every_device_has_a_sequence_for_it() {
+        for name in profile_names() {
+            let profile = Profile::load(name).unwrap();
+            let sequence = profile.calibration_sequence().unwrap();
+            assert!(has_both_axes(sequence), "{name}");
+            let named = Some(sequence.name.clone());
+            assert_eq!(profile.calibration.sequence, named, "{name}");
+            assert!(!has_both_axes(&profile.sequence[0]), "{name}");
+        }
+    }
+
+    #[test]
+    fn a_profile_that_says_nothing_has_the_first_one_of_both_axes() {
+        let text = include_str!("../../device-profiles/webcam-grey.toml");
+        let mut table: toml::Table = text.parse().unwrap();
+        table.remove("calibration");
+        let profile = Profile::parse(&table.to_string(), "test").unwrap();
+        assert_eq!(profile.calibration, Calibration::default());
+        assert_eq!(profile.calibration_sequence().unwrap().name, "quick-4-xy");
+    }
+
+    #[test]
+    fn mistakes_name_the_field_and_what_there_is() {
+        let text = include_str!("../../device-profiles/webcam-grey.toml");
+        for (line, needles) in [
+            (
+                "sequence = \"moon\"",
+                ["calibration.sequence", "quick-4, quick-4-xy"],
+            ),
+            ("sequence = \"quick-4\"", ["one axis at most", "along y"]),
+            (
+                "board_scale = 0.0",
+                ["calibration.board_scale", "0.001 to 1000"],
+            ),
+            (
+                "distance_mm = nan",
+                ["calibration.distance_mm", "1 to 1000000"],
+            ),
+            ("moon = 1", ["moon", "unknown field"]),
+        ] {
+            let mut table: toml::Table = text.parse().unwrap();
+            table.insert(
+                "calibration".into(),
+                toml::Value::Table(line.parse().unwrap()),
+            );
+            let words = Profile::parse(&table.to_string(), "test").unwrap_err();
+            let words = words.to_string();
+            assert!(needles.iter().all(|n| words.contains(n)), "{words}");
+        }
+    }
+}

@@ -1,0 +1,105 @@
+//! An object at another place than its scene file says.
+
+use super::{Motion, Scene};
+use crate::error::{Error, Result};
+use std::ops::RangeInclusive;
+
+/// Where an object's origin may be, in millimetres.
+pub(super) const POSITION_MM: RangeInclusive<f64> = -1e9..=1e9;
+/// An object's rotations in degrees.
+pub(super) const ROTATION_DEG: RangeInclusive<f64> = -360.0..=360.0;
+
+impl Scene {
+    /// Gives an object, counted from 0 in the order of the file, another position and rotation;
+    /// they mean what they mean in the file.
+    ///
+    /// # Errors
+    /// An object that is not there or moves along a path, and numbers that a file may not have
+    /// either; the scene is as it was.
+    pub fn place(
+        &mut self,
+        object: usize,
+        position_mm: [f64; 3],
+        rotation_deg: [f64; 3],
+    ) -> Result<()> {
+        for (field, numbers, allowed) in [
+            ("position_mm", position_mm, POSITION_MM),
+            ("rotation_deg", rotation_deg, ROTATION_DEG),
+        ] {
+            if let Some(beyond) = numbers.iter().find(|number| !allowed.contains(number)) {
+                let allowed = format!("{:e} to {:e}", allowed.start(), allowed.end());
+                return Err(Error::input(format!("place.{field}"), beyond, allowed));
+            }
+        }
+        let count = self.object.len();
+        let refused = |found: &str, allowed: String| {
+            Err(Error::input(
+                "place.object",
+                format!("{object}, {found}"),
+                allowed,
+            ))
+        };
+        let Some(placed) = self.object.get_mut(object) else {
+            return refused(
+                &format!("of a scene of {count} objects"),
+                match count {
+                    0 => "none: the scene is empty".to_owned(),
+                    _ => format!("0 to {}", count - 1),
+                },
+            );
+        };
+        if placed.motion.as_ref().is_some_and(Motion::goes_anywhere) {
+            return refused(
+                "which moves along a path",
+                "an object without motion".to_owned(),
+            );
+        }
+        placed.position_mm = position_mm;
+        placed.rotation_deg = rotation_deg;
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const TEXT: &str = "name = \"s\"\ndescription = \"\"\n\
+        [[object]]\nshape = { kind = \"plane\" }\nalbedo = 0.5\n\
+        [[object]]\nshape = { kind = \"sphere\", radius_mm = 9.0 }\nalbedo = 0.5\n\
+        motion = { keyframes = [{ time_s = 0.0 }, { time_s = 1.0, position_mm = [1.0, 0.0, 0.0] }] }\n";
+
+    #[test]
+    fn what_cannot_be_placed_is_named_and_stays() {
+        let mut scene = Scene::parse(TEXT, "test").unwrap();
+        let before = scene.clone();
+        for (object, position, rotation, needles) in [
+            (2, 0.0, 0.0, ["place.object: 2", "0 to 1"]),
+            (1, 0.0, 0.0, ["1, which moves", "without motion"]),
+            (
+                0,
+                2e9,
+                0.0,
+                ["place.position_mm: 2000000000", "-1e9 to 1e9"],
+            ),
+            (0, f64::NAN, 0.0, ["NaN", "-1e9 to 1e9"]),
+            (
+                0,
+                0.0,
+                361.0,
+                ["place.rotation_deg: 361", "-3.6e2 to 3.6e2"],
+            ),
+        ] {
+            let refused = scene.place(object, [0.0, position, 0.0], [rotation; 3]);
+            let words = refused.unwrap_err().to_string();
+            assert!(needles.iter().all(|n| words.contains(n)), "{words}");
+        }
+        assert_eq!(scene, before);
+        scene.place(0, [1.0, 2.0, 3.0], [4.0, 5.0, 6.0]).unwrap();
+        assert_eq!(scene.object[0].position_mm, [1.0, 2.0, 3.0]);
+        assert_eq!(scene.object[0].rotation_deg, [4.0, 5.0, 6.0]);
+        let mut empty = Scene::parse("name = \"s\"\ndescription = \"\"\n", "test").unwrap();
+        let words = empty.place(0, [0.0; 3], [0.0; 3]).unwrap_err().to_string();
+        assert!(words.contains("the scene is empty"), "{words}");
+    }
+}

@@ -1,0 +1,309 @@
+//! `phasma calibrate` as a user runs it: an emulated device over its ports, and captures in folders.
+#![cfg(target_os = "linux")]
+
+use phasma::geometry::Rig;
+use phasma::profile::Profile;
+use serde_json::Value;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+use std::sync::OnceLock;
+use tempfile::{TempDir, tempdir};
+
+fn calibrate(out: &Path, arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_phasma"))
+        .arg("calibrate")
+        .args(arguments)
+        .arg("--out")
+        .arg(out)
+        .output()
+        .unwrap()
+}
+
+fn words(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+/// Runs it well and gives the figures.
+fn figures(out: &Path, arguments: &[&str]) -> Value {
+    let output = calibrate(out, &[arguments, &["--json"]].concat());
+    assert!(output.status.success(), "{}", words(&output));
+    assert!(
+        output.stderr.is_empty(),
+        "a pipe hears nothing: {}",
+        words(&output)
+    );
+    serde_json::from_slice(&output.stdout).unwrap()
+}
+
+/// Refused as a user's mistake, in one line with these words.
+fn refused(out: &Path, arguments: &[&str], needles: &[&str]) {
+    let output = calibrate(out, arguments);
+    let words = words(&output);
+    assert_eq!(output.status.code(), Some(2), "{words}");
+    assert_eq!(words.trim().lines().count(), 1, "{words}");
+    for needle in needles {
+        assert!(words.contains(needle), "{needle} in {words}");
+    }
+}
+
+/// A calibration of webcam-grey with its captures, made once.
+fn calibrated() -> &'static (TempDir, Value) {
+    static MADE: OnceLock<(TempDir, Value)> = OnceLock::new();
+    MADE.get_or_init(|| {
+        let folder = tempdir().unwrap();
+        let arguments = [
+            "--profile",
+            "webcam-grey",
+            "--poses",
+            "8",
+            "--keep-captures",
+        ];
+        let figures = figures(&folder.path().join("out"), &arguments);
+        (folder, figures)
+    })
+}
+
+fn out() -> PathBuf {
+    calibrated().0.path().join("out")
+}
+
+fn copy(from: &Path, to: &Path) {
+    fs::create_dir_all(to).unwrap();
+    for entry in fs::read_dir(from).unwrap() {
+        let entry = entry.unwrap();
+        let target = to.join(entry.file_name());
+        match entry.path().is_dir() {
+            true => copy(&entry.path(), &target),
+            false => drop(fs::copy(entry.path(), target).unwrap()),
+        }
+    }
+}
+
+/// All pictures of a pose, changed.
+fn change(pose: &Path, change: impl Fn(image::GrayImage) -> image::GrayImage) {
+    for entry in fs::read_dir(pose).unwrap() {
+        let path = entry.unwrap().path();
+        if path.extension().is_some_and(|e| e == "png") {
+            let picture = image::open(&path).unwrap().into_luma8();
+            change(picture).save(&path).unwrap();
+        }
+    }
+}
+
+#[test]
+fn an_emulated_device_is_calibrated_over_its_ports() {
+    let figures = &calibrated().1;
+    let number = |path: &str| {
+        let value = figures.pointer(path).and_then(Value::as_f64);
+        value.unwrap_or_else(|| panic!("no {path} in {figures}"))
+    };
+    assert_eq!(figures["poses"], 8, "{figures}");
+    assert!(number("/camera/mean_px") < 0.1, "{figures}");
+    assert!(number("/projector/mean_px") < 0.3, "{figures}");
+    assert!(
+        (number("/baseline_mm") / 200.0 - 1.0).abs() < 0.02,
+        "{figures}"
+    );
+    assert!(number("/truth/mahalanobis_squared") > 0.0);
+    assert_eq!(figures["truth"]["within_bound"], true, "{figures}");
+    for file in [
+        "report.html",
+        "points.csv",
+        "poses.csv",
+        "parameters.csv",
+        "covariance.csv",
+        "calibration.toml",
+        "calibration.yml",
+        "calibration.xml",
+        "summary.json",
+        "truth.json",
+        "found_pose_00.png",
+        "found_pose_07.png",
+        "captures/pose_07/frame_22.png",
+        "captures/pose_07/sequence.toml",
+    ] {
+        assert!(out().join(file).is_file(), "{file}");
+    }
+    let rig = Rig::read(&out().join("calibration.toml")).unwrap();
+    let truth = Profile::load("webcam-grey").unwrap().nominal_rig();
+    let off = rig.camera.lens.focal_px / truth.camera.lens.focal_px - 1.0;
+    assert!(off.abs().max_element() < 0.02, "{off}");
+    assert_eq!(rig.noise, truth.noise);
+    let truth: Value =
+        serde_json::from_str(&fs::read_to_string(out().join("truth.json")).unwrap()).unwrap();
+    assert_eq!(truth, figures["truth"]);
+}
+
+#[test]
+fn its_captures_give_the_same_rig() {
+    let again = tempdir().unwrap();
+    let captures = out().join("captures");
+    let captures = captures.to_str().unwrap();
+    figures(again.path(), &["--captures", captures, "--scale", "3"]);
+    for file in ["calibration.toml", "points.csv", "covariance.csv"] {
+        let [first, second] = [&out(), again.path()].map(|out| fs::read(out.join(file)).unwrap());
+        assert!(first == second, "{file}");
+    }
+    assert!(!again.path().join("truth.json").exists());
+    // A board of another size than was said is seen by the device's own calibration.
+    let scaled = tempdir().unwrap();
+    let f = figures(scaled.path(), &["--captures", captures, "--scale", "6"]);
+    let warnings = f["warnings"].to_string();
+    assert!(
+        warnings.contains("baseline") && warnings.contains("2.0"),
+        "{warnings}"
+    );
+}
+
+#[test]
+fn poses_that_do_not_do_are_named_and_the_rest_is_used() {
+    let folder = tempdir().unwrap();
+    let captures = folder.path().join("captures");
+    copy(&out().join("captures"), &captures);
+    let pose = |i: usize| captures.join(format!("pose_{i:02}"));
+    fs::remove_file(pose(0).join("sequence.toml")).unwrap();
+    change(&pose(1), |picture| {
+        image::imageops::flip_horizontal(&picture)
+    });
+    fs::write(pose(2).join("frame_05.png"), "no picture").unwrap();
+    let blank = |mut picture: image::GrayImage| {
+        // The light of the projector stays, the board goes.
+        let mean = picture.iter().map(|&v| u64::from(v)).sum::<u64>() / picture.len() as u64;
+        picture.iter_mut().for_each(|v| *v = mean as u8);
+        picture
+    };
+    change(&pose(4), blank);
+    change(&pose(6), |picture| {
+        image::imageops::crop_imm(&picture, 0, 0, 639, 480).to_image()
+    });
+    fs::write(captures.join("notes.txt"), "not a pose").unwrap();
+    let out = folder.path().join("out");
+    let arguments = ["--captures", captures.to_str().unwrap(), "--scale", "3"];
+    let figures = figures(&out, &arguments);
+    assert_eq!(figures["poses"], 3, "{figures}");
+    let left_out = figures["left_out"].as_array().unwrap();
+    let why = |name: &str| {
+        let found = left_out.iter().find(|pose| pose["name"] == name);
+        found.unwrap_or_else(|| panic!("no {name} in {figures}"))["why"].to_string()
+    };
+    assert!(why("pose_00").contains("sequence.toml"), "{figures}");
+    assert!(why("pose_01").contains("mirrored"), "{figures}");
+    assert!(why("pose_02").contains("frame_05.png"), "{figures}");
+    assert!(why("pose_04").contains("no board"), "{figures}");
+    assert!(why("pose_06").contains("639 x 480"), "{figures}");
+    assert!(!out.join("found_pose_00.png").exists());
+    assert!(
+        out.join("found_pose_01.png").exists(),
+        "what was seen is shown"
+    );
+}
+
+#[test]
+fn what_determines_nothing_is_refused_with_numbers() {
+    let folder = tempdir().unwrap();
+    let (one, target) = (folder.path().join("one"), folder.path().join("out"));
+    copy(&out().join("captures/pose_03"), &one.join("only"));
+    let captures = one.to_str().unwrap();
+    refused(
+        &target,
+        &["--captures", captures, "--scale", "3"],
+        &["too few poses", "1 pose"],
+    );
+    let all = out().join("captures");
+    let all = all.to_str().unwrap();
+    refused(
+        &target,
+        &[
+            "--force",
+            "--captures",
+            all,
+            "--columns",
+            "21",
+            "--rows",
+            "15",
+        ],
+        &["no board in any of 8 poses", "pose_00: ", "21 x 15"],
+    );
+    refused(
+        &target,
+        &["--force", "--captures", all, "--board", "chess"],
+        &["no board in any of 8 poses", "9 x 6"],
+    );
+    let parallel = [
+        "--profile",
+        "webcam-grey",
+        "--poses",
+        "4",
+        "--max-tilt-deg",
+        "0",
+        "--force",
+    ];
+    refused(
+        &target,
+        &parallel,
+        &["--poses 4", "face one way", "degrees"],
+    );
+}
+
+#[test]
+fn mistakes_are_told_before_anything_is_made() {
+    let folder = tempdir().unwrap();
+    let target = folder.path().join("out");
+    let here = folder.path().to_str().unwrap();
+    for (arguments, needles) in [
+        (
+            &["--profile", "nonesuch"][..],
+            &["nonesuch", "pmp-bench"][..],
+        ),
+        (
+            &["--profile", "pmp-bench", "--scale", "1"],
+            &["dots of 2.5 mm", "3 px or more"],
+        ),
+        (
+            &["--profile", "pmp-bench", "--poses", "0"],
+            &["poses: 0", "1 to 500"],
+        ),
+        (
+            &["--profile", "pmp-bench", "--samples", "5"],
+            &["1, 4, 16 or 64"],
+        ),
+        (
+            &["--profile", "pmp-bench", "--distance-mm", "nan"],
+            &["distance", "NaN"],
+        ),
+        (
+            &["--profile", "pmp-bench", "--columns", "3"],
+            &["--columns: 3"],
+        ),
+        (
+            &["--captures", here],
+            &["no folder in it", "a folder for each pose"],
+        ),
+        (&["--captures", "/no/such"], &["--captures", "/no/such"]),
+    ] {
+        refused(&target, arguments, needles);
+        assert!(!target.exists(), "{arguments:?}");
+    }
+    let unclear = calibrate(&target, &[]);
+    assert_eq!(unclear.status.code(), Some(2));
+    assert!(words(&unclear).contains("--profile"), "{}", words(&unclear));
+    let both = ["--profile", "pmp-bench", "--captures", here];
+    assert_eq!(calibrate(&target, &both).status.code(), Some(2));
+    let wrong = ["--profile", "pmp-bench", "--camera-distortion", "k7"];
+    assert!(words(&calibrate(&target, &wrong)).contains("k1,k2,p1,p2,k3"));
+    fs::create_dir(folder.path().join("pose")).unwrap();
+    fs::write(folder.path().join("sequence.toml"), "").unwrap();
+    refused(&target, &["--captures", here], &["of a single pose"]);
+}
+
+#[test]
+fn nothing_of_the_users_is_overwritten() {
+    let folder = tempdir().unwrap();
+    let mine = folder.path().join("calibration.toml");
+    fs::write(&mine, "mine").unwrap();
+    let arguments = ["--profile", "webcam-grey", "--poses", "3"];
+    refused(folder.path(), &arguments, &["calibration.toml", "--force"]);
+    assert_eq!(fs::read_to_string(&mine).unwrap(), "mine");
+    refused(&out(), &arguments, &["an earlier calibration", "--force"]);
+}

@@ -1,0 +1,112 @@
+//! The emulated scanner calibrated from what it sees of a board, in one process, against the truth.
+//!
+//! `--nocapture` prints the figures.
+
+mod desk;
+mod figures;
+mod seeds;
+
+use desk::{Desk, shots};
+use figures::{Figures, quantile_99};
+use phasma::calibrate::poses::Wanted;
+use phasma::calibrate::solve::Choice;
+use phasma::decode::{Decoder, FrameStack, Options, Samples};
+use phasma::emulator::render::Renderer;
+use phasma::geometry::{Board, Rig};
+use phasma::profile::{Profile, Scene};
+use phasma::study::score::score;
+
+/// The paper's figures are 0.03 px for the camera and 0.08 px for the projector over 20 poses.
+#[test]
+fn twenty_poses_of_the_bench_give_its_rig() {
+    let desk = Desk::new("pmp-bench", Board::DOTS.scaled(4.0));
+    let poses = desk.poses(&Wanted::default());
+    let seen = desk.sight(&poses, 0);
+    let calibration = desk.calibrate(&seen, Choice::default());
+    let figures = Figures::new(&desk, &calibration, &poses);
+    println!("{figures}");
+    assert_eq!(
+        (figures.poses, calibration.solution.left_out.len()),
+        (20, 0)
+    );
+    assert!(figures.dots_px <= 0.012, "{figures}");
+    assert!(
+        figures.camera_px <= 0.015 && figures.projector_px <= 0.07,
+        "{figures}"
+    );
+    assert!(
+        figures.distance <= quantile_99(figures.freedom),
+        "{figures}"
+    );
+    assert!(calibration.rounds <= 4 && calibration.last_move_px <= 1e-5);
+    assert_eq!(calibration.warnings, Vec::<String>::new());
+
+    let [truth, estimate] =
+        [&desk.rig, &calibration.solution.rig].map(|rig| scan_error_mm(&desk, rig));
+    println!("trapezoid: {truth:.4} mm with the true rig, {estimate:.4} mm with the estimate");
+    assert!(estimate <= 1.5 * truth, "{estimate} {truth}");
+}
+
+/// Mean absolute error of a scan of the trapezoid in millimetres.
+fn scan_error_mm(desk: &Desk, rig: &Rig) -> f64 {
+    let profile = &desk.profile;
+    let scene = Scene::load("trapezoid").unwrap();
+    let mut renderer = Renderer::new(profile, &scene, 1).unwrap();
+    let manifest = profile.manifest(&profile.sequence[0]);
+    let shots = shots(profile, &manifest);
+    let frames: Vec<_> = shots.iter().map(|s| renderer.expose(s).data).collect();
+    let truth = renderer.truth(&shots);
+    let (w, h) = (truth.width as usize, truth.height as usize);
+    let decoder = Decoder::new(&manifest, w, h, Some(rig), Options::default()).unwrap();
+    let samples = frames.iter().map(|f| Samples::U8(f)).collect();
+    let stack = FrameStack::new(w, h, samples).unwrap();
+    let decoded = decoder.decode(&stack).unwrap();
+    score(&decoded, &truth, &manifest, &desk.rig)
+        .unwrap()
+        .mae_mm
+}
+
+/// The paper's own board, whose dots are 3.2 px here, at 500 mm.
+#[test]
+fn the_papers_own_board_at_half_the_distance() {
+    let desk = Desk::new("pmp-bench", Board::DOTS);
+    let wanted = Wanted {
+        distance_mm: Some(500.0),
+        tilt_deg: [10.0, 35.0],
+        reach: [0.9, 1.1],
+        ..Wanted::default()
+    };
+    let poses = desk.poses(&wanted);
+    let seen = desk.sight(&poses, 0);
+    let calibration = desk.calibrate(&seen, Choice::default());
+    let figures = Figures::new(&desk, &calibration, &poses);
+    println!("{figures}");
+    assert!(figures.poses == 20 && figures.dots_px <= 0.03, "{figures}");
+}
+
+/// Lenses that distort and blur, glare, a sensor whose pixels differ.
+#[test]
+fn a_scanner_with_real_parts() {
+    let desk = Desk::new("pmp-real", Board::DOTS.scaled(4.0));
+    let poses = desk.poses(&Wanted::default());
+    let seen = desk.sight(&poses, 0);
+    let calibration = desk.calibrate(&seen, Choice::default());
+    let figures = Figures::new(&desk, &calibration, &poses);
+    println!("{figures}");
+    let [truth, estimate] =
+        [&desk.rig, &calibration.solution.rig].map(|rig| scan_error_mm(&desk, rig));
+    println!("trapezoid: {truth:.4} mm with the true rig, {estimate:.4} mm with the estimate");
+    assert!(figures.poses == 20 && figures.dots_px <= 0.03, "{figures}");
+}
+
+#[test]
+fn built_in_profiles_say_what_they_are_calibrated_with() {
+    for name in ["pmp-bench", "pmp-real", "webcam-grey"] {
+        assert!(
+            Profile::load(name)
+                .unwrap()
+                .calibration_sequence()
+                .is_some()
+        );
+    }
+}
