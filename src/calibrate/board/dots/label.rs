@@ -1,7 +1,7 @@
 //! Which of a grid's dots are markers, and which way round the board is by them.
 
 use super::blobs::Blob;
-use super::dots;
+use super::known;
 use super::lattice::{Cell, Grid, typical};
 use crate::calibrate::board::NotFound;
 use crate::geometry::{Board, MARKERS};
@@ -144,6 +144,6 @@ fn agrees(board: &Board, grid: &Grid, large: &[Cell], labels: &Labels) -> bool {
     let agreeing = markers.iter().filter(|cell| large.contains(cell)).count();
     let within = large
         .iter()
-        .filter(|&&cell| dots::index(board, labels.index(cell)).is_some());
+        .filter(|&&cell| known::index(board, labels.index(cell)).is_some());
     agreeing >= ENOUGH && agreeing == seen.count() && agreeing == within.count()
 }

@@ -1,9 +1,9 @@
 //! Dots measured: the picture's blur and contrast by some of them, then each by its fit.
 
 use super::coverage::{self, Cell as Covered};
-use super::dots::{Dot, Dots, median};
 use super::ellipse::{Ellipse, Window};
 use super::fit::{Fit, Known, Patch, fit};
+use super::known::{Dot, Dots, median};
 use super::lattice::Cell;
 use super::step::Steps;
 use crate::calibrate::board::Picture;

@@ -8,10 +8,11 @@
 mod blobs;
 mod complete;
 mod coverage;
-mod dots;
+
 mod ellipse;
 mod fit;
 mod judge;
+mod known;
 mod label;
 mod lattice;
 mod measure;
@@ -22,7 +23,7 @@ mod tests;
 use crate::calibrate::board::{NotFound, Picture, Seen};
 use crate::geometry::Board;
 use blobs::Blob;
-use dots::{Dot, Dots};
+use known::{Dot, Dots};
 use label::Labels;
 use lattice::Grid;
 use std::collections::BTreeMap;
@@ -126,7 +127,7 @@ fn seen(
     let mut beyond = Vec::new();
     for (&cell, &k) in grid {
         let cell = labels.index(cell);
-        if dots::index(board, cell).is_none() {
+        if known::index(board, cell).is_none() {
             beyond.push(cell);
         }
         let dot = Dot {
