@@ -1,9 +1,9 @@
 //! A board of dots found in a picture.
 //!
-//! Dark [blobs](blobs) make [grids](lattice); the large ones among a grid's dots [tell](label) which
-//! way round it is; an [area model](fit) of each dot gives its centroid and outline, to a hundredth
-//! of a pixel and better; dots that were missed are [looked for](complete) where they should be; and
-//! what does not look like the board that was said is [refused](judge).
+//! Dark blobs make grids (`lattice`); the large ones among a grid's dots tell which way round it is
+//! (`label`); an area model of each dot (`fit`) gives its centroid and outline, to a hundredth of a
+//! pixel and better; dots that were missed are looked for where they should be (`complete`); and what
+//! does not look like the board that was said is refused (`judge`).
 
 mod blobs;
 mod complete;
