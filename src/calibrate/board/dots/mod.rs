@@ -8,7 +8,6 @@
 mod blobs;
 mod complete;
 mod coverage;
-
 mod ellipse;
 mod fit;
 mod judge;
