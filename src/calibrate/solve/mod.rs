@@ -8,6 +8,7 @@
 //! normal matrix is the covariance; where residuals are larger than the given covariances allow,
 //! these are inflated first. `check` says what a user should know.
 
+mod belonging;
 mod bundle;
 mod check;
 mod chi_square;
