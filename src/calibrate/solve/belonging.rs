@@ -38,14 +38,6 @@ impl Bundle {
         })
     }
 
-    /// How many numbers count.
-    pub fn observed(&self) -> usize {
-        let points = self.poses.iter().flat_map(|p| &p.points);
-        points
-            .map(|o| 2 * (usize::from(o.camera_counts) + usize::from(o.projector_counts)))
-            .sum()
-    }
-
     /// Leaves out poses that the first state puts behind a lens.
     pub(super) fn drop_behind(&mut self, state: &mut State) -> Result<(), Unsolved> {
         for at in (0..self.poses.len()).rev() {

@@ -38,6 +38,14 @@ impl Bundle {
         }
     }
 
+    /// How many numbers count.
+    pub fn observed(&self) -> usize {
+        let points = self.poses.iter().flat_map(|p| &p.points);
+        points
+            .map(|o| 2 * (usize::from(o.camera_counts) + usize::from(o.projector_counts)))
+            .sum()
+    }
+
     /// From the closed form to the minimum.
     pub fn solve(&mut self, sizes: [[u32; 2]; 2], choice: &Choice) -> Result<Solved, Unsolved> {
         let wanted = [choice.camera, choice.projector];
