@@ -25,7 +25,7 @@
 //! | device | `link` | how a device reaches the world: pty, frame socket, V4L2 node, USB device, service socket (Linux only) |
 //! | host   | [`host`] | how an application reaches a device: camera, port, scanner |
 //! | host   | [`decode`] | frames to projector coordinates to points |
-//! | host   | [`calibrate`] | from pictures of a board to a rig, its files, and from coordinates to points |
+//! | host   | [`calibrate`] | boards in pictures, solving for the rig, its files and report; triangulation |
 //! | host   | [`measure`] | distances to the truth, registration, pictures |
 //! | top    | [`study`], `doctor`, [`cli`] | what needs both halves; what a machine lacks (Linux only); the commands |
 //!

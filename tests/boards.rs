@@ -298,3 +298,40 @@ fn the_middle_of_the_view_is_the_middle_of_the_board() {
     assert!(px([24, 9]).x > middle.x + 150.0 && px([12, 18]).y > middle.y + 100.0);
     assert!(pose.direction(DVec3::Z).z > 0.9);
 }
+
+#[test]
+fn a_printed_board_is_not_overwritten_unasked() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = |line: &str| {
+        let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_phasma"));
+        let output = command.arg("board").args(line.split_whitespace());
+        let output = output.current_dir(folder.path()).output().unwrap();
+        let said = [output.stdout, output.stderr].map(|text| String::from_utf8(text).unwrap());
+        (output.status.code(), said.concat())
+    };
+    let (status, said) = run("--kind dots --out dots.svg");
+    assert_eq!(
+        (status, said.starts_with("dots.svg: 156 x 130 mm;")),
+        (Some(0), true),
+        "{said}"
+    );
+    let file = folder.path().join("dots.svg");
+    let dots = std::fs::read_to_string(&file).unwrap();
+    assert_eq!(dots.matches("<circle").count(), 25 * 19);
+    assert_eq!(dots.matches("r=\"2.5\"").count(), 5);
+    let (status, said) = run("--kind chess --out dots.svg");
+    assert_eq!(status, Some(2));
+    assert!(
+        said.contains("dots.svg: a file that is there; allowed:"),
+        "{said}"
+    );
+    assert_eq!(std::fs::read_to_string(&file).unwrap(), dots);
+    assert_eq!(run("--kind chess --out dots.svg --force").0, Some(0));
+    let chess = std::fs::read_to_string(&file).unwrap();
+    // Of the 70 squares, and the page.
+    assert_eq!(chess.matches("<rect").count(), 35 + 1);
+    let (status, said) = run("--kind dots --dot-mm 7 --out other.svg");
+    assert_eq!(status, Some(2));
+    assert!(said.contains("--dot-mm: 7; allowed:"), "{said}");
+    assert_eq!(run("--kind dots --out missing/other.svg").0, Some(1));
+}

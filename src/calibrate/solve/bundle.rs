@@ -84,12 +84,17 @@ impl Bundle {
         let radial = [true, true, false, false, false];
         let most: Model = wanted.map(Coefficients::most);
         let first: Model = most.map(|set| std::array::from_fn(|i| set[i] && radial[i]));
+        let fewer: Model = std::array::from_fn(|i| match wanted[i] {
+            Coefficients::Auto => [true, true, true, true, false],
+            Coefficients::Fixed(set) => set,
+        });
         let least: Model = wanted.map(Coefficients::least);
 
         let maps = start::maps(self, choice.robust)?;
         let mut state = start::state(self, &maps, sizes, &first, choice)?;
+        self.drop_behind(&mut state)?;
         self.approach(&mut state, &first, choice, false)?;
-        let mut solved = self.largest(&state, &[most, first, least], choice)?;
+        let mut solved = self.largest(&state, &[most, fewer, first, least], choice)?;
         let largest = solved.model;
         let order = ranked(
             wanted,
@@ -164,8 +169,9 @@ impl Bundle {
             let fit = minimise(&self.poses, state, &free, &loss, Effort::ROUGH)
                 .ok_or_else(|| self.diverged())?;
             *state = fit.state;
+            // Scales are 1 at least: nearer to that there is nothing to gain.
             let now: f64 = robust::scales(&self.poses, state).iter().sum();
-            let settled = now > 0.9 * last;
+            let settled = now > 0.9 * last || now < 2.1;
             last = now;
             let dropped = drop && settled && choice.robust && self.drop_worst(state);
             if dropped {
@@ -175,6 +181,19 @@ impl Bundle {
             }
         }
         Ok(())
+    }
+
+    /// Leaves out poses that the first state puts behind a lens.
+    fn drop_behind(&mut self, state: &mut State) -> Result<(), Unsolved> {
+        for at in (0..self.poses.len()).rev() {
+            let points = &self.poses[at].points;
+            if points.iter().any(|o| residual(o, state, at).is_none()) {
+                let why = "by the other poses it lies behind the camera or the projector";
+                self.leave_out(at, why.to_owned());
+                state.boards.remove(at);
+            }
+        }
+        self.enough_poses()
     }
 
     /// Leaves out the pose that fits worst, if that is bad enough.
@@ -213,9 +232,12 @@ impl Bundle {
     /// To the minimum of squares over what counts, with outliers decided and noise estimated.
     fn settle(&mut self, state: State, model: Model, choice: &Choice) -> Result<Solved, Unsolved> {
         let free = free(&model);
-        let (mut state, mut inflation) = (state, [1.0; 2]);
-        for round in 0..6 {
+        let (mut state, mut inflation, mut moved) = (state, [1.0; 2], true);
+        for _ in 0..6 {
             let changed = choice.robust && robust::reject(&mut self.poses, &state);
+            if !changed && !moved {
+                break;
+            }
             let loss = Loss::Square(inflation);
             let fit = minimise(&self.poses, &state, &free, &loss, Effort::FULL)
                 .filter(|fit| fit.converged)
@@ -223,10 +245,10 @@ impl Bundle {
             state = fit.state;
             let before = inflation;
             inflation = self.inflation(&state, &model);
-            let moved = (0..2).any(|g| (inflation[g] / before[g] - 1.0).abs() > 1e-3);
-            if round > 0 && !changed && !moved {
-                break;
-            }
+            moved = (0..2).any(|g| (inflation[g] / before[g] - 1.0).abs() > 1e-3);
+        }
+        if self.degrees_of_freedom(&model) == 0 {
+            return Err(self.diverged());
         }
         let covariance = Normal::at(&self.poses, &state, &Loss::Square(inflation))
             .and_then(|n| n.covariance(&free))
@@ -266,14 +288,16 @@ impl Bundle {
         self.observed().saturating_sub(unknowns)
     }
 
-    /// Mean squares of the whitened residuals of camera and projector where these are above 1, each
-    /// group taken to have its share of the degrees of freedom.
+    /// Mean squares of the whitened residuals of camera and projector, each group taken to have its
+    /// share of the degrees of freedom; 1 where they are below or chance explains them: three
+    /// standard deviations of a mean of squares, sqrt(2 / n).
     fn inflation(&self, state: &State, model: &Model) -> [f64; 2] {
         let share = self.degrees_of_freedom(model) as f64 / self.observed() as f64;
         self.squares(state).map(|(sum, count)| {
-            let factor = sum / (count as f64 * share);
-            if factor.is_finite() {
-                factor.max(1.0)
+            let free = count as f64 * share;
+            let factor = sum / free;
+            if factor > 1.0 + 3.0 * (2.0 / free).sqrt() && factor.is_finite() {
+                factor
             } else {
                 1.0
             }

@@ -1,0 +1,94 @@
+//! Boards found in every position, whole and in part, with the right labels.
+
+use super::render::{Scene, board, pose, small_lens};
+use super::{errors, find, of};
+use glam::DVec3;
+
+fn scene(at: DVec3, turn: f64, tilt: f64, axis: f64) -> Scene {
+    Scene::new(
+        board(11, 9),
+        small_lens(230, 200),
+        pose(at, turn, tilt, axis),
+    )
+}
+
+const MIDDLE: DVec3 = DVec3::new(0.0, 0.0, 1000.0);
+
+#[test]
+fn turned_by_any_angle() {
+    for k in 0..8 {
+        // Labels that are off would be errors of 15 px.
+        let e = errors(&scene(
+            MIDDLE,
+            7.0 + 45.0 * f64::from(k),
+            30.0,
+            77.0 * f64::from(k),
+        ));
+        assert!(e.found == e.there && e.worst < 0.01, "{k}: {}", e.worst);
+    }
+}
+
+#[test]
+fn partly_out_of_the_picture_on_each_side() {
+    for (x, y) in [(90.0, 0.0), (-90.0, 0.0), (0.0, 70.0), (0.0, -70.0)] {
+        let mut scene = scene(MIDDLE + DVec3::new(x, y, 0.0), 5.0, 10.0, 0.0);
+        scene.lens.principal_px = scene.lens.principal_px.round();
+        let e = errors(&scene);
+        assert!(
+            e.there < 99 && e.found >= e.there - 3,
+            "{} {}",
+            e.found,
+            e.there
+        );
+        assert!(e.worst < 0.004, "{}", e.worst);
+    }
+}
+
+#[test]
+fn with_dots_hidden_one_of_them_a_marker() {
+    let mut scene = scene(MIDDLE, 33.0, 40.0, 20.0);
+    scene.hidden = vec![[7, 4], [0, 0], [1, 5], [2, 5], [10, 8]];
+    let e = errors(&scene);
+    assert!(e.found == 94 && e.worst < 0.005, "{} {}", e.found, e.worst);
+}
+
+#[test]
+fn where_blobs_and_lattice_miss_them() {
+    // A shadow that is too deep for the search but not for the model.
+    let scene = scene(MIDDLE, 0.0, 0.0, 0.0);
+    let mut picture = scene.picture();
+    for (k, level) in picture.level.iter_mut().enumerate() {
+        if k % picture.width > 150 {
+            *level *= 0.2;
+        }
+    }
+    let seen = find(&scene.board, &picture).unwrap();
+    let e = of(&scene, &seen);
+    assert!(e.found > 85 && e.worst < 0.01, "{} {}", e.found, e.worst);
+}
+
+#[test]
+fn among_clutter() {
+    let scene = scene(MIDDLE, 12.0, 20.0, 100.0);
+    let mut picture = scene.picture();
+    // Squares of ink off the board, on lit ground.
+    for v in 0..picture.height {
+        for u in 0..picture.width {
+            let level = &mut picture.level[v * picture.width + u];
+            if *level < 3.0 {
+                *level = if u % 23 < 6 && v % 17 < 5 {
+                    20.0
+                } else {
+                    150.0
+                };
+            }
+        }
+    }
+    let e = of(&scene, &find(&scene.board, &picture).unwrap());
+    assert!(
+        e.found == e.there && e.worst < 0.005,
+        "{} {}",
+        e.found,
+        e.worst
+    );
+}
