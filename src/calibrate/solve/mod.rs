@@ -105,6 +105,6 @@ pub fn solve(
     let solved = bundle.solve([camera_px, projector_px], choice)?;
     let mut solution = summary::of(bundle, solved);
     check::refuse(&solution)?;
-    solution.warnings = check::warnings(&solution, poses);
+    solution.warnings = check::warnings(&solution, poses, choice);
     Ok(solution)
 }

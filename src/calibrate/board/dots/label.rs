@@ -102,8 +102,7 @@ fn markers(board: &Board, blobs: &[Blob], grid: &Grid) -> Vec<Cell> {
         .collect()
 }
 
-/// Offsets that take the first or second large dot to one of the markers: with four of five agreeing and no
-/// other large dot, every large dot is a marker.
+/// Offsets that take the first large dot to one of the markers, which it must be.
 fn offsets(
     board: &Board,
     large: &[Cell],
@@ -111,13 +110,11 @@ fn offsets(
 ) -> impl Iterator<Item = [i32; 2]> + use<> {
     let [columns, rows] = board.grid();
     let middle = [(columns / 2) as i32, (rows / 2) as i32];
-    let first = large.first().map(|&cell| {
-        Labels {
-            turn,
-            offset: [0, 0],
-        }
-        .index(cell)
-    });
+    let unmoved = Labels {
+        turn,
+        offset: [0, 0],
+    };
+    let first = large.first().map(|&cell| unmoved.index(cell));
     first.into_iter().flat_map(move |at| {
         MARKERS
             .iter()

@@ -45,11 +45,41 @@ impl<'a> Measure<'a> {
         if this.blur > WIDE {
             // With what is known of the neighbours now, their blurred edges are no riddle.
             this.estimate(dots, true);
+            let crowded: Vec<Cell> = cells
+                .into_iter()
+                .filter(|&cell| this.is_crowded(dots, cell))
+                .collect();
             for _ in 0..2 {
-                this.take(dots, &cells, true);
+                this.take(dots, &crowded, true);
             }
         }
         this
+    }
+
+    /// Whether blur brings a neighbour into a dot's patch, or the dot has no fit yet.
+    fn is_crowded(&self, dots: &Dots, cell: Cell) -> bool {
+        dots.known.get(&cell).is_some_and(|dot| {
+            let field = self.field(&dot.ellipse());
+            let reach = self.reach(true);
+            let mut around = dots.around(cell, 2);
+            dot.fit.is_none() || around.any(|(_, n)| near(&field, &n.ellipse(), reach))
+        })
+    }
+
+    /// What a patch shows of a dot's surroundings.
+    fn field(&self, dot: &Ellipse) -> Ellipse {
+        dot.wider(RING + 3.0 * self.blur.sqrt())
+    }
+
+    /// How far beyond its outline a dot darkens paper so much that it matters: what of it is left
+    /// can be neglected, or is no more than the model of the dot can bear.
+    fn reach(&self, overlapping: bool) -> f64 {
+        let sigma = self.blur.sqrt();
+        if overlapping {
+            0.5 + 3.5 * sigma
+        } else {
+            0.75 + 1.5 * sigma
+        }
     }
 
     fn estimate(&mut self, dots: &Dots, overlapping: bool) {
@@ -149,8 +179,7 @@ impl<'a> Measure<'a> {
             level,
             variance,
         } = self.picture;
-        let sigma = self.blur.sqrt();
-        let field = dot.wider(RING + 3.0 * sigma);
+        let field = self.field(&dot);
         let window = Window::about(dot.centre, field.reach(), *width, *height)?;
         let rows = || (window.top..window.top + window.height).map(|v| v * width + window.left);
         let level: Vec<f64> = rows()
@@ -159,20 +188,15 @@ impl<'a> Measure<'a> {
             .collect();
         let variance = rows().flat_map(|from| &variance[from..from + window.width]);
         let highest = level.iter().copied().fold(0.0, f64::max);
-        // Noise that is none would be weight without end.
-        let least = (1e-4 * highest).powi(2).max(f64::MIN_POSITIVE);
+        // Below this the model's own errors (its blur is a Gaussian, its light a plane) are larger.
+        let least = (3e-4 * highest).powi(2).max(f64::MIN_POSITIVE);
         let inside = field.inward();
-        let (margin, reach) = if overlapping {
-            (0.3, 0.5 + 3.5 * sigma)
-        } else {
-            (0.75 + 1.5 * sigma, 0.75 + 1.5 * sigma)
-        };
+        // Where neighbours are part of the model, only their ink is left out.
+        let reach = self.reach(overlapping);
+        let margin = if overlapping { 0.3 } else { reach };
         let near: Vec<_> = neighbours
             .iter()
-            .filter(|n| {
-                let gap = (n.centre - dot.centre).abs() - n.reach() - field.reach();
-                gap.max_element() < reach
-            })
+            .filter(|n| near(&field, n, reach))
             .collect();
         let beside: Vec<_> = near.iter().map(|n| n.wider(margin).inward()).collect();
         let weight = window
@@ -204,6 +228,12 @@ impl<'a> Measure<'a> {
             others,
         })
     }
+}
+
+/// Whether a dot that is `reach` wider may touch a field.
+fn near(field: &Ellipse, dot: &Ellipse, reach: f64) -> bool {
+    let gap = (dot.centre - field.centre).abs() - dot.reach() - field.reach();
+    gap.max_element() < reach
 }
 
 fn weighted_median(mut values: Vec<(f64, f64)>) -> Option<f64> {

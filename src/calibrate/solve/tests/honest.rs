@@ -51,12 +51,6 @@ fn check(scene: &Scene, seeds: u64, choice: &Choice) {
         let sum = found.variance_factor * found.degrees_of_freedom as f64;
         of_fit.push(chi_square_below(sum, found.degrees_of_freedom));
     }
-    println!(
-        "mean {squares} of {unknowns}; uneven {} {} {}",
-        uneven(of_all.clone()),
-        uneven(of_rig.clone()),
-        uneven(of_fit.clone())
-    );
     // The sum over the seeds is a chi-square variable too.
     assert!(
         squares < chi_square_bound(0.999, unknowns),
@@ -82,7 +76,7 @@ fn squared_distances_follow_the_chi_square_distribution() {
 }
 
 #[test]
-#[ignore = "50 rigs of 20 poses with 475 points take 20 s"]
+#[ignore = "50 rigs of 20 poses with 475 points take 10 s"]
 fn squared_distances_at_full_size() {
     check(&Scene::bench(20, 1), 50, &Choice::default());
 }
