@@ -25,8 +25,8 @@
 //! | device | `link` | how a device reaches the world: pty, frame socket, V4L2 node, USB device, service socket (Linux only) |
 //! | host   | [`host`] | how an application reaches a device: camera, port, scanner |
 //! | host   | [`decode`] | frames to projector coordinates to points |
-//! | host   | [`calibrate`] | triangulation with a calibrated rig |
-//! | host   | [`measure`] | distances to the truth, registration, pictures |
+//! | host   | [`calibrate`] | boards in pictures, solving for the rig, its files and report; triangulation |
+//! | host   | [`measure`] | distances to the truth, registration, pictures, plots |
 //! | top    | [`study`], `doctor`, [`cli`] | what needs both halves; what a machine lacks (Linux only); the commands |
 //!
 //! The wall: host-side modules never import device-side ones, nor the reverse; `tests/wall.rs`
@@ -57,8 +57,8 @@
 //!   has moved are one, so a scene pays for motion only while it lasts.
 //! - Shaders are put together by their first lines rather than by a preprocessor, and buffers bound by
 //!   name. Ground truth comes from the CPU whatever renders the frames: it is f64's to say.
-//! - STL, OBJ, PLY and `.npy` are read and written here: the crates lose the line of an error, f64
-//!   vertices, or bounds on memory.
+//! - STL, OBJ, PLY, `.npy` and OpenCV's YAML and XML are read and written here: the crates lose the
+//!   line of an error, f64 vertices, or bounds on memory.
 //! - Ambient light, radiometry and the sensor work in SI units and electrons from the start, so that
 //!   an exposure in a profile means what it means on a camera.
 //! - The embedded data line is in the frames of every link, as a sensor puts it there, so that they

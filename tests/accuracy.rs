@@ -84,53 +84,48 @@ fn trapezoid_with_default_noise() {
     );
 }
 
-/// The two ways from phase to points, on the bench where both are exact and where lenses distort.
+/// Mean absolute errors on the trapezoid: of triangulation, and of phase to height over a plane that
+/// is computed and over one that was captured.
+fn both_ways(name: &str) -> [f64; 3] {
+    let profile = Profile::load(name).unwrap();
+    let (rig, manifest) = (
+        profile.nominal_rig(),
+        profile.manifest(&profile.sequence[0]),
+    );
+    let scan = full_scan(name, "trapezoid", 1, true);
+    let plane = full_scan(name, "plane", 7, true).decoded;
+    let map = plane.x.as_ref().unwrap();
+    let depth = [&plane.depth[..], &plane.depth_sigma];
+    let computed = Mapping::of_plane(&rig, Axis::X, 16.0, 1000.0);
+    let captured = Mapping::of_capture(&rig, Axis::X, 16.0, [&map.coordinate, &map.sigma], depth);
+    let [computed, captured] = [computed, captured].map(|mapping| {
+        let mapping = mapping.unwrap();
+        println!("{name} {:?} {:?}", mapping.constants, mapping.quality);
+        let mut decoded = scan.decoded.clone();
+        let map = scan.decoded.x.as_ref().unwrap();
+        let coordinate = [&map.coordinate[..], &map.sigma];
+        mapping.depths(coordinate, &mut decoded.depth, &mut decoded.depth_sigma);
+        let score = score(&decoded, &scan.truth, &manifest, &rig).unwrap();
+        assert!((score.coverage - scan.score.coverage).abs() < 2e-3);
+        score.mae_mm
+    });
+    println!("{name}: MAE {} {computed} {captured} mm", scan.score.mae_mm);
+    [scan.score.mae_mm, computed, captured]
+}
+
 #[test]
-fn phase_to_height_beside_triangulation() {
-    for (name, exact) in [("pmp-bench", true), ("pmp-real", false)] {
-        let profile = Profile::load(name).unwrap();
-        let (rig, manifest) = (
-            profile.nominal_rig(),
-            profile.manifest(&profile.sequence[0]),
-        );
-        let scan = full_scan(name, "trapezoid", 1, true);
-        let plane = full_scan(name, "plane", 7, true).decoded;
-        let map = plane.x.as_ref().unwrap();
-        let depth = [&plane.depth[..], &plane.depth_sigma];
-        let period = 16.0;
-        let captured =
-            Mapping::of_capture(&rig, Axis::X, period, [&map.coordinate, &map.sigma], depth);
-        let computed = Mapping::of_plane(&rig, Axis::X, period, 1000.0);
-        let [captured, computed] = [captured, computed].map(|mapping| {
-            let mapping = mapping.unwrap();
-            println!("{name} {:?} {:?}", mapping.constants, mapping.quality);
-            let mut decoded = scan.decoded.clone();
-            let map = scan.decoded.x.as_ref().unwrap();
-            let coordinate = [&map.coordinate[..], &map.sigma];
-            mapping.depths(coordinate, &mut decoded.depth, &mut decoded.depth_sigma);
-            score(&decoded, &scan.truth, &manifest, &rig).unwrap()
-        });
-        let cut = scan.score.mae_mm;
-        println!(
-            "{name}: MAE of triangulation {cut:.4}, height over a computed plane {:.4}, over a \
-             captured one {:.4} mm; coverage {:.4} {:.4} {:.4}",
-            computed.mae_mm,
-            captured.mae_mm,
-            scan.score.coverage,
-            computed.coverage,
-            captured.coverage
-        );
-        if exact {
-            assert!((computed.mae_mm / cut - 1.0).abs() < 0.01, "{computed:?}");
-            // The plane's noise comes on top, as much as the scan's own.
-            assert!(
-                (1.2..1.7).contains(&(captured.mae_mm / cut)),
-                "{captured:?}"
-            );
-        } else {
-            assert!(computed.mae_mm > 1.5 * cut, "{computed:?}");
-        }
-    }
+fn phase_to_height_is_as_good_as_triangulation_on_the_bench() {
+    let [cut, computed, captured] = both_ways("pmp-bench");
+    assert!((computed / cut - 1.0).abs() < 0.01);
+    // The plane's own noise comes on top; it is brighter than the trapezoid's floor.
+    assert!((1.05..1.42).contains(&(captured / cut)));
+}
+
+#[test]
+#[ignore = "renders distorted lenses for half a minute; a lane of .ci/run does it"]
+fn phase_to_height_is_worse_where_lenses_distort() {
+    let [cut, computed, captured] = both_ways("pmp-real");
+    assert!(computed > 1.3 * cut && captured > 1.3 * cut && captured < 3.0 * cut);
 }
 
 #[test]

@@ -242,7 +242,7 @@ fn with_a_calibration_there_are_points() {
     }
     for (more, needle) in [
         (&["--plane-mm", "700"][..], "--method height"),
-        (&["--method", "height", "--plane-mm", "-1"], "--plane-mm"),
+        (&["--method", "height", "--plane-mm", "0"], "--plane-mm"),
         (
             &["--method", "height", "--reference", "/nowhere"],
             "/nowhere",

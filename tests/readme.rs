@@ -54,6 +54,9 @@ fn every_command_runs() {
         "decoded/projector_x.npy",
         "decoded/cloud.ply",
         "mine/summary.json",
+        "calibrated/report.html",
+        "calibrated/truth.json",
+        "from-captures/calibration.yml",
         "dots.svg",
         "chess.svg",
     ] {
@@ -82,6 +85,15 @@ fn the_manifest_in_the_readme_reads() {
     let scene = phasma::profile::Scene::parse(&scene, "README").unwrap();
     assert!(scene.object[0].motion.is_some() && scene.object[0].deform.is_some());
     let bench = include_str!("../device-profiles/pmp-bench.toml");
+    let without = bench.replace(
+        "[calibration]\nsequence = \"pmp-12-xy\"\nboard_scale = 4.0\n",
+        "",
+    );
+    let profile = format!("{without}\n{}", of("[calibration]"));
+    let calibration = phasma::profile::Profile::parse(&profile, "README")
+        .unwrap()
+        .calibration;
+    assert_eq!(calibration.distance_mm, Some(1000.0));
     let profile = format!("{bench}\n{}", of("[usb]"));
     let usb = phasma::profile::Profile::parse(&profile, "README")
         .unwrap()

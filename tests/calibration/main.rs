@@ -55,7 +55,9 @@ fn scan_error_mm(desk: &Desk, rig: &Rig) -> f64 {
     let manifest = profile.manifest(&profile.sequence[0]);
     let shots = shots(profile, &manifest);
     let frames: Vec<_> = shots.iter().map(|s| renderer.expose(s).data).collect();
-    let truth = renderer.truth(&shots);
+    let patterns = manifest.frame.iter().map(|frame| frame.pattern.clone());
+    let shown: Vec<_> = patterns.zip(shots).collect();
+    let truth = renderer.truth(&shown);
     let (w, h) = (truth.width as usize, truth.height as usize);
     let decoder = Decoder::new(&manifest, w, h, Some(rig), Options::default()).unwrap();
     let samples = frames.iter().map(|f| Samples::U8(f)).collect();

@@ -10,9 +10,6 @@ use super::{Choice, Coefficients, LeftOut, PoseSightings, Unsolved, start};
 use crate::geometry::Board;
 use nalgebra::DMatrix;
 
-/// A pose half of whose points are beyond the outliers' threshold is an outlier itself.
-const OUTLYING_POSE: f64 = robust::OUTLYING / robust::MEDIAN;
-
 /// Poses that are used and those that are not.
 #[derive(Clone)]
 pub(super) struct Bundle {
@@ -41,35 +38,6 @@ impl Bundle {
         }
     }
 
-    /// Uses a pose no longer.
-    pub fn leave_out(&mut self, at: usize, why: String) {
-        let pose = self.poses.remove(at);
-        self.left_out.push(LeftOut {
-            name: pose.name,
-            given: pose.given,
-            why,
-        });
-    }
-
-    /// Refuses fewer than two poses.
-    pub fn enough_poses(&self) -> Result<(), Unsolved> {
-        if self.poses.len() >= 2 {
-            return Ok(());
-        }
-        let total = self.poses.len() + self.left_out.len();
-        let mut found = format!("{} of {total} can be used", self.poses.len());
-        for out in self.left_out.iter().take(8) {
-            found += &format!("; {}: {}", out.name, out.why);
-        }
-        if self.left_out.len() > 8 {
-            found += &format!("; and {} more", self.left_out.len() - 8);
-        }
-        Err(Unsolved::TooFewPoses {
-            found,
-            wanted: "2 or more tilted in different directions, better 10".to_owned(),
-        })
-    }
-
     /// How many numbers count.
     pub fn observed(&self) -> usize {
         let points = self.poses.iter().flat_map(|p| &p.points);
@@ -84,12 +52,17 @@ impl Bundle {
         let radial = [true, true, false, false, false];
         let most: Model = wanted.map(Coefficients::most);
         let first: Model = most.map(|set| std::array::from_fn(|i| set[i] && radial[i]));
+        let fewer: Model = std::array::from_fn(|i| match wanted[i] {
+            Coefficients::Auto => [true, true, true, true, false],
+            Coefficients::Fixed(set) => set,
+        });
         let least: Model = wanted.map(Coefficients::least);
 
         let maps = start::maps(self, choice.robust)?;
         let mut state = start::state(self, &maps, sizes, &first, choice)?;
+        self.drop_behind(&mut state)?;
         self.approach(&mut state, &first, choice, false)?;
-        let mut solved = self.largest(&state, &[most, first, least], choice)?;
+        let mut solved = self.largest(&state, &[most, fewer, first, least], choice)?;
         let largest = solved.model;
         let order = ranked(
             wanted,
@@ -164,8 +137,9 @@ impl Bundle {
             let fit = minimise(&self.poses, state, &free, &loss, Effort::ROUGH)
                 .ok_or_else(|| self.diverged())?;
             *state = fit.state;
+            // Scales are 1 at least: nearer to that there is nothing to gain.
             let now: f64 = robust::scales(&self.poses, state).iter().sum();
-            let settled = now > 0.9 * last;
+            let settled = now > 0.9 * last || now < 2.1;
             last = now;
             let dropped = drop && settled && choice.robust && self.drop_worst(state);
             if dropped {
@@ -177,45 +151,15 @@ impl Bundle {
         Ok(())
     }
 
-    /// Leaves out the pose that fits worst, if that is bad enough.
-    fn drop_worst(&mut self, state: &mut State) -> bool {
-        let total = self.poses.len() + self.left_out.len();
-        // A majority has to decide, and it has to stay one.
-        if self.poses.len() < 4 || 3 * (self.poses.len() - 1) < 2 * total {
-            return false;
-        }
-        let scales: Vec<[Option<f64>; 2]> = (0..self.poses.len())
-            .map(|i| robust::pose_scales(&self.poses[i], state, i))
-            .collect();
-        let mut worst: Option<(f64, usize, usize)> = None;
-        for group in 0..2 {
-            let mut all: Vec<f64> = scales.iter().filter_map(|s| s[group]).collect();
-            let usual = super::homography::median(&mut all).max(1.0);
-            for (i, scale) in scales.iter().enumerate() {
-                let ratio = scale[group].map_or(0.0, |s| s / usual);
-                if ratio > worst.map_or(OUTLYING_POSE, |w| w.0) {
-                    worst = Some((ratio, i, group));
-                }
-            }
-        }
-        let Some((ratio, at, group)) = worst else {
-            return false;
-        };
-        let what = ["camera points", "projector coordinates"][group];
-        let why = format!(
-            "its {what} fit {ratio:.1} times worse than those of the usual pose; wanted: {OUTLYING_POSE:.1} times or less"
-        );
-        self.leave_out(at, why);
-        state.boards.remove(at);
-        true
-    }
-
     /// To the minimum of squares over what counts, with outliers decided and noise estimated.
     fn settle(&mut self, state: State, model: Model, choice: &Choice) -> Result<Solved, Unsolved> {
         let free = free(&model);
-        let (mut state, mut inflation) = (state, [1.0; 2]);
-        for round in 0..6 {
+        let (mut state, mut inflation, mut moved) = (state, [1.0; 2], true);
+        for _ in 0..6 {
             let changed = choice.robust && robust::reject(&mut self.poses, &state);
+            if !changed && !moved {
+                break;
+            }
             let loss = Loss::Square(inflation);
             let fit = minimise(&self.poses, &state, &free, &loss, Effort::FULL)
                 .filter(|fit| fit.converged)
@@ -223,10 +167,10 @@ impl Bundle {
             state = fit.state;
             let before = inflation;
             inflation = self.inflation(&state, &model);
-            let moved = (0..2).any(|g| (inflation[g] / before[g] - 1.0).abs() > 1e-3);
-            if round > 0 && !changed && !moved {
-                break;
-            }
+            moved = (0..2).any(|g| (inflation[g] / before[g] - 1.0).abs() > 1e-3);
+        }
+        if self.degrees_of_freedom(&model) == 0 {
+            return Err(self.diverged());
         }
         let covariance = Normal::at(&self.poses, &state, &Loss::Square(inflation))
             .and_then(|n| n.covariance(&free))
@@ -266,14 +210,16 @@ impl Bundle {
         self.observed().saturating_sub(unknowns)
     }
 
-    /// Mean squares of the whitened residuals of camera and projector where these are above 1, each
-    /// group taken to have its share of the degrees of freedom.
+    /// Mean squares of the whitened residuals of camera and projector, each group taken to have its
+    /// share of the degrees of freedom; 1 where they are below or chance explains them: three
+    /// standard deviations of a mean of squares, sqrt(2 / n).
     fn inflation(&self, state: &State, model: &Model) -> [f64; 2] {
         let share = self.degrees_of_freedom(model) as f64 / self.observed() as f64;
         self.squares(state).map(|(sum, count)| {
-            let factor = sum / (count as f64 * share);
-            if factor.is_finite() {
-                factor.max(1.0)
+            let free = count as f64 * share;
+            let factor = sum / free;
+            if factor > 1.0 + 3.0 * (2.0 / free).sqrt() && factor.is_finite() {
+                factor
             } else {
                 1.0
             }

@@ -1,7 +1,7 @@
 //! What a user should know before trusting a solution, in numbers.
 
 use super::start::{TILTS_WANTED, largest_angle_deg};
-use super::{Parameter, PoseSightings, Solution, Unsolved};
+use super::{Choice, Coefficients, Parameter, PoseSightings, Solution, Unsolved};
 use glam::{DVec2, DVec3};
 use std::collections::HashSet;
 
@@ -17,7 +17,7 @@ const CELLS: [u32; 2] = [8, 6];
 const LITTLE_COVERAGE: f64 = 0.5;
 /// Above, the numbers are worth a warning.
 const VAGUE: f64 = 0.01;
-const CORRELATED: f64 = 0.9995;
+const CORRELATED: f64 = 0.999;
 const INFLATED: f64 = 1.5;
 const OUTLIERS: f64 = 0.01;
 const UNEVEN: f64 = 2.0;
@@ -47,6 +47,15 @@ pub(super) fn refuse(solution: &Solution) -> Result<(), Unsolved> {
         ("camera", &solution.camera_errors, &rig.camera.lens),
         ("projector", &solution.projector_errors, &rig.projector.lens),
     ] {
+        if let Some(corner) = lens.folds_before() {
+            return Err(Unsolved::Undetermined {
+                found: format!(
+                    "the {name}'s coefficients fold the image over before pixel ({:.0}, {:.0})",
+                    corner.x, corner.y
+                ),
+                wanted: "fewer coefficients, or points nearer to the image's corners".to_owned(),
+            });
+        }
         let diagonal = f64::from(lens.width_px).hypot(f64::from(lens.height_px));
         if errors.rms_px > WORST_FIT * diagonal && errors.whitened_rms > 10.0 {
             return Err(Unsolved::Undetermined {
@@ -65,12 +74,16 @@ pub(super) fn refuse(solution: &Solution) -> Result<(), Unsolved> {
 }
 
 /// What is worth a warning.
-pub(super) fn warnings(solution: &Solution, given: &[PoseSightings]) -> Vec<String> {
+pub(super) fn warnings(
+    solution: &Solution,
+    given: &[PoseSightings],
+    choice: &Choice,
+) -> Vec<String> {
     let mut all = Vec::new();
     poses(solution, &mut all);
     coverage(solution, given, &mut all);
     fit(solution, &mut all);
-    parameters(solution, &mut all);
+    parameters(solution, choice, &mut all);
     all
 }
 
@@ -177,7 +190,7 @@ fn fit(solution: &Solution, all: &mut Vec<String>) {
     }
 }
 
-fn parameters(solution: &Solution, all: &mut Vec<String>) {
+fn parameters(solution: &Solution, choice: &Choice, all: &mut Vec<String>) {
     let baseline = baseline(solution);
     let vague = focal_lengths(solution)
         .chain(baseline.as_ref())
@@ -194,23 +207,24 @@ fn parameters(solution: &Solution, all: &mut Vec<String>) {
         });
     all.extend(vague);
     for (p, at) in of_rig(solution) {
-        let width = match p.name.split('.').next() {
-            Some("camera") => solution.rig.camera.lens.width_px,
-            _ => solution.rig.projector.lens.width_px,
+        let (lens, coefficients) = if p.name.starts_with("camera.") {
+            (&solution.rig.camera.lens, choice.camera)
+        } else {
+            (&solution.rig.projector.lens, choice.projector)
         };
+        let enough = VAGUE * f64::from(lens.width_px);
+        // Coefficients that the data demanded together are not judged one by one.
+        let chosen = coefficients != Coefficients::Auto;
         if p.name.ends_with(".cx") || p.name.ends_with(".cy") {
-            if p.sigma > VAGUE * f64::from(width) {
+            if p.sigma > enough {
                 all.push(format!(
                     "{} = {:.2} px is known to {:.2} px only; wanted: {:.2}",
-                    p.name,
-                    p.value,
-                    p.sigma,
-                    VAGUE * f64::from(width)
+                    p.name, p.value, p.sigma, enough
                 ));
             }
-        } else if p.unit.is_empty() && p.sigma > p.value.abs() {
+        } else if chosen && p.unit.is_empty() && p.sigma > p.value.abs() {
             all.push(format!(
-                "{} = {:.5} cannot be told from 0: its standard deviation is {:.5}",
+                "{} = {:.2e} cannot be told from 0: its standard deviation is {:.2e}",
                 p.name, p.value, p.sigma
             ));
         }

@@ -1,4 +1,6 @@
-//! The minimum by Levenberg's and Marquardt's method.
+//! The minimum by Levenberg's and Marquardt's method (Marquardt, "An algorithm for least-squares
+//! estimation of nonlinear parameters", SIAM J. 11, 1963): the diagonal is raised where a step fails,
+//! and hardly or not at all where steps succeed, as weak directions would creep otherwise.
 
 use super::model::State;
 use super::normal::{Free, Normal};
@@ -35,9 +37,11 @@ impl Effort {
 }
 
 /// A step this long in squared standard deviations is the last: the next one would be its square.
-const SHORT: f64 = 1e-10;
+const SHORT: f64 = 1e-8;
 /// Damping below this is none.
 const UNDAMPED: f64 = 1e-8;
+/// A step, in squared standard deviations, that changes nothing worth telling.
+const NEAR: f64 = 1e-3;
 const MOST_DAMPING: f64 = 1e8;
 
 /// Lowers the loss from a state on; `None` where the loss has no value there.
@@ -53,19 +57,20 @@ pub(super) fn minimise(
     let mut damping = 1e-4;
     let mut converged = false;
     for _ in 0..effort.most {
-        if let Some(step) = normal.step(free, 0.0)
-            && step.length <= SHORT * (1.0 + 1e-3 * normal.loss)
-        {
-            // The loss may go either way by rounding now.
+        let undamped = normal.step(free, 0.0);
+        let length = undamped.as_ref().map_or(f64::INFINITY, |s| s.length);
+        if let Some(step) = undamped.filter(|_| length <= SHORT * (1.0 + 1e-3 * normal.loss)) {
             state = state.stepped(&step.rig, &step.boards);
             converged = state.is_proper();
             break;
         }
+        // So near the end what the loss gains is lost in its rounding.
+        let slack = if length < NEAR { NEAR } else { 0.0 };
         // Where nothing determines a step, what damping finds is still nearer.
         let there = normal.step(free, damping).and_then(|step| {
             let next = state.stepped(&step.rig, &step.boards);
             let there = next.is_proper().then(|| Normal::at(poses, &next, loss))??;
-            (there.loss <= normal.loss).then_some((next, there))
+            (there.loss <= normal.loss + slack).then_some((next, there))
         });
         let Some((next, there)) = there else {
             damping = (damping * 10.0).max(UNDAMPED);
@@ -74,7 +79,7 @@ pub(super) fn minimise(
             }
             continue;
         };
-        let little = normal.loss - there.loss < effort.gain * there.loss;
+        let little = effort.gain > 0.0 && normal.loss - there.loss < effort.gain * there.loss;
         (state, normal) = (next, there);
         if little {
             break;

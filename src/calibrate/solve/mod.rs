@@ -8,6 +8,7 @@
 //! normal matrix is the covariance; where residuals are larger than the given covariances allow,
 //! these are inflated first. `check` says what a user should know.
 
+mod belonging;
 mod bundle;
 mod check;
 mod chi_square;
@@ -22,6 +23,7 @@ mod robust;
 mod rotation;
 mod solution;
 mod start;
+mod start_projector;
 mod summary;
 #[cfg(test)]
 mod tests;
@@ -53,7 +55,8 @@ pub struct PoseSightings {
 /// Which distortion coefficients are estimated; the others stay zero.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Coefficients {
-    /// As many as the data demand.
+    /// As many as the data demand of none, k1, k1 k2, k1 k2 p1 p2 and all five, by the Bayesian
+    /// information criterion.
     #[default]
     Auto,
     /// These of k1, k2, p1, p2, k3.
@@ -104,6 +107,6 @@ pub fn solve(
     let solved = bundle.solve([camera_px, projector_px], choice)?;
     let mut solution = summary::of(bundle, solved);
     check::refuse(&solution)?;
-    solution.warnings = check::warnings(&solution, poses);
+    solution.warnings = check::warnings(&solution, poses, choice);
     Ok(solution)
 }

@@ -133,6 +133,11 @@ impl Board {
                 all.add(weight, rows, [r.x, r.y]);
             }
         }
+        for i in 1..ALL {
+            for j in 0..i {
+                all.matrix[i][j] = all.matrix[j][i];
+            }
+        }
         Some(all)
     }
 
@@ -143,7 +148,11 @@ impl Board {
             if wa == 0.0 && wb == 0.0 {
                 continue;
             }
-            for (m, (x, y)) in self.matrix[i].iter_mut().zip(a.iter().zip(b)) {
+            // The upper triangle; the other one is its mirror.
+            for (m, (x, y)) in self.matrix[i][i..]
+                .iter_mut()
+                .zip(a[i..].iter().zip(&b[i..]))
+            {
                 *m += wa * x + wb * y;
             }
             self.right[i] += wa * r[0] + wb * r[1];

@@ -28,7 +28,7 @@ pub struct Solution {
     /// they were given; 1 where these are right.
     pub variance_factor: f64,
     /// What the given covariances of camera points and of projector coordinates were multiplied by
-    /// because residuals were larger than they allow: 1 or more. `covariance` has it in it.
+    /// because residuals were larger than they and chance allow: 1 or more. `covariance` has it in it.
     pub inflation: [f64; 2],
     /// Numbers that were observed (by points that were used) minus parameters.
     pub degrees_of_freedom: usize,

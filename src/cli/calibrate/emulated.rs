@@ -93,7 +93,10 @@ impl Emulated {
     /// The poses that are shown, `camera_from_board`.
     pub(super) fn shown(&self) -> Vec<Pose> {
         let camera_from_rig = self.truth.camera.rig_from_view.inverse();
-        self.shown.iter().map(|&pose| camera_from_rig * pose).collect()
+        self.shown
+            .iter()
+            .map(|&pose| camera_from_rig * pose)
+            .collect()
     }
 
     /// Shows all poses and looks at what the camera sees of each, while the next one is captured.

@@ -62,14 +62,24 @@ pub(super) struct Args {
     #[arg(long, value_name = "WHICH", default_value = "auto")]
     projector_distortion: coefficients::Choice,
     /// In how many poses the board is shown
-    #[arg(long, value_name = "N", default_value_t = 20, conflicts_with = "captures")]
+    #[arg(
+        long,
+        value_name = "N",
+        default_value_t = 20,
+        conflicts_with = "captures"
+    )]
     poses: u32,
     /// Distance at which it is shown in millimetres [default: the profile's, or where the fields of
     /// camera and projector meet]
     #[arg(long, value_name = "MM", conflicts_with = "captures")]
     distance_mm: Option<f64>,
     /// How far it is tilted at most, in degrees
-    #[arg(long, value_name = "DEG", default_value_t = 45.0, conflicts_with = "captures")]
+    #[arg(
+        long,
+        value_name = "DEG",
+        default_value_t = 45.0,
+        conflicts_with = "captures"
+    )]
     max_tilt_deg: f64,
     /// Seed of the poses and of the noise
     #[arg(long, default_value_t = 1, conflicts_with = "captures")]
@@ -78,7 +88,12 @@ pub(super) struct Args {
     #[arg(long, conflicts_with = "captures")]
     no_noise: bool,
     /// Rays a pixel: 1, 4, 16 or 64
-    #[arg(long, value_name = "N", default_value_t = 1, conflicts_with = "captures")]
+    #[arg(
+        long,
+        value_name = "N",
+        default_value_t = 1,
+        conflicts_with = "captures"
+    )]
     samples: u32,
     /// What runs the passes of the rendering
     #[arg(long, value_enum, default_value_t = backend::Choice::Cpu, conflicts_with = "captures")]
@@ -159,7 +174,15 @@ fn run_emulated(args: &Args, name: &str) -> Result<()> {
         ("device", idn),
         ("profile", name.to_owned()),
         ("seed", args.seed.to_string()),
-        ("noise", if args.no_noise { "none" } else { "the sensor's" }.to_owned()),
+        (
+            "noise",
+            if args.no_noise {
+                "none"
+            } else {
+                "the sensor's"
+            }
+            .to_owned(),
+        ),
         (
             "distance from the truth",
             format!(
@@ -168,7 +191,9 @@ fn run_emulated(args: &Args, name: &str) -> Result<()> {
             ),
         ),
     ];
-    let remarks = remarks.map(|(name, value)| (name.to_owned(), value)).to_vec();
+    let remarks = remarks
+        .map(|(name, value)| (name.to_owned(), value))
+        .to_vec();
     finish(args, &calibration, &session.pictures, remarks, Some(&truth))
 }
 
@@ -182,8 +207,15 @@ fn no_board(session: &Session, board: &Board) -> (String, String) {
         .collect();
     let [columns, rows] = board.grid();
     (
-        format!("no board in any of {} poses: {}", session.missed.len(), some.join("; ")),
-        format!("pictures of a board of {columns} x {rows} points, {} mm apart", board.pitch_mm()),
+        format!(
+            "no board in any of {} poses: {}",
+            session.missed.len(),
+            some.join("; ")
+        ),
+        format!(
+            "pictures of a board of {columns} x {rows} points, {} mm apart",
+            board.pitch_mm()
+        ),
     )
 }
 
@@ -209,7 +241,9 @@ fn solve(args: &Args, board: &Board, session: &Session, place: &str) -> Result<C
 /// Poses that leave the rig open are the user's to mend.
 fn unsolved(why: &Unsolved, session: &Session, place: &str) -> Error {
     let words = why.to_string();
-    let (found, wanted) = words.split_once("; wanted: ").unwrap_or((&words, "other poses"));
+    let (found, wanted) = words
+        .split_once("; wanted: ")
+        .unwrap_or((&words, "other poses"));
     let without = session.missed.iter().map(|missed| missed.name.as_str());
     let without: Vec<_> = without.collect();
     let found = match without.is_empty() {
@@ -246,7 +280,10 @@ fn finish(
         print!("{}", json(&Figures { summary, truth }));
     } else {
         print!("{summary}");
-        println!("written to {}: report.html shows all of it", args.out.display());
+        println!(
+            "written to {}: report.html shows all of it",
+            args.out.display()
+        );
     }
     Ok(())
 }

@@ -10,7 +10,9 @@ pub(super) enum Emulated {}
 
 impl Emulated {
     pub(super) fn new(_: &Args, _: &str) -> Result<Self> {
-        Err(Error::device("--profile needs Linux; --captures works here"))
+        Err(Error::device(
+            "--profile needs Linux; --captures works here",
+        ))
     }
 
     pub(super) fn board(&self) -> &Board {

@@ -1,6 +1,7 @@
 //! `phasma demo`: a device that is not there, scanned through its ports and held against its truth.
 
 use super::backend::Choice;
+use super::method::MethodArgs;
 use super::scan::capture;
 use super::served::{Served, service};
 use super::step;
@@ -49,6 +50,8 @@ pub struct Args {
     /// Leave the sensor's noise out
     #[arg(long)]
     no_noise: bool,
+    #[command(flatten)]
+    method: MethodArgs,
     /// Print the figures as JSON
     #[arg(long)]
     json: bool,
@@ -68,6 +71,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
         backend: args.backend.into(),
     }
     .checked()?;
+    args.method.check()?;
     check_folder(&args.out)?;
     step("starting the device");
     let served = Served::start("demo", &serve_arguments(args))?;
@@ -92,7 +96,9 @@ pub(super) fn run(args: &Args) -> Result<()> {
         .calibration
         .ok_or_else(|| Error::device("the device gave no calibration"))?;
     let begin = Instant::now();
-    let (decoder, decoded) = captured.decode(Options::default())?;
+    let (decoder, mut decoded) = captured.decode(Options::default())?;
+    args.method
+        .apply(&decoder, &mut decoded, Options::default())?;
     let decode_s = begin.elapsed().as_secs_f64();
     step("asking for the truth");
     let mut service = service(&endpoints.service)?;

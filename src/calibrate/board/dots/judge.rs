@@ -1,11 +1,12 @@
 //! Which fitted dots are trusted, and whether they are the board's that was said.
 
-use super::dots::{Dot, Dots, median};
 use super::ellipse::Ellipse;
+use super::known::{Dot, Dots, median};
 use super::lattice::Cell;
 use super::measure::Measure;
 use crate::calibrate::board::{NotFound, Picture};
 use crate::geometry::Board;
+use glam::DVec2;
 
 /// Part of what its pixels could tell of a dot's centre that must have been told.
 const TOLD: f64 = 0.8;
@@ -167,11 +168,12 @@ pub(super) fn extent(dots: &Dots, judge: &Judge) -> Result<(), NotFound> {
         ),
     ];
     for (missing, line) in lines {
-        let blank = line
+        let told: Vec<bool> = line
             .iter()
-            .filter(|&&cell| judge.is_blank(dots, cell))
-            .count();
-        if missing && 2 * blank > line.len() && blank >= 4 {
+            .filter_map(|&cell| judge.is_blank(dots, cell))
+            .collect();
+        let blank = told.iter().filter(|&&blank| blank).count();
+        if missing && 2 * blank > told.len() && blank >= 4 {
             return Err(NotFound::WrongBoard {
                 found: format!(
                     "a grid of {} x {} dots with blank paper beside it",
@@ -186,42 +188,27 @@ pub(super) fn extent(dots: &Dots, judge: &Judge) -> Result<(), NotFound> {
 }
 
 impl Judge<'_> {
-    /// Whether a cell's place is in the picture, lit as paper is, and has no dot.
-    fn is_blank(&self, dots: &Dots, cell: Cell) -> bool {
-        let Some((place, outline)) = dots
-            .place(cell)
-            .and_then(|place| Some((place, dots.outline(cell, place.at)?)))
-        else {
-            return false;
-        };
-        if !self.fits_in(&outline) {
-            return false;
-        }
+    /// Whether paper is seen where a cell's dot would be, with the light on it that its neighbours
+    /// have; `None` where the picture does not reach.
+    fn is_blank(&self, dots: &Dots, cell: Cell) -> Option<bool> {
+        let place = dots.place(cell)?;
+        let outline = dots.outline(cell, place.at)?;
         let near = dots
             .around(cell, 2)
             .filter_map(|(_, dot)| dot.fit.as_ref().map(|fit| fit.model.paper[0]));
-        let Some(paper) = median(near.collect()) else {
-            return false;
-        };
-        // The dot's own place, and half a pitch to all sides.
-        let half = 0.5 * place.basis;
-        [
-            glam::DVec2::ZERO,
-            half.x_axis,
-            -half.x_axis,
-            half.y_axis,
-            -half.y_axis,
-        ]
-        .iter()
-        .all(|&step| {
-            let px = (place.at + step).round();
-            let inside = px.min_element() >= 0.0
-                && px.x < self.picture.width as f64
-                && px.y < self.picture.height as f64;
-            inside && {
-                let level = self.picture.level[px.y as usize * self.picture.width + px.x as usize];
-                f64::from(level) > LIT * paper
-            }
-        })
+        let paper = median(near.collect())?;
+        if !self.fits_in(&outline) {
+            return None;
+        }
+        // Half way out from the middle of the dot, which would be ink.
+        let lit = [DVec2::X, -DVec2::X, DVec2::Y, -DVec2::Y]
+            .map(|towards| (place.at + 0.5 * (outline.shape * towards)).round())
+            .iter()
+            .any(|px| {
+                let (u, v) = (px.x as usize, px.y as usize);
+                let level = self.picture.level.get(v * self.picture.width + u);
+                level.is_some_and(|&level| f64::from(level) > LIT * paper)
+            });
+        Some(lit)
     }
 }

@@ -1,9 +1,9 @@
 //! Dots measured: the picture's blur and contrast by some of them, then each by its fit.
 
 use super::coverage::{self, Cell as Covered};
-use super::dots::{Dot, Dots, median};
 use super::ellipse::{Ellipse, Window};
 use super::fit::{Fit, Known, Patch, fit};
+use super::known::{Dot, Dots, median};
 use super::lattice::Cell;
 use super::step::Steps;
 use crate::calibrate::board::Picture;
@@ -15,8 +15,11 @@ const RING: f64 = 3.0;
 const SAMPLES: usize = 32;
 /// Standard deviation of ink's contrast over a board.
 const INK_SPREAD: f64 = 0.1;
+/// Upper quartile of the deviations of dots' blurs in standard deviations (1.15 by noise alone) above
+/// which they differ.
+const VARIES: f64 = 3.0;
 /// A blur (variance in pixels squared) above which dots reach into their neighbours' paper.
-const WIDE: f64 = 0.3;
+const WIDE: f64 = 0.1;
 
 /// A picture with what all its dots share.
 pub(super) struct Measure<'a> {
@@ -28,8 +31,8 @@ pub(super) struct Measure<'a> {
 }
 
 impl<'a> Measure<'a> {
-    /// Blur and contrast by markers and some of the other dots.
-    pub fn new(picture: &'a Picture, dots: &Dots) -> Self {
+    /// Fits every known dot, after blur and contrast have been told by markers and some others.
+    pub fn new(picture: &'a Picture, dots: &mut Dots) -> Self {
         let mut this = Self {
             picture,
             steps: Steps::new(),
@@ -39,6 +42,51 @@ impl<'a> Measure<'a> {
                 contrast: None,
             },
         };
+        let cells: Vec<Cell> = dots.known.keys().copied().collect();
+        this.estimate(dots, false);
+        this.take(dots, &cells, false);
+        if this.blur > WIDE {
+            // With what is known of the neighbours now, their blurred edges are no riddle.
+            this.estimate(dots, true);
+            let crowded: Vec<Cell> = cells
+                .into_iter()
+                .filter(|&cell| this.is_crowded(dots, cell))
+                .collect();
+            for _ in 0..2 {
+                this.take(dots, &crowded, true);
+            }
+        }
+        this
+    }
+
+    /// Whether blur brings a neighbour into a dot's patch, or the dot has no fit yet.
+    fn is_crowded(&self, dots: &Dots, cell: Cell) -> bool {
+        dots.known.get(&cell).is_some_and(|dot| {
+            let field = self.field(&dot.ellipse());
+            let reach = self.reach(true);
+            let mut around = dots.around(cell, 2);
+            dot.fit.is_none() || around.any(|(_, n)| near(&field, &n.ellipse(), reach))
+        })
+    }
+
+    /// What a patch shows of a dot's surroundings.
+    fn field(&self, dot: &Ellipse) -> Ellipse {
+        dot.wider(RING + 3.0 * self.blur.sqrt())
+    }
+
+    /// How far beyond its outline a dot darkens paper so much that it matters: what of it is left
+    /// can be neglected, or is no more than the model of the dot can bear.
+    fn reach(&self, overlapping: bool) -> f64 {
+        let sigma = self.blur.sqrt();
+        if overlapping {
+            0.5 + 3.5 * sigma
+        } else {
+            0.75 + 1.5 * sigma
+        }
+    }
+
+    fn estimate(&mut self, dots: &Dots, overlapping: bool) {
+        self.known.blur = None;
         let every = dots.known.len().div_ceil(SAMPLES).max(1);
         let sample: Vec<Cell> = dots
             .known
@@ -49,36 +97,37 @@ impl<'a> Measure<'a> {
             })
             .map(|(_, &cell)| cell)
             .collect();
-        let fits: Vec<Fit> = this
-            .fits(dots, &sample, false)
+        let fits: Vec<Fit> = self
+            .fits(dots, &sample, overlapping)
             .into_iter()
             .flatten()
             .filter(|fit| fit.told > 0.8)
             .collect();
-        this.blur = weighted_median(
-            fits.iter()
-                .map(|fit| (fit.model.blur, 1.0 / fit.blur_variance.sqrt()))
-                .collect(),
-        )
-        .unwrap_or(0.0);
-        if this.blur < coverage::SHARP * 1.5 {
-            this.blur = 0.0;
+        let blurs = fits
+            .iter()
+            .map(|fit| (fit.model.blur, 1.0 / fit.blur_variance.sqrt()))
+            .collect();
+        self.blur = weighted_median(blurs).unwrap_or(0.0);
+        // Out of focus in part: each dot has a blur of its own.
+        let off = |fit: &Fit| (fit.model.blur - self.blur).abs();
+        let beyond_noise = |fit: &Fit| off(fit) / (fit.blur_variance * fit.chi2.max(1.0)).sqrt();
+        let upper = |value: &dyn Fn(&Fit) -> f64| {
+            let mut values: Vec<f64> = fits.iter().map(value).filter(|v| v.is_finite()).collect();
+            values.sort_by(f64::total_cmp);
+            values.get(values.len() * 3 / 4).copied()
+        };
+        let spread = match (upper(&off), upper(&beyond_noise)) {
+            (Some(off), Some(z)) if z > VARIES => 2.0 * off,
+            _ => 0.0,
+        };
+        if self.blur < coverage::SHARP * 1.5 && spread == 0.0 {
+            self.blur = 0.0;
         }
-        this.known = Known {
-            blur: Some(this.blur),
+        self.known = Known {
+            blur: Some([self.blur, spread]),
             contrast: median(fits.iter().map(|fit| fit.model.contrast).collect())
                 .map(|contrast| [contrast, INK_SPREAD]),
         };
-        this
-    }
-
-    /// Fits every known dot.
-    pub fn all(&self, dots: &mut Dots) {
-        let cells: Vec<Cell> = dots.known.keys().copied().collect();
-        self.take(dots, &cells, false);
-        if self.blur > WIDE {
-            self.take(dots, &cells, true);
-        }
     }
 
     fn take(&self, dots: &mut Dots, cells: &[Cell], overlapping: bool) {
@@ -98,7 +147,12 @@ impl<'a> Measure<'a> {
             .with_min_len(8)
             .map_init(Vec::new, |scratch, cell| {
                 let dot = dots.known.get(cell)?;
-                self.one(dots, *cell, dot.ellipse(), overlapping, scratch)
+                // A blob that could not be fitted is as large as its blur.
+                let start = match (&dot.fit, overlapping) {
+                    (None, true) => dots.outline(*cell, dot.start.centre)?,
+                    _ => dot.ellipse(),
+                };
+                self.one(dots, *cell, start, overlapping, scratch)
             })
             .collect()
     }
@@ -140,8 +194,7 @@ impl<'a> Measure<'a> {
             level,
             variance,
         } = self.picture;
-        let sigma = self.blur.sqrt();
-        let field = dot.wider(RING + 3.0 * sigma);
+        let field = self.field(&dot);
         let window = Window::about(dot.centre, field.reach(), *width, *height)?;
         let rows = || (window.top..window.top + window.height).map(|v| v * width + window.left);
         let level: Vec<f64> = rows()
@@ -150,16 +203,15 @@ impl<'a> Measure<'a> {
             .collect();
         let variance = rows().flat_map(|from| &variance[from..from + window.width]);
         let highest = level.iter().copied().fold(0.0, f64::max);
-        // Noise that is none would be weight without end.
-        let least = (1e-4 * highest).powi(2).max(f64::MIN_POSITIVE);
+        // Below this the model's own errors (its blur is a Gaussian, its light a plane) are larger.
+        let least = (3e-4 * highest).powi(2).max(f64::MIN_POSITIVE);
         let inside = field.inward();
-        let margin = if overlapping { 0.5 } else { 1.0 + 2.5 * sigma };
+        // Where neighbours are part of the model, only their ink is left out.
+        let reach = self.reach(overlapping);
+        let margin = if overlapping { 0.3 } else { reach };
         let near: Vec<_> = neighbours
             .iter()
-            .filter(|n| {
-                let gap = (n.centre - dot.centre).abs() - n.reach() - field.reach();
-                gap.max_element() < 2.0 * margin
-            })
+            .filter(|n| near(&field, n, reach))
             .collect();
         let beside: Vec<_> = near.iter().map(|n| n.wider(margin).inward()).collect();
         let weight = window
@@ -191,6 +243,12 @@ impl<'a> Measure<'a> {
             others,
         })
     }
+}
+
+/// Whether a dot that is `reach` wider may touch a field.
+fn near(field: &Ellipse, dot: &Ellipse, reach: f64) -> bool {
+    let gap = (dot.centre - field.centre).abs() - dot.reach() - field.reach();
+    gap.max_element() < reach
 }
 
 fn weighted_median(mut values: Vec<(f64, f64)>) -> Option<f64> {

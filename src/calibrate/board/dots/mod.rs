@@ -1,17 +1,17 @@
 //! A board of dots found in a picture.
 //!
-//! Dark [blobs](blobs) make [grids](lattice); the large ones among a grid's dots [tell](label) which
-//! way round it is; an [area model](fit) of each dot gives its centroid and outline, to a hundredth
-//! of a pixel and better; dots that were missed are [looked for](complete) where they should be; and
-//! what does not look like the board that was said is [refused](judge).
+//! Dark blobs make grids (`lattice`); the large ones among a grid's dots tell which way round it is
+//! (`label`); an area model of each dot (`fit`) gives its centroid and outline, to a hundredth of a
+//! pixel and better; dots that were missed are looked for where they should be (`complete`); and what
+//! does not look like the board that was said is refused (`judge`).
 
 mod blobs;
 mod complete;
 mod coverage;
-mod dots;
 mod ellipse;
 mod fit;
 mod judge;
+mod known;
 mod label;
 mod lattice;
 mod measure;
@@ -22,7 +22,7 @@ mod tests;
 use crate::calibrate::board::{NotFound, Picture, Seen};
 use crate::geometry::Board;
 use blobs::Blob;
-use dots::{Dot, Dots};
+use known::{Dot, Dots};
 use label::Labels;
 use lattice::Grid;
 use std::collections::BTreeMap;
@@ -126,7 +126,7 @@ fn seen(
     let mut beyond = Vec::new();
     for (&cell, &k) in grid {
         let cell = labels.index(cell);
-        if dots::index(board, cell).is_none() {
+        if known::index(board, cell).is_none() {
             beyond.push(cell);
         }
         let dot = Dot {
@@ -140,8 +140,7 @@ fn seen(
         known.remove(&cell);
     }
     let mut dots = Dots { board, known };
-    let measure = measure::Measure::new(picture, &dots);
-    measure.all(&mut dots);
+    let measure = measure::Measure::new(picture, &mut dots);
     let judge = judge::Judge::new(&measure, &dots);
     judge::proportions(&dots)?;
     judge.sift(&mut dots);
@@ -167,21 +166,32 @@ fn seen(
     Ok(seen)
 }
 
-/// Whether rows or columns of dots go on beyond the board's.
+/// Whether rows or columns of dots go on beyond the board's: at least half of one does. Less is
+/// clutter.
 fn larger(
     board: &Board,
     known: &BTreeMap<lattice::Cell, Dot>,
     beyond: &[lattice::Cell],
 ) -> Result<(), NotFound> {
-    // A few are clutter.
-    if beyond.len() < 4 {
-        return Ok(());
-    }
+    let [columns, rows] = board.grid();
+    let sides = [columns as i32, rows as i32];
     let span = |axis: usize| {
         let all = || known.keys().map(|cell| cell[axis]);
-        all().max().unwrap_or(0) - all().min().unwrap_or(0) + 1
+        (all().max().unwrap_or(0) - all().min().unwrap_or(0) + 1) as usize
     };
-    let [columns, rows] = board.grid();
+    let full = |axis: usize| {
+        let mut lines: BTreeMap<i32, usize> = BTreeMap::new();
+        for cell in beyond {
+            if !(0..sides[axis]).contains(&cell[axis]) {
+                *lines.entry(cell[axis]).or_default() += 1;
+            }
+        }
+        let most = lines.values().copied().max().unwrap_or(0);
+        most >= 4 && 2 * most >= span(1 - axis)
+    };
+    if !full(0) && !full(1) {
+        return Ok(());
+    }
     Err(NotFound::WrongBoard {
         found: format!(
             "a grid of {} x {} dots, {} of them beyond the board's edges",

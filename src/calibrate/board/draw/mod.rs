@@ -9,8 +9,7 @@ mod pen;
 
 use super::{Picture, Seen};
 use crate::geometry::Board;
-use crate::measure::font;
-use glam::DVec2;
+use glam::{DMat2, DVec2};
 use image::{Rgb, RgbImage};
 use pen::Pen;
 use std::collections::BTreeMap;
@@ -18,7 +17,6 @@ use std::f64::consts::TAU;
 
 /// Pixels that have no level: saturated.
 const SATURATED: [u8; 3] = [255, 236, 170];
-const PAPER: [u8; 3] = [22, 22, 24];
 const INK: [u8; 3] = [240, 240, 240];
 const X: [u8; 3] = [255, 70, 60];
 const Y: [u8; 3] = [60, 230, 90];
@@ -53,9 +51,13 @@ pub fn draw(picture: &Picture, board: &Board, seen: &[Seen]) -> RgbImage {
         }
         let reach = spacing(&at, s).map_or(4.0, |d| (0.25 * d).clamp(2.0, 8.0));
         pen.cross(s.px, reach, colour);
-        outline(&mut pen, s, 1.0, colour);
+        if is_corner(s) {
+            outline(&mut pen, s.px, DMat2::IDENTITY * reach, colour);
+        } else {
+            outline(&mut pen, s.px, s.outline, colour);
+        }
         if board.is_marker(s.index) {
-            outline(&mut pen, s, 1.25, INK);
+            outline(&mut pen, s.px, s.outline * 1.25, INK);
         }
     }
     axes(&mut pen, &at);
@@ -111,14 +113,16 @@ fn spacing(at: &BTreeMap<[u32; 2], DVec2>, s: &Seen) -> Option<f64> {
     lengths.min_by(f64::total_cmp)
 }
 
-fn outline(pen: &mut Pen<'_>, s: &Seen, larger: f64, colour: [u8; 3]) {
+fn is_corner(s: &Seen) -> bool {
+    s.outline.x_axis == DVec2::ZERO && s.outline.y_axis == DVec2::ZERO
+}
+
+/// The image of the unit circle about a place.
+fn outline(pen: &mut Pen<'_>, middle: DVec2, of_circle: DMat2, colour: [u8; 3]) {
     const SIDES: u32 = 48;
-    if s.outline.x_axis == DVec2::ZERO && s.outline.y_axis == DVec2::ZERO {
-        return;
-    }
     let at = |i: u32| {
         let angle = TAU * f64::from(i) / f64::from(SIDES);
-        s.px + s.outline * DVec2::from_angle(angle) * larger
+        middle + of_circle * DVec2::from_angle(angle)
     };
     for i in 0..SIDES {
         pen.line(at(i), at(i + 1), colour);
@@ -140,10 +144,10 @@ fn axes(pen: &mut Pen<'_>, at: &BTreeMap<[u32; 2], DVec2>) {
     let Some((index, px, (right, down))) = first else {
         return;
     };
-    for (to, colour, name) in [(right, X, "x"), (down, Y, "y")] {
+    for (to, aside, colour, name) in [(right, down, X, "x"), (down, right, Y, "y")] {
         let tip = px + (to - px) * 1.6;
         pen.arrow(px, tip, colour);
-        pen.text(tip + (to - px) * 0.35, name, colour);
+        pen.text(tip - (aside - px) * 0.5, name, colour);
     }
     let back = (px - right) + (px - down);
     pen.text(px + back * 0.6, &format!("{} {}", index[0], index[1]), INK);
@@ -151,19 +155,12 @@ fn axes(pen: &mut Pen<'_>, at: &BTreeMap<[u32; 2], DVec2>) {
 
 fn caption(image: &mut RgbImage, text: &str) {
     let dot = (image.height() / 240).clamp(1, 4);
-    let (wide, tall) = font::size(text, dot);
-    for y in 0..(tall + 4 * dot).min(image.height()) {
-        for x in 0..(wide + 4 * dot).min(image.width()) {
-            image.put_pixel(x, y, Rgb(PAPER));
-        }
-    }
-    font::draw(image, text, (2 * dot, 2 * dot), dot, INK);
+    pen::label(image, text, (2 * dot, 2 * dot), dot, INK);
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use glam::DMat2;
 
     fn picture(width: usize, height: usize) -> Picture {
         let level = (0..width * height).map(|i| (i % width) as f32).collect();
@@ -214,7 +211,7 @@ mod tests {
             assert_ne!(colour(row), colour(row - 1));
         }
         // The caption and the first point's arrows.
-        assert_eq!(image.get_pixel(0, 0).0, PAPER);
+        assert_eq!(image.get_pixel(0, 0).0, pen::PAPER);
         assert!(image.pixels().any(|p| p.0 == X) && image.pixels().any(|p| p.0 == Y));
         let changed = image
             .pixels()

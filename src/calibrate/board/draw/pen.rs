@@ -4,6 +4,9 @@ use crate::measure::font;
 use glam::DVec2;
 use image::{Rgb, RgbImage};
 
+/// What words stand on.
+pub(super) const PAPER: [u8; 3] = [22, 22, 24];
+
 pub(super) struct Pen<'a> {
     image: &'a mut RgbImage,
     zoom: f64,
@@ -77,4 +80,24 @@ impl<'a> Pen<'a> {
             );
         }
     }
+}
+
+/// A word on a dark plate, its upper left corner at (x, y) and the plate two dots beyond.
+pub(super) fn label(
+    image: &mut RgbImage,
+    text: &str,
+    (x, y): (u32, u32),
+    dot: u32,
+    colour: [u8; 3],
+) {
+    let (wide, tall) = font::size(text, dot);
+    let span = |from: u32, length: u32, size: u32| {
+        from.saturating_sub(2 * dot)..from.saturating_add(length + 2 * dot).min(size)
+    };
+    for row in span(y, tall, image.height()) {
+        for column in span(x, wide, image.width()) {
+            image.put_pixel(column, row, Rgb(PAPER));
+        }
+    }
+    font::draw(image, text, (x, y), dot, colour);
 }

@@ -9,6 +9,7 @@
 //! linear in light.
 
 use super::Picture;
+use super::rounding::{left_by_rounding, same};
 use crate::decode::{FrameStack, FringeSet, Samples};
 use crate::error::{Error, Result};
 use crate::geometry::NoiseModel;
@@ -206,11 +207,13 @@ fn combine(
         let span = row * width..(row + 1) * width;
         let (black, saturation) = (noise.black_level_dn as f32, noise.saturation_dn as f32);
         let mut mean = vec![0.0_f32; width];
+        let mut range = vec![[f32::INFINITY, f32::NEG_INFINITY]; width];
         for (group, &strength) in groups.iter().zip(strengths) {
             mean.fill(-black);
             for &(frame, weight) in &group.frames {
                 let weight = weight as f32;
-                let add = |(sum, dn): (&mut f32, f32)| {
+                let add = |((sum, range), dn): ((&mut f32, &mut [f32; 2]), f32)| {
+                    *range = [range[0].min(dn), range[1].max(dn)];
                     *sum += if dn >= saturation {
                         f32::NAN
                     } else {
@@ -220,10 +223,12 @@ fn combine(
                 match stack.frames()[frame] {
                     Samples::U8(s) => mean
                         .iter_mut()
+                        .zip(&mut range)
                         .zip(s[span.clone()].iter().map(|&v| f32::from(v)))
                         .for_each(add),
                     Samples::U16(s) => mean
                         .iter_mut()
+                        .zip(&mut range)
                         .zip(s[span.clone()].iter().map(|&v| f32::from(v)))
                         .for_each(add),
                 }
@@ -234,6 +239,21 @@ fn combine(
             for ((level, variance), mean) in level.iter_mut().zip(variance.iter_mut()).zip(&mean) {
                 *level += strength * mean;
                 *variance += share * (floor + gain * mean.max(0.0));
+            }
+        }
+        // Out of the projector's reach all frames show the same, and are rounded alike. What the sum
+        // above has of rounding is each frame's own part.
+        let own: f64 = groups
+            .iter()
+            .zip(strengths)
+            .map(|(g, s)| s * s * spread(g))
+            .sum();
+        let common = (1.0 - own).max(0.0) as f32;
+        for ((level, variance), [low, high]) in level.iter().zip(variance).zip(range) {
+            let one = (noise.read_noise_dn.powi(2)
+                + noise.gain_dn_per_e * f64::from(level.max(0.0))) as f32;
+            if same(low, high, one) {
+                *variance += common * left_by_rounding(one);
             }
         }
     });

@@ -1,6 +1,7 @@
 //! A picture to look for a board in.
 
 mod frames;
+mod rounding;
 #[cfg(test)]
 mod tests;
 

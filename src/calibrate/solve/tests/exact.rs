@@ -1,10 +1,7 @@
-//! What exact data give, and derivatives against differences.
+//! What exact data give.
 
-use super::super::model::{ALL, RIG, State, linearise, residual};
-use super::super::observation::PoseObservations;
 use super::super::{Choice, Coefficients, Solution, solve};
-use super::scene::{Scene, poses, rig};
-use crate::geometry::Board;
+use super::scene::{Scene, rig};
 
 const NONE: Choice = Choice {
     camera: Coefficients::Fixed([false; 5]),
@@ -42,7 +39,13 @@ fn worst(found: &Solution, scene: &Scene) -> f64 {
 fn exact_sightings_give_the_rig_back() {
     for (profile, choice) in [
         ("pmp-bench", NONE),
-        ("pmp-bench", Choice { robust: false, ..NONE }),
+        (
+            "pmp-bench",
+            Choice {
+                robust: false,
+                ..NONE
+            },
+        ),
         ("pmp-real", ALL_FIVE),
         ("pmp-real", Choice::default()),
     ] {
@@ -51,7 +54,14 @@ fn exact_sightings_give_the_rig_back() {
             ..Scene::bench(8, 1)
         };
         let [camera, projector] = scene.sizes();
-        let found = solve(&scene.board, &scene.sightings(None), camera, projector, &choice).unwrap();
+        let found = solve(
+            &scene.board,
+            &scene.sightings(None),
+            camera,
+            projector,
+            &choice,
+        )
+        .unwrap();
         // Coefficients of r^6 are the worst determined.
         let error = worst(&found, &scene);
         assert!(error < 1e-9, "{profile} {choice:?}: {error:e}");

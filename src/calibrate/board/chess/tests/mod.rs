@@ -46,8 +46,7 @@ fn assert_found(scene: &Scene, limit: f64, what: &str) {
         Err(error) => panic!("{what}: {error}"),
     };
     assert!(seen.iter().map(|s| s.index).eq(scene.board.indices()));
-    let (rms, worst, whitened) = errors(scene, &seen);
-    println!("{what}: rms {rms:.4} worst {worst:.4} whitened {whitened:.2}");
+    let (rms, worst, _) = errors(scene, &seen);
     assert!(
         rms <= limit && worst <= 5.0 * limit,
         "{what}: rms {rms} worst {worst}"
@@ -126,8 +125,7 @@ fn errors_are_those_of_the_noise() {
             ..scene(22.0, [10.0, 20.0, 33.0])
         };
         let seen = find(&poor.board, &poor.render()).unwrap();
-        let (rms, _, whitened) = errors(&poor, &seen);
-        println!("poor light: rms {rms:.4} whitened {whitened:.3}");
+        let (_, _, whitened) = errors(&poor, &seen);
         sum += whitened * whitened;
         n += 1.0;
     }
@@ -149,10 +147,7 @@ fn squares_without_noise_are_exact() {
 fn refusal(board: &Board, picture: &Picture) -> NotFound {
     match find(board, picture) {
         Ok(seen) => panic!("{} corners", seen.len()),
-        Err(error) => {
-            println!("{error}");
-            error
-        }
+        Err(error) => error,
     }
 }
 

@@ -7,8 +7,6 @@ use crate::geometry::{Board, Lens, Pose};
 use glam::{DMat3, DVec2, DVec3};
 use std::collections::BTreeMap;
 
-/// Fine pixels along a pixel.
-const FINE: usize = 4;
 /// Points of an outline.
 const POINTS: usize = 360;
 
@@ -86,6 +84,15 @@ impl Scene {
         }
     }
 
+    /// Fine pixels along a pixel: enough of them within the blur.
+    fn fine(&self) -> usize {
+        if self.blur > 0.0 && self.blur < 0.5 {
+            8
+        } else {
+            4
+        }
+    }
+
     fn outline(&self, index: [u32; 2]) -> Option<Vec<DVec2>> {
         let (middle, radius) = (self.board.point(index), self.board.radius_mm(index));
         (0..POINTS)
@@ -122,8 +129,8 @@ impl Scene {
     /// Covered share of each fine pixel.
     fn ink(&self) -> Vec<f64> {
         let (width, height) = (
-            self.lens.width_px as usize * FINE,
-            self.lens.height_px as usize * FINE,
+            self.lens.width_px as usize * self.fine(),
+            self.lens.height_px as usize * self.fine(),
         );
         let mut ink = vec![0.0; width * height];
         for index in self.board.indices().filter(|i| !self.hidden.contains(i)) {
@@ -131,7 +138,10 @@ impl Scene {
                 continue;
             };
             // Fine pixel k covers [k, k + 1) of these.
-            let fine: Vec<DVec2> = outline.iter().map(|p| (p + 0.5) * FINE as f64).collect();
+            let fine: Vec<DVec2> = outline
+                .iter()
+                .map(|p| (p + 0.5) * self.fine() as f64)
+                .collect();
             let low = fine.iter().fold(DVec2::INFINITY, |a, p| a.min(*p)).floor();
             let high = fine
                 .iter()
@@ -163,22 +173,23 @@ impl Scene {
         let (width, height) = (self.lens.width_px as usize, self.lens.height_px as usize);
         let mut fine = self.ink();
         let sheet = self.sheet();
-        let fine_width = width * FINE;
+        let fine_width = width * self.fine();
         for (k, value) in fine.iter_mut().enumerate() {
             let (u, v) = (k % fine_width, k / fine_width);
-            let px = (DVec2::new(u as f64, v as f64) + 0.5) / FINE as f64 - 0.5;
-            let paper = if sheet[v / FINE * width + u / FINE] {
+            let px = (DVec2::new(u as f64, v as f64) + 0.5) / self.fine() as f64 - 0.5;
+            let paper = if sheet[v / self.fine() * width + u / self.fine()] {
                 1.0
             } else {
                 0.01
             };
             *value = (self.light)(px) * paper * (1.0 - 0.94 * *value);
         }
-        blur(&mut fine, fine_width, self.blur * FINE as f64);
+        blur(&mut fine, fine_width, self.blur * self.fine() as f64);
         let mut level = vec![0.0; width * height];
         for (k, value) in fine.iter().enumerate() {
             let (u, v) = (k % fine_width, k / fine_width);
-            level[v / FINE * width + u / FINE] += value / (FINE * FINE) as f64;
+            level[v / self.fine() * width + u / self.fine()] +=
+                value / (self.fine() * self.fine()) as f64;
         }
         level
     }
@@ -265,20 +276,24 @@ fn blur(fine: &mut [f64], width: usize, sigma: f64) {
         .collect();
     let sum: f64 = weights.iter().sum();
     let height = fine.len() / width;
-    let along = |from: &[f64], step: usize, count: usize, at: usize| -> f64 {
-        let (line, place) = (at - at / step % count * step, (at / step % count) as isize);
-        weights
-            .iter()
-            .zip(-reach..=reach)
-            .map(|(w, k)| w * from[line + (place + k).clamp(0, count as isize - 1) as usize * step])
-            .sum::<f64>()
-            / sum
-    };
-    let across: Vec<f64> = (0..fine.len())
-        .map(|at| along(fine, 1, width, at))
-        .collect();
-    for (at, value) in fine.iter_mut().enumerate() {
-        *value = along(&across, width, height, at);
+    let near =
+        |at: usize, k: isize, count: usize| (at as isize + k).clamp(0, count as isize - 1) as usize;
+    let mut across = vec![0.0; fine.len()];
+    for (from, to) in fine.chunks_exact(width).zip(across.chunks_exact_mut(width)) {
+        for (k, w) in (-reach..=reach).zip(&weights) {
+            for (u, value) in to.iter_mut().enumerate() {
+                *value += w / sum * from[near(u, k, width)];
+            }
+        }
+    }
+    for (v, to) in fine.chunks_exact_mut(width).enumerate() {
+        to.fill(0.0);
+        for (k, w) in (-reach..=reach).zip(&weights) {
+            let from = &across[near(v, k, height) * width..][..width];
+            for (value, from) in to.iter_mut().zip(from) {
+                *value += w / sum * from;
+            }
+        }
     }
 }
 

@@ -51,7 +51,12 @@ impl Dots<'_> {
     pub fn outline(&self, cell: Cell, centre: DVec2) -> Option<Ellipse> {
         let radius = self.radius_mm(cell)?;
         let (mut sum, mut count) = (DMat2::ZERO, 0.0);
+        let fitted = self.around(cell, 2).any(|(_, dot)| dot.fit.is_some());
         for (c, dot) in self.around(cell, 2) {
+            // Those that are measured, if there are any.
+            if fitted && dot.fit.is_none() {
+                continue;
+            }
             let theirs = self.radius_mm(c)?;
             sum += dot.ellipse().shape * (radius / theirs);
             count += 1.0;

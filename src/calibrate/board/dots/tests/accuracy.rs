@@ -1,0 +1,178 @@
+//! Centroids against the truth, their covariance against the errors and the Cramer-Rao bound.
+
+use super::render::{Scene, bench_lens, board, pose, small_lens};
+use super::{errors, find, of};
+use crate::geometry::Board;
+use glam::{DVec2, DVec3};
+
+/// A board of 11 x 9 dots at the bench's distance, on a picture that just holds it.
+fn small(turn: f64, tilt: f64, axis: f64) -> Scene {
+    let at = DVec3::new(0.0, 0.0, 1000.0);
+    Scene::new(
+        board(11, 9),
+        small_lens(230, 200),
+        pose(at, turn, tilt, axis),
+    )
+}
+
+#[test]
+fn the_benchs_board_to_the_bound_of_its_noise() {
+    let at = DVec3::new(10.0, -5.0, 1000.0);
+    let scene = Scene::new(
+        Board::DOTS.scaled(4.0),
+        bench_lens(),
+        pose(at, 10.0, 20.0, 30.0),
+    );
+    let e = errors(&scene);
+    assert_eq!(e.found, e.there);
+    assert!(e.rms < 0.0004 && e.worst < 0.002, "{} {}", e.rms, e.worst);
+    // 475 dots tell the mean of squares of 950 errors to 5 %.
+    assert!((e.chi2 - 1.0).abs() < 0.2, "{}", e.chi2);
+    assert!(e.mean.length() < 1e-4);
+}
+
+#[test]
+fn at_60_degrees_in_any_direction() {
+    for axis in [0.0, 45.0, 90.0, 135.0] {
+        let mut scene = small(axis * 1.7, 60.0, axis);
+        scene.seed = axis as u64;
+        let e = errors(&scene);
+        assert!(e.found == e.there, "{} {}", e.found, e.there);
+        assert!(e.rms < 0.001 && e.worst < 0.004, "{} {}", e.rms, e.worst);
+        assert!((e.chi2 - 1.0).abs() < 0.4, "{}", e.chi2);
+    }
+}
+
+#[test]
+fn under_blur() {
+    for (blur, tilt) in [(0.3, 20.0), (0.7, 20.0), (1.5, 20.0), (0.6, 58.0)] {
+        let mut scene = small(10.0, tilt, 30.0);
+        scene.blur = blur;
+        let e = errors(&scene);
+        assert_eq!(e.found, e.there);
+        assert!(e.rms < 0.0013 && e.worst < 0.006, "{} {}", e.rms, e.worst);
+        assert!((e.chi2 - 1.0).abs() < 0.4, "{}", e.chi2);
+    }
+}
+
+#[test]
+fn in_focus_on_one_side_only() {
+    let of = |blur: f64| {
+        let mut scene = small(0.0, 0.0, 0.0);
+        scene.blur = blur;
+        scene
+    };
+    let (near, far) = (of(0.5), of(0.9));
+    let mut picture = near.picture();
+    let other = far.picture();
+    for (k, level) in picture.level.iter_mut().enumerate() {
+        // Between the columns 5 and 6.
+        if k % picture.width > 121 {
+            *level = other.level[k];
+        }
+    }
+    let e = super::of(&far, &find(&far.board, &picture).unwrap());
+    assert_eq!(e.found, e.there);
+    assert!(e.rms < 0.0012 && e.worst < 0.006, "{} {}", e.rms, e.worst);
+}
+
+#[test]
+fn under_light_that_falls_to_a_fifth() {
+    for blur in [0.0, 1.0] {
+        let mut scene = small(100.0, 25.0, 70.0);
+        scene.light = |px| 188.0 * (-px.dot(DVec2::new(0.8, 0.6)) / 220.0 * 5f64.ln()).exp();
+        scene.blur = blur;
+        let e = errors(&scene);
+        assert_eq!(e.found, e.there);
+        assert!(e.rms < 0.0025 && e.worst < 0.012, "{} {}", e.rms, e.worst);
+        assert!(e.mean.length() < 4e-4, "{}", e.mean);
+        assert!((e.chi2 - 1.0).abs() < 0.5, "{}", e.chi2);
+    }
+}
+
+#[test]
+fn under_four_times_the_noise() {
+    let mut scene = small(-60.0, 35.0, 10.0);
+    scene.noise = 4.0;
+    let e = errors(&scene);
+    assert_eq!(e.found, e.there);
+    assert!(e.rms < 0.002 && (e.chi2 - 1.0).abs() < 0.4);
+}
+
+#[test]
+fn through_a_lens_that_bends() {
+    let mut scene = Scene::new(
+        board(15, 13),
+        small_lens(300, 270),
+        pose(DVec3::new(0.0, 0.0, 1000.0), 30.0, 30.0, 80.0),
+    );
+    // 4 % in the corners.
+    scene.lens.focal_px = DVec2::splat(500.0);
+    scene.lens.distortion = [-0.35, 0.1, 2e-3, -1e-3, 0.0];
+    let e = errors(&scene);
+    assert_eq!(e.found, e.there);
+    assert!(e.rms < 0.0008, "{}", e.rms);
+}
+
+#[test]
+fn no_ripple_along_a_pixel() {
+    for blur in [0.0, 0.5] {
+        for step in 0..5 {
+            let px = f64::from(step) / 5.0;
+            let mut scene = small(0.0, 0.0, 0.0);
+            // 1.58 mm are a pixel; two coordinates at different phases.
+            scene.pose.translation_mm += DVec3::new(px, px * 0.37, 0.0) * 1000.0 / 632.2;
+            (scene.noise, scene.blur) = (0.0, blur);
+            let e = errors(&scene);
+            assert!(e.found == e.there && e.worst < 5e-4, "{px}: {}", e.worst);
+        }
+    }
+}
+
+#[test]
+fn no_worse_than_the_cramer_rao_bound() {
+    let scene = small(0.0, 0.0, 0.0);
+    let seen = find(&scene.board, &scene.picture()).unwrap();
+    // The picture's derivative by a motion of the board along x.
+    let moved = |px: f64| {
+        let mut scene = small(0.0, 0.0, 0.0);
+        scene.pose.translation_mm.x += px * 1000.0 / 632.2;
+        scene.noise = 0.0;
+        scene.picture()
+    };
+    let (minus, plus) = (moved(-0.05), moved(0.05));
+    let variance = scene.picture().variance;
+    for s in &seen {
+        let mut information = 0.0;
+        for (k, v) in variance.iter().enumerate() {
+            let (x, y) = (k % minus.width, k / minus.width);
+            // Half a pitch is 7.6 px.
+            let away = (DVec2::new(x as f64, y as f64) - s.px).abs();
+            if away.max_element() < 7.5 {
+                let slope = f64::from(plus.level[k] - minus.level[k]) / 0.1;
+                information += slope * slope / f64::from(*v);
+            }
+        }
+        // Light's slope and the outline are unknown here, which the bound does not know.
+        let ratio = (s.covariance.x_axis.x * information).sqrt();
+        assert!((0.97..1.2).contains(&ratio), "{:?}: {ratio}", s.index);
+    }
+}
+
+#[test]
+fn specks_and_dead_pixels_do_no_harm() {
+    let scene = small(20.0, 30.0, 0.0);
+    let mut picture = scene.picture();
+    for (k, level) in picture.level.iter_mut().enumerate() {
+        match k % 211 {
+            7 => *level = f32::NAN,
+            100 => *level += 40.0,
+            _ => {}
+        }
+    }
+    let seen = find(&scene.board, &picture).unwrap();
+    let e = of(&scene, &seen);
+    // A pixel of the edge that says nothing costs some dots.
+    assert!(e.found * 10 > e.there * 8, "{} {}", e.found, e.there);
+    assert!(e.rms < 0.0006 && e.worst < 0.003, "{} {}", e.rms, e.worst);
+}

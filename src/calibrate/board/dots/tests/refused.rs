@@ -1,0 +1,193 @@
+//! What is no board, or not the one, is refused and says why.
+
+use super::find;
+use super::render::{Draw, Scene, board, pose, small_lens};
+use crate::calibrate::board::{NotFound, Picture};
+use crate::geometry::Board;
+use glam::DVec3;
+
+fn scene() -> Scene {
+    let at = DVec3::new(0.0, 0.0, 1000.0);
+    Scene::new(
+        board(11, 9),
+        small_lens(230, 200),
+        pose(at, 20.0, 30.0, 40.0),
+    )
+}
+
+fn picture(level: impl Fn(usize, usize) -> f64) -> Picture {
+    let (width, height) = (230, 200);
+    Picture {
+        width,
+        height,
+        level: (0..width * height)
+            .map(|k| level(k % width, k / width) as f32)
+            .collect(),
+        variance: vec![0.06; width * height],
+    }
+}
+
+#[test]
+fn a_mirrored_picture() {
+    let mut seen = scene().picture();
+    for row in seen.level.chunks_exact_mut(seen.width) {
+        row.reverse();
+    }
+    let why = find(&board(11, 9), &seen).unwrap_err();
+    assert!(matches!(why, NotFound::Mirrored { .. }), "{why}");
+    // From behind and upside down is a mirror as well.
+    let mut seen = scene().picture();
+    seen.level.reverse();
+    assert!(find(&board(11, 9), &seen).is_ok());
+}
+
+#[test]
+fn another_board() {
+    let seen = scene().picture();
+    for (columns, rows) in [(13, 9), (11, 11), (9, 9), (11, 7), (7, 7), (25, 19)] {
+        let why = find(&board(columns, rows), &seen)
+            .map(|s| s.len())
+            .unwrap_err();
+        assert!(
+            matches!(why, NotFound::WrongBoard { .. }),
+            "{columns} {rows}: {why}"
+        );
+        assert!(why.to_string().contains("11 x 9"), "{why}");
+    }
+    let Board::Dots {
+        columns,
+        rows,
+        pitch_mm,
+        dot_mm,
+        marker_mm,
+    } = board(11, 9)
+    else {
+        unreachable!()
+    };
+    for (dot_mm, marker_mm) in [(dot_mm * 1.3, marker_mm), (dot_mm, marker_mm * 0.8)] {
+        let said = Board::Dots {
+            columns,
+            rows,
+            pitch_mm,
+            dot_mm,
+            marker_mm,
+        };
+        let why = find(&said, &seen).map(|s| s.len()).unwrap_err();
+        assert!(matches!(why, NotFound::WrongBoard { .. }), "{why}");
+        assert!(why.to_string().contains("0.42"), "{why}");
+    }
+}
+
+#[test]
+fn too_few_markers() {
+    let mut scene = scene();
+    scene.hidden = vec![[7, 4], [5, 2]];
+    let why = find(&scene.board, &scene.picture()).unwrap_err();
+    assert!(matches!(why, NotFound::Ambiguous { .. }), "{why}");
+    assert!(why.to_string().contains("3 large dots"), "{why}");
+}
+
+#[test]
+fn two_boards() {
+    let at = |x: f64| DVec3::new(x, 0.0, 1000.0);
+    let of = |x: f64| {
+        let lens = small_lens(480, 200);
+        Scene::new(board(11, 9), lens, pose(at(x), 5.0, 0.0, 0.0)).picture()
+    };
+    let (mut left, right) = (of(-180.0), of(180.0));
+    for (k, level) in left.level.iter_mut().enumerate() {
+        if k % 480 >= 240 {
+            *level = right.level[k];
+        }
+    }
+    let why = find(&board(11, 9), &left).unwrap_err();
+    assert!(why.to_string().contains("2 boards"), "{why}");
+}
+
+#[test]
+fn no_board() {
+    let mut draw = Draw(3);
+    let noise: Vec<f64> = (0..46_000).map(|_| 100.0 + 30.0 * draw.normal()).collect();
+    let spots: Vec<(f64, f64, f64)> = (0..150)
+        .map(|_| {
+            (
+                230.0 * draw.uniform(),
+                200.0 * draw.uniform(),
+                2.0 + 4.0 * draw.uniform(),
+            )
+        })
+        .collect();
+    let pictures = [
+        picture(|u, v| noise[v * 230 + u]),
+        picture(|u, v| (u + v) as f64),
+        picture(|_, _| 0.0),
+        picture(|_, _| f64::NAN),
+        picture(|_, _| f64::INFINITY),
+        picture(|u, v| {
+            let near = |s: &(f64, f64, f64)| (u as f64 - s.0).hypot(v as f64 - s.1) < s.2;
+            if spots.iter().any(near) { 10.0 } else { 180.0 }
+        }),
+        // A chessboard, and dots without markers.
+        picture(|u, v| {
+            if (u / 12 + v / 12) % 2 == 0 {
+                10.0
+            } else {
+                180.0
+            }
+        }),
+        picture(|u, v| {
+            let (x, y) = (u % 15, v % 15);
+            if (x as f64 - 7.0).hypot(y as f64 - 7.0) < 3.2 {
+                10.0
+            } else {
+                180.0
+            }
+        }),
+    ];
+    for (k, picture) in pictures.iter().enumerate() {
+        let why = find(&board(11, 9), picture).unwrap_err();
+        assert!(
+            matches!(why, NotFound::Nothing { .. } | NotFound::Ambiguous { .. }),
+            "{k}: {why}"
+        );
+    }
+}
+
+#[test]
+fn odd_pictures_and_boards_are_no_panic() {
+    let of = |width: usize, height: usize, length: usize| Picture {
+        width,
+        height,
+        level: vec![1.0; length],
+        variance: vec![f32::NAN; length],
+    };
+    for picture in [
+        of(0, 0, 0),
+        of(1, 1, 1),
+        of(7, 1, 7),
+        of(1, 900, 900),
+        of(5, 5, 3),
+        of(usize::MAX, 2, 9),
+    ] {
+        assert!(find(&board(11, 9), &picture).is_err());
+    }
+    let seen = scene().picture();
+    for said in [
+        board(0, 0),
+        board(u32::MAX, u32::MAX),
+        board(5, 5),
+        Board::CHESS,
+    ] {
+        assert!(find(&said, &seen).is_err());
+    }
+    for (pitch_mm, dot_mm, marker_mm) in [(0.0, 0.0, 0.0), (f64::NAN, 1.0, 2.0), (1.0, -1.0, 9.0)] {
+        let said = Board::Dots {
+            columns: 11,
+            rows: 9,
+            pitch_mm,
+            dot_mm,
+            marker_mm,
+        };
+        assert!(find(&said, &seen).is_err());
+    }
+}

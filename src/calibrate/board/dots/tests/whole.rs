@@ -1,0 +1,132 @@
+//! Boards found in every position, whole and in part, with the right labels.
+
+use super::render::{Scene, board, pose, small_lens};
+use super::{errors, find, of};
+use glam::{DVec2, DVec3};
+
+fn scene(at: DVec3, turn: f64, tilt: f64, axis: f64) -> Scene {
+    Scene::new(
+        board(11, 9),
+        small_lens(230, 200),
+        pose(at, turn, tilt, axis),
+    )
+}
+
+const MIDDLE: DVec3 = DVec3::new(0.0, 0.0, 1000.0);
+
+#[test]
+fn turned_by_any_angle() {
+    for k in 0..8 {
+        // Labels that are off would be errors of 15 px.
+        let e = errors(&scene(
+            MIDDLE,
+            7.0 + 45.0 * f64::from(k),
+            30.0,
+            77.0 * f64::from(k),
+        ));
+        assert!(e.found == e.there && e.worst < 0.01, "{k}: {}", e.worst);
+    }
+}
+
+#[test]
+fn partly_out_of_the_picture_on_each_side() {
+    for (x, y) in [(90.0, 0.0), (-90.0, 0.0), (0.0, 70.0), (0.0, -70.0)] {
+        let mut scene = scene(MIDDLE + DVec3::new(x, y, 0.0), 5.0, 10.0, 0.0);
+        scene.lens.principal_px = scene.lens.principal_px.round();
+        let e = errors(&scene);
+        assert!(
+            e.there < 99 && e.found >= e.there - 3,
+            "{} {}",
+            e.found,
+            e.there
+        );
+        assert!(e.worst < 0.004, "{}", e.worst);
+    }
+}
+
+#[test]
+fn with_dots_hidden_one_of_them_a_marker() {
+    let mut scene = scene(MIDDLE, 33.0, 40.0, 20.0);
+    scene.hidden = vec![[7, 4], [0, 0], [1, 5], [2, 5], [10, 8]];
+    let e = errors(&scene);
+    assert!(e.found == 94 && e.worst < 0.005, "{} {}", e.found, e.worst);
+}
+
+#[test]
+fn where_blobs_and_lattice_miss_them() {
+    // A shadow that is too deep for the search but not for the model.
+    let scene = scene(MIDDLE, 0.0, 0.0, 0.0);
+    let mut picture = scene.picture();
+    for (k, level) in picture.level.iter_mut().enumerate() {
+        if k % picture.width > 150 {
+            *level *= 0.2;
+        }
+    }
+    let seen = find(&scene.board, &picture).unwrap();
+    let e = of(&scene, &seen);
+    assert!(e.found > 85 && e.worst < 0.01, "{} {}", e.found, e.worst);
+}
+
+#[test]
+fn among_clutter() {
+    let scene = scene(MIDDLE, 12.0, 20.0, 100.0);
+    let mut picture = scene.picture();
+    // Squares of ink off the board, on lit ground.
+    for v in 0..picture.height {
+        for u in 0..picture.width {
+            let level = &mut picture.level[v * picture.width + u];
+            if *level < 3.0 {
+                *level = if u % 23 < 6 && v % 17 < 5 {
+                    20.0
+                } else {
+                    150.0
+                };
+            }
+        }
+    }
+    let e = of(&scene, &find(&scene.board, &picture).unwrap());
+    assert!(
+        e.found == e.there && e.worst < 0.005,
+        "{} {}",
+        e.found,
+        e.worst
+    );
+}
+
+#[test]
+fn beside_a_stain_as_large_as_a_marker() {
+    let scene = scene(MIDDLE, 0.0, 0.0, 0.0);
+    let mut picture = scene.picture();
+    // Where one more dot would be in row 4, six columns to the left of the middle.
+    let stain = scene.lens.principal_px - DVec2::new(6.0 * 24.0 * 0.6322, 0.0);
+    for v in 0..picture.height {
+        for u in 0..25 {
+            let away = (DVec2::new(u as f64, v as f64) - stain).length();
+            let share = (6.5 - away).clamp(0.0, 1.0);
+            picture.level[v * picture.width + u] = (188.0 * (1.0 - 0.9 * share)) as f32;
+        }
+    }
+    let e = of(&scene, &find(&scene.board, &picture).unwrap());
+    assert!(e.found == 99 && e.worst < 0.005, "{} {}", e.found, e.worst);
+}
+
+#[test]
+fn near_and_far() {
+    // Dots of 3.2 px and of 25 px.
+    for (z, focal) in [(2000.0, 632.0), (500.0, 1250.0)] {
+        let mut scene = Scene::new(
+            board(7, 7),
+            small_lens(460, 440),
+            pose(DVec3::new(0.0, 0.0, z), 15.0, 20.0, 50.0),
+        );
+        scene.lens.focal_px = DVec2::splat(focal);
+        let e = errors(&scene);
+        assert!(
+            e.found >= e.there && e.worst < 0.006,
+            "{} {}",
+            e.found,
+            e.worst
+        );
+        assert!((e.chi2 - 1.0).abs() < 0.4, "{}", e.chi2);
+    }
+}

@@ -1,0 +1,114 @@
+//! The covariance is honest: errors over many seeds are as large as it says.
+
+use super::super::{Choice, Coefficients, Solution, chi_square_below, chi_square_bound, solve};
+use super::scene::Scene;
+use crate::geometry::Board;
+
+const NONE: Choice = Choice {
+    camera: Coefficients::Fixed([false; 5]),
+    projector: Coefficients::Fixed([false; 5]),
+    robust: true,
+};
+
+fn solved(scene: &Scene, seed: u64, choice: &Choice) -> Solution {
+    let [camera, projector] = scene.sizes();
+    solve(
+        &scene.board,
+        &scene.sightings(Some(seed)),
+        camera,
+        projector,
+        choice,
+    )
+    .unwrap()
+}
+
+/// Kolmogorov's and Smirnov's distance of probabilities from even ones, times the root of their
+/// number: beyond 1.95 in one of a thousand cases (Smirnov 1948).
+fn uneven(mut probabilities: Vec<f64>) -> f64 {
+    probabilities.sort_by(f64::total_cmp);
+    let n = probabilities.len() as f64;
+    let gap = |(i, p): (usize, &f64)| (p - i as f64 / n).abs().max((p - (i + 1) as f64 / n).abs());
+    let largest = probabilities
+        .iter()
+        .enumerate()
+        .map(gap)
+        .fold(0.0, f64::max);
+    largest * n.sqrt()
+}
+
+fn check(scene: &Scene, seeds: u64, choice: &Choice) {
+    let (mut of_all, mut of_rig, mut of_fit) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut squares, mut unknowns) = (0.0, 0);
+    for seed in 0..seeds {
+        let found = solved(scene, seed, choice);
+        assert!(found.left_out.is_empty(), "{:?}", found.left_out);
+        let (square, dof) = found.mahalanobis(&scene.rig, Some(&scene.boards));
+        squares += square;
+        unknowns += dof;
+        of_all.push(chi_square_below(square, dof));
+        let (square, dof) = found.mahalanobis(&scene.rig, None);
+        of_rig.push(chi_square_below(square, dof));
+        let sum = found.variance_factor * found.degrees_of_freedom as f64;
+        of_fit.push(chi_square_below(sum, found.degrees_of_freedom));
+    }
+    // The sum over the seeds is a chi-square variable too.
+    assert!(
+        squares < chi_square_bound(0.999, unknowns),
+        "{squares} of {unknowns}"
+    );
+    assert!(
+        squares > chi_square_bound(0.001, unknowns),
+        "{squares} of {unknowns}"
+    );
+    for (what, probabilities) in [("all", of_all), ("the rig", of_rig), ("the fit", of_fit)] {
+        let uneven = uneven(probabilities);
+        assert!(uneven < 1.95, "{what}: {uneven}");
+    }
+}
+
+#[test]
+fn squared_distances_follow_the_chi_square_distribution() {
+    let scene = Scene {
+        board: Board::CHESS.scaled(3.0),
+        ..Scene::bench(6, 2)
+    };
+    check(&scene, 200, &NONE);
+}
+
+#[test]
+#[ignore = "50 rigs of 20 poses with 475 points take 10 s"]
+fn squared_distances_at_full_size() {
+    check(&Scene::bench(20, 1), 50, &Choice::default());
+}
+
+/// Covariances that are too small by a factor are noticed, and the errors come out right.
+#[test]
+fn understated_noise_is_estimated() {
+    let scene = Scene {
+        board: Board::CHESS.scaled(3.0),
+        ..Scene::bench(8, 3)
+    };
+    let [camera, projector] = scene.sizes();
+    let (mut squares, mut unknowns) = (0.0, 0);
+    for seed in 0..40 {
+        let mut sightings = scene.sightings(Some(seed));
+        for s in sightings.iter_mut().flat_map(|p| &mut p.sightings) {
+            s.camera_covariance *= 1.0 / 9.0;
+            if let Some(lit) = &mut s.projector {
+                lit.covariance *= 1.0 / 4.0;
+            }
+        }
+        let found = solve(&scene.board, &sightings, camera, projector, &NONE).unwrap();
+        let [camera, projector] = found.inflation;
+        assert!((camera / 9.0 - 1.0).abs() < 0.25 && (projector / 4.0 - 1.0).abs() < 0.25);
+        assert!(found.variance_factor > 4.0 && found.variance_factor < 9.0);
+        let noted = |what: &str| found.warnings.iter().any(|w| w.contains(what));
+        assert!(noted("camera points scatter 3.") || noted("camera points scatter 2."));
+        let (square, dof) = found.mahalanobis(&scene.rig, Some(&scene.boards));
+        squares += square;
+        unknowns += dof;
+    }
+    // The estimated factors add their own uncertainty of some per cent.
+    let ratio = squares / unknowns as f64;
+    assert!((ratio - 1.0).abs() < 0.1, "{ratio}");
+}
