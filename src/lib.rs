@@ -26,7 +26,7 @@
 //! | host   | [`host`] | how an application reaches a device: camera, port, scanner |
 //! | host   | [`decode`] | frames to projector coordinates to points |
 //! | host   | [`calibrate`] | boards in pictures, solving for the rig, its files and report; triangulation |
-//! | host   | [`measure`] | distances to the truth, registration, pictures |
+//! | host   | [`measure`] | distances to the truth, registration, pictures, plots |
 //! | top    | [`study`], `doctor`, [`cli`] | what needs both halves; what a machine lacks (Linux only); the commands |
 //!
 //! The wall: host-side modules never import device-side ones, nor the reverse; `tests/wall.rs`

@@ -80,12 +80,13 @@ def read_files(folder, rig):
 
 
 def read_points(path):
-    """Per pose: board points in mm, camera pixels, projector pixels."""
+    """Per pose: board points in mm, camera pixels, projector pixels; without outliers."""
     poses = collections.defaultdict(list)
     with path.open(newline="") as file:
         for row in csv.DictReader(file):
             projector = [row["projector_u_px"], row["projector_v_px"]]
-            if all(projector) and float(row.get("weight") or 1.0) > 0.5:
+            weights = [float(row[name] or 1.0) for name in ("weight", "projector_weight")]
+            if all(projector) and min(weights) > 0.5:
                 fields = ("board_x_mm", "board_y_mm", "camera_u_px", "camera_v_px")
                 numbers = [float(row[field]) for field in fields] + [float(x) for x in projector]
                 poses[row["pose"]].append(numbers)
@@ -192,7 +193,10 @@ def read_back(phasma, capture, folder, rig):
     """Depths with what cv2 has written, against those with calibration.toml."""
     with tempfile.TemporaryDirectory() as scratch:
         scratch = pathlib.Path(scratch)
-        wanted = decoded(phasma, capture, folder / "calibration.toml", scratch / "toml")
+        # The noise model of the camera is in none of OpenCV's files; without it, it is estimated.
+        rig_only = (folder / "calibration.toml").read_text().split("[noise]")[0]
+        (scratch / "rig.toml").write_text(rig_only)
+        wanted = decoded(phasma, capture, scratch / "rig.toml", scratch / "toml")
         for path, bound in write_files(scratch, rig):
             depth = decoded(phasma, capture, path, scratch / path.name.replace(".", "-"))
             same = np.array_equal(np.isnan(depth), np.isnan(wanted))

@@ -3,6 +3,7 @@
 
 use phasma::emulator::{Bench, Firmware, FrameSink, Renderer};
 use phasma::error::Error;
+use phasma::geometry::{NoiseModel, Rig};
 use phasma::host::{Camera, Captured, MemoryCamera, MemoryPort, Progress, ScanOptions, Scanner};
 use phasma::profile::{Profile, Scene};
 use phasma::protocol::Frame;
@@ -117,6 +118,16 @@ fn scan(
     bad_runs: u32,
     options: &ScanOptions,
 ) -> (Result<Captured, Error>, Vec<String>) {
+    scan_with(None, fault, bad_runs, options)
+}
+
+/// [`scan`] with a calibration in place of the device's own.
+fn scan_with(
+    given: Option<Rig>,
+    fault: Fault,
+    bad_runs: u32,
+    options: &ScanOptions,
+) -> (Result<Captured, Error>, Vec<String>) {
     let profile = Profile::load("webcam-grey").unwrap();
     let camera = MemoryCamera::default();
     let mut bench = Bench::new(
@@ -139,6 +150,9 @@ fn scan(
         skipped: false,
     };
     let mut scanner = Scanner::new(port, SHORT, || Ok(receiver)).unwrap();
+    if let Some(rig) = given {
+        scanner = scanner.with_calibration("given", rig);
+    }
     let mut retries = Vec::new();
     let captured = scanner.scan(options, &mut |progress| {
         if let Progress::Retry(why) = progress {
@@ -166,6 +180,28 @@ fn a_scan_has_every_frame_in_order() {
         ids,
         (0..13).map(|i| (i, Some(i as u32))).collect::<Vec<_>>()
     );
+}
+
+#[test]
+fn a_calibration_without_noise_leaves_the_device_s() {
+    let own = Profile::load("webcam-grey").unwrap().nominal_rig();
+    let mut given = own;
+    given.projector.rig_from_view.translation_mm.x += 1.0;
+    for noise in [
+        None,
+        own.noise.map(|n| NoiseModel {
+            read_noise_dn: 9.0,
+            ..n
+        }),
+    ] {
+        let rig = Rig { noise, ..given };
+        let (captured, _) = scan_with(Some(rig), Fault::None, 0, &options());
+        let wanted = Rig {
+            noise: noise.or(own.noise),
+            ..given
+        };
+        assert_eq!(captured.unwrap().calibration, Some(wanted));
+    }
 }
 
 #[test]

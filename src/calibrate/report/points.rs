@@ -9,14 +9,14 @@ use glam::{DMat2, DVec2};
 use std::collections::BTreeMap;
 use std::io::{Result, Write};
 
-/// Names of the columns. Residuals are seen minus expected. Weights are 1 of points that count and 0
-/// of outliers; residuals of points that could not be used at all are empty, and so is what belongs
-/// to the projector where it lit nothing. `camera_u_px` and `camera_v_px` are the image of the point
-/// itself, freed of the bias of a dot's outline.
+/// Names of the columns. Residuals are seen minus expected; those of points that could not be used
+/// are empty, and so is what belongs to the projector where it lit nothing. `camera_u_px` and
+/// `camera_v_px` are the image of the point itself, freed of the bias of a dot's outline. The weight
+/// is 1 where all that is known of the point counts, and 0 where it or a part of it is an outlier.
 const HEAD: &str = "pose,column,row,board_x_mm,board_y_mm,camera_u_px,camera_v_px,\
 camera_sigma_u_px,camera_sigma_v_px,projector_u_px,projector_v_px,projector_sigma_u_px,\
 projector_sigma_v_px,camera_residual_u_px,camera_residual_v_px,projector_residual_u_px,\
-projector_residual_v_px,weight,projector_weight";
+projector_residual_v_px,weight";
 
 /// Writes the points of all poses that were used.
 pub(super) fn write(calibration: &Calibration, out: &mut impl Write) -> Result<()> {
@@ -59,7 +59,7 @@ fn row(board: &Board, sighting: &Sighting, residual: Option<&PointResidual>) -> 
         let pair = pair.unwrap_or(DVec2::NAN);
         fields.extend([exact(pair.x), exact(pair.y)]);
     }
-    fields.push(exact(residual.map_or(0.0, |r| r.camera_weight)));
-    fields.push(exact(projector.map_or(0.0, |p| p.weight)));
+    let both = |r: &PointResidual| r.camera_weight.min(r.projector.map_or(1.0, |p| p.weight));
+    fields.push(exact(residual.map_or(0.0, both)));
     fields.join(",")
 }

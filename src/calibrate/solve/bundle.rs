@@ -10,9 +10,6 @@ use super::{Choice, Coefficients, LeftOut, PoseSightings, Unsolved, start};
 use crate::geometry::Board;
 use nalgebra::DMatrix;
 
-/// A pose half of whose points are beyond the outliers' threshold is an outlier itself.
-const OUTLYING_POSE: f64 = robust::OUTLYING / robust::MEDIAN;
-
 /// Poses that are used and those that are not.
 #[derive(Clone)]
 pub(super) struct Bundle {
@@ -39,35 +36,6 @@ impl Bundle {
                 .collect(),
             left_out: Vec::new(),
         }
-    }
-
-    /// Uses a pose no longer.
-    pub fn leave_out(&mut self, at: usize, why: String) {
-        let pose = self.poses.remove(at);
-        self.left_out.push(LeftOut {
-            name: pose.name,
-            given: pose.given,
-            why,
-        });
-    }
-
-    /// Refuses fewer than two poses.
-    pub fn enough_poses(&self) -> Result<(), Unsolved> {
-        if self.poses.len() >= 2 {
-            return Ok(());
-        }
-        let total = self.poses.len() + self.left_out.len();
-        let mut found = format!("{} of {total} can be used", self.poses.len());
-        for out in self.left_out.iter().take(8) {
-            found += &format!("; {}: {}", out.name, out.why);
-        }
-        if self.left_out.len() > 8 {
-            found += &format!("; and {} more", self.left_out.len() - 8);
-        }
-        Err(Unsolved::TooFewPoses {
-            found,
-            wanted: "2 or more tilted in different directions, better 10".to_owned(),
-        })
     }
 
     /// How many numbers count.
@@ -181,52 +149,6 @@ impl Bundle {
             }
         }
         Ok(())
-    }
-
-    /// Leaves out poses that the first state puts behind a lens.
-    fn drop_behind(&mut self, state: &mut State) -> Result<(), Unsolved> {
-        for at in (0..self.poses.len()).rev() {
-            let points = &self.poses[at].points;
-            if points.iter().any(|o| residual(o, state, at).is_none()) {
-                let why = "by the other poses it lies behind the camera or the projector";
-                self.leave_out(at, why.to_owned());
-                state.boards.remove(at);
-            }
-        }
-        self.enough_poses()
-    }
-
-    /// Leaves out the pose that fits worst, if that is bad enough.
-    fn drop_worst(&mut self, state: &mut State) -> bool {
-        let total = self.poses.len() + self.left_out.len();
-        // A majority has to decide, and it has to stay one.
-        if self.poses.len() < 4 || 3 * (self.poses.len() - 1) < 2 * total {
-            return false;
-        }
-        let scales: Vec<[Option<f64>; 2]> = (0..self.poses.len())
-            .map(|i| robust::pose_scales(&self.poses[i], state, i))
-            .collect();
-        let mut worst: Option<(f64, usize, usize)> = None;
-        for group in 0..2 {
-            let mut all: Vec<f64> = scales.iter().filter_map(|s| s[group]).collect();
-            let usual = super::homography::median(&mut all).max(1.0);
-            for (i, scale) in scales.iter().enumerate() {
-                let ratio = scale[group].map_or(0.0, |s| s / usual);
-                if ratio > worst.map_or(OUTLYING_POSE, |w| w.0) {
-                    worst = Some((ratio, i, group));
-                }
-            }
-        }
-        let Some((ratio, at, group)) = worst else {
-            return false;
-        };
-        let what = ["camera points", "projector coordinates"][group];
-        let why = format!(
-            "its {what} fit {ratio:.1} times worse than those of the usual pose; wanted: {OUTLYING_POSE:.1} times or less"
-        );
-        self.leave_out(at, why);
-        state.boards.remove(at);
-        true
     }
 
     /// To the minimum of squares over what counts, with outliers decided and noise estimated.

@@ -1,4 +1,6 @@
-//! The minimum by Levenberg's and Marquardt's method.
+//! The minimum by Levenberg's and Marquardt's method (Marquardt, "An algorithm for least-squares
+//! estimation of nonlinear parameters", SIAM J. 11, 1963): the diagonal is raised where a step fails,
+//! and hardly or not at all where steps succeed, as weak directions would creep otherwise.
 
 use super::model::State;
 use super::normal::{Free, Normal};

@@ -8,6 +8,7 @@
 //! normal matrix is the covariance; where residuals are larger than the given covariances allow,
 //! these are inflated first. `check` says what a user should know.
 
+mod belonging;
 mod bundle;
 mod check;
 mod chi_square;
@@ -54,7 +55,8 @@ pub struct PoseSightings {
 /// Which distortion coefficients are estimated; the others stay zero.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Coefficients {
-    /// As many as the data demand.
+    /// As many as the data demand of none, k1, k1 k2, k1 k2 p1 p2 and all five, by the Bayesian
+    /// information criterion.
     #[default]
     Auto,
     /// These of k1, k2, p1, p2, k3.

@@ -2,7 +2,7 @@
 //!
 //! Unknowns are counted: the camera's fx fy cx cy k1 k2 p1 p2 k3 (0 to 8), the projector's (9 to
 //! 17), the projector's turn and place in the rig (18 to 23), then turn and place of a board. A turn
-//! d takes R to exp([d]x) R, so d(R v) = d x (R v).
+//! d (a rotation vector) takes R to exp(d) R, and R v to R v + d x R v.
 
 use super::observation::Observation;
 use super::rotation::nudge;

@@ -108,7 +108,7 @@ impl Outline {
         let start = middle + p;
         let nearest = -start.dot(step) / length2;
         let half2 = (1.0 - (start + step * nearest).length_squared()) / length2;
-        if !starts_in && !ends_in && !(half2 > 0.0 && nearest > 0.0 && nearest < 1.0) {
+        if !(starts_in || ends_in || half2 > 0.0 && nearest > 0.0 && nearest < 1.0) {
             self.angle += angle(start, middle + q);
             return;
         }

@@ -134,7 +134,8 @@ impl<C: Camera, P: CommandPort> Scanner<C, P> {
         })
     }
 
-    /// Uses a calibration in place of the device's own; `place` names it in messages.
+    /// Uses a calibration in place of the device's own; `place` names it in messages. One that says
+    /// nothing of the camera's noise, as OpenCV's files do not, leaves the device's word on that.
     #[must_use]
     pub fn with_calibration(mut self, place: impl Into<String>, rig: Rig) -> Self {
         self.given = Some((place.into(), rig));
@@ -184,10 +185,15 @@ impl<C: Camera, P: CommandPort> Scanner<C, P> {
         let frames = twice(&place, progress, |progress| {
             self.run(&manifest, size, options.frame_timeout, progress)
         })?;
+        let noise = calibration.and_then(|own| own.noise);
+        let given = self.given.as_ref().map(|(_, given)| Rig {
+            noise: given.noise.or(noise),
+            ..*given
+        });
         Ok(Captured {
             idn,
             manifest,
-            calibration: self.given.as_ref().map(|given| given.1).or(calibration),
+            calibration: given.or(calibration),
             frames,
         })
     }

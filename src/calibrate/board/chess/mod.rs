@@ -1,9 +1,9 @@
 //! Corners of a chessboard.
 //!
-//! Saddles of the picture ([`saddles`]) are linked along edges ([`links`]) into grids ([`grid`]), at
+//! Saddles of the picture (`saddles`) are linked along edges (`links`) into grids (`grid`), at
 //! full size first and then, for large squares out of focus or in noise, at half, a quarter and an
-//! eighth of it. A grid of all the board's corners is labelled ([`label`]) and each corner measured
-//! in the full picture ([`fit`]). The whole board has to be seen: part of a chessboard does not say
+//! eighth of it. A grid of all the board's corners is labelled (`label`) and each corner measured
+//! in the full picture (`fit`). The whole board has to be seen: part of a chessboard does not say
 //! which part it is.
 
 mod edge;

@@ -1,8 +1,8 @@
 //! Dots that the search for blobs has missed, looked for where their neighbours say they are.
 
-use super::dots::{Dot, Dots};
 use super::ellipse::Ellipse;
 use super::judge::Judge;
+use super::known::{Dot, Dots};
 use super::lattice::Cell;
 use super::measure::Measure;
 use rayon::prelude::*;

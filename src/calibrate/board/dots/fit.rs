@@ -53,8 +53,9 @@ pub(super) struct Model {
 /// What is known of a dot before its fit.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Known {
-    /// Of the blur; `None` estimates it.
-    pub blur: Option<f64>,
+    /// The blur's variance and a standard deviation of that; 0 takes it as it is, `None` knows
+    /// nothing of it.
+    pub blur: Option<[f64; 2]>,
     /// Contrast of the picture's ink and a standard deviation.
     pub contrast: Option<[f64; 2]>,
 }
@@ -112,7 +113,11 @@ pub(super) fn fit(
         ellipse: start,
         paper: [0.0; 3],
         contrast: 0.0,
-        blur: known.blur.unwrap_or(0.1),
+        blur: match known.blur {
+            Some([blur, spread]) if spread > 0.0 => blur.max(2.0 * coverage::SHARP),
+            Some([blur, _]) => blur,
+            None => 0.1,
+        },
     };
     coverage::cover(&model.ellipse, model.blur, &patch.window, steps, cells);
     (model.paper[0], model.contrast) = first_levels(patch, cells)?;
@@ -247,7 +252,8 @@ fn normals(
     let mut gradient = [0.0; UNKNOWNS];
     let (mut chi2, mut count) = (0.0, 0.0);
     let (mut told, mut all) = (0.0, 0.0);
-    let unknowns = if known.blur.is_some() { 9 } else { 10 };
+    let fixed = matches!(known.blur, Some([_, spread]) if spread <= 0.0);
+    let unknowns = if fixed { 9 } else { 10 };
     for (at, cell) in residuals(patch, model, cells).zip(cells) {
         let edge = cell[1] * cell[1] + cell[2] * cell[2];
         all += edge;
@@ -295,7 +301,11 @@ fn normals(
         sums[8][8] += 1.0 / (sigma * sigma);
         gradient[8] += (mean - model.contrast) / (sigma * sigma);
     }
-    if unknowns == 9 {
+    if let (false, Some([mean, sigma])) = (fixed, known.blur) {
+        sums[9][9] += 1.0 / (sigma * sigma);
+        gradient[9] += (mean - model.blur) / (sigma * sigma);
+    }
+    if fixed {
         for row in &mut sums {
             row[9] = 0.0;
         }

@@ -1,7 +1,7 @@
 //! Which fitted dots are trusted, and whether they are the board's that was said.
 
-use super::dots::{Dot, Dots, median};
 use super::ellipse::Ellipse;
+use super::known::{Dot, Dots, median};
 use super::lattice::Cell;
 use super::measure::Measure;
 use crate::calibrate::board::{NotFound, Picture};

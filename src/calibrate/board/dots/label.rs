@@ -1,12 +1,16 @@
 //! Which of a grid's dots are markers, and which way round the board is by them.
 
 use super::blobs::Blob;
+use super::known;
 use super::lattice::{Cell, Grid, typical};
 use crate::calibrate::board::NotFound;
 use crate::geometry::{Board, MARKERS};
+use std::collections::BTreeSet;
 
 /// Markers that must be seen in their places.
 pub(super) const ENOUGH: usize = 4;
+/// Large dots that may be markers; more of them are no board's.
+const MOST_LARGE: usize = 32;
 
 /// How a grid's own numbers become the board's: a turn by quarters, or a reflection of one, and
 /// where the grid's cell [0, 0] goes.
@@ -17,6 +21,13 @@ pub(super) struct Labels {
 }
 
 impl Labels {
+    /// The grid's cell of a column and row on the board.
+    fn cell(&self, [column, row]: [i32; 2]) -> Cell {
+        let [[a, b], [c, d]] = self.turn;
+        let away = [column - self.offset[0], row - self.offset[1]];
+        [a * away[0] + c * away[1], b * away[0] + d * away[1]]
+    }
+
     /// Column and row on the board, perhaps beyond its edge.
     pub fn index(&self, cell: Cell) -> [i32; 2] {
         let [[a, b], [c, d]] = self.turn;
@@ -49,8 +60,9 @@ pub(super) fn label(board: &Board, blobs: &[Blob], grid: &Grid) -> Result<Labels
         .iter()
         .enumerate()
         .flat_map(|(k, &turn)| {
-            let large = &large;
-            offsets(board, large, turn).map(move |offset| (k, Labels { turn, offset }))
+            offsets(board, &large, turn)
+                .into_iter()
+                .map(move |offset| (k, Labels { turn, offset }))
         })
         .filter(|(_, labels)| agrees(board, grid, &large, labels))
         .collect();
@@ -102,32 +114,36 @@ fn markers(board: &Board, blobs: &[Blob], grid: &Grid) -> Vec<Cell> {
         .collect()
 }
 
-/// Offsets that take the first large dot to one of the markers, which it must be.
-fn offsets(
-    board: &Board,
-    large: &[Cell],
-    turn: [[i32; 2]; 2],
-) -> impl Iterator<Item = [i32; 2]> + use<> {
-    let [columns, rows] = board.grid();
-    let middle = [(columns / 2) as i32, (rows / 2) as i32];
+/// Offsets that take a large dot to a marker.
+fn offsets(board: &Board, large: &[Cell], turn: [[i32; 2]; 2]) -> BTreeSet<[i32; 2]> {
     let unmoved = Labels {
         turn,
         offset: [0, 0],
     };
-    let first = large.first().map(|&cell| unmoved.index(cell));
-    first.into_iter().flat_map(move |at| {
-        MARKERS
-            .iter()
-            .map(move |m| [middle[0] + m[0] - at[0], middle[1] + m[1] - at[1]])
-    })
+    large
+        .iter()
+        .take(MOST_LARGE)
+        .flat_map(|&cell| {
+            let at = unmoved.index(cell);
+            places(board).map(move |place| [place[0] - at[0], place[1] - at[1]])
+        })
+        .collect()
 }
 
-/// Whether every large dot is a marker, enough markers are large dots, and none is a small one.
+/// Columns and rows of the markers.
+fn places(board: &Board) -> impl Iterator<Item = [i32; 2]> + use<> {
+    let [columns, rows] = board.grid().map(|n| (n / 2) as i32);
+    MARKERS.iter().map(move |m| [columns + m[0], rows + m[1]])
+}
+
+/// Whether enough markers are large dots and none a small one, and no other dot of the board is
+/// large. Beyond the board's edge there may be anything.
 fn agrees(board: &Board, grid: &Grid, large: &[Cell], labels: &Labels) -> bool {
-    let is_marker = |cell: Cell| match labels.index(cell) {
-        [column, row] if column >= 0 && row >= 0 => board.is_marker([column as u32, row as u32]),
-        _ => false,
-    };
-    let seen = grid.keys().filter(|&&cell| is_marker(cell)).count();
-    large.len() >= ENOUGH && large.len() == seen && large.iter().all(|&cell| is_marker(cell))
+    let markers: Vec<Cell> = places(board).map(|place| labels.cell(place)).collect();
+    let seen = markers.iter().filter(|cell| grid.contains_key(*cell));
+    let agreeing = markers.iter().filter(|cell| large.contains(cell)).count();
+    let within = large
+        .iter()
+        .filter(|&&cell| known::index(board, labels.index(cell)).is_some());
+    agreeing >= ENOUGH && agreeing == seen.count() && agreeing == within.count()
 }

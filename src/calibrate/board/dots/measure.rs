@@ -1,9 +1,9 @@
 //! Dots measured: the picture's blur and contrast by some of them, then each by its fit.
 
 use super::coverage::{self, Cell as Covered};
-use super::dots::{Dot, Dots, median};
 use super::ellipse::{Ellipse, Window};
 use super::fit::{Fit, Known, Patch, fit};
+use super::known::{Dot, Dots, median};
 use super::lattice::Cell;
 use super::step::Steps;
 use crate::calibrate::board::Picture;
@@ -15,6 +15,9 @@ const RING: f64 = 3.0;
 const SAMPLES: usize = 32;
 /// Standard deviation of ink's contrast over a board.
 const INK_SPREAD: f64 = 0.1;
+/// Upper quartile of the deviations of dots' blurs in standard deviations (1.15 by noise alone) above
+/// which they differ.
+const VARIES: f64 = 3.0;
 /// A blur (variance in pixels squared) above which dots reach into their neighbours' paper.
 const WIDE: f64 = 0.1;
 
@@ -105,11 +108,23 @@ impl<'a> Measure<'a> {
             .map(|fit| (fit.model.blur, 1.0 / fit.blur_variance.sqrt()))
             .collect();
         self.blur = weighted_median(blurs).unwrap_or(0.0);
-        if self.blur < coverage::SHARP * 1.5 {
+        // Out of focus in part: each dot has a blur of its own.
+        let off = |fit: &Fit| (fit.model.blur - self.blur).abs();
+        let beyond_noise = |fit: &Fit| off(fit) / (fit.blur_variance * fit.chi2.max(1.0)).sqrt();
+        let upper = |value: &dyn Fn(&Fit) -> f64| {
+            let mut values: Vec<f64> = fits.iter().map(value).filter(|v| v.is_finite()).collect();
+            values.sort_by(f64::total_cmp);
+            values.get(values.len() * 3 / 4).copied()
+        };
+        let spread = match (upper(&off), upper(&beyond_noise)) {
+            (Some(off), Some(z)) if z > VARIES => 2.0 * off,
+            _ => 0.0,
+        };
+        if self.blur < coverage::SHARP * 1.5 && spread == 0.0 {
             self.blur = 0.0;
         }
         self.known = Known {
-            blur: Some(self.blur),
+            blur: Some([self.blur, spread]),
             contrast: median(fits.iter().map(|fit| fit.model.contrast).collect())
                 .map(|contrast| [contrast, INK_SPREAD]),
         };

@@ -1,17 +1,17 @@
 //! A board of dots found in a picture.
 //!
-//! Dark [blobs](blobs) make [grids](lattice); the large ones among a grid's dots [tell](label) which
-//! way round it is; an [area model](fit) of each dot gives its centroid and outline, to a hundredth
-//! of a pixel and better; dots that were missed are [looked for](complete) where they should be; and
-//! what does not look like the board that was said is [refused](judge).
+//! Dark blobs make grids (`lattice`); the large ones among a grid's dots tell which way round it is
+//! (`label`); an area model of each dot (`fit`) gives its centroid and outline, to a hundredth of a
+//! pixel and better; dots that were missed are looked for where they should be (`complete`); and what
+//! does not look like the board that was said is refused (`judge`).
 
 mod blobs;
 mod complete;
 mod coverage;
-mod dots;
 mod ellipse;
 mod fit;
 mod judge;
+mod known;
 mod label;
 mod lattice;
 mod measure;
@@ -22,7 +22,7 @@ mod tests;
 use crate::calibrate::board::{NotFound, Picture, Seen};
 use crate::geometry::Board;
 use blobs::Blob;
-use dots::{Dot, Dots};
+use known::{Dot, Dots};
 use label::Labels;
 use lattice::Grid;
 use std::collections::BTreeMap;
@@ -126,7 +126,7 @@ fn seen(
     let mut beyond = Vec::new();
     for (&cell, &k) in grid {
         let cell = labels.index(cell);
-        if dots::index(board, cell).is_none() {
+        if known::index(board, cell).is_none() {
             beyond.push(cell);
         }
         let dot = Dot {

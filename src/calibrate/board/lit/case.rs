@@ -114,7 +114,7 @@ impl Case {
     }
 
     /// Distance in pixels, nearly, from the outline of a dot, negative within.
-    pub(crate) fn from_outline(&self, px: DVec2) -> f64 {
+    pub(crate) fn past_outline(&self, px: DVec2) -> f64 {
         let mm = self.on_board(px).truncate();
         let [columns, rows] = self.board.grid();
         let last = DVec2::new(f64::from(columns), f64::from(rows)) - 1.0;
@@ -150,7 +150,7 @@ impl Case {
             if !self.rig.projector.lens.contains(truth) {
                 continue;
             }
-            let ink = !chess && self.from_outline(px) < 0.0;
+            let ink = !chess && self.past_outline(px) < 0.0;
             let sigma = if ink { INK } else { PAPER };
             let mut values = truth
                 .to_array()

@@ -100,7 +100,7 @@ fn wrong_pixels_do_no_harm() {
         .flatten()
         .map(|e| e.0.length()));
     let spoilt = case.decoded(1.0, 3, |px, values| {
-        if case.from_outline(px).abs() < 1.2 {
+        if case.past_outline(px).abs() < 1.2 {
             values[0] += 0.5;
             values[1] -= 0.5;
         }

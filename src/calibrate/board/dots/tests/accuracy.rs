@@ -56,6 +56,27 @@ fn under_blur() {
 }
 
 #[test]
+fn in_focus_on_one_side_only() {
+    let of = |blur: f64| {
+        let mut scene = small(0.0, 0.0, 0.0);
+        scene.blur = blur;
+        scene
+    };
+    let (near, far) = (of(0.5), of(0.9));
+    let mut picture = near.picture();
+    let other = far.picture();
+    for (k, level) in picture.level.iter_mut().enumerate() {
+        // Between the columns 5 and 6.
+        if k % picture.width > 121 {
+            *level = other.level[k];
+        }
+    }
+    let e = super::of(&far, &find(&far.board, &picture).unwrap());
+    assert_eq!(e.found, e.there);
+    assert!(e.rms < 0.0012 && e.worst < 0.006, "{} {}", e.rms, e.worst);
+}
+
+#[test]
 fn under_light_that_falls_to_a_fifth() {
     for blur in [0.0, 1.0] {
         let mut scene = small(100.0, 25.0, 70.0);

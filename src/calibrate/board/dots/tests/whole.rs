@@ -2,7 +2,7 @@
 
 use super::render::{Scene, board, pose, small_lens};
 use super::{errors, find, of};
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 
 fn scene(at: DVec3, turn: f64, tilt: f64, axis: f64) -> Scene {
     Scene::new(
@@ -91,4 +91,42 @@ fn among_clutter() {
         e.found,
         e.worst
     );
+}
+
+#[test]
+fn beside_a_stain_as_large_as_a_marker() {
+    let scene = scene(MIDDLE, 0.0, 0.0, 0.0);
+    let mut picture = scene.picture();
+    // Where one more dot would be in row 4, six columns to the left of the middle.
+    let stain = scene.lens.principal_px - DVec2::new(6.0 * 24.0 * 0.6322, 0.0);
+    for v in 0..picture.height {
+        for u in 0..25 {
+            let away = (DVec2::new(u as f64, v as f64) - stain).length();
+            let share = (6.5 - away).clamp(0.0, 1.0);
+            picture.level[v * picture.width + u] = (188.0 * (1.0 - 0.9 * share)) as f32;
+        }
+    }
+    let e = of(&scene, &find(&scene.board, &picture).unwrap());
+    assert!(e.found == 99 && e.worst < 0.005, "{} {}", e.found, e.worst);
+}
+
+#[test]
+fn near_and_far() {
+    // Dots of 3.2 px and of 25 px.
+    for (z, focal) in [(2000.0, 632.0), (500.0, 1250.0)] {
+        let mut scene = Scene::new(
+            board(7, 7),
+            small_lens(460, 440),
+            pose(DVec3::new(0.0, 0.0, z), 15.0, 20.0, 50.0),
+        );
+        scene.lens.focal_px = DVec2::splat(focal);
+        let e = errors(&scene);
+        assert!(
+            e.found >= e.there && e.worst < 0.006,
+            "{} {}",
+            e.found,
+            e.worst
+        );
+        assert!((e.chi2 - 1.0).abs() < 0.4, "{}", e.chi2);
+    }
 }
