@@ -67,21 +67,6 @@ fn scan_error_mm(desk: &Desk, rig: &Rig) -> f64 {
         .mae_mm
 }
 
-/// Lenses that distort and blur, glare, a sensor whose pixels differ.
-#[test]
-fn a_scanner_with_real_parts() {
-    let desk = Desk::new("pmp-real", Board::DOTS.scaled(4.0));
-    let poses = desk.poses(&Wanted::default());
-    let seen = desk.sight(&poses, 0);
-    let calibration = desk.calibrate(&seen, Choice::default());
-    let figures = Figures::new(&desk, &calibration, &poses);
-    println!("{figures}");
-    let [truth, estimate] =
-        [&desk.rig, &calibration.solution.rig].map(|rig| scan_error_mm(&desk, rig));
-    println!("trapezoid: {truth:.4} mm with the true rig, {estimate:.4} mm with the estimate");
-    assert!(figures.poses == 20 && figures.dots_px <= 0.03, "{figures}");
-}
-
 #[test]
 fn built_in_profiles_say_what_they_are_calibrated_with() {
     for name in ["pmp-bench", "pmp-real", "webcam-grey"] {
