@@ -38,13 +38,15 @@ fn look_over_footprint(ray: Ray, hit: Hit, point: vec3f) -> f32 {
     // Onto the tangent plane, along the ray; edge-on, that is far.
     let facing = dot(hit.normal, ray.direction);
     let slant = ray.direction / select(facing, -1e-20, abs(facing) < 1e-20);
-    return look_factor(
-        hit,
-        there_of(ray.row, hit),
-        point,
-        (across - slant * dot(hit.normal, across)) * ray.cell,
-        (down - slant * dot(hit.normal, down)) * ray.cell,
-    );
+    let side = (across - slant * dot(hit.normal, across)) * ray.cell;
+    let other = (down - slant * dot(hit.normal, down)) * ray.cell;
+    let middle = point + footprint_shift(side, hit.t) + footprint_shift(other, hit.t);
+    return look_factor(hit, there_of(ray.row, hit), middle, side, other);
+}
+
+// From what a pixel's centre sees to the mean of what the pixel sees, along one side.
+fn footprint_shift(side: vec3f, depth: f32) -> vec3f {
+    return side * (clamp(side.z / depth, -0.5, 0.5) / 12.0);
 }
 
 // What a surface makes of the projector's and of ambient light, where it has been lit as white.
