@@ -14,13 +14,17 @@ fn look(ray: Ray, hit: Hit, shaded: ptr<function, Shaded>) {
             local.normal = smooth_normal(hit, looks[object], there_of(ray.row, hit), point);
         }
     }
+    var slant = 0.0;
     if has_albedo_maps {
         if look_varies(object) {
-            local.albedo *= look_over_footprint(ray, hit, point);
+            let seen = look_over_footprint(ray, hit, point);
+            local.albedo *= seen.x;
+            slant = seen.y;
         }
     }
     if look_is_white(object) {
         look_finish(local, shaded);
+        (*shaded).projected *= 1.0 + slant;
     }
     if has_flicker {
         (*shaded).flickering = (*shaded).ambient * optics[0].ambient_depth;
@@ -30,18 +34,48 @@ fn look(ray: Ray, hit: Hit, shaded: ptr<function, Shaded>) {
     }
 }
 
-// What vertex colours and textures make of an albedo, over the ray's part of the camera's pixel.
-fn look_over_footprint(ray: Ray, hit: Hit, point: vec3f) -> f32 {
+// What vertex colours, textures and ink make of an albedo, over the ray's part of the camera's pixel;
+// and the relative change of the projector's light on it by its slope there, from halves.
+fn look_over_footprint(ray: Ray, hit: Hit, point: vec3f) -> vec2f {
     let slopes = ray_slopes(ray.direction);
     let across = vec3f(slopes[0], 0.0) * hit.t;
     let down = vec3f(slopes[1], 0.0) * hit.t;
     // Onto the tangent plane, along the ray; edge-on, that is far.
     let facing = dot(hit.normal, ray.direction);
     let slant = ray.direction / select(facing, -1e-20, abs(facing) < 1e-20);
-    let side = (across - slant * dot(hit.normal, across)) * ray.cell;
-    let other = (down - slant * dot(hit.normal, down)) * ray.cell;
-    let middle = point + footprint_shift(side, hit.t) + footprint_shift(other, hit.t);
-    return look_factor(hit, there_of(ray.row, hit), middle, side, other);
+    let sides = array<vec3f, 2>(
+        (across - slant * dot(hit.normal, across)) * ray.cell,
+        (down - slant * dot(hit.normal, down)) * ray.cell,
+    );
+    let middle = point + footprint_shift(sides[0], hit.t) + footprint_shift(sides[1], hit.t);
+    let there = there_of(ray.row, hit);
+    let way = projector_pupil() - point;
+    let falling = way * (3.0 / dot(way, way));
+    var mean = 0.0;
+    var change = 0.0;
+    // The whole, then the halves along either side.
+    for (var k = 0u; k < 5u; k++) {
+        var at = middle;
+        var halves = vec2f(1.0);
+        var weight = 0.0;
+        if k > 0u {
+            let which = select(0u, 1u, k > 2u);
+            let side = select(sides[0], sides[1], k > 2u);
+            let sign = select(-1.0, 1.0, (k & 1u) == 1u);
+            at += side * (0.25 * sign);
+            halves[which] = 0.5;
+            weight = sign * dot(falling, side) / 6.0;
+        }
+        let seen = look_factor(hit, there, at, sides[0] * halves.x, sides[1] * halves.y);
+        if k == 0u {
+            mean = seen;
+            if !look_is_edge(object_of(hit.surface), mean) {
+                break;
+            }
+        }
+        change += weight * seen;
+    }
+    return vec2f(mean, change / max(mean, 1e-20));
 }
 
 // From what a pixel's centre sees to the mean of what the pixel sees, along one side.

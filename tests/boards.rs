@@ -7,6 +7,7 @@ use phasma::emulator::render::reference::Reference;
 use phasma::emulator::render::{Options, Renderer, Term};
 use phasma::emulator::{Shot, Slide};
 use phasma::geometry::Board;
+use phasma::pattern::Pattern;
 use phasma::profile::{Profile, Scene, Shape};
 use photometry::{dn_per_irradiance, scene};
 use std::path::Path;
@@ -139,6 +140,77 @@ fn a_pixel_has_the_ink_that_4096_rays_find() {
         // An edge along rows of rays is told to half a row.
         assert!(off <= 3 && edges > 15, "{off}, {edges}");
     }
+}
+
+/// Light that falls off within a pixel moves an outline by a twelfth of its slope, which counted rays
+/// show and one level a pixel would not.
+#[test]
+fn light_varies_within_the_pixels_of_an_outline() {
+    let profile = Profile::load("pmp-bench").unwrap();
+    let place = "position_mm = [60, -30, 1000]\nrotation_deg = [35, -30, 20]";
+    let printed = before(DOTS, place);
+    let mut blank = printed.clone();
+    if let Shape::Board { ink, .. } = &mut blank.object[0].shape {
+        *ink = 1.0;
+    }
+    let dn = |scene: &Scene| {
+        let mut renderer = Renderer::new(&profile, scene, 1).unwrap();
+        let slide = |pattern| Slide::new(pattern, &profile.projector, &|_| unreachable!()).unwrap();
+        let mut dn = |slide| {
+            let short = Shot {
+                exposure_ns: 2_000_000,
+                ..shot(slide)
+            };
+            renderer.expected_dn(&short)
+        };
+        let white = dn(Some(slide(&Pattern::White {})));
+        let black = dn(None);
+        white
+            .iter()
+            .zip(&black)
+            .map(|(w, b)| f64::from(w - b))
+            .collect::<Vec<_>>()
+    };
+    let (found, paper) = (dn(&printed), dn(&blank));
+    let board = board(&printed);
+    let board_from_rig = printed.rig_from_object(&printed.object[0]).inverse();
+    let pupil = board_from_rig.point(profile.projector.view().center());
+    // On a plane, the cosine is the plane's distance over the point's.
+    let light = |p: DVec2| pupil.distance(p.extend(0.0)).powi(-3);
+    let (mut even, mut sloped, mut edges) = (0.0, 0.0, 0);
+    for i in (0..found.len()).step_by(211) {
+        let px = DVec2::new((i % 1138) as f64, (i / 1138) as f64);
+        let middle = meets(&profile, &printed, px);
+        let near = |index: &[u32; 2]| {
+            (board.point(*index).distance(middle) - board.radius_mm(*index)).abs() <= 2.0
+        };
+        let near: Vec<[u32; 2]> = board.indices().filter(near).collect();
+        if near.is_empty() || !(paper[i] > 5.0) {
+            continue;
+        }
+        let (mut share, mut lit, mut total) = (0.0, 0.0, 0.0);
+        for k in 0..1 << 18 {
+            let inside = DVec2::new(f64::from(k % 512) + 0.5, f64::from(k / 512) + 0.5);
+            let p = meets(&profile, &printed, px + inside / 512.0 - 0.5);
+            let albedo = if is_ink(&board, &near, p) { 0.1 } else { 1.0 };
+            share += albedo;
+            lit += albedo * light(p);
+            total += light(p);
+        }
+        if share > 0.95 * f64::from(1 << 18) || share < 0.15 * f64::from(1 << 18) {
+            continue;
+        }
+        edges += 1;
+        let error = found[i] / paper[i];
+        even += (error - share / f64::from(1 << 18)).powi(2);
+        sloped += (error - lit / total).powi(2);
+    }
+    println!(
+        "{edges} edges: {:.1e} off, {:.1e} were the light even",
+        (sloped / f64::from(edges)).sqrt(),
+        (even / f64::from(edges)).sqrt()
+    );
+    assert!(edges > 20 && sloped < 0.2 * even, "{sloped} {even}");
 }
 
 #[test]

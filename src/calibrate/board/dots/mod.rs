@@ -148,7 +148,7 @@ fn seen(
     judge::extent(&dots, &judge)?;
     // Blur carries light along its slope: an image blurred by variance s under light whose relative
     // slope is g lies s g from where it would be under even light. The pixel is a blur too.
-    let blur = measure.blur;
+    let blur = measure.blur + 1.0 / 12.0;
     let mut seen: Vec<Seen> = dots
         .known
         .iter()

@@ -12,6 +12,9 @@ use crate::profile::{Object, Scene};
 use glam::DVec2;
 use std::sync::Arc;
 
+/// Least share of ink, and of paper, in a footprint on an outline.
+const EDGE: f64 = 1e-4;
+
 pub(in super::super) enum Map {
     Picture(Picture),
     Board(Printed),
@@ -59,6 +62,18 @@ impl Map {
         match self {
             Self::Picture(picture) => picture.albedo(index, spot),
             Self::Board(printed) => printed.albedo(spot),
+        }
+    }
+
+    /// Whether a footprint of this mean lies on an outline, within which it matters how the light
+    /// varies: told of a board, whose outlines are measured.
+    pub(super) fn is_edge(&self, mean: f64) -> bool {
+        match self {
+            Self::Picture(_) => false,
+            Self::Board(printed) => {
+                let ink = (1.0 - mean) / (1.0 - printed.ink);
+                ink > EDGE && ink < 1.0 - EDGE
+            }
         }
     }
 }

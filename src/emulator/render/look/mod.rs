@@ -213,6 +213,8 @@ pub(super) struct Local<'a> {
     specular: Option<&'a Ggx>,
     /// Lit as white so far.
     is_white: bool,
+    /// Relative change of the projector's light on the albedo by its slope within the pixel.
+    slant: f64,
 }
 
 impl<'a> Local<'a> {
@@ -235,6 +237,7 @@ impl<'a> Local<'a> {
             albedo: look.albedo,
             specular,
             is_white: look.is_finished_by_apply(plan),
+            slant: 0.0,
         }
     }
 
@@ -287,6 +290,7 @@ pub(super) fn apply(rays: &Rays<'_>, shaded: &mut Shaded, scratch: &mut Scratch)
     for lane in 0..LANES {
         if let Some(local) = locals[lane].as_ref().filter(|local| local.is_white) {
             local.finish(projector, shaded, lane);
+            shaded.projected[lane] *= 1.0 + local.slant;
         }
     }
     if rays.plan.has(Term::Flicker) {
@@ -317,8 +321,36 @@ fn vary(rays: &Rays<'_>, locals: &mut [Option<Local<'_>>; LANES]) {
             (step - direction * (local.flat.dot(step) / facing)) * rays.bundle.cell
         });
         let middle = local.point + footprint_shift(sides, t);
-        local.albedo *= look.factor(rays.world, surface, middle, local.flat, sides);
+        let seen = |point, sides| look.factor(rays.world, surface, point, local.flat, sides);
+        let factor = seen(middle, sides);
+        if look.map.as_ref().is_some_and(|map| map.is_edge(factor)) {
+            let way = rays.optics.projector.center() - local.point;
+            local.slant = slant(way, middle, sides, seen) / factor;
+        }
+        local.albedo *= factor;
     }
+}
+
+/// What the slope of the projector's light adds to its mean on an albedo that `seen` tells over a
+/// footprint: the sum, over the sides, of the light's relative slope times the albedo's first moment.
+/// On a plane light falls with the cube of the distance: its cosine is the plane's own distance from
+/// the projector over that. The moment is taken from halves; on edges at any place in a footprint
+/// those have 3/4 of it on average. An outline that lies in a slope is moved by a twelfth of the
+/// slope in pixels, some 1e-4, which the centres of many dots together would show.
+fn slant(
+    way: DVec3,
+    middle: DVec3,
+    sides: [DVec3; 2],
+    seen: impl Fn(DVec3, [DVec3; 2]) -> f64,
+) -> f64 {
+    let slope = way * (3.0 / way.length_squared());
+    let along = |k: usize| {
+        let mut half = sides;
+        half[k] /= 2.0;
+        let step = sides[k] / 4.0;
+        slope.dot(sides[k]) * (seen(middle + step, half) - seen(middle - step, half)) / 6.0
+    };
+    along(0) + along(1)
 }
 
 /// From the point that a pixel's centre sees to the mean of what the pixel sees, on a plane at this
