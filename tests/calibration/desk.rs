@@ -25,7 +25,11 @@ pub struct Desk {
 impl Desk {
     /// A built-in scanner that projects its sequence for calibration.
     pub fn new(profile: &str, board: Board) -> Self {
-        let profile = Profile::load(profile).unwrap();
+        Self::of(Profile::load(profile).unwrap(), board)
+    }
+
+    /// A scanner that projects its sequence for calibration.
+    pub fn of(profile: Profile, board: Board) -> Self {
         let manifest = profile.manifest(profile.calibration_sequence().unwrap());
         let rig = profile.nominal_rig();
         let lens = &rig.camera.lens;

@@ -73,7 +73,10 @@ fn scan_error_mm(desk: &Desk, rig: &Rig) -> f64 {
 /// The paper's own board, whose dots are 3.2 px here, at 500 mm.
 #[test]
 fn the_papers_own_board_at_half_the_distance() {
-    let desk = Desk::new("pmp-bench", Board::DOTS);
+    let mut profile = Profile::load("pmp-bench").unwrap();
+    // Four times as bright.
+    profile.camera.exposure_us /= 4.0;
+    let desk = Desk::of(profile, Board::DOTS);
     let poses = desk.poses(&Wanted {
         distance_mm: Some(500.0),
         tilt_deg: [5.0, 30.0],
@@ -86,7 +89,12 @@ fn the_papers_own_board_at_half_the_distance() {
     let figures = Figures::new(&desk, &calibration, &poses);
     println!("{figures}");
     assert_eq!(figures.poses, 20);
-    assert!(figures.dots_px <= 0.012, "{figures}");
+    // Dots that only ambient light shows are noisy in so short an exposure.
+    assert!(figures.dots_px <= 0.03, "{figures}");
+    assert!(
+        figures.distance <= quantile_99(figures.freedom),
+        "{figures}"
+    );
     assert!(
         figures.camera_px <= 0.015 && figures.projector_px <= 0.07,
         "{figures}"
