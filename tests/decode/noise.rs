@@ -144,7 +144,7 @@ fn noise_is_estimated_from_redundancy() {
 fn the_noise_of_a_board_in_a_dark_room_is_that_of_the_board() {
     const HEIGHT: usize = 256;
     let positions = sweep(HEIGHT);
-    let lit = |i: usize| (i / WIDTH) % 6 == 0;
+    let lit = |i: usize| i / WIDTH < HEIGHT / 6;
     let variance = |level: f64| 0.03 + 0.024 * (level - 4.0);
     let scene = Scene {
         floor: 0.0,
@@ -181,13 +181,24 @@ fn the_noise_of_a_board_in_a_dark_room_is_that_of_the_board() {
             })
             .collect();
         for factor in [1, 257] {
-            let frames: Vec<Vec<u16>> = frames
+            let bytes: Vec<Vec<u8>> = frames
+                .iter()
+                .map(|f| f.iter().map(|&v| v as u8).collect())
+                .collect();
+            let words: Vec<Vec<u16>> = frames
                 .iter()
                 .map(|f| f.iter().map(|v| v * factor).collect())
                 .collect();
-            let decoder = Decoder::new(&manifest, WIDTH, HEIGHT, None, Options::default()).unwrap();
-            let frames = frames.iter().map(|f| Samples::U16(f)).collect();
+            let frames = match factor {
+                1 => bytes.iter().map(|f| Samples::U8(f)).collect(),
+                _ => words.iter().map(|f| Samples::U16(f)).collect(),
+            };
             let stack = FrameStack::new(WIDTH, HEIGHT, frames).unwrap();
+            let options = Options {
+                keep_mixed: true,
+                ..Options::default()
+            };
+            let decoder = Decoder::new(&manifest, WIDTH, HEIGHT, None, options).unwrap();
             let decoded = decoder.decode(&stack).unwrap();
             let map = decoded.x.as_ref().unwrap();
             let whitened: Vec<f64> = (0..positions.len())
