@@ -85,8 +85,7 @@ def read_points(path):
     with path.open(newline="") as file:
         for row in csv.DictReader(file):
             projector = [row["projector_u_px"], row["projector_v_px"]]
-            weights = [float(row[name] or 1.0) for name in ("weight", "projector_weight")]
-            if all(projector) and min(weights) > 0.5:
+            if all(projector) and float(row["weight"]) > 0.5:
                 fields = ("board_x_mm", "board_y_mm", "camera_u_px", "camera_v_px")
                 numbers = [float(row[field]) for field in fields] + [float(x) for x in projector]
                 poses[row["pose"]].append(numbers)
