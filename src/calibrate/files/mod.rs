@@ -31,6 +31,7 @@ mod tests;
 pub use write::{Format, Reprojection, to_opencv, write_opencv};
 
 use crate::error::{Error, Result};
+use crate::file;
 use crate::geometry::Rig;
 use std::path::Path;
 
@@ -62,17 +63,7 @@ pub fn read_rig(path: &Path) -> Result<Rig> {
 /// As [`read_rig`].
 pub fn read_rig_sized(path: &Path, sizes: Sizes) -> Result<Rig> {
     let place = path.display().to_string();
-    let size = std::fs::metadata(path)
-        .map_err(|e| Error::io(path, e))?
-        .len();
-    if size > MAX_BYTES {
-        return Err(Error::input(
-            &place,
-            format!("{size} bytes"),
-            format!("up to {MAX_BYTES} bytes"),
-        ));
-    }
-    let bytes = std::fs::read(path).map_err(|e| Error::io(path, e))?;
+    let bytes = file::read(path, MAX_BYTES)?;
     rig_from_bytes(&bytes, &place, sizes)
 }
 
