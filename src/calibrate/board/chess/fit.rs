@@ -15,8 +15,10 @@
 //! changes as (1 + g . d) does so before the blur, which moves S by -g s^2, to the first order.
 //!
 //! The nine unknowns (c, two angles, the blur's variance, m, k, g) are fitted by least squares with
-//! each pixel's variance, by Levenberg's and Marquardt's method.
+//! each pixel's variance, by Levenberg's and Marquardt's method. A sharp edge along the pixels' rows
+//! says nothing of the blur, so that it takes what is known of it; see [`super::blur`].
 
+use super::blur::Blur;
 use super::edge::Edge;
 use crate::calibrate::board::Picture;
 use glam::{DMat2, DVec2};
@@ -24,6 +26,8 @@ use nalgebra::{SMatrix, SVector};
 use std::f64::consts::PI;
 
 const UNKNOWNS: usize = 9;
+/// The blur's place among them.
+const BLUR: usize = 4;
 type Square = SMatrix<f64, UNKNOWNS, UNKNOWNS>;
 type Column = SVector<f64, UNKNOWNS>;
 
@@ -56,22 +60,24 @@ pub(super) struct Corner {
     pub(super) px: DVec2,
     /// From the picture's noise, or from the residuals where those are larger.
     pub(super) covariance: DMat2,
+    /// Variance of the blur in pixels squared, and the standard deviation of that.
+    pub(super) blur: [f64; 2],
 }
 
-/// Measures a corner; `None` where there is none of that kind.
-pub(super) fn fit(picture: &Picture, guess: &Guess) -> Option<Corner> {
+/// Measures a corner in a picture of which this much is known; `None` where there is none of that
+/// kind.
+pub(super) fn fit(picture: &Picture, guess: &Guess, blur: &Blur) -> Option<Corner> {
     let turn = guess.along_x.perp_dot(guess.along_y);
     if !(turn.is_finite() && guess.px.is_finite() && turn > 1.0) {
         return None;
     }
     // First with a window for an ordinary blur, then for the blur that was found.
-    let mut state = State::first(guess);
-    let window = Window::cut(picture, guess, guess.px, 0.7)?;
+    let mut state = State::first(guess, blur);
+    let window = Window::cut(picture, guess, guess.px, blur, 0.7)?;
     state.level(&window)?;
     window.solve(&mut state, guess, 0.01)?;
-    let centre = state.centre;
-    let blur = (state.variance + PIXEL).sqrt();
-    let window = Window::cut(picture, guess, centre, blur)?;
+    let (centre, wide) = (state.centre, (state.variance + PIXEL).sqrt());
+    let window = Window::cut(picture, guess, centre, blur, wide)?;
     let fit = window.solve(&mut state, guess, 1e-4)?;
     state.accept(&window, &fit, guess)
 }
@@ -96,24 +102,27 @@ struct Pixel {
 
 struct Window {
     origin: DVec2,
+    blur: Blur,
     pixels: Vec<Pixel>,
 }
 
 /// What least squares leaves.
 struct Fit {
     squares: f64,
+    /// The same with what is known of the blur, which the normal equations hold too.
+    cost: f64,
     normal: Square,
     right: Column,
 }
 
 impl State {
-    fn first(guess: &Guess) -> Self {
+    fn first(guess: &Guess, blur: &Blur) -> Self {
         let x = guess.along_x;
         let first = x.y.atan2(x.x);
         Self {
             centre: guess.px,
             angles: [first, first + x.angle_to(guess.along_y)],
-            variance: 0.3,
+            variance: blur.variance,
             mean: 0.0,
             contrast: 0.0,
             gradient: DVec2::ZERO,
@@ -196,6 +205,15 @@ impl State {
             && self.variance <= shortest * shortest / 9.0
     }
 
+    /// Standard deviation of the blur's variance: of one that can be seen, since the slope by one
+    /// that cannot is 0 nearly everywhere.
+    fn blur_sigma(&self, window: &Window) -> f64 {
+        let variance = self.variance.max(Blur::SEEN);
+        let fit = window.fit(&Self { variance, ..*self });
+        let inverse = fit.normal.cholesky().map(|c| c.inverse());
+        inverse.map_or(f64::INFINITY, |inverse| inverse[(BLUR, BLUR)].sqrt())
+    }
+
     fn accept(&self, window: &Window, fit: &Fit, guess: &Guess) -> Option<Corner> {
         let inverse = fit.normal.cholesky()?.inverse();
         let freedom = window.pixels.len() as f64 - UNKNOWNS as f64;
@@ -214,11 +232,13 @@ impl State {
         let strong =
             self.contrast.abs() > 5.0 * error && misfit <= 3.0 * noise + 0.3 * self.contrast.abs();
         let sharp = covariance.x_axis.x + covariance.y_axis.y < 0.25;
-        ((self.contrast < 0.0) == guess.dark && strong && sharp && covariance.is_finite())
-            .then_some(Corner {
+        ((self.contrast < 0.0) == guess.dark && strong && sharp && covariance.is_finite()).then(
+            || Corner {
                 px: self.centre,
                 covariance,
-            })
+                blur: [self.variance, self.blur_sigma(window) * excess.sqrt()],
+            },
+        )
     }
 }
 
@@ -260,7 +280,13 @@ impl Model {
 
 impl Window {
     /// The pixels that two edges alone decide, for a corner at `centre` and a blur in pixels.
-    fn cut(picture: &Picture, guess: &Guess, centre: DVec2, blur: f64) -> Option<Self> {
+    fn cut(
+        picture: &Picture,
+        guess: &Guess,
+        centre: DVec2,
+        known: &Blur,
+        blur: f64,
+    ) -> Option<Self> {
         let turn = guess.along_x.perp_dot(guess.along_y);
         let along = [guess.along_x, guess.along_y];
         // How far the next edges are, and how near one may go to them.
@@ -299,6 +325,7 @@ impl Window {
         }
         (pixels.len() >= 2 * UNKNOWNS).then_some(Self {
             origin: centre,
+            blur: *known,
             pixels,
         })
     }
@@ -314,8 +341,22 @@ impl Window {
             right += weighted * off;
             normal.ger(1.0, &weighted, &row, 1.0);
         }
+        let off = self.blur.variance - state.variance;
+        let mut cost = squares;
+        if self.blur.spread > 0.0 {
+            let weight = self.blur.spread.powi(-2);
+            cost += weight * off * off;
+            normal[(BLUR, BLUR)] += weight;
+            right[BLUR] += weight * off;
+        } else {
+            normal.fill_row(BLUR, 0.0);
+            normal.fill_column(BLUR, 0.0);
+            normal[(BLUR, BLUR)] = 1.0;
+            right[BLUR] = 0.0;
+        }
         Fit {
             squares,
+            cost,
             normal,
             right,
         }
@@ -332,8 +373,8 @@ impl Window {
             }
             let next = state.moved(&damped.cholesky()?.solve(&fit.right));
             let after = self.fit(&next);
-            if after.squares <= fit.squares && next.is_near(guess) {
-                let gain = fit.squares - after.squares;
+            if after.cost <= fit.cost && next.is_near(guess) {
+                let gain = fit.cost - after.cost;
                 let settled = next.centre.distance(state.centre) < enough
                     && gain < 1.0 + 0.01 * after.squares;
                 (*state, fit) = (next, after);
