@@ -96,13 +96,12 @@ fn where_dots_would_be_too_small_a_tilt_gives_way() {
             let poses = poses(&board, &rig, &wanted).unwrap();
             poses.iter().map(tilt).collect()
         };
-        for seed in 0..60 {
-            let wanted = Wanted {
-                seed,
-                ..Wanted::default()
-            };
-            assert!(tilts(wanted).iter().all(|t| (14.9..45.1).contains(t)));
-        }
+        // One of its poses was too small with the tilt that was drawn.
+        let wanted = Wanted {
+            seed: 24,
+            ..Wanted::default()
+        };
+        assert!(tilts(wanted).iter().all(|t| (14.9..45.1).contains(t)));
         let steep = tilts(Wanted {
             tilt_deg: [15.0, 60.0],
             ..Wanted::default()
