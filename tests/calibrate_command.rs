@@ -354,12 +354,18 @@ fn what_an_earlier_run_left_does_not_stay_beside_a_new_one() {
     fs::create_dir(target.join("phasma-unfinished")).unwrap();
     fs::write(target.join("phasma-unfinished/found_pose_00.png"), "").unwrap();
     fs::write(target.join("notes.txt"), "mine").unwrap();
-    let captures = out().join("captures");
-    let captures = captures.to_str().unwrap();
-    figures(
-        &target,
-        &["--force", "--captures", captures, "--scale", "3"],
-    );
+    for (captures, stay) in [
+        (target.join("captures"), true),
+        (out().join("captures"), false),
+    ] {
+        let captures = captures.to_str().unwrap();
+        figures(
+            &target,
+            &["--force", "--captures", captures, "--scale", "3"],
+        );
+        let kept = target.join("captures/pose_07/sequence.toml").is_file();
+        assert_eq!(kept, stay, "what is read stays, what is older goes");
+    }
     for gone in ["captures", "truth.json", "phasma-unfinished"] {
         assert!(!target.join(gone).exists(), "{gone}");
     }

@@ -46,7 +46,7 @@ impl Folder {
                 "another folder, or --force to overwrite",
             ));
         }
-        let earlier = report::is_calibration(&folder.out);
+        let earlier = report::is_calibration(&folder.out) && !is_read(args, &captures);
         let [yaml, xml] = OPENCV;
         report::prepare(&folder.out, &[TRUTH, yaml, xml], args.force)?;
         // So that no pose of an earlier calibration stands beside those of this one.
@@ -102,6 +102,18 @@ impl Drop for Folder {
         if fs::remove_dir_all(&self.draft).is_ok() || !self.draft.exists() {
             self.made.iter().all(|made| fs::remove_dir(made).is_ok());
         }
+    }
+}
+
+/// Whether a folder is one that poses are read from.
+fn is_read(args: &Args, folder: &Path) -> bool {
+    let Some(read) = &args.captures else {
+        return false;
+    };
+    match (read.canonicalize(), folder.canonicalize()) {
+        (Ok(read), Ok(folder)) => read.starts_with(&folder) || folder.starts_with(&read),
+        // Better one folder too many than one too few.
+        _ => true,
     }
 }
 
