@@ -165,6 +165,7 @@ def write_files(folder, rig):
     for name, names, kind in (
         ("cv2.yml", None, np.float64),
         ("cv2.xml", None, np.float64),
+        ("cv2.json", None, np.float64),
         ("slstudio.xml", ("Kc", "kc", "Kp", "kp", "Rp", "Tp"), f32),
     ):
         storage = cv2.FileStorage(str(folder / name), cv2.FILE_STORAGE_WRITE)
