@@ -36,13 +36,6 @@ struct Look {
     own_from_there: mat3x4f,
 }
 
-// Whether a footprint of this mean lies on the outline of a board's ink.
-fn look_is_edge(object: u32, mean: f32) -> bool {
-    let about = looks[object];
-    let ink = (1.0 - mean) / (1.0 - about.board.w);
-    return (about.lay == LAY_DOTS || about.lay == LAY_CHESS) && ink > 1e-4 && ink < 1.0 - 1e-4;
-}
-
 // Whether an object's albedo varies over its surface.
 fn look_varies(object: u32) -> bool {
     return looks[object].colours != NOTHING || looks[object].lay != LAY_NONE;

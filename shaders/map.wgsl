@@ -67,6 +67,13 @@ fn printed_factor(about: Look, own: Own) -> f32 {
     return 1.0 - (1.0 - sizes.w) * ink;
 }
 
+// Whether a footprint of this mean lies on the outline of a board's ink.
+fn look_is_edge(object: u32, mean: f32) -> bool {
+    let about = looks[object];
+    let ink = (1.0 - mean) / (1.0 - about.board.w);
+    return (about.lay == LAY_DOTS || about.lay == LAY_CHESS) && ink > 1e-4 && ink < 1.0 - 1e-4;
+}
+
 fn own_of(pose: mat3x4f, local: Own) -> Own {
     return Own(
         vec4f(local.point, 1.0) * pose,

@@ -76,6 +76,7 @@ pub mod decode;
 pub mod doctor;
 pub mod emulator;
 pub mod error;
+mod file;
 pub mod geometry;
 pub mod host;
 #[cfg(target_os = "linux")]

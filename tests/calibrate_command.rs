@@ -174,9 +174,14 @@ fn poses_that_do_not_do_are_named_and_the_rest_is_used() {
         picture
     };
     change(&pose(4), blank);
-    change(&pose(6), |picture| {
-        image::imageops::crop_imm(&picture, 0, 0, 639, 480).to_image()
+    // The first one that has a board, but not the size that most have.
+    change(&pose(3), |picture| {
+        image::imageops::crop_imm(&picture, 0, 0, 640, 479).to_image()
     });
+    // Frames in another order.
+    fs::copy(pose(6).join("frame_02.png"), pose(6).join("kept")).unwrap();
+    fs::copy(pose(6).join("frame_03.png"), pose(6).join("frame_02.png")).unwrap();
+    fs::rename(pose(6).join("kept"), pose(6).join("frame_03.png")).unwrap();
     fs::write(captures.join("notes.txt"), "not a pose").unwrap();
     let out = folder.path().join("out");
     let arguments = ["--captures", captures.to_str().unwrap(), "--scale", "3"];
@@ -191,7 +196,12 @@ fn poses_that_do_not_do_are_named_and_the_rest_is_used() {
     assert!(why("pose_00").contains("mirrored"), "{figures}");
     assert!(why("pose_02").contains("frame_05.png"), "{figures}");
     assert!(why("pose_04").contains("no board"), "{figures}");
-    assert!(why("pose_06").contains("639 x 480"), "{figures}");
+    assert!(why("pose_03").contains("640 x 479"), "{figures}");
+    let warnings = figures["warnings"].to_string();
+    assert!(
+        warnings.contains("pose_06: 0 of its 475 points"),
+        "{warnings}"
+    );
     assert!(!out.join("found_pose_01.png").exists());
     assert!(
         out.join("found_pose_00.png").exists(),
@@ -230,19 +240,34 @@ fn what_determines_nothing_is_refused_with_numbers() {
         &["--force", "--captures", all, "--board", "chess"],
         &["no board in any of 8 poses", "9 x 6"],
     );
-    let parallel = [
-        "--profile",
-        "webcam-grey",
-        "--poses",
-        "4",
-        "--max-tilt-deg",
-        "0",
-        "--force",
-    ];
+    assert!(!target.exists(), "a folder that nothing came of");
+    // The same pose four times, and others with all kinds of mistakes.
+    let mixed = folder.path().join("mixed");
+    for i in 0..4 {
+        copy(
+            &out().join("captures/pose_03"),
+            &mixed.join(format!("p{i}")),
+        );
+    }
+    copy(&out().join("captures/pose_01"), &mixed.join("other"));
+    fs::remove_file(mixed.join("other/sequence.toml")).unwrap();
+    copy(&out().join("captures/pose_02"), &mixed.join("white"));
+    change(&mixed.join("white"), |mut picture| {
+        picture.iter_mut().for_each(|v| *v = 255);
+        picture
+    });
     refused(
         &target,
-        &parallel,
-        &["--poses 4", "face one way", "degrees"],
+        &["--captures", mixed.to_str().unwrap(), "--scale", "3"],
+        &[
+            "face one way",
+            "degrees",
+            "2 other poses cannot be used",
+            "other: ",
+            "sequence.toml",
+            "white: ",
+            "saturated",
+        ],
     );
 }
 
@@ -273,6 +298,14 @@ fn mistakes_are_told_before_anything_is_made() {
             &["distance", "NaN"],
         ),
         (
+            &["--profile", "pmp-bench", "--max-tilt-deg", "80"],
+            &["--max-tilt-deg: 80", "1 to 60"],
+        ),
+        (
+            &["--profile", "pmp-bench", "--max-tilt-deg", "0"],
+            &["--max-tilt-deg: 0", "1 to 60"],
+        ),
+        (
             &["--profile", "pmp-bench", "--columns", "3"],
             &["--columns: 3"],
         ),
@@ -281,6 +314,10 @@ fn mistakes_are_told_before_anything_is_made() {
             &["no folder in it", "a folder for each pose"],
         ),
         (&["--captures", "/no/such"], &["--captures", "/no/such"]),
+        (
+            &["--captures", file!()],
+            &["--captures", "a file", "a folder"],
+        ),
     ] {
         refused(&target, arguments, needles);
         assert!(!target.exists(), "{arguments:?}");
@@ -306,4 +343,32 @@ fn nothing_of_the_users_is_overwritten() {
     refused(folder.path(), &arguments, &["calibration.toml", "--force"]);
     assert_eq!(fs::read_to_string(&mine).unwrap(), "mine");
     refused(&out(), &arguments, &["an earlier calibration", "--force"]);
+}
+
+#[test]
+fn what_an_earlier_run_left_does_not_stay_beside_a_new_one() {
+    let folder = tempdir().unwrap();
+    let target = folder.path().join("out");
+    copy(&out(), &target);
+    // A run that was killed.
+    fs::create_dir(target.join("phasma-unfinished")).unwrap();
+    fs::write(target.join("phasma-unfinished/found_pose_00.png"), "").unwrap();
+    fs::write(target.join("notes.txt"), "mine").unwrap();
+    for (captures, stay) in [
+        (target.join("captures"), true),
+        (out().join("captures"), false),
+    ] {
+        let captures = captures.to_str().unwrap();
+        figures(
+            &target,
+            &["--force", "--captures", captures, "--scale", "3"],
+        );
+        let kept = target.join("captures/pose_07/sequence.toml").is_file();
+        assert_eq!(kept, stay, "what is read stays, what is older goes");
+    }
+    for gone in ["captures", "truth.json", "phasma-unfinished"] {
+        assert!(!target.join(gone).exists(), "{gone}");
+    }
+    assert!(target.join("found_pose_07.png").is_file());
+    assert!(target.join("notes.txt").is_file());
 }

@@ -85,8 +85,7 @@ def read_points(path):
     with path.open(newline="") as file:
         for row in csv.DictReader(file):
             projector = [row["projector_u_px"], row["projector_v_px"]]
-            weights = [float(row[name] or 1.0) for name in ("weight", "projector_weight")]
-            if all(projector) and min(weights) > 0.5:
+            if all(projector) and float(row["weight"]) > 0.5:
                 fields = ("board_x_mm", "board_y_mm", "camera_u_px", "camera_v_px")
                 numbers = [float(row[field]) for field in fields] + [float(x) for x in projector]
                 poses[row["pose"]].append(numbers)
@@ -94,6 +93,21 @@ def read_points(path):
     flat = [np.column_stack([rows[:, :2], np.zeros(len(rows))]) for rows in lists]
     as_f32 = lambda columns: [np.ascontiguousarray(c, dtype=np.float32) for c in columns]
     return as_f32(flat), as_f32(r[:, 2:4] for r in lists), as_f32(r[:, 4:6] for r in lists)
+
+
+def deviations(path):
+    """Residuals in points.csv against the sigmas beside them."""
+    with path.open(newline="") as file:
+        rows = [row for row in csv.DictReader(file) if float(row["weight"]) > 0.5]
+    for view in ("camera", "projector"):
+        ratios = [
+            float(row[f"{view}_residual_{axis}_px"]) / float(row[f"{view}_sigma_{axis}_px"])
+            for row in rows
+            for axis in "uv"
+            if row[f"{view}_residual_{axis}_px"]
+        ]
+        rms = np.sqrt(np.mean(np.square(ratios)))
+        expect(f"points.csv: {view} residual over sigma", 0.8 < rms < 1.25, f"RMS {rms:.3f}")
 
 
 def flags_for(distortion):
@@ -166,6 +180,7 @@ def write_files(folder, rig):
     for name, names, kind in (
         ("cv2.yml", None, np.float64),
         ("cv2.xml", None, np.float64),
+        ("cv2.json", None, np.float64),
         ("slstudio.xml", ("Kc", "kc", "Kp", "kp", "Rp", "Tp"), f32),
     ):
         storage = cv2.FileStorage(str(folder / name), cv2.FILE_STORAGE_WRITE)
@@ -212,6 +227,7 @@ def main():
     rig = Rig(folder / "calibration.toml")
     read_files(folder, rig)
     board, camera_px, projector_px = read_points(folder / "points.csv")
+    deviations(folder / "points.csv")
     calibrate("camera", board, camera_px, rig.camera)
     calibrate("projector", board, projector_px, rig.projector)
     stereo(board, camera_px, projector_px, rig)

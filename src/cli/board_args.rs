@@ -94,10 +94,18 @@ impl BoardArgs {
                 }
             }
         };
-        let board = board.scaled(scale);
-        match board.check() {
-            Ok(()) => Ok(board),
-            Err((field, found, allowed)) => Err(refused(&field.replace('_', "-"), found, allowed)),
+        let scaled = board.scaled(scale);
+        match (scaled.check(), board.check()) {
+            (Ok(()), _) => Ok(scaled),
+            // What did before it was scaled is not what is wrong.
+            (Err((field, _, allowed)), Ok(())) => Err(refused(
+                "scale",
+                format!("{scale:?}"),
+                format!("a factor that leaves {field} at {allowed}"),
+            )),
+            (Err((field, found, allowed)), Err(_)) => {
+                Err(refused(&field.replace('_', "-"), found, allowed))
+            }
         }
     }
 }
@@ -162,6 +170,12 @@ mod tests {
             ("--pitch-mm NaN", "--pitch-mm: NaN"),
             ("--scale 0", "--scale: 0"),
             ("--scale inf", "--scale: inf"),
+            (
+                "--scale 1e300",
+                "--scale: 1e300; allowed: a factor that leaves pitch_mm at 0.001",
+            ),
+            ("--scale 1e-9 --board chess", "--scale: 1e-9; allowed: "),
+            ("--scale 2 --pitch-mm 0", "--pitch-mm: 0; allowed: "),
             ("--dot-mm 7", "--dot-mm: 7"),
             ("--marker-mm 3", "--marker-mm: 3"),
         ] {

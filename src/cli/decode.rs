@@ -22,8 +22,8 @@ pub(super) struct Args {
     /// Folder of the photographs [default: the manifest's]
     #[arg(long, value_name = "DIR")]
     frames: Option<PathBuf>,
-    /// Calibration: adds cloud.ply and depth.npy. calibration.toml, or OpenCV's YAML or XML, or
-    /// SLStudio's formats
+    /// Calibration: adds cloud.ply and depth.npy. calibration.toml, or OpenCV's YAML, XML or JSON,
+    /// or SLStudio's formats
     #[arg(long, value_name = "FILE")]
     calibration: Option<PathBuf>,
     #[command(flatten)]

@@ -37,8 +37,8 @@ pub(super) struct Args {
     /// Folder for what is captured.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// Calibration to use in place of the device's own: calibration.toml, or OpenCV's YAML or XML,
-    /// or SLStudio's formats, with image sizes.
+    /// Calibration to use in place of the device's own: calibration.toml, or OpenCV's YAML, XML or
+    /// JSON, or SLStudio's formats, with image sizes.
     #[arg(long, value_name = "FILE")]
     calibration: Option<PathBuf>,
     #[command(flatten)]

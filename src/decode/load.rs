@@ -3,6 +3,7 @@
 use super::plan::Plan;
 use super::samples::{FrameStack, Samples};
 use crate::error::{Error, Result};
+use crate::file;
 use crate::pattern::{MAX_SIDE_PX, Manifest};
 use image::{DynamicImage, ImageReader, Limits};
 use rayon::prelude::*;
@@ -165,6 +166,7 @@ impl Luma {
 }
 
 fn reader(path: &Path) -> Result<ImageReader<std::io::BufReader<std::fs::File>>> {
+    file::regular(path)?;
     let mut reader = ImageReader::open(path)
         .and_then(ImageReader::with_guessed_format)
         .map_err(|e| Error::io(path, e))?;

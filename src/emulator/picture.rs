@@ -1,6 +1,7 @@
 //! Pictures that a projector is to show: PNG, BMP or TIFF to grey, within the projector's bounds.
 
 use crate::error::{Error, Result};
+use crate::file;
 use crate::profile::Projector;
 use image::{GrayImage, ImageReader, Limits};
 use std::io::Cursor;
@@ -41,15 +42,5 @@ pub(super) fn read(path: &Path, projector: &Projector) -> Result<GrayImage> {
 /// # Errors
 /// What the system refuses, and a file above 64 MiB.
 pub(super) fn bytes_of(path: &Path) -> Result<Vec<u8>> {
-    let size = std::fs::metadata(path)
-        .map_err(|e| Error::io(path, e))?
-        .len();
-    if size > MAX_FILE {
-        return Err(Error::input(
-            path.display(),
-            format!("{size} bytes"),
-            format!("up to {MAX_FILE} bytes"),
-        ));
-    }
-    std::fs::read(path).map_err(|e| Error::io(path, e))
+    file::read(path, MAX_FILE)
 }

@@ -2,7 +2,7 @@
 
 use crate::error::{Error, Result};
 use std::fs::File;
-use std::io::{BufWriter, Read, Write};
+use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 /// Largest mesh or cloud file that is read: some 20 million triangles of binary STL.
@@ -13,28 +13,7 @@ pub(crate) const MAX_BYTES: u64 = 1 << 30;
 /// # Errors
 /// What the system refuses, a folder, pipe or device, or a larger file.
 pub(crate) fn read(path: &Path) -> Result<Vec<u8>> {
-    let file = File::open(path).map_err(|e| Error::io(path, e))?;
-    let meta = file.metadata().map_err(|e| Error::io(path, e))?;
-    if !meta.is_file() {
-        return Err(Error::input(
-            path.display(),
-            "not a regular file",
-            "a mesh or cloud file",
-        ));
-    }
-    if meta.len() > MAX_BYTES {
-        return Err(Error::input(
-            path.display(),
-            format!("{} bytes", meta.len()),
-            format!("up to {MAX_BYTES} bytes"),
-        ));
-    }
-    let mut bytes = Vec::with_capacity(meta.len() as usize);
-    // The file may grow while it is read.
-    file.take(MAX_BYTES)
-        .read_to_end(&mut bytes)
-        .map_err(|e| Error::io(path, e))?;
-    Ok(bytes)
+    crate::file::read(path, MAX_BYTES)
 }
 
 /// Writes a file so that its name only ever stands for a whole one: into a new file beside it,

@@ -1,6 +1,7 @@
 //! TOML text with its name, so that every complaint about it carries file, line and field.
 
 use crate::error::{Error, Result};
+use crate::file;
 use serde::de::DeserializeOwned;
 use std::fmt::Display;
 use std::path::Path;
@@ -30,17 +31,7 @@ impl TomlSource {
     /// What the system refuses, a larger file, or bytes that are not UTF-8.
     pub fn read(path: &Path) -> Result<Self> {
         let place = path.display().to_string();
-        let size = std::fs::metadata(path)
-            .map_err(|e| Error::io(path, e))?
-            .len();
-        if size > MAX_BYTES {
-            return Err(Error::input(
-                &place,
-                format!("{size} bytes"),
-                format!("up to {MAX_BYTES} bytes"),
-            ));
-        }
-        let bytes = std::fs::read(path).map_err(|e| Error::io(path, e))?;
+        let bytes = file::read(path, MAX_BYTES)?;
         let text = String::from_utf8(bytes)
             .map_err(|e| Error::input(&place, e, "a text file in UTF-8"))?;
         Ok(Self { text, place })

@@ -2,6 +2,7 @@
 
 use crate::desk::Desk;
 use phasma::calibrate::rig::Calibration;
+use phasma::calibrate::solve::chi_square_bound;
 use phasma::geometry::Pose;
 use std::fmt;
 
@@ -122,19 +123,12 @@ impl fmt::Display for Figures {
             "Mahalanobis {:.1} of {} (99 %: {:.1}); the rig's own {:.1} of {} (99 %: {:.1})",
             self.distance,
             self.freedom,
-            quantile_99(self.freedom),
+            chi_square_bound(0.99, self.freedom),
             self.rig_distance,
             self.rig_freedom,
-            quantile_99(self.rig_freedom)
+            chi_square_bound(0.99, self.rig_freedom)
         )?;
         writeln!(f, "{}", self.parameters.join("; "))?;
         write!(f, "{}", self.warnings.join("\n"))
     }
-}
-
-/// The 99 % quantile of a chi-square distribution (Wilson and Hilferty, PNAS 17, 1931), good to a
-/// part in a thousand from 10 degrees of freedom on.
-pub fn quantile_99(freedom: usize) -> f64 {
-    let spread = 2.0 / (9.0 * freedom as f64);
-    freedom as f64 * (1.0 - spread + 2.326_348 * spread.sqrt()).powi(3)
 }

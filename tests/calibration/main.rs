@@ -7,9 +7,9 @@ mod figures;
 mod seeds;
 
 use desk::{Desk, shots};
-use figures::{Figures, quantile_99};
+use figures::Figures;
 use phasma::calibrate::poses::Wanted;
-use phasma::calibrate::solve::Choice;
+use phasma::calibrate::solve::{Choice, chi_square_bound};
 use phasma::decode::{Decoder, FrameStack, Options, Samples};
 use phasma::emulator::render::Renderer;
 use phasma::geometry::{Board, Rig};
@@ -38,7 +38,7 @@ fn twenty_poses_of_the_bench_give_its_rig() {
         (figures.distance, figures.freedom),
         (figures.rig_distance, figures.rig_freedom),
     ] {
-        assert!(distance <= quantile_99(freedom), "{figures}");
+        assert!(distance <= chi_square_bound(0.99, freedom), "{figures}");
     }
     assert_eq!(calibration.warnings, Vec::<String>::new());
     assert!(calibration.rounds <= 4 && calibration.last_move_px <= 1e-5);
@@ -92,7 +92,7 @@ fn the_papers_own_board_at_half_the_distance() {
     // Dots that only ambient light shows are noisy in so short an exposure.
     assert!(figures.dots_px <= 0.03, "{figures}");
     assert!(
-        figures.distance <= quantile_99(figures.freedom),
+        figures.distance <= chi_square_bound(0.99, figures.freedom),
         "{figures}"
     );
     assert!(

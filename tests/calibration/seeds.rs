@@ -1,9 +1,9 @@
 //! Whether the covariance is honest: many calibrations, each with poses and noise of its own.
 
 use crate::desk::Desk;
-use crate::figures::{Figures, quantile_99};
+use crate::figures::Figures;
 use phasma::calibrate::poses::Wanted;
-use phasma::calibrate::solve::Choice;
+use phasma::calibrate::solve::{Choice, chi_square_bound};
 use phasma::geometry::Board;
 use rayon::prelude::*;
 
@@ -44,7 +44,10 @@ fn distances_of_fifty_seeds_follow_chi_square() {
         let ratio = sum / freedom as f64;
         // The sum of independent chi-square numbers is one too: mean and standard deviation.
         let sd = (2.0 / freedom as f64).sqrt();
-        let beyond = of.iter().filter(|(d, f)| *d > quantile_99(*f)).count();
+        let beyond = of
+            .iter()
+            .filter(|(d, f)| *d > chi_square_bound(0.99, *f))
+            .count();
         println!("{name}: {ratio:.3} +- {sd:.3} of chi-square's mean, {beyond} of 50 beyond 99 %");
         assert!((ratio - 1.0).abs() < 3.0 * sd, "{name}: {ratio}");
         assert!(beyond <= 3, "{name}: {beyond}");

@@ -129,14 +129,15 @@ fn rotation(node: &Node) -> Result<DMat3, Fault> {
         off.iter().fold(0.0, |worst: f64, x| worst.max(x.abs()))
     };
     // Negated, so that NaN is refused.
-    if !(away(found) <= WORST_ROTATION && found.determinant() > 0.0) {
+    let wrong = match away(found) {
+        off if !(off <= WORST_ROTATION) => Some(format!("a matrix {off:.1e} away from a rotation")),
+        _ if found.determinant() < 0.0 => Some("a reflection, determinant -1".to_owned()),
+        _ => None,
+    };
+    if let Some(wrong) = wrong {
         return Err(Fault::new(
             node.line,
-            format!(
-                "{}: a matrix {:.1e} away from a rotation",
-                node.name,
-                away(found)
-            ),
+            format!("{}: {wrong}", node.name),
             format!("orthonormal rows to {WORST_ROTATION:e}, determinant +1"),
         ));
     }
@@ -190,10 +191,13 @@ fn pixels(nodes: &Nodes, names: &[&str]) -> Result<Option<u32>, Fault> {
     match *node.value.numbers() {
         [0.0] => Ok(None),
         [n] if n.fract() == 0.0 && (1.0..=32768.0).contains(&n) => Ok(Some(n as u32)),
-        _ => Err(Fault::new(
-            node.line,
-            format!("{}: {:?}", node.name, node.value.numbers().first()),
-            "1 to 32768 pixels",
-        )),
+        ref list => {
+            let found = match list {
+                [n] => format!("{n:?}").trim_end_matches(".0").to_owned(),
+                _ => format!("{} numbers", list.len()),
+            };
+            let found = format!("{}: {found}", node.name);
+            Err(Fault::new(node.line, found, "1 to 32768 pixels"))
+        }
     }
 }

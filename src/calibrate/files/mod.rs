@@ -5,19 +5,21 @@
 //! | `calibration.toml` | none of the others | Phasma |
 //! | OpenCV `FileStorage`, XML | begins with `<` | `cv::FileStorage`, SLStudio |
 //! | OpenCV `FileStorage`, YAML | `%YAML`, `---`, or `name:` first | `cv::FileStorage`, others |
-//! | text with `Kc`, `kc`, `Kp`, `kp`, `Rp`, `Tp` | begins with `%%`, `#V`, or a name alone first | SLStudio (`.slcalib`, `.m`) |
+//! | OpenCV `FileStorage`, JSON | begins with `{` | `cv::FileStorage` |
+//! | text with `Kc`, `kc`, `Kp`, `kp`, `Rp`, `Tp` | begins with `%%`, `#V`, or with one of the names, alone or before `=` | SLStudio (`.slcalib`, `.m`) |
 //!
 //! Whatever the names in a foreign file, its numbers mean what OpenCV's `stereoCalibrate` says: camera
 //! matrices with pixel centres at integers, distortion k1 k2 p1 p2 k3, and R, T that take a point of
 //! the camera's frame to the projector's, `X_p = R X_c + T`. SLStudio does so too: its triangulation
 //! projects with `Kc [I | 0]` and `Kp [Rp | Tp]`. Lengths are taken as millimetres.
 //!
-//! The readers of YAML and XML are of OpenCV's dialects alone, and ours: they are small (nothing in
+//! The readers of YAML, XML and JSON are of OpenCV's dialects alone, and ours: they are small (nothing in
 //! a calibration nests), `%YAML:1.0`, as OpenCV up to 4 begins, is not YAML to a strict reader, and
 //! general XML brings what a file from anywhere must not: entities, namespaces, tags of any size.
-//! Both take time and memory in proportion to the file, whose size is bounded.
+//! All take time and memory in proportion to the file, whose size is bounded.
 
 mod check;
+mod json;
 mod node;
 mod number;
 mod plain;
@@ -31,6 +33,7 @@ mod tests;
 pub use write::{Format, Reprojection, to_opencv, write_opencv};
 
 use crate::error::{Error, Result};
+use crate::file;
 use crate::geometry::Rig;
 use std::path::Path;
 
@@ -62,17 +65,7 @@ pub fn read_rig(path: &Path) -> Result<Rig> {
 /// As [`read_rig`].
 pub fn read_rig_sized(path: &Path, sizes: Sizes) -> Result<Rig> {
     let place = path.display().to_string();
-    let size = std::fs::metadata(path)
-        .map_err(|e| Error::io(path, e))?
-        .len();
-    if size > MAX_BYTES {
-        return Err(Error::input(
-            &place,
-            format!("{size} bytes"),
-            format!("up to {MAX_BYTES} bytes"),
-        ));
-    }
-    let bytes = std::fs::read(path).map_err(|e| Error::io(path, e))?;
+    let bytes = file::read(path, MAX_BYTES)?;
     rig_from_bytes(&bytes, &place, sizes)
 }
 
@@ -85,7 +78,7 @@ pub fn rig_from_bytes(bytes: &[u8], place: &str, sizes: Sizes) -> Result<Rig> {
         Error::input(
             place,
             e,
-            "a calibration in TOML, or in OpenCV's YAML or XML, in UTF-8",
+            "a calibration in TOML, or in OpenCV's YAML, XML or JSON, in UTF-8",
         )
     })?;
     let text = text.strip_prefix('\u{feff}').unwrap_or(text);
@@ -93,6 +86,7 @@ pub fn rig_from_bytes(bytes: &[u8], place: &str, sizes: Sizes) -> Result<Rig> {
         Kind::Toml => return Rig::from_toml(text, place),
         Kind::Xml => xml::parse(text),
         Kind::Yaml => yaml::parse(text),
+        Kind::Json => json::parse(text),
         Kind::Plain => plain::parse(text),
     };
     let rig = nodes.and_then(|nodes| check::rig(&nodes, sizes));
@@ -114,6 +108,7 @@ enum Kind {
     Toml,
     Xml,
     Yaml,
+    Json,
     Plain,
 }
 
@@ -125,6 +120,9 @@ impl Kind {
         };
         if first.starts_with('<') {
             return Self::Xml;
+        }
+        if first.starts_with('{') {
+            return Self::Json;
         }
         if first.starts_with("%YAML") || first == "---" {
             return Self::Yaml;
@@ -138,7 +136,9 @@ impl Kind {
         let name = &line[..line.len() - rest.len()];
         match rest.trim_start().chars().next() {
             Some(':') if !name.is_empty() => Self::Yaml,
-            None if node::names::ALL.iter().any(|names| names.contains(&name)) => Self::Plain,
+            None | Some('=') if node::names::ALL.iter().any(|names| names.contains(&name)) => {
+                Self::Plain
+            }
             _ => Self::Toml,
         }
     }

@@ -145,6 +145,32 @@ const SLCALIB: &str = "#V1.0 SLStudio calibration\n#Calibration time: now\n\n\
     Rp\n0.866025 0.000000 0.500000\n0.000000 1.000000 0.000000\n-0.500000 0.000000 0.866025\n\n\
     Tp\n-175.000000 -4.500000 0.010000\n\n\
     cam_error: 0.115285\n\nproj_error: 0.4\n\nstereo_error: 0.35\n\n";
+/// The same as OpenCV 5 writes it as JSON.
+const JSON: &str = r#"{
+    "Kc": {
+        "type_id": "opencv-matrix",
+        "rows": 3,
+        "cols": 3,
+        "dt": "f",
+        "data": [ 850.0, 0.0, 325.0, 0.0, 862.5, 250.0, 0.0, 0.0,
+            1. ]
+    },
+    "kc": [ -2.5e-01, 0.125, 0.0, 0.0, 0.0 ],
+    "text": "a \"R\": {",
+    "nested": { "R": [ 7, { "Tp": [ ] } ], "none": { } },
+    "points": { "type_id": "opencv-matrix", "rows": .Nan },
+    "Kp": { "rows": 3, "cols": 3, "dt": "d",
+        "data": [ 2500, 0, 850, 0, 2500, 1125, 0, 0, 1 ] },
+    "kp": { "type_id": "opencv-matrix", "rows": 1, "cols": 5, "dt": "f",
+        "data": [ -0.03125, -5.0e-02, 0.0, 0.0, 0.0 ] },
+    "Rp": { "type_id": "opencv-matrix", "rows": 3, "cols": 3, "dt": "f",
+        "data": [ 0.866025388, 0.0, 0.5, 0.0, 1.0, 0.0, -0.5, 0.0, 0.866025388 ] },
+    "Tp": { "type_id": "opencv-matrix", "rows": 3, "cols": 1, "dt": "f",
+        "data": [ -175.0, -4.5, 0.01 ] },
+    "frameWidth": 640, "frameHeight": 512,
+    "screenResX": 912, "screenResY": 1140
+}
+"#;
 const MATLAB: &str = "%%SLStudio calibration\nKc = [850, 0, 325;\n 0, 862.5, 250;\n 0, 0, 1];\n\
     kc = [-0.25; 0.125; 0; 0; 0];\nKp = [2500, 0, 850;\n 0, 2500, 1125;\n 0, 0, 1];\n\
     kp = [-0.03125, -0.05, 0, 0, 0];\nRp = [0.86602539, 0, 0.5;\n 0, 1, 0;\n -0.5, 0, 0.86602539];\n\
@@ -157,7 +183,9 @@ fn slstudio_s_texts_want_the_sizes_from_elsewhere() {
         camera: Some([640, 512]),
         projector: Some([912, 1140]),
     };
-    for text in [SLCALIB, MATLAB] {
+    let bare = MATLAB.lines().skip(1).collect::<Vec<_>>().join("\n");
+    assert!(bare.starts_with("Kc = [850"));
+    for text in [SLCALIB, MATLAB, &bare] {
         let rig = rig_from_bytes(text.as_bytes(), "c", sizes).unwrap();
         assert_eq!(rig.camera, wanted.camera);
         assert_eq!(rig.projector.lens, wanted.projector.lens);
@@ -181,6 +209,63 @@ fn slstudio_s_texts_want_the_sizes_from_elsewhere() {
         rig_from_bytes(unknown.as_bytes(), "c", sizes).unwrap(),
         wanted
     );
+}
+
+#[test]
+fn json_is_read_and_named_where_it_is_broken() {
+    assert_eq!(read(JSON).unwrap(), read(SLSTUDIO_XML).unwrap());
+    let flat = JSON.replace('\n', " ");
+    assert_eq!(read(&flat).unwrap(), read(JSON).unwrap());
+    for (from, to, needle) in [
+        ("862.5", "six", "c:7: Kc: `six`; allowed: a number"),
+        (
+            "\"rows\": 3",
+            "\"rows\": 4",
+            "Kc: 9 numbers; allowed: 4 x 3",
+        ),
+        ("\"dt\": \"f\"", "\"dt\": [ 1 ]", "c:6: Kc: dt: `[ 1 ]`"),
+        ("0.125", "[ 1 ]", "c:10: kc: `[`"),
+        ("\"text\": ", "\"text\" ", "c:11: "),
+        ("0.0 ],\n    \"text", "0.0 ]\n    \"text", "c:11: `\"text"),
+        (
+            "\"text",
+            "text",
+            "c:11: `text`; allowed: a name in double quotes",
+        ),
+        (
+            "\"text\": \"a",
+            "\"text\": \"a\n",
+            "c:11: a string without end",
+        ),
+        ("{ \"R\": [", "{ \"R\": (", "c:12: `]`; allowed: `}`"),
+        (
+            "\"nested\": {",
+            "\"nested\": { {",
+            "c:1: a bracket without end",
+        ),
+        ("\"kc\"", "\"Kc\"", "c:10: Kc once more, after line 2"),
+        (
+            "1140\n}",
+            "1140\n} }",
+            "c:24: `}`; allowed: the end of the file",
+        ),
+        ("912", "", "c:23: `, \"screenResY\": 1140`"),
+        (
+            "\"frameWidth\": 640",
+            "\"frameWidth\": [ ]",
+            "frameWidth: 0 numbers",
+        ),
+    ] {
+        let broken = JSON.replacen(from, to, 1);
+        assert_ne!(broken, JSON, "{from}");
+        let found = match read(&broken) {
+            Ok(_) => "read".to_owned(),
+            Err(error) => error.to_string(),
+        };
+        assert!(found.contains(needle), "{found}\nwanted {needle}");
+    }
+    assert!(message("{}").contains("no camera_matrix"));
+    assert!(message("{").contains("c:1: a bracket without end"));
 }
 
 #[test]
@@ -233,7 +318,7 @@ fn what_is_broken_is_named_with_its_line() {
             &ours,
             "image_width: 1138",
             "image_width: 1e9",
-            "c:3: image_width: Some(1000000000.0)",
+            "c:3: image_width: 1000000000; allowed: 1 to",
         ),
         (&ours, "\nT: ", "\nt: ", "no T; allowed: T, or Tp"),
         (
@@ -319,7 +404,12 @@ fn what_is_broken_is_named_with_its_line() {
         (
             "0.000000 1.000000 0.000000",
             "0 -1 0",
-            "away from a rotation",
+            "Rp: a reflection, determinant -1; allowed: orthonormal",
+        ),
+        (
+            "0.000000 1.000000 0.000000",
+            "0 1.1 0",
+            "Rp: a matrix 2.1e-1 away from a rotation",
         ),
         ("-175.000000 -4.500000 0.010000", "0 0 0", "zero baseline"),
     ] {
@@ -339,12 +429,16 @@ fn what_is_broken_is_named_with_its_line() {
 fn a_file_of_any_nesting_and_size_is_read_in_no_time() {
     let deep = "<opencv_storage>".to_owned() + &"<a>".repeat(100_000);
     assert!(message(&deep).contains("levels"));
+    let deep = "{\"a\":".repeat(100_000);
+    assert!(message(&deep).contains("levels"));
     for (one, begin) in [
         ("a: 1\n", "%YAML:1.0\n"),
         (" -\n", "%YAML:1.0\na:\n"),
         ("<a b=\"c\"/>", "<opencv_storage>"),
         ("1<!---->", "<opencv_storage><Kc>"),
         ("[", "Kc: ["),
+        ("[", "{\"Kc\": "),
+        ("\"a\":[1],", "{"),
         ("Xx 1\n", "#V\n"),
     ] {
         let text = begin.to_owned() + &one.repeat((4 << 20) / one.len());
@@ -376,7 +470,7 @@ proptest! {
     /// Whatever stands in a file, reading it ends, and a rig that comes out is one.
     #[test]
     fn any_text_is_read_or_refused(
-        format in 0usize..4,
+        format in 0usize..5,
         at in any::<prop::sample::Index>(),
         cut in 0usize..40,
         put in "[ -~\\n]{0,12}|[<>/!:\\[\\]#%.-]{0,6}|\\PC{0,4}",
@@ -385,6 +479,7 @@ proptest! {
             0 => to_opencv(&rig(), &Reprojection::default(), Format::Yaml),
             1 => to_opencv(&rig(), &Reprojection::default(), Format::Xml),
             2 => SLCALIB.to_owned(),
+            3 => JSON.to_owned(),
             _ => MATLAB.to_owned(),
         };
         let at = at.index(text.len());

@@ -41,8 +41,9 @@ impl Fit<'_> {
         ] {
             self.check_turned(name, view)?;
         }
-        self.check_whole()?;
-        self.check_size(wanted)
+        // First what takes the fewest points.
+        self.check_size(wanted)?;
+        self.check_whole()
     }
 
     fn point(&self, at: DVec2) -> DVec3 {

@@ -4,7 +4,8 @@
 //! Zhang (IEEE PAMI 22, 2000, section 5) finds that tilts about 45 degrees determine focal lengths
 //! best and that parallel boards determine nothing; corners of boards give way sooner, so tilts are
 //! drawn between 15 and 45. Positions are aimed all over the image and then moved towards the middle
-//! of what camera and projector share, until the board can be seen and lit.
+//! of what camera and projector share, until the board can be seen and lit. Where that is nowhere,
+//! as dots far away and tilted are too small, the tilt gives way.
 
 mod draw;
 mod fit;
@@ -20,6 +21,8 @@ use std::ops::Range;
 const STEPS: u32 = 20;
 /// How far what was drawn is given up, a half after the other, where it does not fit.
 const EASE: [f64; 3] = [0.0, 0.5, 1.0];
+/// How far a tilt is given up towards the least one, where nothing else helps.
+const LEVEL: [f64; 6] = [0.0, 0.2, 0.4, 0.6, 0.8, 1.0];
 /// Columns and rows of pixels that are looked at for the field that camera and projector share.
 const GRID: u32 = 33;
 /// Most poses of one calibration.
@@ -35,7 +38,8 @@ pub struct Wanted {
     /// Depth of a board's middle in the camera's frame in millimetres; when absent, where the middles
     /// of the camera's and the projector's fields meet.
     pub distance_mm: Option<f64>,
-    /// Least and greatest tilt against the image plane in degrees.
+    /// Least and greatest tilt against the image plane in degrees; a pose has the tilt that was
+    /// drawn for it, or less where the board cannot be seen so.
     pub tilt_deg: [f64; 2],
     /// Least and greatest depth relative to the distance.
     pub reach: [f64; 2],
@@ -98,12 +102,58 @@ fn check(wanted: &Wanted) -> Result<()> {
 fn pose(board: &Board, rig: &Rig, wanted: &Wanted, distance: f64, index: usize) -> Result<Pose> {
     let [u, v, around, tilt, reach, roll] = draw::numbers(wanted.seed, index);
     let between = |[low, high]: [f64; 2], share: f64| low + (high - low) * share;
-    let tilt = between(wanted.tilt_deg, tilt).to_radians();
-    let roll = between([-wanted.roll_deg, wanted.roll_deg], roll).to_radians();
-    let reach = between(wanted.reach, reach);
+    let drawn = Drawn {
+        share: DVec2::new(u, v),
+        around,
+        tilt: 0.0,
+        roll: between([-wanted.roll_deg, wanted.roll_deg], roll).to_radians(),
+        reach: between(wanted.reach, reach),
+    };
+    let tilt = between(wanted.tilt_deg, tilt);
+    let mut last = None;
+    for level in LEVEL {
+        let tilt = (tilt + (wanted.tilt_deg[0] - tilt) * level).to_radians();
+        match placed(board, rig, wanted, distance, Drawn { tilt, ..drawn }) {
+            Ok(pose) => return Ok(pose),
+            Err(flaw) => last = Some(flaw),
+        }
+    }
+    Err(name(last.unwrap_or_else(|| no_field(distance)), index))
+}
+
+/// Where a pose is aimed at, before it gives way.
+#[derive(Debug, Clone, Copy)]
+struct Drawn {
+    /// Place in the image, in widths and heights of it.
+    share: DVec2,
+    /// Direction of the tilt in turns.
+    around: f64,
+    /// Tilt in radians.
+    tilt: f64,
+    /// Turn about the board's normal in radians.
+    roll: f64,
+    /// Depth over the distance.
+    reach: f64,
+}
+
+/// A pose with this tilt that fits, as near to where it is aimed at as can be.
+fn placed(
+    board: &Board,
+    rig: &Rig,
+    wanted: &Wanted,
+    distance: f64,
+    drawn: Drawn,
+) -> Result<Pose, Flaw> {
+    let Drawn {
+        share,
+        around,
+        tilt,
+        roll,
+        reach,
+    } = drawn;
     let lens = &rig.camera.lens;
     let size = DVec2::new(lens.width_px.into(), lens.height_px.into());
-    let aim = DVec2::new(u, v) * size - 0.5;
+    let aim = share * size - 0.5;
     let mut last = None;
     // A board that is nearly too large or too small is shown at the distance itself.
     for ease in EASE {
@@ -139,7 +189,7 @@ fn pose(board: &Board, rig: &Rig, wanted: &Wanted, distance: f64, index: usize) 
             }
         }
     }
-    Err(name(last.unwrap_or_else(|| no_field(distance)), index))
+    Err(last.unwrap_or_else(|| no_field(distance)))
 }
 
 fn name(flaw: Flaw, index: usize) -> Error {

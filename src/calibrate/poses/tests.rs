@@ -87,6 +87,32 @@ fn a_seed_decides_and_chessboards_are_whole() {
 }
 
 #[test]
+fn where_dots_would_be_too_small_a_tilt_gives_way() {
+    for name in profile_names() {
+        let (rig, scale) = rig(name);
+        let board = Board::DOTS.scaled(scale);
+        let tilts = |wanted: Wanted| -> Vec<f64> {
+            let tilt = |pose: &Pose| pose.direction(DVec3::Z).z.acos().to_degrees();
+            let poses = poses(&board, &rig, &wanted).unwrap();
+            poses.iter().map(tilt).collect()
+        };
+        // One of its poses was too small with the tilt that was drawn.
+        let wanted = Wanted {
+            seed: 24,
+            ..Wanted::default()
+        };
+        assert!(tilts(wanted).iter().all(|t| (14.9..45.1).contains(t)));
+        let steep = tilts(Wanted {
+            tilt_deg: [15.0, 60.0],
+            ..Wanted::default()
+        });
+        assert!(steep.iter().all(|t| (14.9..60.1).contains(t)), "{name}");
+        let most = steep.iter().copied().fold(0.0, f64::max);
+        assert!(most > 40.0, "{name}: {most}");
+    }
+}
+
+#[test]
 fn what_cannot_be_shown_is_told_with_numbers() {
     let (rig, _) = rig("pmp-bench");
     let told = |board: Board, wanted: Wanted| poses(&board, &rig, &wanted).unwrap_err().to_string();

@@ -37,8 +37,7 @@ pub fn prepare(folder: &Path, also: &[&str], force: bool) -> Result<()> {
     let Some(first) = ours.first() else {
         return Ok(());
     };
-    let summary = fs::read_to_string(folder.join("summary.json")).unwrap_or_default();
-    let whose = if summary.contains("\"made_by\": \"phasma calibrate") {
+    let whose = if is_calibration(folder) {
         "of an earlier calibration"
     } else {
         "which no calibration has made"
@@ -49,6 +48,12 @@ pub fn prepare(folder: &Path, also: &[&str], force: bool) -> Result<()> {
         format!("{name}, {whose}"),
         "another folder, or --force to overwrite",
     ))
+}
+
+/// Whether a calibration of ours stands in a folder.
+pub fn is_calibration(folder: &Path) -> bool {
+    let summary = fs::read_to_string(folder.join("summary.json")).unwrap_or_default();
+    summary.contains("\"made_by\": \"phasma calibrate")
 }
 
 /// What stands in the folder under names of ours, in order.

@@ -16,7 +16,7 @@ mod summary;
 mod tests;
 
 pub use about::{About, picture_names};
-pub use folder::{FILES, prepare};
+pub use folder::{FILES, is_calibration, prepare};
 pub use summary::{Figures, LeftOutPose, Summary, SummaryParameter};
 
 use super::rig::Calibration;

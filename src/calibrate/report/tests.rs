@@ -34,6 +34,8 @@ impl Noise {
 
 const CAMERA_PX: f64 = 0.005;
 const PROJECTOR_PX: f64 = 0.03;
+/// What a camera point's error does to the projector's.
+const SLOPE: DMat2 = DMat2::from_cols(DVec2::new(4.0, 0.5), DVec2::new(-1.0, 5.0));
 
 fn nominal() -> Rig {
     Profile::load("pmp-bench").unwrap().nominal_rig()
@@ -72,13 +74,14 @@ fn pose(name: &str, given: usize, noise: &mut Noise) -> (SolvedPose, PoseSightin
         let lit = rig.projector.project(at);
         let lit = lit.filter(|px| rig.projector.lens.contains(*px));
         let (camera, projector) = (noise.pair(), noise.pair());
+        let seen = SLOPE * (CAMERA_PX * camera) + PROJECTOR_PX * projector;
         sightings.push(Sighting {
             index,
             camera_px: px + CAMERA_PX * camera,
             camera_covariance: DMat2::from_diagonal(DVec2::splat(CAMERA_PX * CAMERA_PX)),
             projector: lit.map(|px| Lit {
-                px: px + PROJECTOR_PX * projector,
-                slope: DMat2::IDENTITY,
+                px: px + seen,
+                slope: SLOPE,
                 covariance: DMat2::from_diagonal(DVec2::splat(PROJECTOR_PX * PROJECTOR_PX)),
             }),
         });
@@ -88,7 +91,7 @@ fn pose(name: &str, given: usize, noise: &mut Noise) -> (SolvedPose, PoseSightin
             camera_whitened: camera,
             camera_weight: if index == [3, 3] { 0.0 } else { 1.0 },
             projector: lit.map(|_| ProjectorResidual {
-                px: PROJECTOR_PX * projector,
+                px: seen,
                 whitened: projector,
                 weight: if index == [4, 3] { 0.0 } else { 1.0 },
             }),
@@ -286,6 +289,7 @@ fn tables_hold_the_numbers_to_the_last_bit() {
     let all: Vec<(String, &Sighting)> = all.collect();
     assert_eq!(rows.len(), all.len());
     let residuals = calibration.solution.poses.iter().flat_map(|p| &p.points);
+    let mut squares: Vec<f64> = Vec::new();
     for ((row, (name, sighting)), residual) in rows.iter().zip(&all).zip(residuals) {
         assert_eq!(row.len(), head.len());
         assert_eq!(row[0], name);
@@ -297,6 +301,19 @@ fn tables_hold_the_numbers_to_the_last_bit() {
         assert!((number("camera_sigma_v_px") - CAMERA_PX).abs() < 1e-12);
         assert_eq!(number("camera_residual_v_px"), residual.camera_px.y);
         let lit = residual.projector;
+        if let Some(lit) = lit {
+            // Variances of one coordinate add up: the projector's own, and the camera's by the slope.
+            let own = PROJECTOR_PX * PROJECTOR_PX;
+            let sigma = (own + (4.0f64 * 4.0 + 1.0) * CAMERA_PX * CAMERA_PX).sqrt();
+            assert!((number("projector_sigma_u_px") - sigma).abs() < 1e-12);
+            let sigma = (own + (5.0f64 * 5.0 + 0.25) * CAMERA_PX * CAMERA_PX).sqrt();
+            assert!((number("projector_sigma_v_px") - sigma).abs() < 1e-12);
+            for axis in ["u", "v"] {
+                let of = |what: &str| number(&format!("projector_{what}_{axis}_px"));
+                squares.push((of("residual") / of("sigma")).powi(2));
+            }
+            assert_eq!(number("projector_residual_u_px"), lit.px.x);
+        }
         let outlier = sighting.index == [3, 3] || sighting.index == [4, 3] && lit.is_some();
         assert_eq!(number("weight"), if outlier { 0.0 } else { 1.0 });
         assert_eq!(row.len(), 18);
@@ -305,6 +322,10 @@ fn tables_hold_the_numbers_to_the_last_bit() {
             None => assert_eq!(row[column("projector_u_px")], ""),
         }
     }
+    // Residuals over their sigmas have variance 1, to three deviations of the mean of squares.
+    let mean = squares.iter().sum::<f64>() / squares.len() as f64;
+    let off = 3.0 * (2.0 / squares.len() as f64).sqrt();
+    assert!((mean - 1.0).abs() < off, "{mean} over {}", squares.len());
     let covariance = read(dir.path(), "covariance.csv");
     let cells: Vec<&str> = covariance.lines().nth(1).unwrap().split(',').collect();
     assert_eq!(cells[..3], ["camera.fx", "0.0004", "-0.00038"]);

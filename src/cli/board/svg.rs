@@ -1,7 +1,9 @@
 //! A board as an SVG whose unit is the millimetre.
 //!
-//! The sheet lies at the top of the page. Below it is a strip with one line of text, which says what
-//! the board is, and a ruler to check the printer with. Lengths are written in the shortest form
+//! The sheet lies at the top of the page. Below it, or as far as there is room in a chessboard's own
+//! white margin, is a strip with one line of text, which says what the board is, and a ruler to
+//! check the printer with: so the usual chessboard leaves A4 the 5 mm that printers need all
+//! around. Lengths are written in the shortest form
 //! that reads as the same number.
 
 use crate::geometry::Board;
@@ -11,6 +13,8 @@ use std::fmt::Write as _;
 /// Height of the strip below the sheet.
 const STRIP_MM: f64 = 10.0;
 const RULER_MM: f64 = 100.0;
+/// White that is left between squares and strip.
+const CLEAR_MM: f64 = 2.5;
 /// From the page's edge to the ruler and the text.
 const MARGIN_MM: f64 = 5.0;
 /// Room for the line of text.
@@ -19,7 +23,12 @@ const TEXT_MM: f64 = 150.0;
 /// Width and height of the page in millimetres: the sheet, or what text and ruler need.
 pub(super) fn page_mm(board: &Board) -> DVec2 {
     let sheet = board.sheet_mm();
-    DVec2::new(sheet.x.max(TEXT_MM), sheet.y + STRIP_MM)
+    let shared = match board {
+        // Half a square of it is white.
+        Board::Chess { pitch_mm, .. } => (pitch_mm / 2.0 - CLEAR_MM).clamp(0.0, STRIP_MM),
+        Board::Dots { .. } => 0.0,
+    };
+    DVec2::new(sheet.x.max(TEXT_MM), sheet.y + STRIP_MM - shared)
 }
 
 /// The whole file.
@@ -178,8 +187,10 @@ mod tests {
         assert!(svg.contains("M5 486.5H105M5"), "{svg}");
         let svg = page(&Board::CHESS);
         assert!(svg.contains("9 x 6 inner corners, squares 25 mm;"));
-        // A4.
-        assert_eq!(page_mm(&Board::CHESS), DVec2::new(275.0, 210.0));
+        // A4, and 5 mm or more on all sides.
+        assert_eq!(page_mm(&Board::CHESS), DVec2::new(275.0, 200.0));
+        // Its squares end at 187.5 mm, and the letters begin 3 mm above their line.
+        assert!(svg.contains("<text x=\"5\" y=\"193.5\" "), "{svg}");
         assert!(page_mm(&Board::DOTS).cmplt(DVec2::new(210.0, 297.0)).all());
     }
 }

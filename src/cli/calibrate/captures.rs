@@ -1,7 +1,7 @@
 //! Poses from folders: captures made anywhere.
 
 use super::look::{Looked, look};
-use super::session::Session;
+use super::session::{Poses, Session};
 use crate::calibrate::poses::MOST_POSES;
 use crate::decode::{Plan, load_frames};
 use crate::error::{Error, Result};
@@ -11,23 +11,23 @@ use crate::pattern::Manifest;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// Looks at each pose, one at a time.
+/// Looks at each pose, one at a time, and leaves a picture of each.
 ///
 /// # Errors
 /// Pictures that cannot be written.
 pub(super) fn look_at_all(
     poses: &[PathBuf],
     board: &Board,
-    out: &Path,
+    pictures: &Path,
     mut progress: impl FnMut(usize, usize),
-) -> Result<Session> {
+) -> Result<Poses> {
     let names: Vec<String> = poses.iter().map(|pose| name(pose)).collect();
-    let mut session = Session::new(out, &names);
+    let mut session = Session::new(pictures, &names);
     for (place, (pose, name)) in poses.iter().zip(&names).enumerate() {
         progress(place, poses.len());
         session.take(place, one(pose, name, board))?;
     }
-    Ok(session)
+    Ok(session.finish())
 }
 
 fn name(folder: &Path) -> String {
@@ -45,6 +45,9 @@ pub(super) fn poses(folder: &Path) -> Result<Vec<PathBuf>> {
     if folder.join(MANIFEST_FILE).exists() {
         let found = format!("{MANIFEST_FILE}, of a single pose");
         return Err(Error::input(place(), found, allowed));
+    }
+    if folder.is_file() {
+        return Err(Error::input(place(), "a file", allowed));
     }
     let mut poses = Vec::new();
     for entry in fs::read_dir(folder).map_err(|e| Error::io(folder, e).at("--captures"))? {

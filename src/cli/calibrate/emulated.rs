@@ -4,7 +4,7 @@
 use super::Args;
 use super::look::look;
 use super::scene::SceneFile;
-use super::session::Session;
+use super::session::{Poses, Session};
 use crate::calibrate::poses::{self, Wanted};
 use crate::cli::interrupt::Interruptible;
 use crate::cli::served::{Served, service};
@@ -14,12 +14,17 @@ use crate::geometry::{Board, Pose, Rig};
 use crate::host::{Capture, Captured, ScanOptions, Scanner, SerialPort, open_camera};
 use crate::profile::Profile;
 use crate::protocol::service::{Placement, Request, ask};
+use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::time::Duration;
 
 /// How long to wait for a reply or a frame: the first one waits for the scene to be prepared.
 const TIMEOUT: Duration = Duration::from_secs(30);
+
+/// How far boards may be tilted at most: those that are all parallel determine nothing, and those
+/// that are more oblique are hardly seen.
+const TILT_DEG: RangeInclusive<f64> = 1.0..=60.0;
 
 /// A device that is to be calibrated.
 pub(super) struct Emulated {
@@ -42,6 +47,11 @@ impl Emulated {
             ..RenderOptions::default()
         }
         .checked()?;
+        if !TILT_DEG.contains(&args.max_tilt_deg) {
+            let (least, most) = (TILT_DEG.start(), TILT_DEG.end());
+            let allowed = format!("{least} to {most}");
+            return Err(Error::input("--max-tilt-deg", args.max_tilt_deg, allowed));
+        }
         let profile = Profile::load(name)?;
         // A profile's scale is that of its board of dots.
         let board = match args.board.board(1.0)? {
@@ -99,7 +109,8 @@ impl Emulated {
             .collect()
     }
 
-    /// Shows all poses and looks at what the camera sees of each, while the next one is captured.
+    /// Shows all poses and looks at what the camera sees of each, while the next one is captured;
+    /// leaves pictures and captures in `folder`.
     ///
     /// # Errors
     /// A device that fails, and files that cannot be written.
@@ -107,8 +118,9 @@ impl Emulated {
         &self,
         args: &Args,
         name: &str,
+        folder: &Path,
         progress: impl FnMut(usize, usize),
-    ) -> Result<(Session, String)> {
+    ) -> Result<(Poses, String)> {
         let digits = (self.shown.len() - 1).to_string().len().max(2);
         let names: Vec<String> = (0..self.shown.len())
             .map(|i| format!("pose_{i:0digits$}"))
@@ -123,8 +135,8 @@ impl Emulated {
             open_camera(&endpoints.camera, Capture::Auto, TIMEOUT).map(Interruptible::new)
         })?;
         let (sender, receiver) = sync_channel(1);
-        let session = Session::new(&args.out, &names);
-        let keep = args.keep_captures.then(|| args.out.join(super::CAPTURES));
+        let session = Session::new(folder, &names);
+        let keep = args.keep_captures.then(|| folder.join(super::CAPTURES));
         let looked = std::thread::scope(|scope| {
             let analysis =
                 scope.spawn(|| look_at_all(receiver, &self.board, session, keep, &names));
@@ -139,7 +151,7 @@ impl Emulated {
             let session = analysis
                 .join()
                 .unwrap_or_else(|_| Err(Error::device("the analysis of the captures has died")))?;
-            Ok((session, captured?))
+            Ok((session.finish(), captured?))
         });
         let finished = scanner.finish();
         let looked = looked?;

@@ -14,6 +14,8 @@ pub(super) struct Looked {
     pub(super) found: Result<PoseData, String>,
     /// The picture, with what was found in it.
     pub(super) picture: RgbImage,
+    /// Share of the pixels that are saturated in some frame.
+    pub(super) saturated: f64,
     /// Width and height of the camera's image.
     pub(super) camera_px: [u32; 2],
     /// Width and height of the projector's image.
@@ -53,11 +55,13 @@ pub(super) fn look(
     }
     let picture = Picture::from_frames(manifest, stack, &decoded.noise.unwrap_or(guess(stack)))?;
     let found = sight(board, name, &picture, &decoded);
+    let saturated = picture.level.iter().filter(|level| level.is_nan()).count();
     let seen = found.as_ref().map_or(&[][..], |data| &data.seen);
     let size = [stack.width(), stack.height()].map(|side| side as u32);
     Ok(Looked {
         picture: draw(&picture, board, seen),
         found: found.map_err(|why| why.to_string()),
+        saturated: saturated as f64 / picture.level.len().max(1) as f64,
         camera_px: size,
         projector_px: [manifest.projector.width_px, manifest.projector.height_px],
         nominal,

@@ -19,15 +19,16 @@ use super::board_args::BoardArgs;
 use super::step;
 use crate::calibrate::files::{Reprojection, write_opencv};
 use crate::calibrate::report::{self, About, Summary};
-use crate::calibrate::rig::{Calibration, Task, calibrate};
+use crate::calibrate::rig::{Calibration, Missed, Task, calibrate};
 use crate::calibrate::solve::{Choice, Unsolved};
 use crate::error::{Error, Result};
 use crate::geometry::Board;
 use crate::study::calibration::Truth;
 use emulated::Emulated;
+use folder::Folder;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde::Serialize;
-use session::Session;
+use session::Poses;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -137,38 +138,39 @@ pub(super) fn run(args: &Args) -> Result<()> {
 fn run_captures(args: &Args, folder: &Path) -> Result<()> {
     let board = args.board.board(1.0)?;
     let poses = captures::poses(folder)?;
-    folder::prepare(args)?;
+    let out = Folder::prepare(args)?;
     let bar = progress_bar();
-    let session = captures::look_at_all(&poses, &board, &args.out, |done, of| show(&bar, done, of));
+    let poses = captures::look_at_all(&poses, &board, out.draft(), |done, of| show(&bar, done, of));
     bar.finish_and_clear();
-    let session = session?;
+    let poses = poses?;
     let place = format!("--captures {}", folder.display());
-    if session.poses.is_empty() {
-        let (found, allowed) = no_board(&session, &board);
+    if poses.poses.is_empty() {
+        let (found, allowed) = no_board(&poses, &board);
         return Err(Error::input(place, found, allowed));
     }
     let remarks = vec![("captures".to_owned(), folder.display().to_string())];
-    let calibration = solve(args, &board, &session, &place)?;
-    finish(args, &calibration, &session.pictures, remarks, None)
+    let calibration = solve(args, &board, &poses, &place)?;
+    finish(args, &out, &calibration, poses.pictures, remarks, None)
 }
 
 fn run_emulated(args: &Args, name: &str) -> Result<()> {
     let device = Emulated::new(args, name)?;
-    folder::prepare(args)?;
+    let out = Folder::prepare(args)?;
     step("starting the device");
     let bar = progress_bar();
-    let scanned = device.scan(args, name, |done, of| show(&bar, done, of));
+    let scanned = device.scan(args, name, out.draft(), |done, of| show(&bar, done, of));
     bar.finish_and_clear();
-    let (session, idn) = scanned?;
-    if session.poses.is_empty() {
-        let (found, allowed) = no_board(&session, device.board());
+    let (poses, idn) = scanned?;
+    out.keep_captures()?;
+    if poses.poses.is_empty() {
+        let (found, allowed) = no_board(&poses, device.board());
         return Err(Error::device(format!("{name}: {found}; wanted: {allowed}")));
     }
     let place = format!("--poses {}", args.poses);
-    let calibration = solve(args, device.board(), &session, &place)?;
+    let calibration = solve(args, device.board(), &poses, &place)?;
     let shown = device.shown();
     // The solver counts the poses with a board.
-    let given: Vec<_> = session.places.iter().map(|&place| shown[place]).collect();
+    let given: Vec<_> = poses.places.iter().map(|&place| shown[place]).collect();
     let truth = Truth::new(&calibration.solution, device.truth(), &given);
     let remarks = [
         ("device", idn),
@@ -194,23 +196,24 @@ fn run_emulated(args: &Args, name: &str) -> Result<()> {
     let remarks = remarks
         .map(|(name, value)| (name.to_owned(), value))
         .to_vec();
-    finish(args, &calibration, &session.pictures, remarks, Some(&truth))
+    finish(
+        args,
+        &out,
+        &calibration,
+        poses.pictures,
+        remarks,
+        Some(&truth),
+    )
 }
 
 /// What to say where no pose shows the board.
-fn no_board(session: &Session, board: &Board) -> (String, String) {
-    let some: Vec<_> = session
-        .missed
-        .iter()
-        .take(3)
-        .map(|missed| format!("{}: {}", missed.name, missed.why))
-        .collect();
+fn no_board(poses: &Poses, board: &Board) -> (String, String) {
     let [columns, rows] = board.grid();
     (
         format!(
             "no board in any of {} poses: {}",
-            session.missed.len(),
-            some.join("; ")
+            poses.missed.len(),
+            reasons(&poses.missed)
         ),
         format!(
             "pictures of a board of {columns} x {rows} points, {} mm apart",
@@ -219,44 +222,64 @@ fn no_board(session: &Session, board: &Board) -> (String, String) {
     )
 }
 
-fn solve(args: &Args, board: &Board, session: &Session, place: &str) -> Result<Calibration> {
+/// Why poses cannot be used, in one line; those with the same reason together.
+fn reasons(missed: &[Missed]) -> String {
+    let mut together: Vec<(String, Vec<&str>)> = Vec::new();
+    for Missed { name, why } in missed {
+        let why = why.split_whitespace().collect::<Vec<_>>().join(" ");
+        match together.iter_mut().find(|(known, _)| *known == why) {
+            Some((_, names)) => names.push(name),
+            None => together.push((why, vec![name])),
+        }
+    }
+    let words = |(why, names): &(String, Vec<&str>)| format!("{}: {why}", names.join(", "));
+    together.iter().map(words).collect::<Vec<_>>().join("; ")
+}
+
+fn solve(args: &Args, board: &Board, poses: &Poses, place: &str) -> Result<Calibration> {
     step("solving");
-    let [camera_px, projector_px] = session.sizes.unwrap_or_default();
+    let [camera_px, projector_px] = poses.sizes;
     let task = Task {
         board,
         camera_px,
         projector_px,
-        nominal: session.nominal.as_ref(),
-        noise: session.noise,
+        nominal: poses.nominal.as_ref(),
+        noise: poses.noise,
         choice: Choice {
             camera: args.camera_distortion.0,
             projector: args.projector_distortion.0,
             ..Choice::default()
         },
     };
-    calibrate(&task, &session.poses, session.missed.clone())
-        .map_err(|why| unsolved(&why, session, place))
+    let mut calibration = calibrate(&task, &poses.poses, poses.missed.clone())
+        .map_err(|why| unsolved(&why, poses, place))?;
+    calibration.warnings.extend(poses.warnings.iter().cloned());
+    Ok(calibration)
 }
 
 /// Poses that leave the rig open are the user's to mend.
-fn unsolved(why: &Unsolved, session: &Session, place: &str) -> Error {
+fn unsolved(why: &Unsolved, poses: &Poses, place: &str) -> Error {
     let words = why.to_string();
     let (found, wanted) = words
         .split_once("; wanted: ")
         .unwrap_or((&words, "other poses"));
-    let without = session.missed.iter().map(|missed| missed.name.as_str());
-    let without: Vec<_> = without.collect();
-    let found = match without.is_empty() {
-        true => found.to_owned(),
-        false => format!("{found} (no board in {})", without.join(", ")),
-    };
+    let mut found = found.to_owned();
+    if !poses.missed.is_empty() {
+        let (many, why) = (poses.missed.len(), reasons(&poses.missed));
+        found.push_str(&format!("; {many} other poses cannot be used: {why}"));
+    }
+    for warning in &poses.warnings {
+        found.push_str("; ");
+        found.push_str(warning);
+    }
     Error::input(place, found, wanted)
 }
 
 fn finish(
     args: &Args,
+    out: &Folder,
     calibration: &Calibration,
-    pictures: &[(String, String)],
+    pictures: Vec<(String, String)>,
     remarks: Vec<(String, String)>,
     truth: Option<&Truth>,
 ) -> Result<()> {
@@ -264,8 +287,9 @@ fn finish(
     let about = About {
         made_by: format!("phasma calibrate {}", env!("CARGO_PKG_VERSION")),
         remarks,
-        pictures: pictures.to_vec(),
+        pictures,
     };
+    out.keep(about.pictures.iter().map(|(_, file)| file.as_str()))?;
     if let Some(truth) = truth {
         let path = args.out.join(TRUTH);
         fs::write(&path, json(truth)).map_err(|e| Error::io(&path, e))?;

@@ -1,9 +1,10 @@
 //! A build without a device in it: captures only.
 
 use super::Args;
-use super::session::Session;
+use super::session::Poses;
 use crate::error::{Error, Result};
 use crate::geometry::{Board, Pose, Rig};
+use std::path::Path;
 
 /// What there is none of.
 pub(super) enum Emulated {}
@@ -31,8 +32,9 @@ impl Emulated {
         &self,
         _: &Args,
         _: &str,
+        _: &Path,
         _: impl FnMut(usize, usize),
-    ) -> Result<(Session, String)> {
+    ) -> Result<(Poses, String)> {
         match *self {}
     }
 }

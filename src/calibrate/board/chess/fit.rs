@@ -7,23 +7,29 @@
 //! ```
 //!
 //! where d is its place in the window, E = 2 F - 1 with F an [`Edge`]'s share, rho the cosine
-//! between the edges' normals, s the blur with the pixel's own variance of 1/12 and phi2 the density
-//! of the bivariate normal distribution: S is the mean of sign(u1) sign(u2) under the blur. The
-//! product alone holds for edges at right angles; the integral is what correlation adds (Plackett,
-//! "A reduction formula for normal multivariate integrals", Biometrika 41, 1954), and matters to the
-//! few pixels next to the corner, where a Gaussian is good enough for the pixel's square. Light that
+//! between the edges' normals, s the blur with a square's own variance and phi2 the density of the
+//! bivariate normal distribution: S is the mean of sign(u1) sign(u2) under the blur. The product
+//! alone holds for edges at right angles; the integral is what correlation adds (Plackett,
+//! "A reduction formula for normal multivariate integrals", Biometrika 41, 1954). It matters to the
+//! few pixels next to the corner. Where the blur is no wider than they are, they are cut into smaller
+//! squares for it, so that a Gaussian is good enough for each; what those have in common beside E1 E2
+//! of the whole is then also the signs' covariance within the pixel. Light that
 //! changes as (1 + g . d) does so before the blur, which moves S by -g s^2, to the first order.
 //!
 //! The nine unknowns (c, two angles, the blur's variance, m, k, g) are fitted by least squares with
-//! each pixel's variance, by Levenberg's and Marquardt's method.
+//! each pixel's variance, by Levenberg's and Marquardt's method. A sharp edge along the pixels' rows
+//! says nothing of the blur, so that it takes what is known of it; see [`super::blur`].
 
-use super::edge::Edge;
+use super::blur::Blur;
+use super::edge::{Edge, normal};
 use crate::calibrate::board::Picture;
 use glam::{DMat2, DVec2};
 use nalgebra::{SMatrix, SVector};
 use std::f64::consts::PI;
 
 const UNKNOWNS: usize = 9;
+/// The blur's place among them.
+const BLUR: usize = 4;
 type Square = SMatrix<f64, UNKNOWNS, UNKNOWNS>;
 type Column = SVector<f64, UNKNOWNS>;
 
@@ -31,6 +37,8 @@ type Column = SVector<f64, UNKNOWNS>;
 const PIXEL: f64 = 1.0 / 12.0;
 /// Half a window's side at most, in pixels, unless blur asks for more.
 const REACH: f64 = 8.0;
+/// Distances from both edges, in standard deviations, within which a pixel is next to the corner.
+const NEAR: f64 = 4.0;
 /// Gauss and Legendre's nodes on [0, 1] and their weights.
 const NODES: [(f64, f64); 4] = [
     (0.069_431_844_202_973_71, 0.173_927_422_568_726_9),
@@ -56,22 +64,24 @@ pub(super) struct Corner {
     pub(super) px: DVec2,
     /// From the picture's noise, or from the residuals where those are larger.
     pub(super) covariance: DMat2,
+    /// Variance of the blur in pixels squared, and the standard deviation of that.
+    pub(super) blur: [f64; 2],
 }
 
-/// Measures a corner; `None` where there is none of that kind.
-pub(super) fn fit(picture: &Picture, guess: &Guess) -> Option<Corner> {
+/// Measures a corner in a picture of which this much is known; `None` where there is none of that
+/// kind.
+pub(super) fn fit(picture: &Picture, guess: &Guess, blur: &Blur) -> Option<Corner> {
     let turn = guess.along_x.perp_dot(guess.along_y);
     if !(turn.is_finite() && guess.px.is_finite() && turn > 1.0) {
         return None;
     }
     // First with a window for an ordinary blur, then for the blur that was found.
-    let mut state = State::first(guess);
-    let window = Window::cut(picture, guess, guess.px, 0.7)?;
+    let mut state = State::first(guess, blur);
+    let window = Window::cut(picture, guess, guess.px, blur, 0.7)?;
     state.level(&window)?;
     window.solve(&mut state, guess, 0.01)?;
-    let centre = state.centre;
-    let blur = (state.variance + PIXEL).sqrt();
-    let window = Window::cut(picture, guess, centre, blur)?;
+    let (centre, wide) = (state.centre, (state.variance + PIXEL).sqrt());
+    let window = Window::cut(picture, guess, centre, blur, wide)?;
     let fit = window.solve(&mut state, guess, 1e-4)?;
     state.accept(&window, &fit, guess)
 }
@@ -96,24 +106,27 @@ struct Pixel {
 
 struct Window {
     origin: DVec2,
+    blur: Blur,
     pixels: Vec<Pixel>,
 }
 
 /// What least squares leaves.
 struct Fit {
     squares: f64,
+    /// The same with what is known of the blur, which the normal equations hold too.
+    cost: f64,
     normal: Square,
     right: Column,
 }
 
 impl State {
-    fn first(guess: &Guess) -> Self {
+    fn first(guess: &Guess, blur: &Blur) -> Self {
         let x = guess.along_x;
         let first = x.y.atan2(x.x);
         Self {
             centre: guess.px,
             angles: [first, first + x.angle_to(guess.along_y)],
-            variance: 0.3,
+            variance: blur.variance,
             mean: 0.0,
             contrast: 0.0,
             gradient: DVec2::ZERO,
@@ -146,7 +159,8 @@ impl State {
             normals,
             along: [DVec2::new(c1, s1), DVec2::new(c2, s2)],
             edges: normals.map(|n| Edge::new(n.x, n.y, self.variance)),
-            sigma: (self.variance.max(0.0) + PIXEL).sqrt(),
+            pieces: pieces(self.variance),
+            variance: self.variance.max(0.0),
             lean: normals[0].dot(normals[1]).clamp(-1.0, 1.0).asin(),
         }
     }
@@ -196,6 +210,15 @@ impl State {
             && self.variance <= shortest * shortest / 9.0
     }
 
+    /// Standard deviation of the blur's variance: of one that can be seen, since the slope by one
+    /// that cannot is 0 nearly everywhere.
+    fn blur_sigma(&self, window: &Window) -> f64 {
+        let variance = self.variance.max(Blur::SEEN);
+        let fit = window.fit(&Self { variance, ..*self });
+        let inverse = fit.normal.cholesky().map(|c| c.inverse());
+        inverse.map_or(f64::INFINITY, |inverse| inverse[(BLUR, BLUR)].sqrt())
+    }
+
     fn accept(&self, window: &Window, fit: &Fit, guess: &Guess) -> Option<Corner> {
         let inverse = fit.normal.cholesky()?.inverse();
         let freedom = window.pixels.len() as f64 - UNKNOWNS as f64;
@@ -214,11 +237,13 @@ impl State {
         let strong =
             self.contrast.abs() > 5.0 * error && misfit <= 3.0 * noise + 0.3 * self.contrast.abs();
         let sharp = covariance.x_axis.x + covariance.y_axis.y < 0.25;
-        ((self.contrast < 0.0) == guess.dark && strong && sharp && covariance.is_finite())
-            .then_some(Corner {
+        ((self.contrast < 0.0) == guess.dark && strong && sharp && covariance.is_finite()).then(
+            || Corner {
                 px: self.centre,
                 covariance,
-            })
+                blur: [self.variance, self.blur_sigma(window) * excess.sqrt()],
+            },
+        )
     }
 }
 
@@ -226,7 +251,9 @@ struct Model {
     normals: [DVec2; 2],
     along: [DVec2; 2],
     edges: [Edge; 2],
-    sigma: f64,
+    /// Pieces across a pixel.
+    pieces: u32,
+    variance: f64,
     /// Arc sine of the correlation of the two distances.
     lean: f64,
 }
@@ -240,27 +267,99 @@ impl Model {
         let mut s = e1 * e2;
         let mut by = [2.0 * p.by_distance * e2, 2.0 * q.by_distance * e1];
         let mut by_variance = 2.0 * (p.by_variance * e2 + q.by_variance * e1);
-        let [h, k] = u.map(|u| u / self.sigma);
+        let sigma = (self.variance + PIXEL).sqrt();
+        if u.iter().all(|u| u.abs() < NEAR * sigma) {
+            let common = self.common(d);
+            s += common.s;
+            by[0] += common.by[0];
+            by[1] += common.by[1];
+            by_variance += common.by_variance;
+        }
+        (s, by, by_variance)
+    }
+
+    /// Covariance of the signs of both distances in a pixel and its derivatives.
+    fn common(&self, d: DVec2) -> Signs {
+        let n = f64::from(self.pieces);
+        let place = |i: u32| (f64::from(i) + 0.5) / n - 0.5;
+        let sigma = (self.variance + PIXEL / (n * n)).sqrt();
+        let (mut sum, mut means) = (Signs::default(), [[0.0; 3]; 2]);
+        for (i, j) in (0..self.pieces).flat_map(|i| (0..self.pieces).map(move |j| (i, j))) {
+            let d = d + DVec2::new(place(i), place(j));
+            let u = self.normals.map(|n| n.dot(d) / sigma);
+            // Mean of the sign, its derivatives by distance and by variance.
+            let signs = u.map(|u| {
+                let (share, density) = normal(u);
+                let slope = 2.0 * density / sigma;
+                [2.0 * share - 1.0, slope, -0.5 * u * slope / sigma]
+            });
+            let [p, q] = signs;
+            let more = self.correlated(u, sigma);
+            sum.s += p[0] * q[0] + more.s;
+            sum.by[0] += p[1] * q[0] + more.by[0];
+            sum.by[1] += p[0] * q[1] + more.by[1];
+            sum.by_variance += p[2] * q[0] + p[0] * q[2] + more.by_variance;
+            for (mean, sign) in means.iter_mut().zip(signs) {
+                (0..3).for_each(|k| mean[k] += sign[k] / (n * n));
+            }
+        }
+        let ([p, q], share) = (means, 1.0 / (n * n));
+        Signs {
+            s: sum.s * share - p[0] * q[0],
+            by: [
+                sum.by[0] * share - p[1] * q[0],
+                sum.by[1] * share - p[0] * q[1],
+            ],
+            by_variance: sum.by_variance * share - p[2] * q[0] - p[0] * q[2],
+        }
+    }
+
+    /// What correlation adds at distances in standard deviations.
+    fn correlated(&self, [h, k]: [f64; 2], sigma: f64) -> Signs {
+        let mut signs = Signs::default();
         if h * h + k * k < 36.0 && self.lean.abs() > 1e-3 {
             // With r = sin(x), dr / sqrt(1 - r^2) is dx.
             for (node, weight) in NODES {
                 let (r, c) = (self.lean * node).sin_cos();
                 let squares = (h * h - 2.0 * r * h * k + k * k) / (c * c);
                 let part = 4.0 * weight * self.lean * (-0.5 * squares).exp() / (2.0 * PI);
-                s += part;
-                let slope = part / (c * c * self.sigma);
-                by[0] -= slope * (h - r * k);
-                by[1] -= slope * (k - r * h);
-                by_variance += 0.5 * part * squares / (self.sigma * self.sigma);
+                signs.s += part;
+                let slope = part / (c * c * sigma);
+                signs.by[0] -= slope * (h - r * k);
+                signs.by[1] -= slope * (k - r * h);
+                signs.by_variance += 0.5 * part * squares / (sigma * sigma);
             }
         }
-        (s, by, by_variance)
+        signs
+    }
+}
+
+/// A mean of two signs' product, its derivatives by both distances and by the blur's variance.
+#[derive(Default)]
+struct Signs {
+    s: f64,
+    by: [f64; 2],
+    by_variance: f64,
+}
+
+/// Pieces across a pixel that are smooth enough under a blur of this variance.
+fn pieces(variance: f64) -> u32 {
+    match variance {
+        v if v < 0.06 => 4,
+        v if v < 0.25 => 2,
+        _ => 1,
     }
 }
 
 impl Window {
     /// The pixels that two edges alone decide, for a corner at `centre` and a blur in pixels.
-    fn cut(picture: &Picture, guess: &Guess, centre: DVec2, blur: f64) -> Option<Self> {
+    fn cut(
+        picture: &Picture,
+        guess: &Guess,
+        centre: DVec2,
+        known: &Blur,
+        blur: f64,
+    ) -> Option<Self> {
         let turn = guess.along_x.perp_dot(guess.along_y);
         let along = [guess.along_x, guess.along_y];
         // How far the next edges are, and how near one may go to them.
@@ -299,6 +398,7 @@ impl Window {
         }
         (pixels.len() >= 2 * UNKNOWNS).then_some(Self {
             origin: centre,
+            blur: *known,
             pixels,
         })
     }
@@ -314,8 +414,22 @@ impl Window {
             right += weighted * off;
             normal.ger(1.0, &weighted, &row, 1.0);
         }
+        let off = self.blur.variance - state.variance;
+        let mut cost = squares;
+        if self.blur.spread > 0.0 {
+            let weight = self.blur.spread.powi(-2);
+            cost += weight * off * off;
+            normal[(BLUR, BLUR)] += weight;
+            right[BLUR] += weight * off;
+        } else {
+            normal.fill_row(BLUR, 0.0);
+            normal.fill_column(BLUR, 0.0);
+            normal[(BLUR, BLUR)] = 1.0;
+            right[BLUR] = 0.0;
+        }
         Fit {
             squares,
+            cost,
             normal,
             right,
         }
@@ -332,8 +446,8 @@ impl Window {
             }
             let next = state.moved(&damped.cholesky()?.solve(&fit.right));
             let after = self.fit(&next);
-            if after.squares <= fit.squares && next.is_near(guess) {
-                let gain = fit.squares - after.squares;
+            if after.cost <= fit.cost && next.is_near(guess) {
+                let gain = fit.cost - after.cost;
                 let settled = next.centre.distance(state.centre) < enough
                     && gain < 1.0 + 0.01 * after.squares;
                 (*state, fit) = (next, after);

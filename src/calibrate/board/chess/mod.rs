@@ -3,9 +3,11 @@
 //! Saddles of the picture (`saddles`) are linked along edges (`links`) into grids (`grid`), at
 //! full size first and then, for large squares out of focus or in noise, at half, a quarter and an
 //! eighth of it. A grid of all the board's corners is labelled (`label`) and each corner measured
-//! in the full picture (`fit`). The whole board has to be seen: part of a chessboard does not say
-//! which part it is.
+//! in the full picture (`fit`), under a blur that they tell together (`blur`). The whole board has to
+//! be seen, since part of a chessboard does not say which part it is; a few of its corners may still
+//! be too poor to be measured.
 
+mod blur;
 mod edge;
 mod fit;
 mod grey;
@@ -18,7 +20,8 @@ mod tests;
 
 use super::{NotFound, Picture, Seen};
 use crate::geometry::Board;
-use fit::{Guess, fit};
+use blur::Blur;
+use fit::{Corner, Guess, fit};
 use glam::{DMat2, DVec2};
 use grey::Grey;
 use grid::Grid;
@@ -31,9 +34,12 @@ const HALVINGS: u32 = 3;
 const WORTH_A_WORD: usize = 6;
 /// Least distance of corners in pixels.
 const LEAST_PX: f64 = 5.0;
+/// Corners of a whole board that may not be measured: one of so many.
+const SPARE: usize = 10;
 
 /// The corners of a chessboard in a picture, row by row, labelled as the board's are seen from the
-/// front; see the module's page for which of its turns.
+/// front; see the module's page for which of its turns. Of the whole board's corners up to a tenth
+/// may be left out, those that cannot be measured.
 ///
 /// # Errors
 /// No board, a part of it, another one, or more than one; with what was found.
@@ -149,49 +155,65 @@ fn measure(
     let labels = label::labels(grid, size, &px).ok_or_else(refused)?;
     let last = size.map(|n| n as i32 - 1);
     let at = |column: i32, row: i32| px(labels.place([column, row]));
-    let measured: Vec<Result<Seen, [u32; 2]>> = board
-        .indices()
-        .collect::<Vec<_>>()
-        .into_par_iter()
-        .map(|index| {
-            let [column, row] = index.map(|i| i as i32);
-            let step = |low: i32, high: i32, at: &dyn Fn(i32) -> DVec2| {
-                (at(high) - at(low)) / f64::from(high - low)
-            };
-            let near = |i: i32, last: i32| ((i - 1).max(0), (i + 1).min(last));
-            let (left, right) = near(column, last[0]);
-            let (up, down) = near(row, last[1]);
-            let guess = Guess {
-                px: at(column, row),
-                along_x: step(left, right, &|column| at(column, row)),
-                along_y: step(up, down, &|row| at(column, row)),
-                dark: labels.dark == ((column + row) % 2 == 0),
-            };
-            let shortest = guess.along_x.length().min(guess.along_y.length());
-            let corner = (shortest >= LEAST_PX)
-                .then(|| fit(picture, &guess))
-                .flatten();
-            corner.ok_or(index).map(|corner| Seen {
-                index,
-                px: corner.px,
-                covariance: corner.covariance,
-                outline: DMat2::ZERO,
-            })
-        })
-        .collect();
-    let lost: Vec<[u32; 2]> = measured.iter().filter_map(|m| m.err()).collect();
-    let Some(&[column, row]) = lost.first() else {
-        return Ok(measured.into_iter().flatten().collect());
+    let guess = |[column, row]: [u32; 2]| {
+        let [column, row] = [column, row].map(|i| i as i32);
+        let step = |low: i32, high: i32, at: &dyn Fn(i32) -> DVec2| {
+            (at(high) - at(low)) / f64::from(high - low)
+        };
+        let near = |i: i32, last: i32| ((i - 1).max(0), (i + 1).min(last));
+        let (left, right) = near(column, last[0]);
+        let (up, down) = near(row, last[1]);
+        Guess {
+            px: at(column, row),
+            along_x: step(left, right, &|column| at(column, row)),
+            along_y: step(up, down, &|row| at(column, row)),
+            dark: labels.dark == ((column + row) % 2 == 0),
+        }
     };
-    Err(NotFound::Partial {
-        found: format!(
-            "{} of {} corners that cannot be measured, the first in column {column} and row {row}",
-            lost.len(),
-            measured.len()
-        ),
-        wanted: format!(
-            "all {} corners, {LEAST_PX} px or more apart, neither saturated nor hidden",
-            words(size)
-        ),
-    })
+    let mut guesses: Vec<([u32; 2], Guess)> = board.indices().map(|i| (i, guess(i))).collect();
+    let corners = |guesses: &[([u32; 2], Guess)], blur: &Blur| -> Vec<Option<Corner>> {
+        let corner = |(_, guess): &([u32; 2], Guess)| {
+            let shortest = guess.along_x.length().min(guess.along_y.length());
+            (shortest >= LEAST_PX).then(|| fit(picture, guess, blur))?
+        };
+        guesses.par_iter().map(corner).collect()
+    };
+    let told = corners(&guesses, &Blur::UNKNOWN);
+    let blur = Blur::told_by(told.iter().flatten().map(|corner| corner.blur));
+    for ((_, guess), corner) in guesses.iter_mut().zip(&told) {
+        guess.px = corner.map_or(guess.px, |corner| corner.px);
+    }
+    let measured = corners(&guesses, &blur);
+    let lost = || {
+        let indices = guesses.iter().map(|(index, _)| index);
+        indices
+            .zip(&measured)
+            .filter(|(_, corner)| corner.is_none())
+    };
+    if lost().count() * SPARE > measured.len()
+        && let Some(([column, row], _)) = lost().next()
+    {
+        return Err(NotFound::Partial {
+            found: format!(
+                "{} of {} corners that cannot be measured, the first in column {column} and row {row}",
+                lost().count(),
+                measured.len()
+            ),
+            wanted: format!(
+                "9 of 10 of all {} corners, {LEAST_PX} px or more apart and sharper than a third of \
+                 that distance, neither saturated nor hidden",
+                words(size)
+            ),
+        });
+    }
+    let seen = |((index, _), corner): (&([u32; 2], Guess), &Option<Corner>)| {
+        let &Corner { px, covariance, .. } = corner.as_ref()?;
+        Some(Seen {
+            index: *index,
+            px,
+            covariance,
+            outline: DMat2::ZERO,
+        })
+    };
+    Ok(guesses.iter().zip(&measured).filter_map(seen).collect())
 }

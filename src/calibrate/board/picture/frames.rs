@@ -9,7 +9,7 @@
 //! linear in light.
 
 use super::Picture;
-use super::rounding::{left_by_rounding, same};
+use super::rounding::{ON_OUTLINES, left_by_rounding, same};
 use crate::decode::{FrameStack, FringeSet, Samples};
 use crate::error::{Error, Result};
 use crate::geometry::NoiseModel;
@@ -253,7 +253,7 @@ fn combine(
             let one = (noise.read_noise_dn.powi(2)
                 + noise.gain_dn_per_e * f64::from(level.max(0.0))) as f32;
             if same(low, high, one) {
-                *variance += common * left_by_rounding(one);
+                *variance += common * ON_OUTLINES * left_by_rounding(one);
             }
         }
     });

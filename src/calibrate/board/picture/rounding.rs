@@ -13,6 +13,10 @@ const TERMS: u16 = 4;
 /// deviations, show the same.
 const SAME_DN: f32 = 1.5;
 
+/// What counts of a pixel on an outline is how it lies between ink and paper, whose levels are rounded
+/// too: of a share c of ink the variance is 1 + c^2 + (1 - c)^2 times the pixel's own, and 5/3 on average.
+pub(super) const ON_OUTLINES: f32 = 5.0 / 3.0;
+
 /// Variance, in squared digital numbers, of what rounding leaves in the mean of any number of samples
 /// with this variance before rounding, over all fractions that their mean may have: the harmonics of
 /// the rounding error, each lessened by the noise's characteristic function (Widrow and Kollar,

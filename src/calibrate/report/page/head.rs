@@ -35,7 +35,8 @@ pub(super) fn head(summary: &Summary) -> String {
         "Poses used: {}. Outliers: {}. Variance factor: {} over {} degrees of freedom. Rounds of \
          solving: {}; a dot's centroid lies up to {} px from the image of its centre, and another \
          round would move a point by up to {} px. The projector's errors are plain distances: what \
-         a camera point's own error does is in them, and the whitened residuals are free of it. \
+         a camera point's own error does is in them, and in the standard deviations that points.csv \
+         gives beside them; the whitened residuals are free of it. \
          Whitened RMS and variance factor are 1 where the covariances of the points are right.",
         summary.poses,
         summary.outliers,

@@ -26,7 +26,7 @@ fn queries_answer_and_settings_stick() {
         ("PROJ:PATT 3", "PROJ:PATT?", "3"),
         ("PROJ:PATT black", "PROJ:PATT?", "BLAC"),
         ("SEQ:SEL 'quick-4'", "SEQ:SEL?", "\"quick-4\""),
-        ("", "SEQ:LIST?", "\"quick-4\""),
+        ("", "SEQ:LIST?", "\"quick-4\",\"quick-4-xy\""),
         ("", "SEQ:COUN?", "13"),
         ("SEQ:PER 20ms", "SEQ:PER?", "0.02"),
         ("TRIG:SOUR SOFTWARE", "TRIG:SOUR?", "SOFT"),

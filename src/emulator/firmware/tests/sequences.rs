@@ -81,7 +81,7 @@ fn a_sequence_of_the_user_s_own_comes_over_the_port() {
     }
     assert_eq!(
         port.ask("SEQ:LIST?;COUN?;SEL?"),
-        "\"quick-4\",\"own\";2;\"own\""
+        "\"quick-4\",\"quick-4-xy\",\"own\";2;\"own\""
     );
     port.tell("TRIG:SOUR BUS;:INIT;*TRG");
     port.at(1000 * MS);

@@ -1,0 +1,210 @@
+//! OpenCV's dialect of JSON: one object whose members are numbers, lists of numbers, or objects with
+//! `rows`, `cols`, `dt` and `data`, as `"type_id": "opencv-matrix"` marks them. Anything else is passed
+//! over. Numbers are read as in the other dialects, to the last bit: OpenCV's `1.` and `.Nan` are not
+//! JSON to a strict reader.
+
+use super::node::{Fault, Fields, Nodes, Piece, Value, numbers, quoted};
+
+/// Objects and lists in each other.
+const MAX_DEPTH: usize = 64;
+
+/// The nodes of a text.
+///
+/// # Errors
+/// Members that are not apart, brackets that do not match, or text after the object.
+pub(super) fn parse(text: &str) -> Result<Nodes, Fault> {
+    let mut reader = Reader {
+        rest: text,
+        line: 1,
+    };
+    let mut nodes = Nodes::default();
+    let (line, object) = reader.value()?;
+    if reader.peek().is_some() {
+        return Err(Fault::new(
+            reader.line,
+            reader.line_ahead(),
+            "the end of the file after its object",
+        ));
+    }
+    members((line, object), |name, at, piece| {
+        nodes.add(name, at, || value(piece))
+    })?;
+    Ok(nodes)
+}
+
+fn value(piece: Piece<'_>) -> Result<Value, Fault> {
+    let (line, text) = piece;
+    if text.starts_with('{') {
+        let mut fields = Fields::default();
+        members(piece, |name, _, piece| {
+            match name {
+                "rows" => fields.rows = Some(piece),
+                "cols" => fields.cols = Some(piece),
+                "dt" => fields.dt = Some(piece),
+                "data" => fields.data = Some(vec![inside(piece)]),
+                _ => {}
+            }
+            Ok(())
+        })?;
+        return fields.matrix(line);
+    }
+    numbers(&[inside(piece)]).map(Value::List)
+}
+
+/// A list without its brackets; a single number as it is.
+fn inside(piece: Piece<'_>) -> Piece<'_> {
+    let (line, text) = piece;
+    let list = text.strip_prefix('[').and_then(|t| t.strip_suffix(']'));
+    (line, list.unwrap_or(text))
+}
+
+/// Hands over the members of an object: name, its line, and the value as it stands.
+fn members<'a>(
+    (line, object): Piece<'a>,
+    mut take: impl FnMut(&'a str, usize, Piece<'a>) -> Result<(), Fault>,
+) -> Result<(), Fault> {
+    let mut reader = Reader { rest: object, line };
+    reader.expect('{', "an object `{ ... }`")?;
+    if reader.peek() == Some('}') {
+        return Ok(());
+    }
+    loop {
+        let (line, name) = reader.value()?;
+        let name = name
+            .strip_prefix('"')
+            .and_then(|name| name.strip_suffix('"'))
+            .ok_or_else(|| Fault::new(line, quoted(name), "a name in double quotes"))?;
+        reader.expect(':', "`:` after a name")?;
+        take(name, line, reader.value()?)?;
+        if reader.peek() == Some('}') {
+            return Ok(());
+        }
+        reader.expect(',', "`,` or `}` after a value")?;
+    }
+}
+
+struct Reader<'a> {
+    rest: &'a str,
+    line: usize,
+}
+
+impl<'a> Reader<'a> {
+    /// The next character that is not white space.
+    fn peek(&mut self) -> Option<char> {
+        let blank = self.rest.len() - self.rest.trim_start().len();
+        self.take(blank);
+        self.rest.chars().next()
+    }
+
+    fn expect(&mut self, wanted: char, words: &str) -> Result<(), Fault> {
+        match self.peek() {
+            Some(found) if found == wanted => {
+                self.take(wanted.len_utf8());
+                Ok(())
+            }
+            _ => Err(Fault::new(self.line, self.line_ahead(), words)),
+        }
+    }
+
+    /// The text of the next value, whatever it is, and the line that it begins on.
+    fn value(&mut self) -> Result<Piece<'a>, Fault> {
+        let first = self.peek();
+        let line = self.line;
+        let whole = self.rest;
+        match first {
+            Some('"') => self.string()?,
+            Some('{' | '[') => self.balanced()?,
+            _ => {
+                let apart = |c: char| c.is_whitespace() || ",:{}[]\"".contains(c);
+                let length = self.rest.find(apart).unwrap_or(self.rest.len());
+                self.take(length);
+            }
+        }
+        let text = &whole[..whole.len() - self.rest.len()];
+        if text.is_empty() {
+            return Err(Fault::new(line, self.line_ahead(), "a name or a value"));
+        }
+        Ok((line, text))
+    }
+
+    /// Takes an object or a list, with what is in it.
+    fn balanced(&mut self) -> Result<(), Fault> {
+        let first = self.line;
+        let mut open: Vec<char> = Vec::new();
+        while let Some(at) = self.rest.find(['{', '[', '}', ']', '"']) {
+            self.take(at);
+            let Some(bracket) = self.rest.chars().next() else {
+                break;
+            };
+            match bracket {
+                '"' => {
+                    self.string()?;
+                    continue;
+                }
+                '{' | '[' if open.len() == MAX_DEPTH => {
+                    let found = "lists in lists in lists";
+                    return Err(Fault::new(
+                        self.line,
+                        found,
+                        format!("up to {MAX_DEPTH} levels"),
+                    ));
+                }
+                '{' => open.push('}'),
+                '[' => open.push(']'),
+                _ => match open.pop() {
+                    Some(wanted) if wanted == bracket => {}
+                    wanted => {
+                        let wanted = wanted.unwrap_or('{');
+                        return Err(Fault::new(
+                            self.line,
+                            format!("`{bracket}`"),
+                            format!("`{wanted}`"),
+                        ));
+                    }
+                },
+            }
+            self.take(1);
+            if open.is_empty() {
+                return Ok(());
+            }
+        }
+        Err(Fault::new(
+            first,
+            "a bracket without end",
+            format!("`{}` after it", open.last().unwrap_or(&'}')),
+        ))
+    }
+
+    /// Takes a string with its quotes.
+    fn string(&mut self) -> Result<(), Fault> {
+        let mut escaped = false;
+        for (at, byte) in self.rest.bytes().enumerate().skip(1) {
+            match byte {
+                b'\n' => break,
+                _ if escaped => escaped = false,
+                b'\\' => escaped = true,
+                b'"' => {
+                    self.take(at + 1);
+                    return Ok(());
+                }
+                _ => {}
+            }
+        }
+        let found = "a string without end";
+        Err(Fault::new(self.line, found, "`\"` on the same line"))
+    }
+
+    /// What comes next, for a message.
+    fn line_ahead(&self) -> String {
+        match self.rest.lines().next() {
+            Some(line) => quoted(line),
+            None => "the end of the file".to_owned(),
+        }
+    }
+
+    fn take(&mut self, length: usize) {
+        let (taken, rest) = self.rest.split_at(length);
+        self.line += taken.bytes().filter(|&b| b == b'\n').count();
+        self.rest = rest;
+    }
+}
