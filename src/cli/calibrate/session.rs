@@ -152,22 +152,22 @@ impl Session {
 /// A pose with a board that is hardly lit.
 fn unlit(pose: &Found) -> Option<String> {
     let (lit, all) = (pose.data.lit(), pose.data.seen.len());
-    (lit < FEWEST_LIT).then(|| {
-        format!(
-            "{}: {lit} of its {all} points have a projector coordinate ({FEWEST_LIT} or more are \
-             usual): frames in another order than the sequence's, or a board outside of the \
-             projector's light{}",
-            pose.data.name,
-            saturation(pose.saturated)
-        )
-    })
+    let why = match saturation(pose.saturated) {
+        none if none.is_empty() => ": frames in another order than the sequence's, or a board \
+                                    outside of the projector's light"
+            .to_owned(),
+        saturation => saturation,
+    };
+    let name = &pose.data.name;
+    (lit < FEWEST_LIT)
+        .then(|| format!("{name}: {lit} of its {all} points have a projector coordinate{why}"))
 }
 
 /// Words on pixels that are saturated, where they are many.
 fn saturation(share: f64) -> String {
     match share >= SATURATED {
         true => format!(
-            "; {:.0} % of the pixels are saturated: a shorter exposure would tell more",
+            "; {:.0} % of the pixels are saturated, wanted: a shorter exposure",
             100.0 * share
         ),
         false => String::new(),
