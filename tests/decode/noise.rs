@@ -138,6 +138,82 @@ fn noise_is_estimated_from_redundancy() {
     );
 }
 
+/// Five pixels in six are unlit and round to one value again and again; what noise the rest has is in
+/// the rest alone. As 8 bits, and stretched to 16.
+#[test]
+fn the_noise_of_a_board_in_a_dark_room_is_that_of_the_board() {
+    const HEIGHT: usize = 256;
+    let positions = sweep(HEIGHT);
+    let lit = |i: usize| (i / WIDTH) % 6 == 0;
+    let variance = |level: f64| 0.03 + 0.024 * (level - 4.0);
+    let scene = Scene {
+        floor: 0.0,
+        swing: 1.0,
+        noise: 0.0,
+        ..Scene::default()
+    };
+    let complements = gray(Axis::X, 8.0, 0..8, true);
+    for patterns in [
+        [equal(Axis::X, 16.0, 3), complements].concat(),
+        [
+            equal(Axis::X, 16.0, 12),
+            gray(Axis::X, 8.0, 0..8, false),
+            references(),
+        ]
+        .concat(),
+    ] {
+        let manifest = manifest(patterns);
+        let frames: Vec<Vec<u16>> = (0..manifest.frame.len())
+            .map(|k| {
+                let levels = scene.frame(k, &manifest.frame[k].pattern, &positions);
+                let dn = |(i, level): (usize, &f64)| {
+                    // Ink and paper, and light that falls off.
+                    let white = if i % 7 < 2 { 14.0 } else { 40.0 } + 0.15 * (i % WIDTH) as f64;
+                    let clean = if lit(i) {
+                        4.0 + 3.0 + white * level
+                    } else {
+                        4.0
+                    };
+                    let noise = variance(clean).sqrt() * normal((k as u64) << 32 | i as u64);
+                    (clean + noise).round().clamp(0.0, 255.0) as u16
+                };
+                levels.iter().enumerate().map(dn).collect()
+            })
+            .collect();
+        for factor in [1, 257] {
+            let frames: Vec<Vec<u16>> = frames
+                .iter()
+                .map(|f| f.iter().map(|v| v * factor).collect())
+                .collect();
+            let decoder = Decoder::new(&manifest, WIDTH, HEIGHT, None, Options::default()).unwrap();
+            let frames = frames.iter().map(|f| Samples::U16(f)).collect();
+            let stack = FrameStack::new(WIDTH, HEIGHT, frames).unwrap();
+            let decoded = decoder.decode(&stack).unwrap();
+            let map = decoded.x.as_ref().unwrap();
+            let whitened: Vec<f64> = (0..positions.len())
+                .filter(|&i| lit(i) && !map.coordinate[i].is_nan())
+                .map(|i| (f64::from(map.coordinate[i]) - positions[i][0]) / f64::from(map.sigma[i]))
+                .filter(|z| z.abs() < 8.0)
+                .collect();
+            let n = whitened.len() as f64;
+            let rms = (whitened.iter().map(|z| z * z).sum::<f64>() / n).sqrt();
+            let model = decoded.noise.unwrap();
+            let step = f64::from(factor);
+            println!("x {factor}: {n} pixels, whitened {rms:.3}, {model:?}");
+            assert!(n > 5000.0, "{n}");
+            assert!((rms - 1.0).abs() < 0.1, "{factor}: {rms} {model:?}");
+            for dn in [20.0, 60.0] {
+                let truth = variance(dn) + 1.0 / 12.0;
+                let found = model.variance_dn2(step * dn) / step.powi(2);
+                assert!(
+                    (found / truth - 1.0).abs() < 0.2,
+                    "{factor} {dn}: {found} {truth}"
+                );
+            }
+        }
+    }
+}
+
 #[test]
 fn rounding_of_twelve_steps_leaves_no_bias() {
     let positions = sweep(64);

@@ -3,6 +3,7 @@
 use super::checks::against_nominal;
 use super::{Calibration, Missed, PoseData, Task};
 use crate::calibrate::board::bias::of_disc;
+use crate::calibrate::board::lit::unread;
 use crate::calibrate::solve::{Solution, Unsolved, solve};
 use crate::geometry::Board;
 use glam::DVec2;
@@ -40,7 +41,8 @@ pub fn calibrate(
             task.camera_px,
             task.projector_px,
             &task.choice,
-        )?;
+        )
+        .map_err(|why| with_reasons(why, poses))?;
         let next = biases_of(task.board, &solution, poses, &biases);
         let last_move_px = largest(biases.iter().flatten().zip(next.iter().flatten()));
         if last_move_px > STAYS_PX && rounds < ROUNDS {
@@ -49,6 +51,7 @@ pub fn calibrate(
         }
         solution.rig.noise = task.noise;
         let mut warnings = solution.warnings.clone();
+        warnings.extend(unread_poses(&solution, poses));
         if last_move_px > STAYS_PX {
             warnings.push(format!(
                 "the dots' centres still moved by {last_move_px:.1e} px after {rounds} rounds; \
@@ -70,6 +73,32 @@ pub fn calibrate(
             warnings,
         });
     }
+}
+
+/// A refusal for want of projector coordinates, with why there are none.
+fn with_reasons(why: Unsolved, poses: &[PoseData]) -> Unsolved {
+    match (why, unread(poses.iter().flat_map(|pose| &pose.fits))) {
+        (Unsolved::Unlit { found, wanted }, Some(reasons)) => Unsolved::Unlit {
+            found: format!("{found}; {reasons}"),
+            wanted,
+        },
+        (why, _) => why,
+    }
+}
+
+/// A warning for each pose that counts for the camera alone.
+fn unread_poses(solution: &Solution, poses: &[PoseData]) -> Vec<String> {
+    let used = solution.poses.iter().filter_map(|p| poses.get(p.given));
+    used.filter(|pose| pose.lit() == 0)
+        .filter_map(|pose| Some((pose, unread(pose.fits.iter())?)))
+        .map(|(pose, reasons)| {
+            format!(
+                "{} tells nothing of the projector: {reasons}; frames that are not in the \
+                 sequence's order do that, and a board that the projector does not light",
+                pose.name
+            )
+        })
+        .collect()
 }
 
 /// The biases by a solution; those of poses and points that it cannot tell stay as they are.

@@ -1,6 +1,6 @@
 //! One pose: the board in its picture, and the projector's coordinates about every point.
 
-use crate::calibrate::board::lit::{LocalFit, local_fits};
+use crate::calibrate::board::lit::{LocalFit, Unread, local_fits};
 use crate::calibrate::board::{NotFound, Picture, Seen, Sighting, find};
 use crate::calibrate::solve::PoseSightings;
 use crate::decode::Decoded;
@@ -14,8 +14,8 @@ pub struct PoseData {
     pub name: String,
     /// The board's points as they were found.
     pub seen: Vec<Seen>,
-    /// The projector's coordinates about each of them, where it lit them.
-    pub fits: Vec<Option<LocalFit>>,
+    /// The projector's coordinates about each of them, or why there are none.
+    pub fits: Vec<Result<LocalFit, Unread>>,
 }
 
 /// Finds the board in a pose's picture and reads the projector's coordinates about its points.
@@ -45,13 +45,13 @@ impl PoseData {
 
     /// What the solver takes, with each point `bias` pixels from where its centroid is.
     pub(super) fn sightings(&self, bias: &[DVec2]) -> PoseSightings {
-        let sighting = |((seen, fit), bias): ((&Seen, &Option<LocalFit>), &DVec2)| {
+        let sighting = |((seen, fit), bias): ((&Seen, &Result<LocalFit, Unread>), &DVec2)| {
             let camera_px = seen.px - *bias;
             Sighting {
                 index: seen.index,
                 camera_px,
                 camera_covariance: seen.covariance,
-                projector: fit.as_ref().map(|fit| fit.at(camera_px)),
+                projector: fit.as_ref().ok().map(|fit| fit.at(camera_px)),
             }
         };
         let points = self.seen.iter().zip(&self.fits).zip(bias);

@@ -3,7 +3,7 @@
 use super::*;
 use crate::calibrate::board::bias::of_disc;
 use crate::calibrate::board::lit::case::{Case, Random, rig};
-use crate::calibrate::board::lit::local_fits;
+use crate::calibrate::board::lit::{Unread, local_fits};
 use crate::calibrate::solve::Unsolved;
 use crate::geometry::Pose;
 use glam::{DMat2, DVec3};
@@ -145,9 +145,12 @@ fn what_determines_no_rig_is_an_error() {
         Err(Unsolved::TooFewPoses { .. })
     ));
     for pose in &mut poses {
-        pose.fits.fill(None);
+        pose.fits.fill(Err(Unread::Scattered));
     }
-    assert!(matches!(solve(&poses), Err(Unsolved::Unlit { .. })));
+    let why = solve(&poses).unwrap_err();
+    assert!(matches!(why, Unsolved::Unlit { .. }));
+    let why = why.to_string();
+    assert!(why.contains("contradict each other"), "{why}");
     for pose in &mut poses {
         pose.seen.clear();
         pose.fits.clear();

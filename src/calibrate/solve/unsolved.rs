@@ -35,8 +35,8 @@ pub enum Unsolved {
         /// What would be right.
         wanted: String,
     },
-    /// A projector that lit too little of the boards.
-    #[error("too few points that the projector lit: {found}; wanted: {wanted}")]
+    /// Too little of the boards with projector coordinates: unlit, or not decoded.
+    #[error("too few points whose projector coordinates are known: {found}; wanted: {wanted}")]
     Unlit {
         /// How many, in how many poses.
         found: String,

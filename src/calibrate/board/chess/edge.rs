@@ -104,7 +104,7 @@ static TABLE: LazyLock<Vec<(f64, f64)>> = LazyLock::new(|| {
 
 /// The normal distribution's distribution function and density, to 1e-9: by Hermite's cubics between
 /// the values of a table, whose derivatives are known.
-fn normal(x: f64) -> (f64, f64) {
+pub(super) fn normal(x: f64) -> (f64, f64) {
     let scaled = x.abs() * STEPS as f64;
     if scaled >= (STEPS * END) as f64 {
         return (if x > 0.0 { 1.0 } else { 0.0 }, 0.0);

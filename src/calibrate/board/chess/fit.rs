@@ -7,11 +7,13 @@
 //! ```
 //!
 //! where d is its place in the window, E = 2 F - 1 with F an [`Edge`]'s share, rho the cosine
-//! between the edges' normals, s the blur with the pixel's own variance of 1/12 and phi2 the density
-//! of the bivariate normal distribution: S is the mean of sign(u1) sign(u2) under the blur. The
-//! product alone holds for edges at right angles; the integral is what correlation adds (Plackett,
-//! "A reduction formula for normal multivariate integrals", Biometrika 41, 1954), and matters to the
-//! few pixels next to the corner, where a Gaussian is good enough for the pixel's square. Light that
+//! between the edges' normals, s the blur with a square's own variance and phi2 the density of the
+//! bivariate normal distribution: S is the mean of sign(u1) sign(u2) under the blur. The product
+//! alone holds for edges at right angles; the integral is what correlation adds (Plackett,
+//! "A reduction formula for normal multivariate integrals", Biometrika 41, 1954). It matters to the
+//! few pixels next to the corner. Where the blur is no wider than they are, they are cut into smaller
+//! squares for it, so that a Gaussian is good enough for each; what those have in common beside E1 E2
+//! of the whole is then also the signs' covariance within the pixel. Light that
 //! changes as (1 + g . d) does so before the blur, which moves S by -g s^2, to the first order.
 //!
 //! The nine unknowns (c, two angles, the blur's variance, m, k, g) are fitted by least squares with
@@ -19,7 +21,7 @@
 //! says nothing of the blur, so that it takes what is known of it; see [`super::blur`].
 
 use super::blur::Blur;
-use super::edge::Edge;
+use super::edge::{Edge, normal};
 use crate::calibrate::board::Picture;
 use glam::{DMat2, DVec2};
 use nalgebra::{SMatrix, SVector};
@@ -35,6 +37,8 @@ type Column = SVector<f64, UNKNOWNS>;
 const PIXEL: f64 = 1.0 / 12.0;
 /// Half a window's side at most, in pixels, unless blur asks for more.
 const REACH: f64 = 8.0;
+/// Distances from both edges, in standard deviations, within which a pixel is next to the corner.
+const NEAR: f64 = 4.0;
 /// Gauss and Legendre's nodes on [0, 1] and their weights.
 const NODES: [(f64, f64); 4] = [
     (0.069_431_844_202_973_71, 0.173_927_422_568_726_9),
@@ -155,7 +159,8 @@ impl State {
             normals,
             along: [DVec2::new(c1, s1), DVec2::new(c2, s2)],
             edges: normals.map(|n| Edge::new(n.x, n.y, self.variance)),
-            sigma: (self.variance.max(0.0) + PIXEL).sqrt(),
+            pieces: pieces(self.variance),
+            variance: self.variance.max(0.0),
             lean: normals[0].dot(normals[1]).clamp(-1.0, 1.0).asin(),
         }
     }
@@ -246,7 +251,9 @@ struct Model {
     normals: [DVec2; 2],
     along: [DVec2; 2],
     edges: [Edge; 2],
-    sigma: f64,
+    /// Pieces across a pixel.
+    pieces: u32,
+    variance: f64,
     /// Arc sine of the correlation of the two distances.
     lean: f64,
 }
@@ -260,21 +267,87 @@ impl Model {
         let mut s = e1 * e2;
         let mut by = [2.0 * p.by_distance * e2, 2.0 * q.by_distance * e1];
         let mut by_variance = 2.0 * (p.by_variance * e2 + q.by_variance * e1);
-        let [h, k] = u.map(|u| u / self.sigma);
+        let sigma = (self.variance + PIXEL).sqrt();
+        if u.iter().all(|u| u.abs() < NEAR * sigma) {
+            let common = self.common(d);
+            s += common.s;
+            by[0] += common.by[0];
+            by[1] += common.by[1];
+            by_variance += common.by_variance;
+        }
+        (s, by, by_variance)
+    }
+
+    /// Covariance of the signs of both distances in a pixel and its derivatives.
+    fn common(&self, d: DVec2) -> Signs {
+        let n = f64::from(self.pieces);
+        let place = |i: u32| (f64::from(i) + 0.5) / n - 0.5;
+        let sigma = (self.variance + PIXEL / (n * n)).sqrt();
+        let (mut sum, mut means) = (Signs::default(), [[0.0; 3]; 2]);
+        for (i, j) in (0..self.pieces).flat_map(|i| (0..self.pieces).map(move |j| (i, j))) {
+            let d = d + DVec2::new(place(i), place(j));
+            let u = self.normals.map(|n| n.dot(d) / sigma);
+            // Mean of the sign, its derivatives by distance and by variance.
+            let signs = u.map(|u| {
+                let (share, density) = normal(u);
+                let slope = 2.0 * density / sigma;
+                [2.0 * share - 1.0, slope, -0.5 * u * slope / sigma]
+            });
+            let [p, q] = signs;
+            let more = self.correlated(u, sigma);
+            sum.s += p[0] * q[0] + more.s;
+            sum.by[0] += p[1] * q[0] + more.by[0];
+            sum.by[1] += p[0] * q[1] + more.by[1];
+            sum.by_variance += p[2] * q[0] + p[0] * q[2] + more.by_variance;
+            for (mean, sign) in means.iter_mut().zip(signs) {
+                (0..3).for_each(|k| mean[k] += sign[k] / (n * n));
+            }
+        }
+        let ([p, q], share) = (means, 1.0 / (n * n));
+        Signs {
+            s: sum.s * share - p[0] * q[0],
+            by: [
+                sum.by[0] * share - p[1] * q[0],
+                sum.by[1] * share - p[0] * q[1],
+            ],
+            by_variance: sum.by_variance * share - p[2] * q[0] - p[0] * q[2],
+        }
+    }
+
+    /// What correlation adds at distances in standard deviations.
+    fn correlated(&self, [h, k]: [f64; 2], sigma: f64) -> Signs {
+        let mut signs = Signs::default();
         if h * h + k * k < 36.0 && self.lean.abs() > 1e-3 {
             // With r = sin(x), dr / sqrt(1 - r^2) is dx.
             for (node, weight) in NODES {
                 let (r, c) = (self.lean * node).sin_cos();
                 let squares = (h * h - 2.0 * r * h * k + k * k) / (c * c);
                 let part = 4.0 * weight * self.lean * (-0.5 * squares).exp() / (2.0 * PI);
-                s += part;
-                let slope = part / (c * c * self.sigma);
-                by[0] -= slope * (h - r * k);
-                by[1] -= slope * (k - r * h);
-                by_variance += 0.5 * part * squares / (self.sigma * self.sigma);
+                signs.s += part;
+                let slope = part / (c * c * sigma);
+                signs.by[0] -= slope * (h - r * k);
+                signs.by[1] -= slope * (k - r * h);
+                signs.by_variance += 0.5 * part * squares / (sigma * sigma);
             }
         }
-        (s, by, by_variance)
+        signs
+    }
+}
+
+/// A mean of two signs' product, its derivatives by both distances and by the blur's variance.
+#[derive(Default)]
+struct Signs {
+    s: f64,
+    by: [f64; 2],
+    by_variance: f64,
+}
+
+/// Pieces across a pixel that are smooth enough under a blur of this variance.
+fn pieces(variance: f64) -> u32 {
+    match variance {
+        v if v < 0.06 => 4,
+        v if v < 0.25 => 2,
+        _ => 1,
     }
 }
 

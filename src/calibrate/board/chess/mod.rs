@@ -170,17 +170,20 @@ fn measure(
             dark: labels.dark == ((column + row) % 2 == 0),
         }
     };
-    let guesses: Vec<([u32; 2], Guess)> = board.indices().map(|i| (i, guess(i))).collect();
-    let corners = |blur: &Blur| -> Vec<Option<Corner>> {
+    let mut guesses: Vec<([u32; 2], Guess)> = board.indices().map(|i| (i, guess(i))).collect();
+    let corners = |guesses: &[([u32; 2], Guess)], blur: &Blur| -> Vec<Option<Corner>> {
         let corner = |(_, guess): &([u32; 2], Guess)| {
             let shortest = guess.along_x.length().min(guess.along_y.length());
             (shortest >= LEAST_PX).then(|| fit(picture, guess, blur))?
         };
         guesses.par_iter().map(corner).collect()
     };
-    let told = corners(&Blur::UNKNOWN);
+    let told = corners(&guesses, &Blur::UNKNOWN);
     let blur = Blur::told_by(told.iter().flatten().map(|corner| corner.blur));
-    let measured = corners(&blur);
+    for ((_, guess), corner) in guesses.iter_mut().zip(&told) {
+        guess.px = corner.map_or(guess.px, |corner| corner.px);
+    }
+    let measured = corners(&guesses, &blur);
     let lost = || {
         let indices = guesses.iter().map(|(index, _)| index);
         indices

@@ -7,10 +7,11 @@
 use super::super::biweight::{biweight, scale};
 use super::super::smooth::Smooth;
 use super::cell::Sample;
+use super::unread::Unread;
 use glam::{DMat3, DVec2, DVec3};
 
 /// Fewest pixels of a fit.
-const PIXELS: usize = 12;
+pub(super) const PIXELS: usize = 12;
 /// Standard deviations within which a pixel counts.
 const KEEP: f64 = 5.0;
 /// The variance at the point over that of a mean of as many pixels, at most: 1 in the middle of
@@ -45,15 +46,15 @@ struct Row {
 }
 
 impl AxisFit {
-    /// `None` where the pixels are too few or too uneven about `middle`.
+    /// A reason where the pixels are too few or too uneven about `middle`, or astray.
     pub(super) fn new(
         middle: DVec2,
         samples: &[Sample],
         light: &Smooth,
         axis: usize,
-    ) -> Option<Self> {
+    ) -> Result<Self, Unread> {
         if samples.len() < PIXELS {
-            return None;
+            return Err(Unread::FewPixels);
         }
         let reach = |s: &Sample| (s.at - middle).abs().max_element();
         let size = samples.iter().map(reach).fold(1.0, f64::max);
@@ -65,8 +66,13 @@ impl AxisFit {
                 certainty: 1.0 / s.sigma[axis],
             })
             .collect();
-        let (terms, covariance, kept) = robust(&rows)?;
-        let fit = Self {
+        let Robust {
+            terms,
+            covariance,
+            kept,
+            ratio,
+        } = robust(&rows)?;
+        let mut fit = Self {
             middle,
             size,
             terms,
@@ -75,7 +81,12 @@ impl AxisFit {
         };
         let weight: f64 = kept.iter().map(|&i| rows[i].certainty.powi(2)).sum();
         let variance = fit.at(middle).variance;
-        (variance * weight <= UNEVEN && variance > 0.0).then_some(fit)
+        if !(variance * weight <= UNEVEN && variance > 0.0) {
+            return Err(Unread::OneSided);
+        }
+        // Standard deviations that are all too small say nothing of where the pixels lie.
+        fit.covariance *= ratio;
+        Ok(fit)
     }
 
     /// Value, slope and variance at a pixel.
@@ -89,8 +100,18 @@ impl AxisFit {
     }
 }
 
-/// Coefficients, covariance and which rows counted.
-fn robust(rows: &[Row]) -> Option<(DVec3, DMat3, Vec<usize>)> {
+/// A fit by the rows that agree.
+struct Robust {
+    terms: DVec3,
+    /// By the rows' standard deviations.
+    covariance: DMat3,
+    /// Which rows counted.
+    kept: Vec<usize>,
+    /// By how much the rows scatter more than their variances say; 1 where that may be chance.
+    ratio: f64,
+}
+
+fn robust(rows: &[Row]) -> Result<Robust, Unread> {
     let residuals = |terms: DVec3| -> Vec<f64> {
         rows.iter()
             .map(|r| (r.left - terms.dot(r.basis)) * r.certainty)
@@ -107,7 +128,7 @@ fn robust(rows: &[Row]) -> Option<(DVec3, DMat3, Vec<usize>)> {
         let sizes: Vec<f64> = off.iter().map(|r| r.abs()).collect();
         spread = scale(&sizes).max(1.0);
         let weights = off.iter().map(|r| biweight(r / spread));
-        (terms, _) = solve(rows.iter().zip(weights))?;
+        (terms, _) = solve(rows.iter().zip(weights)).ok_or(Unread::OneSided)?;
     }
     let mut kept = Vec::new();
     let mut covariance = DMat3::ZERO;
@@ -117,9 +138,10 @@ fn robust(rows: &[Row]) -> Option<(DVec3, DMat3, Vec<usize>)> {
             .filter(|&i| off[i].abs() <= KEEP * spread)
             .collect();
         if kept.len() < PIXELS.max(rows.len() / 2) {
-            return None;
+            return Err(Unread::Scattered);
         }
-        (terms, covariance) = solve(kept.iter().map(|&i| (&rows[i], 1.0)))?;
+        let counted = kept.iter().map(|&i| (&rows[i], 1.0));
+        (terms, covariance) = solve(counted).ok_or(Unread::OneSided)?;
     }
     let squares: f64 = residuals(terms)
         .iter()
@@ -131,11 +153,12 @@ fn robust(rows: &[Row]) -> Option<(DVec3, DMat3, Vec<usize>)> {
     let ratio = squares / freedom;
     // Three standard deviations of a chi-square distribution over its mean: more is not chance.
     let chance = 1.0 + 3.0 * (2.0 / freedom).sqrt();
-    Some((
+    Ok(Robust {
         terms,
-        covariance * if ratio > chance { ratio } else { 1.0 },
+        covariance,
         kept,
-    ))
+        ratio: if ratio > chance { ratio } else { 1.0 },
+    })
 }
 
 /// Weighted least squares and its covariance.

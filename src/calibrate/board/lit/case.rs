@@ -2,7 +2,7 @@
 
 use super::super::Seen;
 use super::super::bias::image;
-use super::{LocalFit, local_fits};
+use super::{LocalFit, Unread, local_fits};
 use crate::decode::{AxisMap, Decoded, Verdict};
 use crate::geometry::{Board, Lens, Pose, Rig, View};
 use glam::{DMat2, DVec2, DVec3};
@@ -176,8 +176,8 @@ impl Case {
     pub(crate) fn errors(&self, decoded: &Decoded) -> Vec<Option<(DVec2, DVec2)>> {
         let fits = local_fits(&self.board, &self.seen, decoded);
         assert_eq!(fits.len(), self.seen.len());
-        let error = |(seen, fit): (&Seen, &Option<LocalFit>)| {
-            let lit = fit.as_ref()?.at(seen.px);
+        let error = |(seen, fit): (&Seen, &Result<LocalFit, Unread>)| {
+            let lit = fit.as_ref().ok()?.at(seen.px);
             let off = lit.px - self.truth(seen.px);
             let sigma = DVec2::new(
                 lit.covariance.x_axis.x.sqrt(),

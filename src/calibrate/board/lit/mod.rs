@@ -16,12 +16,15 @@
 
 mod axis;
 mod cell;
+mod unread;
+
+pub use unread::{Unread, unread};
 
 use super::smooth::Smooth;
 use super::{Lit, Seen};
 use crate::decode::Decoded;
 use crate::geometry::Board;
-use axis::AxisFit;
+use axis::{AxisFit, PIXELS};
 use cell::{Cells, Sample};
 use glam::{DMat2, DVec2};
 use rayon::prelude::*;
@@ -59,21 +62,32 @@ impl LocalFit {
     }
 }
 
-/// Fits about every point that was seen, in their order; `None` where the projector lit too little of
-/// a point's cell, or one side of it only. All are `None` where the sequence does not resolve both axes.
-pub fn local_fits(board: &Board, seen: &[Seen], decoded: &Decoded) -> Vec<Option<LocalFit>> {
-    fits(board, seen, decoded).unwrap_or_else(|| vec![None; seen.len()])
+/// Fits about every point that was seen, in their order; a reason where the projector lit too little of
+/// a point's cell, or one side of it only, and for all where the sequence does not resolve both axes.
+pub fn local_fits(
+    board: &Board,
+    seen: &[Seen],
+    decoded: &Decoded,
+) -> Vec<Result<LocalFit, Unread>> {
+    fits(board, seen, decoded).unwrap_or_else(|| vec![Err(Unread::Unresolved); seen.len()])
 }
 
-fn fits(board: &Board, seen: &[Seen], decoded: &Decoded) -> Option<Vec<Option<LocalFit>>> {
+fn fits(board: &Board, seen: &[Seen], decoded: &Decoded) -> Option<Vec<Result<LocalFit, Unread>>> {
     let pairs: Vec<_> = seen.iter().map(|s| (board.point(s.index), s.px)).collect();
     let camera = Smooth::fit(&pairs, BOARD_DEGREE)?;
     let cells = Cells::new(board, &camera, decoded)?;
     let samples: Vec<Vec<Sample>> = seen.par_iter().map(|s| cells.samples(s)).collect();
-    let light = Arc::new(light(&samples)?);
+    let Some(light) = light(&samples).map(Arc::new) else {
+        // Pixels there may be, but of no plane.
+        let why = |s: &Vec<Sample>| match s.len() {
+            0..PIXELS => Unread::FewPixels,
+            _ => Unread::Scattered,
+        };
+        return Some(samples.iter().map(|s| Err(why(s))).collect());
+    };
     let fit = |(seen, samples): (&Seen, &Vec<Sample>)| {
         let left = |axis: usize| AxisFit::new(seen.px, samples, &light, axis);
-        Some(LocalFit {
+        Ok(LocalFit {
             axes: [left(0)?, left(1)?],
             light: Arc::clone(&light),
         })

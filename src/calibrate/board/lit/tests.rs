@@ -56,7 +56,7 @@ fn exact_maps_through_two_lenses_are_read_exactly() {
         // A point that moves takes its projector pixel along, by the slope.
         let fits = local_fits(&case.board, &case.seen, &decoded);
         for (seen, fit) in case.seen.iter().zip(&fits) {
-            let Some(fit) = fit else { continue };
+            let Ok(fit) = fit else { continue };
             let off = DVec2::new(0.3, -0.2);
             let (lit, moved) = (fit.at(seen.px), fit.at(seen.px + off));
             assert!((moved.px - case.truth(seen.px + off)).length() < 1.5e-3);
@@ -113,6 +113,20 @@ fn wrong_pixels_do_no_harm() {
     assert!(wrong < 1.15 * clean, "{wrong} {clean}");
 }
 
+/// A noise model that is wrong by ten in the variance costs no point, and its fits say what they are
+/// worth all the same.
+#[test]
+fn standard_deviations_three_times_too_small_cost_no_point() {
+    let case = dots();
+    let honest = case.errors(&case.decoded(1.0, 4, |_, _| ()));
+    let errors = case.errors(&case.decoded(3.2, 4, |_, _| ()));
+    for (a, b) in honest.iter().zip(&errors) {
+        assert_eq!(a.is_some(), b.is_some());
+    }
+    let whitened = rms(errors.iter().flatten().flat_map(|e| e.1.to_array()));
+    assert!((whitened - 1.0).abs() < 0.1, "{whitened}");
+}
+
 #[test]
 fn what_is_not_lit_all_about_a_point_has_no_coordinates() {
     let case = dots();
@@ -135,7 +149,7 @@ fn maps_that_lack_something_give_nothing_and_do_not_panic() {
     let whole = case.decoded(1.0, 7, |_, _| ());
     let none = |decoded: &Decoded, seen: &[Seen]| {
         let fits = local_fits(&case.board, seen, decoded);
-        assert!(fits.len() == seen.len() && fits.iter().all(Option::is_none));
+        assert!(fits.len() == seen.len() && fits.iter().all(Result::is_err));
     };
     none(
         &Decoded {

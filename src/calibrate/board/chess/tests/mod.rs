@@ -134,6 +134,33 @@ fn errors_are_those_of_the_noise() {
 }
 
 #[test]
+fn errors_of_sharp_corners_are_those_of_the_noise() {
+    let (mut sum, mut n) = (0.0, 0.0);
+    for (seed, turn) in [
+        [3.0, 2.0, 1.0],
+        [-20.0, 15.0, 0.0],
+        [10.0, 30.0, 33.0],
+        [0.0, 0.0, 0.5],
+    ]
+    .into_iter()
+    .enumerate()
+    {
+        let sharp = Scene {
+            blur: 0.0,
+            light: |_| 60.0,
+            seed: seed as u64,
+            ..scene(20.0, turn)
+        };
+        let seen = find(&sharp.board, &sharp.render()).unwrap();
+        let (_, _, whitened) = errors(&sharp, &seen);
+        sum += whitened * whitened;
+        n += 1.0;
+    }
+    let ratio = f64::sqrt(sum / n);
+    assert!((0.85..1.15).contains(&ratio), "{ratio}");
+}
+
+#[test]
 fn squares_without_noise_are_exact() {
     let clean = Scene {
         frames: 0,

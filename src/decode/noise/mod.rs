@@ -3,19 +3,21 @@
 //! Frames that say the same thing twice differ by noise: a Gray bit and its complement sum to white
 //! plus black whatever the bit, and more steps than unknowns leave a residual. The residual is taken
 //! after harmonics of the fringe too, where there are steps enough, for a projector's response
-//! curve makes those. The variances, binned by mean, give a photon-transfer line,
-//! variance = s0 + K mean (EMVA 1288 release 4.0, section 6), by weighted least squares on bins
-//! that were cleared of outliers.
+//! curve makes those. The variances by mean give a photon-transfer line (`line`).
+
+mod line;
 
 use super::plan::Plan;
 use super::samples::{FrameStack, Samples};
 use super::steps::FringeSet;
 use crate::geometry::NoiseModel;
+use line::transfer_line;
 use nalgebra::{DMatrix, DVector};
 
 /// Pixels that are looked at.
 const PIXELS: usize = 60_000;
-const BINS: usize = 16;
+/// Values below which their greatest common divisor tells nothing.
+const VALUES: usize = 16;
 
 /// One pixel's estimate.
 struct Estimate {
@@ -38,13 +40,45 @@ pub fn estimate_noise(plan: &Plan, stack: &FrameStack<'_>) -> Option<NoiseModel>
     for i in (0..pixels).step_by(stride) {
         sources.at(&|frame| sample(frame, i), ceiling, &mut estimates);
     }
-    let (s0, gain) = transfer_line(estimates)?;
+    let rounding = step(stack, stride).powi(2) / 12.0;
+    let (s0, gain) = transfer_line(estimates, rounding)?;
     Some(NoiseModel {
         gain_dn_per_e: gain,
         read_noise_dn: (s0 - 1.0 / 12.0).max(0.0).sqrt(),
         black_level_dn: 0.0,
         saturation_dn: f64::from(stack.full_scale()),
     })
+}
+
+/// What the samples' values are multiples of, but for an offset: more than 1 where fewer bits were
+/// shifted or stretched into more.
+fn step(stack: &FrameStack<'_>, stride: usize) -> f64 {
+    let mut there = vec![false; 1 << 16];
+    for frame in stack.frames() {
+        match frame {
+            Samples::U8(s) => s
+                .iter()
+                .step_by(stride)
+                .for_each(|&v| there[usize::from(v)] = true),
+            Samples::U16(s) => s
+                .iter()
+                .step_by(stride)
+                .for_each(|&v| there[usize::from(v)] = true),
+        }
+    }
+    let values: Vec<usize> = (0..there.len()).filter(|&v| there[v]).collect();
+    if values.len() < VALUES {
+        return 1.0;
+    }
+    let divisor = |mut a: usize, mut b: usize| {
+        while b > 0 {
+            (a, b) = (b, a % b);
+        }
+        a
+    };
+    values
+        .windows(2)
+        .fold(0, |all, pair| divisor(all, pair[1] - pair[0])) as f64
 }
 
 /// Where redundancy is found; sums of complements first, since nothing but noise disturbs them.
@@ -147,59 +181,4 @@ fn annihilator(set: &FringeSet) -> Option<(Vec<usize>, DMatrix<f64>, f64)> {
         return Some((set.frames.clone(), project, freedom));
     }
     None
-}
-
-/// s0 and K of variance = s0 + K mean.
-fn transfer_line(mut estimates: Vec<Estimate>) -> Option<(f64, f64)> {
-    const ROUNDING: f64 = 1.0 / 12.0;
-    if estimates.len() < 100 {
-        return None;
-    }
-    estimates.sort_by(|a, b| a.mean.total_cmp(&b.mean));
-    let size = estimates.len().div_ceil(BINS);
-    // Mean, variance and weight of each bin.
-    let mut bins: Vec<(f64, f64, f64)> = Vec::new();
-    for bin in estimates.chunks(size) {
-        let Some(variance) = robust_variance(bin) else {
-            continue;
-        };
-        let variance = variance.max(ROUNDING);
-        let mean = bin.iter().map(|e| e.mean).sum::<f64>() / bin.len() as f64;
-        bins.push((mean, variance, bin.len() as f64 / variance.powi(2)));
-    }
-    if bins.is_empty() {
-        return None;
-    }
-    let weight: f64 = bins.iter().map(|b| b.2).sum();
-    let x = bins.iter().map(|b| b.0 * b.2).sum::<f64>() / weight;
-    let y = bins.iter().map(|b| b.1 * b.2).sum::<f64>() / weight;
-    let xx: f64 = bins.iter().map(|b| b.2 * (b.0 - x).powi(2)).sum();
-    let xy: f64 = bins.iter().map(|b| b.2 * (b.0 - x) * (b.1 - y)).sum();
-    let gain = if xx > 0.0 { (xy / xx).max(0.0) } else { 0.0 };
-    let s0 = y - gain * x;
-    if s0 < ROUNDING {
-        // The line through the rounding's variance in the dark.
-        return Some((ROUNDING, ((y - ROUNDING) / x.max(1e-9)).max(0.0)));
-    }
-    Some((s0, gain))
-}
-
-/// Mean variance without estimates that are twelve times too large for it.
-fn robust_variance(bin: &[Estimate]) -> Option<f64> {
-    let mut sizes: Vec<f64> = bin.iter().map(|e| e.variance).collect();
-    sizes.sort_by(f64::total_cmp);
-    // A median of 0 happens where rounding hides the noise: start from the mean then.
-    let median = sizes[sizes.len() / 2] * 2.2;
-    let mut variance = median.max(sizes[sizes.len() * 9 / 10] / 2.7);
-    for _ in 0..5 {
-        let kept = bin.iter().filter(|e| e.variance <= 12.0 * variance);
-        let (sum, freedom) = kept.fold((0.0, 0.0), |(s, f), e| {
-            (s + e.variance * e.freedom, f + e.freedom)
-        });
-        if freedom == 0.0 {
-            return None;
-        }
-        variance = sum / freedom;
-    }
-    Some(variance)
 }
