@@ -144,7 +144,7 @@ fn noise_is_estimated_from_redundancy() {
 fn the_noise_of_a_board_in_a_dark_room_is_that_of_the_board() {
     const HEIGHT: usize = 256;
     let positions = sweep(HEIGHT);
-    let lit = |i: usize| (i / WIDTH) % 6 == 0;
+    let lit = |i: usize| (i / WIDTH).is_multiple_of(6);
     let variance = |level: f64| 0.03 + 0.024 * (level - 4.0);
     let scene = Scene {
         floor: 0.0,
