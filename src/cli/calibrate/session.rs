@@ -149,17 +149,11 @@ impl Session {
     }
 }
 
-/// A pose with a board that is hardly lit.
+/// A pose with a board that is hardly lit and saturated; other reasons the fits tell themselves.
 fn unlit(pose: &Found) -> Option<String> {
     let (lit, all) = (pose.data.lit(), pose.data.seen.len());
-    let why = match saturation(pose.saturated) {
-        none if none.is_empty() => ": frames in another order than the sequence's, or a board \
-                                    outside of the projector's light"
-            .to_owned(),
-        saturation => saturation,
-    };
-    let name = &pose.data.name;
-    (lit < FEWEST_LIT)
+    let (name, why) = (&pose.data.name, saturation(pose.saturated));
+    (lit < FEWEST_LIT && !why.is_empty())
         .then(|| format!("{name}: {lit} of its {all} points have a projector coordinate{why}"))
 }
 
