@@ -149,25 +149,19 @@ impl Session {
     }
 }
 
-/// A pose with a board that is hardly lit.
+/// A pose with a board that is hardly lit and saturated; other reasons the fits tell themselves.
 fn unlit(pose: &Found) -> Option<String> {
     let (lit, all) = (pose.data.lit(), pose.data.seen.len());
-    (lit < FEWEST_LIT).then(|| {
-        format!(
-            "{}: {lit} of its {all} points have a projector coordinate ({FEWEST_LIT} or more are \
-             usual): frames in another order than the sequence's, or a board outside of the \
-             projector's light{}",
-            pose.data.name,
-            saturation(pose.saturated)
-        )
-    })
+    let (name, why) = (&pose.data.name, saturation(pose.saturated));
+    (lit < FEWEST_LIT && !why.is_empty())
+        .then(|| format!("{name}: {lit} of its {all} points have a projector coordinate{why}"))
 }
 
 /// Words on pixels that are saturated, where they are many.
 fn saturation(share: f64) -> String {
     match share >= SATURATED {
         true => format!(
-            "; {:.0} % of the pixels are saturated: a shorter exposure would tell more",
+            "; {:.0} % of the pixels are saturated, wanted: a shorter exposure",
             100.0 * share
         ),
         false => String::new(),
