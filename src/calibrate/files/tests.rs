@@ -459,7 +459,7 @@ fn files_are_known_by_what_is_in_them() {
     }
     let error = write_opencv(&dir.path().join("c.json"), &rig, &Reprojection::default());
     assert!(error.unwrap_err().to_string().contains(".yml"));
-    assert_eq!(read_rig(dir.path()).unwrap_err().exit_code(), 1);
+    assert_eq!(read_rig(dir.path()).unwrap_err().exit_code(), 2);
     assert_eq!(
         read_rig(&dir.path().join("none")).unwrap_err().exit_code(),
         2

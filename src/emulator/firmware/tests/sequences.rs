@@ -90,7 +90,7 @@ fn a_sequence_of_the_user_s_own_comes_over_the_port() {
     };
     assert_eq!(levels[854 + 3], 4, "row 1, column 3");
     port.tell("SEQ:SEL 'quick-4';DEL 'own';IMAG:DEL 'dots.png'");
-    assert_eq!(port.ask("SEQ:LIST?"), "\"quick-4\"");
+    assert_eq!(port.ask("SEQ:LIST?"), "\"quick-4\",\"quick-4-xy\"");
 }
 
 #[test]
