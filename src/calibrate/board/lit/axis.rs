@@ -17,6 +17,9 @@ const KEEP: f64 = 5.0;
 /// The variance at the point over that of a mean of as many pixels, at most: 1 in the middle of
 /// evenly spread pixels, 4 at their edge.
 const UNEVEN: f64 = 4.0;
+/// The residuals' mean square over what the pixels' standard deviations say, at most. An estimate of
+/// the noise may be off threefold; frames in another order are off by more.
+const MISFIT: f64 = 25.0;
 /// Rounds of reweighting, then of trimming.
 const ROUNDS: [usize; 2] = [5, 3];
 
@@ -151,6 +154,9 @@ fn robust(rows: &[Row]) -> Result<Robust, Unread> {
         .sum();
     let freedom = (kept.len() - 3) as f64;
     let ratio = squares / freedom;
+    if !(ratio <= MISFIT) {
+        return Err(Unread::Scattered);
+    }
     // Three standard deviations of a chi-square distribution over its mean: more is not chance.
     let chance = 1.0 + 3.0 * (2.0 / freedom).sqrt();
     Ok(Robust {
