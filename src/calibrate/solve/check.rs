@@ -143,7 +143,8 @@ fn fit(solution: &Solution, all: &mut Vec<String>) {
     {
         if factor > INFLATED {
             all.push(format!(
-                "{name} scatter {:.2} times as much as their covariances say; standard deviations allow for it",
+                "{name} scatter {:.2} times as much as their covariances say; standard deviations are widened by that, which covers \
+                 errors that are independent from point to point and no others",
                 factor.sqrt()
             ));
         }
