@@ -1,13 +1,15 @@
 //! A whole device in memory: firmware, optics and a virtual clock, driven step by step. What
 //! `phasma serve` does over ports and sockets, this does over function calls.
 
-use super::{Clock, Firmware, FrameSink, Renderer, State, VirtualClock};
+use super::faults::Faults;
+use super::port::Port;
+use super::{Clock, Firmware, FrameSink, Machine, Renderer, SerialLine, State, VirtualClock};
 use std::sync::Arc;
 use std::time::Duration;
 
 /// A device on the bench: no port, no socket, no thread, no waiting.
 pub struct Bench<S> {
-    firmware: Firmware,
+    machine: Machine,
     renderer: Renderer,
     clock: VirtualClock,
     /// Where the frames go.
@@ -15,10 +17,21 @@ pub struct Bench<S> {
 }
 
 impl<S: FrameSink> Bench<S> {
-    /// Puts a device together.
+    /// Puts a device together that works as it should, on a line that takes no time.
     pub fn new(firmware: Firmware, renderer: Renderer, sink: S) -> Self {
-        Self {
+        let machine = Machine::new(
             firmware,
+            Port::default(),
+            SerialLine::default(),
+            Faults::default(),
+        );
+        Self::of(machine, renderer, sink)
+    }
+
+    /// Puts a device together.
+    pub fn of(machine: Machine, renderer: Renderer, sink: S) -> Self {
+        Self {
+            machine,
             renderer,
             clock: VirtualClock::default(),
             sink,
@@ -28,37 +41,59 @@ impl<S: FrameSink> Bench<S> {
     /// Sends bytes to the control port, lets time pass until nothing is under way (a free-running
     /// camera gets as far as its commands take no time), and gives what the device sent back.
     pub fn control(&mut self, bytes: &[u8]) -> Vec<u8> {
-        let now = self.clock.now_ns(Duration::ZERO);
-        self.firmware.set_streaming(self.sink.attended(), now);
-        self.firmware.receive(bytes, now);
+        let now = self.now_ns();
+        let attended = self.sink.attended();
+        self.machine.firmware_mut().set_streaming(attended, now);
+        self.machine.receive(bytes, now);
         self.render();
-        while !matches!(self.firmware.state(), State::Free { .. })
-            && let Some(next) = self.firmware.next_event_ns()
-        {
+        while let Some(next) = self.next_event_ns() {
             self.run_until(next);
         }
-        self.firmware.take_output()
+        let now = self.now_ns();
+        self.machine.take_output(now)
+    }
+
+    /// When something happens next; the frames of a free-running camera are nothing.
+    fn next_event_ns(&self) -> Option<u64> {
+        let free = matches!(self.machine.firmware().state(), State::Free { .. });
+        self.machine.next_event_ns(free)
     }
 
     /// Lets time pass until `ns` of device time.
     pub fn run_until(&mut self, ns: u64) {
         self.clock.wait(ns, Duration::ZERO);
-        self.firmware.advance(self.clock.now_ns(Duration::ZERO));
+        let now = self.now_ns();
+        self.machine.advance(now);
         self.render();
     }
 
-    /// The firmware, to look at or to pull its cable.
+    /// Device time.
+    pub fn now_ns(&mut self) -> u64 {
+        self.clock.now_ns(Duration::ZERO)
+    }
+
+    /// The firmware, to look at.
     pub fn firmware(&mut self) -> &mut Firmware {
-        &mut self.firmware
+        self.machine.firmware_mut()
+    }
+
+    /// The device without its optics.
+    pub fn machine(&mut self) -> &mut Machine {
+        &mut self.machine
     }
 
     fn render(&mut self) {
-        for exposure in self.firmware.take_exposures() {
-            if self.sink.attended() {
+        let now = self.now_ns();
+        for exposure in self.machine.take_exposures(now) {
+            let frame = self.sink.attended().then(|| {
                 let frame = self.renderer.expose(&exposure.shot);
-                self.sink.put(Arc::new(exposure.readout.read(frame)));
-            }
-            self.firmware.delivered(1);
+                Arc::new(exposure.readout.read(frame))
+            });
+            self.machine.rendered(frame, now);
         }
+        while let Some(frame) = self.machine.next_frame(now) {
+            self.sink.put(frame);
+        }
+        self.machine.frames_left();
     }
 }

@@ -2,8 +2,12 @@
 
 mod bench;
 mod clock;
+pub mod faults;
 pub mod firmware;
+mod line;
+mod machine;
 mod picture;
+pub mod port;
 mod readout;
 pub mod render;
 mod roi;
@@ -16,6 +20,8 @@ mod truth_maps;
 pub use bench::Bench;
 pub use clock::{Clock, PacedClock, VirtualClock};
 pub use firmware::{CameraControls, Firmware, State, UserSequence};
+pub use line::SerialLine;
+pub use machine::Machine;
 pub use readout::{Exposure, Readout};
 pub use render::Renderer;
 pub use roi::Roi;

@@ -9,7 +9,7 @@ use super::run_dir::{CAMERA, CONTROL, RunDir, SERVICE};
 use super::service::{Call, ServiceSocket};
 use super::usb::{Binding, Nodes, PortEvent};
 use super::video::{Put, VideoOutput};
-use crate::emulator::{Clock, Firmware, FrameSink, Renderer, State};
+use crate::emulator::{Clock, FrameSink, Machine, Renderer, State};
 use crate::error::{Error, Result};
 use crate::protocol::service::{Action, Item, Reply, Request};
 use crate::protocol::{Endpoints, Frame};
@@ -29,8 +29,8 @@ const STALL: Duration = Duration::from_secs(1);
 
 /// What is served.
 pub struct Device {
-    /// The firmware.
-    pub firmware: Firmware,
+    /// All of it but the optics.
+    pub machine: Machine,
     /// The optics.
     pub renderer: Renderer,
     /// How device time passes.
@@ -110,16 +110,19 @@ pub async fn serve(
     let optics = Optics::start(device.renderer, wall.clone(), device.notice)
         .map_err(|e| Error::io("optics", e))?;
     if let Some(video) = &device.video {
-        device.firmware.attach(Box::new(video.clone()));
+        device
+            .machine
+            .firmware_mut()
+            .attach(Box::new(video.clone()));
     }
     if let Some(usb) = &device.usb {
-        let gate = usb.binding.gate(device.firmware.stream());
-        device.firmware.attach(Box::new(gate));
+        let gate = usb.binding.gate(device.machine.firmware().stream());
+        device.machine.firmware_mut().attach(Box::new(gate));
     }
     run_dir.publish(&endpoints)?;
     ready(&endpoints);
     let server = Server {
-        firmware: device.firmware,
+        machine: device.machine,
         clock: device.clock,
         optics,
         pty,
@@ -138,7 +141,7 @@ pub async fn serve(
 }
 
 struct Server {
-    firmware: Firmware,
+    machine: Machine,
     clock: Box<dyn Clock + Send>,
     optics: Optics,
     pty: Pty,
@@ -168,31 +171,32 @@ impl Server {
         let mut shutdown = pin!(shutdown);
         loop {
             let now = self.clock.now_ns(wall());
-            self.firmware.set_streaming(self.attended(), now);
-            self.dispatch(wall());
+            let attended = self.attended();
+            self.machine.firmware_mut().set_streaming(attended, now);
+            self.machine.advance(now);
+            self.hand_on(now, wall())?;
+            self.dispatch(now, wall());
             if let Some(usb) = &mut self.usb {
-                usb.refresh(&self.firmware, wall());
+                usb.refresh(self.machine.firmware(), wall());
             }
             let crowded = self.optics.backlog() >= MAX_BACKLOG;
-            let free = matches!(self.firmware.state(), State::Free { .. });
+            let free = matches!(self.machine.firmware().state(), State::Free { .. });
             // The optics' next frame wakes the loop in these cases.
             let behind = crowded || free && self.optics.backlog() >= MAX_FREE_BACKLOG;
-            let next = self.firmware.next_event_ns().filter(|_| !behind);
+            let next = self.machine.next_event_ns(behind);
             let delay = next.map(|next| self.clock.wait(next, wall()));
             tokio::select! {
                 biased;
                 () = &mut shutdown => return Ok(()),
                 frame = self.optics.next(), if !self.pace.holds() => {
                     let frame = frame?;
-                    match &self.video {
-                        Some(_) => self.pace.take(frame, Instant::now()),
-                        None => self.deliver(&frame, wall())?,
-                    }
+                    let now = self.clock.now_ns(wall());
+                    self.machine.rendered(Some(frame), now);
                 }
                 frame = self.pace.due() => self.deliver(&frame, wall())?,
                 changed = self.camera.changed() => {
                     changed.map_err(|e| Error::io(CAMERA, e))?;
-                    self.camera.accept(self.firmware.next_id());
+                    self.camera.accept(self.machine.firmware().next_id());
                 }
                 (request, reply) = self.service.next() => {
                     let now = self.clock.now_ns(wall());
@@ -201,18 +205,19 @@ impl Server {
                 event = self.pty.next(), if !crowded => {
                     // Who connected before the command was sent gets the frames that it causes,
                     // whichever of the two this loop noticed first.
-                    self.camera.accept(self.firmware.next_id());
+                    self.camera.accept(self.machine.firmware().next_id());
                     let now = self.clock.now_ns(wall());
-                    self.firmware.set_streaming(self.attended(), now);
+                    let attended = self.attended();
+                    self.machine.firmware_mut().set_streaming(attended, now);
                     match event? {
                         Event::Data(bytes) => {
                             self.reply_to_usb = false;
-                            self.firmware.receive(&bytes, now);
+                            self.machine.receive(&bytes, now);
                         }
                         Event::HungUp if self.reply_to_usb => continue,
-                        Event::HungUp => self.firmware.hang_up(),
+                        Event::HungUp => self.machine.hang_up(),
                     }
-                    self.stall = self.firmware.inside_block().then(|| Instant::now() + STALL);
+                    self.stall = self.machine.inside_block().then(|| Instant::now() + STALL);
                 }
                 () = changed(self.usb.as_ref()), if !crowded => {
                     let now = self.clock.now_ns(wall());
@@ -221,7 +226,7 @@ impl Server {
                 () = sleep(delay) => {}
                 () = sleep_until(self.stall) => {
                     self.stall = None;
-                    self.firmware.input_stalled();
+                    self.machine.input_stalled();
                 }
             }
         }
@@ -246,20 +251,36 @@ impl Server {
         let Some(usb) = &mut self.usb else {
             return;
         };
-        for event in usb.work_off(&mut self.firmware, now_ns) {
+        for event in usb.work_off(self.machine.firmware_mut(), now_ns) {
             match event {
                 PortEvent::Data(bytes) => {
                     self.reply_to_usb = true;
                     let streaming = self.attended();
-                    self.firmware.set_streaming(streaming, now_ns);
-                    self.firmware.receive(&bytes, now_ns);
+                    self.machine.firmware_mut().set_streaming(streaming, now_ns);
+                    self.machine.receive(&bytes, now_ns);
                 }
                 // Whoever speaks at the other end of the port is not concerned.
-                PortEvent::HungUp if self.reply_to_usb => self.firmware.hang_up(),
+                PortEvent::HungUp if self.reply_to_usb => self.machine.hang_up(),
                 PortEvent::HungUp => continue,
             }
-            self.stall = self.firmware.inside_block().then(|| Instant::now() + STALL);
+            self.stall = self.machine.inside_block().then(|| Instant::now() + STALL);
         }
+    }
+
+    /// Hands on the frames that may leave.
+    fn hand_on(&mut self, now_ns: u64, wall: Duration) -> Result<()> {
+        while !self.pace.holds()
+            && let Some(frame) = self.machine.next_frame(now_ns)
+        {
+            match &self.video {
+                Some(_) => self.pace.take(frame, Instant::now()),
+                None => self.deliver(&frame, wall)?,
+            }
+        }
+        if !self.pace.holds() {
+            self.machine.frames_left();
+        }
+        Ok(())
     }
 
     /// Hands a frame to all who read.
@@ -287,13 +308,12 @@ impl Server {
             }
         }
         self.camera.put(frame.clone());
-        self.firmware.delivered(1);
         Ok(())
     }
 
     /// Hands exposures to the optics and replies to the port.
-    fn dispatch(&mut self, wall: Duration) {
-        for exposure in self.firmware.take_exposures() {
+    fn dispatch(&mut self, now_ns: u64, wall: Duration) {
+        for exposure in self.machine.take_exposures(now_ns) {
             let free = exposure.shot.pattern_index.is_none();
             let wanted = if free {
                 self.keeps_up() && self.optics.backlog() < MAX_FREE_BACKLOG
@@ -301,19 +321,22 @@ impl Server {
                 self.attended()
             };
             if !wanted {
-                self.firmware.delivered(1);
+                self.machine.rendered(None, now_ns);
             } else {
                 self.optics.expose(exposure);
             }
         }
-        let output = self.firmware.take_output();
+        if !self.pace.holds() {
+            self.machine.frames_left();
+        }
+        let output = self.machine.take_output(now_ns);
         let sent = match &self.usb {
             _ if output.is_empty() => true,
             Some(usb) if self.reply_to_usb => usb.send(&output, wall),
             _ => self.pty.send(&output),
         };
         if !sent {
-            self.firmware.reply_lost();
+            self.machine.firmware_mut().reply_lost();
         }
     }
 
@@ -325,7 +348,7 @@ impl Server {
                     _ => None,
                 };
                 let (sender, truth) = oneshot::channel();
-                let sequence = self.firmware.selected_sequence();
+                let sequence = self.machine.firmware().selected_sequence();
                 self.optics.truth(sequence, time_ns, sender);
                 let render_us = self.optics.render_us();
                 tokio::spawn(async move {
@@ -358,7 +381,8 @@ impl Server {
                 });
             }
             Request::Do(Action::Trigger) => {
-                self.firmware.external_trigger(now_ns);
+                self.machine.firmware_mut().external_trigger(now_ns);
+                self.machine.advance(now_ns);
                 let _ = reply.send((Reply::default(), Vec::new()));
             }
         }

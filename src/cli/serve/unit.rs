@@ -2,8 +2,12 @@
 
 use super::video::open_video;
 use super::{Args, Pace};
+use crate::emulator::faults::Faults;
+use crate::emulator::port::Port;
 use crate::emulator::render::Options;
-use crate::emulator::{Clock, Firmware, PacedClock, Renderer, UserSequence, VirtualClock};
+use crate::emulator::{
+    Clock, Firmware, Machine, PacedClock, Renderer, SerialLine, UserSequence, VirtualClock,
+};
 use crate::error::{Error, Result};
 use crate::link::{Device, RunDir, UsbLink, serve};
 use crate::profile::{Profile, Scene};
@@ -60,7 +64,12 @@ impl Unit {
             eprintln!("phasma: {profile}: rendering on a GPU, {kind}: {name} ({driver})");
         }
         let device = Device {
-            firmware: Firmware::new(profile, &user)?,
+            machine: Machine::new(
+                Firmware::new(profile, &user)?,
+                Port::default(),
+                SerialLine::default(),
+                Faults::default(),
+            ),
             renderer,
             clock,
             name: format!(
@@ -89,12 +98,13 @@ impl Unit {
         power_on: Duration,
     ) -> Result<()> {
         let bits = profile.camera.sensor.bits;
-        (self.device.video, self.about) = open_video(args, &self.device.firmware, bits, power_on)?;
+        (self.device.video, self.about) =
+            open_video(args, self.device.machine.firmware(), bits, power_on)?;
         Ok(())
     }
 
     pub(super) fn firmware(&self) -> &Firmware {
-        &self.device.firmware
+        self.device.machine.firmware()
     }
 
     /// Gives it its USB side, and what to say of that.

@@ -1,0 +1,151 @@
+//! The whole device but for its optics: firmware, control port, and what goes wrong on a bad day.
+//! Nothing here waits and nothing reads a clock; whoever drives it says what time it is.
+//!
+//! ```text
+//!  link --bytes--> [ line ] --> [ faults ] --> [ port ] --commands--> [ firmware ] --exposures--.
+//!  link <--bytes-- [ line ] <-- [ faults ] <-- [ port ] <--answers--- [          ]             |
+//!                                                                                              v
+//!  link <--frames------------------ [ faults ] <------------------ optics <-- [ faults ] <-----'
+//! ```
+//!
+//! Faults are wrappers around the ways in and out; the firmware knows nothing of them.
+
+use super::faults::Faults;
+use super::line::SerialLine;
+use super::port::Port;
+use super::{Exposure, Firmware};
+use crate::protocol::Frame;
+use std::collections::VecDeque;
+use std::sync::Arc;
+
+/// A device without its optics.
+pub struct Machine {
+    firmware: Firmware,
+    port: Port,
+    line: SerialLine,
+    faults: Faults,
+    /// Frames that may leave.
+    frames: VecDeque<Arc<Frame>>,
+    /// Frames of which the firmware does not know yet that they have left.
+    rendered: u64,
+}
+
+impl Machine {
+    /// Puts a device together.
+    pub fn new(firmware: Firmware, port: Port, line: SerialLine, faults: Faults) -> Self {
+        Self {
+            firmware,
+            port,
+            line,
+            faults,
+            frames: VecDeque::new(),
+            rendered: 0,
+        }
+    }
+
+    /// The firmware.
+    pub fn firmware(&self) -> &Firmware {
+        &self.firmware
+    }
+
+    /// The firmware, for what reaches it past the control port.
+    pub fn firmware_mut(&mut self) -> &mut Firmware {
+        &mut self.firmware
+    }
+
+    /// What goes wrong.
+    pub fn faults_mut(&mut self) -> &mut Faults {
+        &mut self.faults
+    }
+
+    /// Takes bytes that a client has put on the line at a time.
+    pub fn receive(&mut self, bytes: &[u8], now_ns: u64) {
+        self.line.receive(bytes, now_ns);
+        self.advance(now_ns);
+    }
+
+    /// The client has gone: forgets unfinished input and replies, as when a cable is pulled.
+    pub fn hang_up(&mut self) {
+        self.line.clear();
+        self.faults.hang_up();
+        self.port.hang_up(&mut self.firmware);
+    }
+
+    /// Works off what was due up to a time.
+    pub fn advance(&mut self, now_ns: u64) {
+        self.firmware.advance(now_ns);
+        let bytes = self.line.received(now_ns);
+        if !bytes.is_empty() {
+            let bytes = self.faults.incoming(bytes, now_ns);
+            self.port.receive(&bytes, &mut self.firmware, now_ns);
+        }
+        self.collect(now_ns);
+    }
+
+    /// Hands on what the device has to say.
+    fn collect(&mut self, now_ns: u64) {
+        for message in self.port.collect(&mut self.firmware, now_ns) {
+            self.faults.reply(message, now_ns);
+        }
+        for bytes in self.faults.replies(now_ns) {
+            self.line.send(&bytes, now_ns);
+        }
+    }
+
+    /// Bytes that are on the client's side of the line by now.
+    pub fn take_output(&mut self, now_ns: u64) -> Vec<u8> {
+        self.collect(now_ns);
+        self.line.sent(now_ns)
+    }
+
+    /// What is to be rendered, in order.
+    pub fn take_exposures(&mut self, now_ns: u64) -> Vec<Exposure> {
+        let exposures = self.firmware.take_exposures();
+        self.faults.exposures(exposures, now_ns)
+    }
+
+    /// Says that an exposure's frame is there, or with `None` that it will never be rendered, as
+    /// nobody reads.
+    pub fn rendered(&mut self, frame: Option<Arc<Frame>>, now_ns: u64) {
+        if let Some(frame) = frame {
+            self.faults.frame(frame, now_ns);
+        }
+        self.rendered += 1;
+    }
+
+    /// Says that the links hold no frame back: as far as the device knows, all that were rendered
+    /// have left, whatever has become of them on their way.
+    pub fn frames_left(&mut self) {
+        self.firmware.delivered(std::mem::take(&mut self.rendered));
+    }
+
+    /// The next frame that leaves by now.
+    pub fn next_frame(&mut self, now_ns: u64) -> Option<Arc<Frame>> {
+        self.frames.extend(self.faults.frames(now_ns));
+        self.frames.pop_front()
+    }
+
+    /// When something happens next, in device time. With `behind`, exposures wait for the optics.
+    pub fn next_event_ns(&self, behind: bool) -> Option<u64> {
+        let exposure = self.firmware.next_event_ns().filter(|_| !behind);
+        [
+            exposure,
+            self.line.next_event_ns(),
+            self.port.next_event_ns(),
+            self.faults.next_event_ns(),
+        ]
+        .into_iter()
+        .flatten()
+        .min()
+    }
+
+    /// Whether the input stands inside of a message that has to go on without a pause.
+    pub fn inside_block(&self) -> bool {
+        self.port.inside_block(&self.firmware)
+    }
+
+    /// Gives up on a message that stopped coming.
+    pub fn input_stalled(&mut self) {
+        self.port.input_stalled(&mut self.firmware);
+    }
+}
