@@ -143,6 +143,13 @@ impl FrameSocket {
         self.tcp.as_ref()?.0.local_addr().ok()
     }
 
+    /// Readers, and bytes of frames that wait for them or are being sent.
+    pub(super) fn load(&self) -> (usize, usize) {
+        let clients = self.clients.iter();
+        let there = clients.filter(|client| client.queue.strong_count() > 0);
+        (there.count(), self.held.load(Ordering::Relaxed))
+    }
+
     /// Waits until clients may have come or gone.
     pub(super) async fn changed(&mut self) -> std::io::Result<()> {
         let tcp = async {

@@ -2,16 +2,19 @@
 //! One thread runs it, the optics have their own.
 
 use super::frame_socket::FrameSocket;
+use super::history::History;
 use super::optics::Optics;
 use super::pace::Pace;
 use super::pty::{Event, Pty};
 use super::run_dir::{CAMERA, CONTROL, RunDir, SERVICE};
-use super::service::{Call, ServiceSocket};
+use super::service::ServiceSocket;
+use super::stage::Stage;
+use super::timeline::{Seat, Wait};
 use super::usb::{Binding, Nodes, PortEvent};
 use super::video::{Put, VideoOutput};
-use crate::emulator::{Clock, FrameSink, Machine, Renderer, State};
+use crate::emulator::{FrameSink, Machine, Renderer, State};
 use crate::error::{Error, Result};
-use crate::protocol::service::{Action, Item, Reply, Request};
+use crate::profile::RigPlace;
 use crate::protocol::{Endpoints, Frame};
 use std::future::Future;
 use std::pin::pin;
@@ -26,6 +29,8 @@ const MAX_BACKLOG: usize = 8192;
 const MAX_FREE_BACKLOG: usize = 2;
 /// A block that stops coming for so long will not come.
 const STALL: Duration = Duration::from_secs(1);
+/// What is overdue for longer than this is worked off at once, as it is when a machine has slept.
+const MAX_LAG_NS: u64 = 1_000_000_000;
 
 /// What is served.
 pub struct Device {
@@ -33,8 +38,12 @@ pub struct Device {
     pub machine: Machine,
     /// The optics.
     pub renderer: Renderer,
-    /// How device time passes.
-    pub clock: Box<dyn Clock + Send>,
+    /// Its place in device time.
+    pub seat: Seat,
+    /// The scene that it looks at, with whoever else does.
+    pub stage: Stage,
+    /// Where its rig stands there.
+    pub rig: RigPlace,
     /// `*IDN?` of the device, for `device.json`.
     pub name: String,
     /// Profile as it was chosen, for `device.json`.
@@ -123,7 +132,13 @@ pub async fn serve(
     ready(&endpoints);
     let server = Server {
         machine: device.machine,
-        clock: device.clock,
+        seat: device.seat,
+        stage: device.stage,
+        version: 0,
+        rig: device.rig,
+        history: History::default(),
+        name: endpoints.name,
+        bytes: (0, 0),
         optics,
         pty,
         camera,
@@ -140,12 +155,22 @@ pub async fn serve(
     server.run(wall, shutdown).await
 }
 
-struct Server {
-    machine: Machine,
-    clock: Box<dyn Clock + Send>,
-    optics: Optics,
+/// What serves a device.
+pub(super) struct Server {
+    pub(super) machine: Machine,
+    pub(super) seat: Seat,
+    pub(super) stage: Stage,
+    /// Version of the scene that the optics see.
+    pub(super) version: u64,
+    pub(super) rig: RigPlace,
+    pub(super) history: History,
+    /// `*IDN?`.
+    pub(super) name: String,
+    /// Bytes that came over the control port, and that went out.
+    pub(super) bytes: (u64, u64),
+    pub(super) optics: Optics,
     pty: Pty,
-    camera: FrameSocket,
+    pub(super) camera: FrameSocket,
     video: Option<VideoOutput>,
     usb: Option<Binding>,
     /// The last command came over USB, and so the replies go there; the end of a connection of the
@@ -157,7 +182,7 @@ struct Server {
     lost: u64,
     /// A USB host has missed frames.
     usb_lost: bool,
-    service: ServiceSocket,
+    pub(super) service: ServiceSocket,
     /// When to give up on a block.
     stall: Option<Instant>,
 }
@@ -170,10 +195,9 @@ impl Server {
     ) -> Result<()> {
         let mut shutdown = pin!(shutdown);
         loop {
-            let now = self.clock.now_ns(wall());
+            let now = self.now();
             let attended = self.attended();
             self.machine.firmware_mut().set_streaming(attended, now);
-            self.machine.advance(now);
             self.hand_on(now, wall())?;
             self.dispatch(now, wall());
             if let Some(usb) = &mut self.usb {
@@ -183,14 +207,17 @@ impl Server {
             let free = matches!(self.machine.firmware().state(), State::Free { .. });
             // The optics' next frame wakes the loop in these cases.
             let behind = crowded || free && self.optics.backlog() >= MAX_FREE_BACKLOG;
-            let next = self.machine.next_event_ns(behind);
-            let delay = next.map(|next| self.clock.wait(next, wall()));
+            let wait = Wait {
+                next_ns: self.machine.next_event_ns(behind),
+                limit_ns: self.machine.next_event_ns(false).filter(|_| behind),
+                settled: self.optics.backlog() == 0 && !self.pace.holds(),
+            };
             tokio::select! {
                 biased;
                 () = &mut shutdown => return Ok(()),
                 frame = self.optics.next(), if !self.pace.holds() => {
                     let frame = frame?;
-                    let now = self.clock.now_ns(wall());
+                    let now = self.now();
                     self.machine.rendered(Some(frame), now);
                 }
                 frame = self.pace.due() => self.deliver(&frame, wall())?,
@@ -198,20 +225,17 @@ impl Server {
                     changed.map_err(|e| Error::io(CAMERA, e))?;
                     self.camera.accept(self.machine.firmware().next_id());
                 }
-                (request, reply) = self.service.next() => {
-                    let now = self.clock.now_ns(wall());
-                    self.serve_call((request, reply), now);
-                }
                 event = self.pty.next(), if !crowded => {
                     // Who connected before the command was sent gets the frames that it causes,
                     // whichever of the two this loop noticed first.
                     self.camera.accept(self.machine.firmware().next_id());
-                    let now = self.clock.now_ns(wall());
+                    let now = self.now();
                     let attended = self.attended();
                     self.machine.firmware_mut().set_streaming(attended, now);
                     match event? {
                         Event::Data(bytes) => {
                             self.reply_to_usb = false;
+                            self.bytes.0 += bytes.len() as u64;
                             self.machine.receive(&bytes, now);
                         }
                         Event::HungUp if self.reply_to_usb => continue,
@@ -220,16 +244,54 @@ impl Server {
                     self.stall = self.machine.inside_block().then(|| Instant::now() + STALL);
                 }
                 () = changed(self.usb.as_ref()), if !crowded => {
-                    let now = self.clock.now_ns(wall());
+                    let now = self.now();
                     self.work_off_usb(now);
                 }
-                () = sleep(delay) => {}
+                // After the ports: what was sent there before is older than what is asked here.
+                call = self.service.next() => {
+                    let now = self.now();
+                    self.serve_call(call, now);
+                }
+                () = self.seat.wait(wait) => {}
                 () = sleep_until(self.stall) => {
                     self.stall = None;
                     self.machine.input_stalled();
                 }
             }
         }
+    }
+
+    /// Device time, up to which what was due has been worked off, each at its own time.
+    fn now(&mut self) -> u64 {
+        let now_ns = self.seat.now_ns();
+        let mut last = None;
+        while let Some(due_ns) = self.machine.next_event_ns(false)
+            && due_ns <= now_ns
+            // What takes more than time to go on does so elsewhere.
+            && last != Some(due_ns)
+        {
+            self.seat.handled(due_ns);
+            if now_ns - due_ns > MAX_LAG_NS {
+                break;
+            }
+            self.machine.advance(due_ns);
+            last = Some(due_ns);
+        }
+        self.machine.advance(now_ns);
+        now_ns
+    }
+
+    /// Takes over what has been placed since the last time. What comes back tells when the optics
+    /// have done so, or why they have not.
+    pub(super) fn follow(&mut self) -> Option<oneshot::Receiver<Result<()>>> {
+        let (placements, version) = self.stage.since(self.version);
+        self.version = version;
+        let place = |placement| {
+            let (sender, placed) = oneshot::channel();
+            self.optics.place(placement, sender);
+            placed
+        };
+        placements.into_iter().map(place).last()
     }
 
     /// A V4L2 node does not tell whether somebody reads: somebody may.
@@ -255,6 +317,7 @@ impl Server {
             match event {
                 PortEvent::Data(bytes) => {
                     self.reply_to_usb = true;
+                    self.bytes.0 += bytes.len() as u64;
                     let streaming = self.attended();
                     self.machine.firmware_mut().set_streaming(streaming, now_ns);
                     self.machine.receive(&bytes, now_ns);
@@ -313,7 +376,11 @@ impl Server {
 
     /// Hands exposures to the optics and replies to the port.
     fn dispatch(&mut self, now_ns: u64, wall: Duration) {
+        // A place that the optics refuse is told where it was asked for.
+        let _ = self.follow();
         for exposure in self.machine.take_exposures(now_ns) {
+            let (firmware, version) = (self.machine.firmware(), self.version);
+            self.history.push(&exposure.shot, firmware, version);
             let free = exposure.shot.pattern_index.is_none();
             let wanted = if free {
                 self.keeps_up() && self.optics.backlog() < MAX_FREE_BACKLOG
@@ -330,6 +397,7 @@ impl Server {
             self.machine.frames_left();
         }
         let output = self.machine.take_output(now_ns);
+        self.bytes.1 += output.len() as u64;
         let sent = match &self.usb {
             _ if output.is_empty() => true,
             Some(usb) if self.reply_to_usb => usb.send(&output, wall),
@@ -339,66 +407,11 @@ impl Server {
             self.machine.firmware_mut().reply_lost();
         }
     }
-
-    fn serve_call(&mut self, (request, reply): Call, now_ns: u64) {
-        match request {
-            Request::Get(Item::Truth) | Request::TruthAt(_) => {
-                let time_ns = match request {
-                    Request::TruthAt(time_ns) => Some(time_ns),
-                    _ => None,
-                };
-                let (sender, truth) = oneshot::channel();
-                let sequence = self.machine.firmware().selected_sequence();
-                self.optics.truth(sequence, time_ns, sender);
-                let render_us = self.optics.render_us();
-                tokio::spawn(async move {
-                    let answer = match truth.await {
-                        Ok(truth) => {
-                            let (reply, payload) = truth.to_maps().encode();
-                            (Reply { render_us, ..reply }, payload)
-                        }
-                        Err(_) => (Reply::refusal("the device is going away"), Vec::new()),
-                    };
-                    // The client may have left meanwhile.
-                    let _ = reply.send(answer);
-                });
-            }
-            Request::Place(placement) => {
-                let (sender, placed) = oneshot::channel();
-                self.optics.place(placement, sender);
-                let render_us = self.optics.render_us();
-                tokio::spawn(async move {
-                    let answer = match placed.await {
-                        Ok(Ok(())) => Reply {
-                            render_us,
-                            ..Reply::default()
-                        },
-                        Ok(Err(why)) => Reply::refusal(why),
-                        Err(_) => Reply::refusal("the device is going away"),
-                    };
-                    // The client may have left meanwhile.
-                    let _ = reply.send((answer, Vec::new()));
-                });
-            }
-            Request::Do(Action::Trigger) => {
-                self.machine.firmware_mut().external_trigger(now_ns);
-                self.machine.advance(now_ns);
-                let _ = reply.send((Reply::default(), Vec::new()));
-            }
-        }
-    }
 }
 
 async fn changed(usb: Option<&Binding>) {
     match usb {
         Some(usb) => usb.changed().await,
-        None => std::future::pending().await,
-    }
-}
-
-async fn sleep(delay: Option<Duration>) {
-    match delay {
-        Some(delay) => tokio::time::sleep(delay).await,
         None => std::future::pending().await,
     }
 }

@@ -14,6 +14,7 @@ mod exposing;
 mod memory;
 mod messages;
 mod settings;
+mod shown;
 mod status;
 mod table;
 #[cfg(test)]

@@ -1,0 +1,22 @@
+#![doc = include_str!("requests.md")]
+
+mod about;
+mod maps;
+mod reply;
+mod request;
+
+pub use about::{
+    Clock, ClockPace, DeviceAbout, FrameAbout, Late, ObjectAbout, Objects, PlaceAbout, Shown,
+};
+pub use maps::{Maps, ask, call};
+pub use reply::Reply;
+pub use request::{Action, Item, Placement, Request, Step};
+
+/// Longest request line in bytes.
+pub const MAX_LINE: usize = 4096;
+/// Longest reply line in bytes.
+pub const MAX_REPLY_LINE: usize = 4 << 20;
+/// Largest payload in bytes.
+pub const MAX_PAYLOAD: u64 = 2 << 30;
+/// Most maps in a reply.
+const MAX_MAPS: usize = 64;
