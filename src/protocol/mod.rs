@@ -4,6 +4,7 @@ pub mod data_line;
 pub mod endpoints;
 mod frame;
 mod printable;
+pub mod record;
 pub mod scpi;
 pub mod service;
 pub mod usb;
