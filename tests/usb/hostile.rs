@@ -1,6 +1,7 @@
 //! The targets of the fuzzer over cases of our own, the same in every run.
 
-use crate::fuzz::{cases::each, device, host};
+use crate::cases::each;
+use crate::fuzz::{device, host};
 use std::time::Duration;
 
 #[test]

@@ -67,7 +67,7 @@ pub fn service(bytes: &[u8]) -> bool {
     let mut known = false;
     if let Ok(request) = Request::parse(bytes) {
         known = true;
-        let line = request.clone().to_line();
+        let line = request.to_line();
         assert_eq!(Request::parse(line.as_bytes()), Ok(request));
     }
     if let Ok(reply) = Reply::parse(bytes) {
