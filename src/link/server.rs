@@ -425,6 +425,8 @@ async fn changed(usb: Option<&Binding>) {
 
 pub(super) async fn sleep(delay: Option<Duration>) {
     match delay {
+        // A timer would take its millisecond even for none.
+        Some(Duration::ZERO) => tokio::task::yield_now().await,
         Some(delay) => tokio::time::sleep(delay).await,
         None => std::future::pending().await,
     }
