@@ -44,9 +44,7 @@ mod served;
 #[cfg(not(target_os = "linux"))]
 mod without_link;
 #[cfg(not(target_os = "linux"))]
-use {
-    without_link as demo, without_link as doctor, without_link as replay, without_link as serve,
-};
+use {without_link as demo, without_link as doctor, without_link as replay, without_link as serve};
 
 pub use plan::Timing;
 

@@ -60,7 +60,14 @@ pub(super) fn run(args: &Args) -> Result<()> {
         let run_dir = RunDir::claim(&run_dir)?;
         let start = Instant::now();
         let ready = |endpoints: &Endpoints| announce(args, endpoints);
-        replay(what, run_dir, move || start.elapsed(), ready, shutdown.wait()).await
+        replay(
+            what,
+            run_dir,
+            move || start.elapsed(),
+            ready,
+            shutdown.wait(),
+        )
+        .await
     })?;
     judge(args, &outcome)
 }

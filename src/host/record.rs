@@ -185,7 +185,10 @@ mod tests {
         port.send(b"well?\n", Duration::ZERO).unwrap();
         let mut buffer = [0; 9];
         assert_eq!(port.receive(&mut buffer, Duration::ZERO).unwrap(), 4);
-        assert_eq!(camera.next_frame(Duration::ZERO).unwrap(), Some(frame.clone()));
+        assert_eq!(
+            camera.next_frame(Duration::ZERO).unwrap(),
+            Some(frame.clone())
+        );
         assert_eq!(camera.next_frame(Duration::ZERO).unwrap(), None);
         drop(camera);
         drop(port);

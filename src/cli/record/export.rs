@@ -49,7 +49,10 @@ pub(super) fn run(path: &Path, out: &Path, force: bool) -> Result<()> {
         writeln!(lines, "{seconds:14.6} {words}").map_err(io)?;
     }
     lines.flush().map_err(io)?;
-    println!("{records} records, {frames} frames: written {}", out.display());
+    println!(
+        "{records} records, {frames} frames: written {}",
+        out.display()
+    );
     Ok(())
 }
 
@@ -72,11 +75,7 @@ fn words(record: &Record) -> String {
             let index = index.map_or("free".to_owned(), |index| format!("pattern {index}"));
             format!(
                 "frame {}, {index}, {} x {}, {} to {} ns",
-                frame.id,
-                frame.width,
-                frame.height,
-                frame.exposure_start_ns,
-                frame.exposure_end_ns
+                frame.id, frame.width, frame.height, frame.exposure_start_ns, frame.exposure_end_ns
             )
         }
         Event::Note(text) => format!("note: {}", text.escape_debug()),

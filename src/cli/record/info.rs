@@ -74,7 +74,10 @@ fn tell_size(bytes: u64, seconds: f64) {
     let mebibytes = bytes as f64 / f64::from(1 << 20);
     // Of a recording that takes no time a rate says nothing.
     match seconds > 0.0 {
-        true => println!("size         {mebibytes:.1} MiB, {:.1} MiB/s", mebibytes / seconds),
+        true => println!(
+            "size         {mebibytes:.1} MiB, {:.1} MiB/s",
+            mebibytes / seconds
+        ),
         false => println!("size         {mebibytes:.1} MiB"),
     }
 }
@@ -88,7 +91,10 @@ fn tell_frames(summary: &Summary) {
     };
     println!("frames       {count}, ids {first} to {last}, {bytes} bytes of pixels");
     if frames.out_of_order > 0 {
-        println!("             {} do not follow the one before", frames.out_of_order);
+        println!(
+            "             {} do not follow the one before",
+            frames.out_of_order
+        );
     }
     for format in &frames.formats {
         println!(

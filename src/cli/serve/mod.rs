@@ -8,13 +8,13 @@ mod usb;
 mod video;
 
 pub(super) use run_dirs::{default_run_dir, run_parent};
-pub(super) pub(super) use unit::runtime;
+pub(super) use shutdown::Shutdown;
+pub(super) use unit::runtime;
 
 use super::backend::Choice;
 use crate::error::{Error, Result};
 use crate::link::RunDir;
 use crate::profile::{Profile, Scene};
-use shutdown::Shutdown;
 use std::ffi::OsStr;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};

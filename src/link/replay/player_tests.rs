@@ -72,7 +72,10 @@ fn outputs<R: Read>(player: &mut Player<R>, now_ns: u64) -> Vec<String> {
 #[test]
 fn a_client_that_follows_gets_what_was_recorded_when_it_was() {
     let mut player = player(&two_sessions());
-    assert_eq!((player.next(u64::MAX), player.next_event_ns()), (None, None));
+    assert_eq!(
+        (player.next(u64::MAX), player.next_event_ns()),
+        (None, None)
+    );
     // In pieces, and much later than in the recording.
     player.receive(b"*ID", 5000);
     assert_eq!(player.next_event_ns(), None);
@@ -110,7 +113,10 @@ fn a_client_that_sends_ahead_gets_all_in_order() {
     let mut player = self::player(&two_sessions());
     player.receive(b"*IDN?\nINIT\n*TRG\n", 1000);
     player.hang_up(1001);
-    assert_eq!(outputs(&mut player, 2000), ["frame 1", "frame 2", "frame 3"]);
+    assert_eq!(
+        outputs(&mut player, 2000),
+        ["frame 1", "frame 2", "frame 3"]
+    );
     let outcome = player.finish();
     assert_eq!((outcome.departures, outcome.missing_bytes), (0, 6));
 }
@@ -129,7 +135,8 @@ fn a_departure_is_told_once_with_its_place_and_the_next_client_starts_anew() {
     player.receive(b"*IDN?\nINIT:", 1000);
     player.receive(b"CONT ON\n", 1001);
     let said = player.news().unwrap();
-    let want = "record 3 at 0.000000 s: expected \"INIT\\n\", but \"INIT:\", different from byte 4 on";
+    let want =
+        "record 3 at 0.000000 s: expected \"INIT\\n\", but \"INIT:\", different from byte 4 on";
     assert!(said.ends_with(want), "{said}");
     player.receive(b"*IDN?\n", 1002);
     assert_eq!((outputs(&mut player, 9000), player.news()), (vec![], None));
@@ -144,7 +151,10 @@ fn a_departure_is_told_once_with_its_place_and_the_next_client_starts_anew() {
     player.hang_up(9200);
     player.receive(b"x", 9300);
     let said = player.news().unwrap();
-    assert!(said.contains("the recording ends here, but \"x\""), "{said}");
+    assert!(
+        said.contains("the recording ends here, but \"x\""),
+        "{said}"
+    );
     let want = Outcome {
         departures: 3,
         // "INIT" of "INIT\n".
@@ -190,7 +200,10 @@ fn damage_and_cuts_are_told_and_what_is_before_them_is_played() {
     let mut player = Player::new(Reader::new(cursor, "rec").unwrap(), false);
     player.receive(b"*IDN?\n", 0);
     let said = player.news().unwrap();
-    assert!(said.contains("damaged and ends here: record 2 at byte"), "{said}");
+    assert!(
+        said.contains("damaged and ends here: record 2 at byte"),
+        "{said}"
+    );
     let mut player = self::player(&[(1, sent("x")), (2, Event::Cut("disk full".into()))]);
     player.receive(b"x", 0);
     assert!(player.news().unwrap().contains("disk full"));
@@ -199,7 +212,9 @@ fn damage_and_cuts_are_told_and_what_is_before_them_is_played() {
 #[test]
 fn no_more_is_read_ahead_than_is_bounded() {
     let frames = (0..2000).map(|id| (id, Event::Frame(frame(id))));
-    let events: Vec<_> = frames.chain([(2000, sent("x")), (2001, received("y"))]).collect();
+    let events: Vec<_> = frames
+        .chain([(2000, sent("x")), (2001, received("y"))])
+        .collect();
     let mut player = player(&events);
     player.receive(b"x", 0);
     assert_eq!(player.ahead.len(), MAX_AHEAD.0);
@@ -213,5 +228,10 @@ fn no_more_is_read_ahead_than_is_bounded() {
     }
     // What came behind the reply is too much, and was so before the last frames were due.
     assert!(count >= 2000 - MAX_AHEAD.0, "{count}");
-    assert!(player.news().unwrap().contains("the recording ends here, but \"xxx"));
+    assert!(
+        player
+            .news()
+            .unwrap()
+            .contains("the recording ends here, but \"xxx")
+    );
 }

@@ -198,7 +198,9 @@ fn event(head: &Head, payload: Vec<u8>) -> Result<Option<Event>, String> {
     };
     let (kind, len) = (head.kind, payload.len());
     if len > most {
-        return Err(format!("{len} bytes of kind {kind}, at most {most} are taken"));
+        return Err(format!(
+            "{len} bytes of kind {kind}, at most {most} are taken"
+        ));
     }
     let text = |payload| String::from_utf8(payload).map_err(|_| "its text is not UTF-8".to_owned());
     Ok(Some(match kind {

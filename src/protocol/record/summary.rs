@@ -172,7 +172,9 @@ impl Summary {
 impl Frames {
     fn add(&mut self, frame: &Frame) {
         self.first_id.get_or_insert(frame.id);
-        let follows = self.last_id.is_none_or(|last| last.wrapping_add(1) == frame.id);
+        let follows = self
+            .last_id
+            .is_none_or(|last| last.wrapping_add(1) == frame.id);
         self.out_of_order += u64::from(!follows);
         self.last_id = Some(frame.id);
         let code = frame.format.fourcc();

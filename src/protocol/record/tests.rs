@@ -47,7 +47,11 @@ fn events() -> Vec<(u64, Channel, Event)> {
         (13, Channel::Usb, Event::Sent(vec![0, 255])),
         (14, Channel::Camera, Event::Note("a fault: dropped".into())),
         (15, Channel::Control, Event::Left),
-        (15, Channel::Recording, Event::Cut("the disk is full".into())),
+        (
+            15,
+            Channel::Recording,
+            Event::Cut("the disk is full".into()),
+        ),
         (16, Channel::Recording, Event::End),
     ]
 }
@@ -266,7 +270,10 @@ fn a_recorder_writes_what_it_is_given_and_ends_in_order() {
     let (found, damage) = read(&taken(&bytes)).unwrap();
     assert_eq!(damage, None);
     assert_eq!(found[..10], *events);
-    let lens: Vec<_> = found[10..].iter().map(|f| f.2.bytes() - RECORD_LEN).collect();
+    let lens: Vec<_> = found[10..]
+        .iter()
+        .map(|f| f.2.bytes() - RECORD_LEN)
+        .collect();
     assert_eq!(lens, [MAX_BYTES, 1, 0]);
     assert_eq!(found[12], (17, Channel::Recording, Event::End));
     assert!(told.try_recv().is_err(), "nothing to say");
@@ -322,7 +329,13 @@ fn a_summary_counts_what_is_there() {
     assert_eq!((summary.records, summary.duration_ns), (10, 10));
     assert_eq!(summary.sent, Kind { count: 2, bytes: 8 });
     assert_eq!((summary.lines_sent, summary.received.bytes), (1, 8));
-    assert_eq!(summary.frame, Kind { count: 2, bytes: 48 });
+    assert_eq!(
+        summary.frame,
+        Kind {
+            count: 2,
+            bytes: 48
+        }
+    );
     let frames = &summary.frames;
     assert_eq!((frames.first_id, frames.last_id), (Some(3), Some(9)));
     assert_eq!((frames.out_of_order, frames.formats.len()), (1, 1));
