@@ -21,6 +21,7 @@ mod sequence;
 mod skin;
 mod source;
 mod surface;
+mod timing;
 mod usb;
 pub(crate) mod vignetting;
 
@@ -43,5 +44,6 @@ pub use sequence::Sequence;
 pub use skin::Skin;
 pub use source::TomlSource;
 pub use surface::Specular;
+pub use timing::Timing;
 pub use usb::{DsrUse, RtsUse, Speed, Transfer, Usb};
 pub use vignetting::Vignetting;

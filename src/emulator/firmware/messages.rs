@@ -45,7 +45,8 @@ impl Firmware {
                     self.answers.push(b"1".to_vec());
                 }
             }
-            if self.current.front().is_some_and(|u| self.held_by_frames(u)) {
+            let next = self.current.front();
+            if next.is_some_and(|u| self.held_by_frames(u) || self.held_by_time(u)) {
                 return;
             }
             if let Some(unit) = self.current.pop_front() {
@@ -80,23 +81,28 @@ impl Firmware {
         }
     }
 
-    /// Whether an operation is pending: an INITiate that is not worked off, or frames of one that
-    /// have not left the device. A camera that runs free, or is armed again and again, never ends.
+    /// Whether an operation is pending: an INITiate that is not worked off, frames of one that have
+    /// not left the device, a pattern that is still shown, a sequence that is loaded. A camera that runs free, or is armed again and again, never ends.
     fn pending(&self) -> bool {
         match self.state {
             State::Free { .. } => false,
-            State::Idle => self.in_flight > 0,
+            State::Idle => self.in_flight > 0 || self.now_ns < self.ready_ns(),
             State::Armed { .. } | State::Running { .. } => !self.settings.continuous,
         }
     }
 
     /// Brings the status registers up to date.
     pub(super) fn settle(&mut self) {
-        self.status.operation.set(match self.state {
+        let state = match self.state {
             State::Idle => 0,
             State::Armed { .. } => status::WAITING_FOR_TRIGGER,
             State::Free { .. } | State::Running { .. } => status::MEASURING,
-        });
+        };
+        let loading = match self.now_ns < self.loaded_ns {
+            true => status::LOADING,
+            false => 0,
+        };
+        self.status.operation.set(state | loading);
         if self.completion_asked && !self.pending() {
             self.completion_asked = false;
             self.status.raise(status::OPERATION_COMPLETE);

@@ -24,6 +24,7 @@ pub use controls::CameraControls;
 pub use memory::UserSequence;
 pub use trigger::State;
 
+use super::projection::Planes;
 use super::{Exposure, Slide, StreamSink};
 use crate::error::Result;
 use crate::profile::Profile;
@@ -80,6 +81,15 @@ pub struct Firmware {
     taken_ns: Vec<u64>,
     /// Exposures whose frames have not left the device.
     in_flight: u64,
+    /// Triggers since power-on or `*RST` that came too early.
+    missed: u64,
+    /// When the selected sequence is in the controller's memory.
+    loaded_ns: u64,
+    /// No exposure starts before this: the projector shows the last pattern until then, or the camera
+    /// is not so quick.
+    free_from_ns: u64,
+    /// Bits of grey patterns, as far as they were seen one by one.
+    planes: Planes,
     streaming: bool,
     /// How the host has set the serial line; nothing here depends on it.
     line: LineCoding,
@@ -119,6 +129,10 @@ impl Firmware {
             triggered: 0,
             taken_ns: Vec::new(),
             in_flight: 0,
+            missed: 0,
+            loaded_ns: 0,
+            free_from_ns: 0,
+            planes: Planes::default(),
             streaming: false,
             line: LineCoding::default(),
             link: None,
@@ -159,9 +173,20 @@ impl Firmware {
         self.run();
     }
 
-    /// When an exposure ends next, in device time; `None` while nothing is under way.
+    /// When an exposure has ended next, or, at rest, the device is ready for a trigger, in device
+    /// time; `None` while nothing is under way.
     pub fn next_event_ns(&self) -> Option<u64> {
-        self.state.next_event_ns(&self.settings)
+        match self.state {
+            State::Idle => Some(self.ready_ns()).filter(|ready_ns| *ready_ns > self.now_ns),
+            state => state.next_event_ns(&self.settings),
+        }
+    }
+
+    /// From when on a trigger is in time.
+    fn ready_ns(&self) -> u64 {
+        let delay_ns = self.settings.start_delay_ns();
+        self.loaded_ns
+            .max(self.free_from_ns.saturating_sub(delay_ns))
     }
 
     /// What is to be rendered, in order.
