@@ -24,12 +24,17 @@ impl Port {
 
     /// What the device has to say by now, in order.
     pub fn collect(&mut self, firmware: &mut Firmware, _now_ns: u64) -> Vec<Message> {
-        let bytes = firmware.take_output();
-        if bytes.is_empty() {
-            return Vec::new();
-        }
-        vec![Message { bytes, to: None }]
+        let answered = firmware.take_answered().into_iter();
+        answered
+            .map(|answered| Message {
+                bytes: answered.bytes,
+                to: Some(answered.to),
+            })
+            .collect()
     }
+
+    /// The device has been switched on.
+    pub fn power_on(&mut self, _now_ns: u64) {}
 
     /// When the port has something to say of its own accord.
     pub fn next_event_ns(&self) -> Option<u64> {
