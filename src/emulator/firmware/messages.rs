@@ -73,6 +73,18 @@ impl Firmware {
         program.error.is_none() && program.units.iter().all(urgent)
     }
 
+    /// Whether the device has the commands of a message.
+    ///
+    /// # Errors
+    /// The first that it does not have, or what makes it no message.
+    pub fn knows(message: &[u8]) -> Result<(), DeviceError> {
+        let program = parse(message);
+        for unit in &program.units {
+            table::find(unit)?;
+        }
+        program.error.map_or(Ok(()), Err)
+    }
+
     /// Messages with tickets that have been worked off since this was asked last.
     pub fn take_done(&mut self) -> Vec<Done> {
         std::mem::take(&mut self.done)

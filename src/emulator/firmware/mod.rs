@@ -28,6 +28,7 @@ pub use trigger::State;
 use super::{Exposure, Slide, StreamSink};
 use crate::error::Result;
 use crate::profile::Profile;
+use crate::protocol::dialect::Event;
 use crate::protocol::scpi::{DeviceError, ErrorCode, Framer, Framing, Unit};
 use crate::protocol::usb::cdc::LineCoding;
 use memory::{Memory, Stored};
@@ -36,6 +37,9 @@ use settings::{Settings, Source};
 use status::Status;
 use std::collections::VecDeque;
 use std::sync::Arc;
+
+/// Events that wait to be told.
+const MAX_EVENTS: usize = 1024;
 
 /// What holds up the execution of a message until no operation is pending.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -81,6 +85,8 @@ pub struct Firmware {
     /// Messages with tickets that have been worked off.
     done: Vec<Done>,
     exposures: Vec<Exposure>,
+    /// What has happened and was not told yet.
+    events: VecDeque<Event>,
     next_id: u64,
     /// Exposures since power-on that were triggered.
     triggered: u64,
@@ -126,6 +132,7 @@ impl Firmware {
             output: Vec::new(),
             done: Vec::new(),
             exposures: Vec::new(),
+            events: VecDeque::new(),
             next_id: 0,
             triggered: 0,
             taken_ns: Vec::new(),
@@ -160,6 +167,7 @@ impl Firmware {
             // A link that refuses keeps its frames; there is nobody to tell.
             let _ = self.reset();
         }
+        self.events.clear();
         self.completion_asked = false;
         self.status = Status::power_on();
         self.run();
@@ -193,6 +201,15 @@ impl Firmware {
         let len = self.sequence_len();
         while let Some(exposed) = self.state.advance(&self.settings, len, self.now_ns) {
             self.expose(exposed);
+            if let Some(index) = exposed.index {
+                self.tell(Event::Exposed {
+                    index: u64::from(index),
+                    id: self.next_id - 1,
+                });
+                if index + 1 == len {
+                    self.tell(Event::SequenceDone);
+                }
+            }
         }
         self.run();
     }
@@ -218,6 +235,18 @@ impl Firmware {
     /// What is to be sent over the control port, by the lines that it answers.
     pub fn take_answered(&mut self) -> Vec<Answered> {
         std::mem::take(&mut self.output)
+    }
+
+    /// What has happened since this was asked last; of very much the latest.
+    pub fn take_events(&mut self) -> Vec<Event> {
+        std::mem::take(&mut self.events).into()
+    }
+
+    fn tell(&mut self, event: Event) {
+        if self.events.len() >= MAX_EVENTS {
+            self.events.pop_front();
+        }
+        self.events.push_back(event);
     }
 
     /// Says that the frames of so many exposures have left the device (or, with nobody to read
@@ -255,6 +284,7 @@ impl Firmware {
         if self.settings.source == Source::External
             && let Err(error) = self.fire()
         {
+            self.tell(Event::TriggerMissed);
             self.status.report(error);
         }
         self.run();
