@@ -1,9 +1,11 @@
 //! The control port: `[control]` of a profile.
 
 use super::check::Check;
-use crate::error::Result;
+use crate::error::{Error, Result};
+use crate::protocol::dialect::Dialect;
 use crate::protocol::usb::cdc::LineCoding;
 use serde::{Deserialize, Serialize};
+use std::path::Path;
 
 /// How a device is spoken to; every field may be left out.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -51,6 +53,32 @@ pub enum Parity {
 }
 
 impl Control {
+    /// The dialect; a file's path is relative to the profile's folder.
+    ///
+    /// # Errors
+    /// What [`Dialect::load`] refuses, and packets on a line that carries seven bits of a byte.
+    pub fn load_dialect(&self, folder: &Path) -> Result<Dialect> {
+        let name = self.dialect.as_str();
+        let dialect = if Dialect::names().any(|built_in| built_in == name) {
+            Dialect::load(name)?
+        } else {
+            // A name that is no file is said as it was written.
+            let path = folder.join(name);
+            match path.to_str().filter(|_| path.is_file()) {
+                Some(path) => Dialect::load(path)?,
+                None => Dialect::load(name)?,
+            }
+        };
+        if self.data_bits < 8 && dialect.has_sequence() {
+            return Err(Error::input(
+                "control.data_bits",
+                format!("{} with the packets of dialect {name}", self.data_bits),
+                "8",
+            ));
+        }
+        Ok(dialect)
+    }
+
     /// The line's settings as the serial class of USB has them; 115,200 baud where none are stated.
     pub fn line_coding(&self) -> LineCoding {
         LineCoding {
