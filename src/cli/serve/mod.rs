@@ -13,6 +13,7 @@ use super::backend::Choice;
 use crate::error::{Error, Result};
 use crate::link::RunDir;
 use crate::profile::{Profile, Scene};
+use crate::protocol::dialect::Dialect;
 use shutdown::Shutdown;
 use std::net::SocketAddr;
 use std::path::PathBuf;
@@ -56,6 +57,9 @@ pub(super) struct Args {
         requires = "usb"
     )]
     usb_listen: SocketAddr,
+    /// The dialect of the control port, instead of the profile's: a built-in name or a TOML file.
+    #[arg(long, value_name = "NAME")]
+    dialect: Option<String>,
     /// Seed of the noise; of several devices the first one's, and one more for each that follows.
     #[arg(long, default_value_t = 0)]
     seed: u64,
@@ -104,6 +108,10 @@ pub(super) fn run(args: &Args) -> Result<()> {
         .collect::<Result<_>>()?;
     for profile in &mut profiles {
         profile.camera.sensor.noiseless = args.no_noise;
+        if let Some(dialect) = &args.dialect {
+            // A path of the command line is relative to where it was given, not to the profile.
+            profile.control.dialect = from_here(dialect);
+        }
     }
     if args.usb.is_some() {
         usb::check(&profiles)?;
@@ -120,6 +128,16 @@ pub(super) fn run(args: &Args) -> Result<()> {
         .collect::<Result<_>>()?;
     let runtime = unit::runtime()?;
     runtime.block_on(serve(args, &profiles, units))
+}
+
+/// A path that means the same wherever it is taken from; a name stays what it is.
+fn from_here(name_or_path: &str) -> String {
+    let absolute = std::path::absolute(name_or_path)
+        .ok()
+        .filter(|path| path.is_file() && !Dialect::names().any(|name| name == name_or_path));
+    absolute
+        .and_then(|path| path.to_str().map(str::to_owned))
+        .unwrap_or_else(|| name_or_path.to_owned())
 }
 
 /// Refuses options that do not go together.

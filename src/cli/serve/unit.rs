@@ -12,6 +12,7 @@ use crate::error::{Error, Result};
 use crate::link::{Device, RunDir, UsbLink, serve};
 use crate::profile::{Profile, Scene};
 use crate::protocol::Endpoints;
+use std::sync::Arc;
 use std::time::Duration;
 use tokio::sync::{mpsc, watch};
 
@@ -63,11 +64,15 @@ impl Unit {
             let profile = &args.profile[number];
             eprintln!("phasma: {profile}: rendering on a GPU, {kind}: {name} ({driver})");
         }
+        let port = match profile.control.dialect.as_str() {
+            "scpi" => Port::default(),
+            _ => Port::new(Arc::new(profile.control.load_dialect(&profile.folder)?))?,
+        };
         let device = Device {
             machine: Machine::new(
                 Firmware::new(profile, &user)?,
-                Port::default(),
-                SerialLine::default(),
+                port,
+                SerialLine::new(&profile.control),
                 Faults::default(),
             ),
             renderer,
