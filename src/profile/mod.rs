@@ -6,6 +6,7 @@ mod camera;
 mod camera_response;
 mod check;
 mod device;
+pub mod faults;
 mod focus;
 mod glare;
 mod interreflection;
