@@ -1,0 +1,209 @@
+//! Faults of the control port: messages on their way in and out.
+
+use super::armed::{Armed, Event, Way};
+use super::chance::Draws;
+use super::{Faults, log, picture};
+use crate::emulator::port::Message;
+use crate::profile::faults::{Bits, Effect};
+
+/// A message that is longer passes in parts, and what strikes messages strikes it no more.
+const MAX_MESSAGE: usize = 1 << 20;
+/// Bytes of a message that are listened to.
+const MAX_HEARD: usize = 4096;
+
+/// What becomes of bytes on their way to the device, in order.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Incoming {
+    /// They arrive.
+    Bytes(Vec<u8>),
+    /// A whole message that the device is too busy to take.
+    Refused(Vec<u8>),
+}
+
+/// How a stream of bytes is cut into messages.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum Cut {
+    /// A newline ends a message.
+    #[default]
+    Lines,
+    /// Each message has so many bytes; 0 counts as 1.
+    Packets(usize),
+}
+
+impl Cut {
+    /// Bytes of the first message, if it is whole.
+    fn message(self, bytes: &[u8]) -> Option<usize> {
+        match self {
+            Self::Lines => bytes.iter().position(|b| *b == b'\n').map(|at| at + 1),
+            Self::Packets(size) => (bytes.len() >= size.max(1)).then_some(size.max(1)),
+        }
+    }
+}
+
+impl Faults {
+    /// Says how messages are told apart on the way to the device.
+    pub fn cut(&mut self, cut: Cut) {
+        self.cut = cut;
+    }
+
+    /// Bytes on their way to the device. While something may strike messages there, they arrive
+    /// message by message.
+    pub fn incoming(&mut self, bytes: &[u8], now_ns: u64) -> Vec<Incoming> {
+        self.now_ns = self.now_ns.max(now_ns);
+        if !self.connected(now_ns) {
+            return Vec::new();
+        }
+        self.unfinished.extend_from_slice(bytes);
+        let to_device = |armed: &Armed| armed.way() == Way::ToDevice && !armed.is_over();
+        if !self.armed.iter().any(to_device) {
+            self.listen(bytes);
+            return vec![Incoming::Bytes(std::mem::take(&mut self.unfinished))];
+        }
+        let mut out = Vec::new();
+        let mut from = 0;
+        while let Some(len) = self.cut.message(&self.unfinished[from..]) {
+            let message = self.unfinished[from..from + len].to_vec();
+            from += len;
+            self.command = log::command(&message);
+            out.extend(self.message(message));
+            if self.reset || !self.connected(now_ns) {
+                // The rest comes too late.
+                self.unfinished.clear();
+                return out;
+            }
+        }
+        self.unfinished.drain(..from);
+        if self.unfinished.len() > MAX_MESSAGE {
+            out.push(Incoming::Bytes(std::mem::take(&mut self.unfinished)));
+        }
+        out
+    }
+
+    /// Takes note of the last command, without keeping anything back.
+    fn listen(&mut self, bytes: &[u8]) {
+        for byte in bytes {
+            if self.heard.len() < MAX_HEARD {
+                self.heard.push(*byte);
+            }
+            let whole = match self.cut {
+                Cut::Lines => *byte == b'\n',
+                Cut::Packets(size) => self.heard.len() >= size.min(MAX_HEARD),
+            };
+            if whole {
+                self.command = log::command(&self.heard);
+                self.heard.clear();
+            }
+        }
+    }
+
+    /// What becomes of one message on its way to the device.
+    fn message(&mut self, mut message: Vec<u8>) -> Option<Incoming> {
+        let command = self.command.clone();
+        let event = Event {
+            time_ns: self.now_ns,
+            command: &command,
+            triggered: None,
+        };
+        let mut refused = false;
+        for (effect, mut draws) in self.strike(Way::ToDevice, &event, None) {
+            match effect {
+                Effect::BitErrors { bits, .. } => flip(&mut message, bits, &mut draws),
+                Effect::Nak => refused = true,
+                Effect::Disconnect { for_ns } => {
+                    self.disconnect(for_ns);
+                    return None;
+                }
+                Effect::Reset => {
+                    self.reset(None);
+                    return None;
+                }
+                // The others strike elsewhere.
+                _ => {}
+            }
+        }
+        Some(match refused {
+            true => Incoming::Refused(message),
+            false => Incoming::Bytes(message),
+        })
+    }
+
+    /// A message on its way to the client.
+    pub fn reply(&mut self, message: Message, now_ns: u64) {
+        self.now_ns = self.now_ns.max(now_ns);
+        if !self.connected(now_ns) {
+            return;
+        }
+        let Message { mut bytes, to } = message;
+        let command = to.unwrap_or_else(|| self.command.clone());
+        let event = Event {
+            time_ns: now_ns,
+            command: &command,
+            triggered: None,
+        };
+        let (mut copies, mut late_ns) = (1, 0);
+        for (effect, mut draws) in self.strike(Way::ToHost, &event, None) {
+            match effect {
+                Effect::NoReply => copies = 0,
+                Effect::LateReply { by_ns } => late_ns += by_ns,
+                Effect::ReplyTwice => copies = 2 * copies.min(1),
+                Effect::GarbageBefore { count } => insert(&mut bytes, 0, count, &mut draws),
+                Effect::GarbageInside { count } => {
+                    let at = 1 + draws.below(bytes.len().saturating_sub(1));
+                    insert(&mut bytes, at, count, &mut draws);
+                }
+                Effect::BitErrors { bits, .. } => flip(&mut bytes, bits, &mut draws),
+                // The others strike elsewhere.
+                _ => {}
+            }
+        }
+        let due_ns = now_ns.saturating_add(late_ns);
+        for _ in 0..copies {
+            // One for which there is no room is lost: a client that asks and does not read.
+            let _ = self.replies.push(now_ns, due_ns, bytes.len(), bytes.clone());
+        }
+    }
+
+    /// What goes out on the line by now.
+    pub fn replies(&mut self, now_ns: u64) -> Vec<Vec<u8>> {
+        self.now_ns = self.now_ns.max(now_ns);
+        std::iter::from_fn(|| self.replies.pop(now_ns)).collect()
+    }
+
+    /// Whether the control port is there.
+    pub fn connected(&self, now_ns: u64) -> bool {
+        now_ns >= self.gone_until_ns
+    }
+
+    /// The client has gone, and what was on its way with it.
+    pub fn hang_up(&mut self) {
+        self.replies.clear();
+        self.unfinished.clear();
+        self.heard.clear();
+    }
+
+    /// A message has stopped coming: what there is of it arrives.
+    pub fn stalled(&mut self) -> Vec<u8> {
+        std::mem::take(&mut self.unfinished)
+    }
+}
+
+/// Bits of a message are the other way round.
+fn flip(bytes: &mut [u8], bits: Bits, draws: &mut Draws) {
+    match bits {
+        Bits::Count(count) => picture::bits_flipped(bytes, count, draws),
+        Bits::Rate(rate) => {
+            for byte in bytes {
+                for bit in 0..8 {
+                    *byte ^= u8::from(draws.unit() < rate) << bit;
+                }
+            }
+        }
+    }
+}
+
+/// Random bytes that nobody sent.
+fn insert(bytes: &mut Vec<u8>, at: usize, count: u32, draws: &mut Draws) {
+    let garbage: Vec<u8> = (0..count).map(|_| draws.below(256) as u8).collect();
+    let at = at.min(bytes.len());
+    bytes.splice(at..at, garbage);
+}
