@@ -13,7 +13,7 @@
 use super::faults::Faults;
 use super::line::SerialLine;
 use super::port::Port;
-use super::{Exposure, Firmware};
+use super::{Exposure, Firmware, State};
 use crate::protocol::Frame;
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -24,6 +24,8 @@ pub struct Machine {
     port: Port,
     line: SerialLine,
     faults: Faults,
+    /// Bytes that have come over the line.
+    taken_in: u64,
     /// Frames that may leave.
     frames: VecDeque<Arc<Frame>>,
     /// Frames of which the firmware does not know yet that they have left.
@@ -38,6 +40,7 @@ impl Machine {
             port,
             line,
             faults,
+            taken_in: 0,
             frames: VecDeque::new(),
             rendered: 0,
         }
@@ -71,11 +74,36 @@ impl Machine {
         self.port.hang_up(&mut self.firmware);
     }
 
-    /// Works off what was due up to a time.
+    /// Works off what was due up to a time, each thing at its own time, however late this is asked.
     pub fn advance(&mut self, now_ns: u64) {
+        let mut last = None;
+        while let Some(next) = self.next_step_ns(last).filter(|&next| next < now_ns) {
+            self.step(next);
+            last = Some(next);
+        }
+        self.step(now_ns);
+    }
+
+    /// What happens next by itself after the last step. A free-running camera catches up on its own.
+    fn next_step_ns(&self, last: Option<u64>) -> Option<u64> {
+        let running = matches!(self.firmware.state(), State::Running { .. });
+        [
+            self.firmware.next_event_ns().filter(|_| running),
+            self.line.next_received_ns(),
+            self.port.next_event_ns(),
+            self.faults.next_event_ns(),
+        ]
+        .into_iter()
+        .flatten()
+        .filter(|&next| last.is_none_or(|last| next > last))
+        .min()
+    }
+
+    fn step(&mut self, now_ns: u64) {
         self.firmware.advance(now_ns);
         let bytes = self.line.received(now_ns);
         if !bytes.is_empty() {
+            self.taken_in += bytes.len() as u64;
             let bytes = self.faults.incoming(bytes, now_ns);
             self.port.receive(&bytes, &mut self.firmware, now_ns);
         }
@@ -88,8 +116,31 @@ impl Machine {
             self.faults.reply(message, now_ns);
         }
         for bytes in self.faults.replies(now_ns) {
-            self.line.send(&bytes, now_ns);
+            if !self.line.send(&bytes, now_ns) {
+                self.firmware.reply_lost();
+            }
         }
+    }
+
+    /// Switches the device off and on again: see [`Firmware::power_cycle`]. What is on its way on
+    /// the line is lost, and it says again what it says at power-on.
+    pub fn power_cycle(&mut self, now_ns: u64) {
+        self.advance(now_ns);
+        self.hang_up();
+        self.firmware.power_cycle(now_ns);
+        self.port.power_on(now_ns);
+        self.collect(now_ns);
+    }
+
+    /// Whether so much is on its way on the line that a link should take nothing more from its
+    /// client.
+    pub fn crowded(&self) -> bool {
+        self.line.crowded()
+    }
+
+    /// Bytes that have reached the device since it was made.
+    pub fn taken_in(&self) -> u64 {
+        self.taken_in
     }
 
     /// Bytes that are on the client's side of the line by now.

@@ -136,6 +136,7 @@ pub async fn serve(
         usb_lost: false,
         service,
         stall: None,
+        stalled_at: 0,
     };
     server.run(wall, shutdown).await
 }
@@ -160,6 +161,8 @@ struct Server {
     service: ServiceSocket,
     /// When to give up on a block.
     stall: Option<Instant>,
+    /// Bytes that the device had taken in when the block last went on.
+    stalled_at: u64,
 }
 
 impl Server {
@@ -179,7 +182,9 @@ impl Server {
             if let Some(usb) = &mut self.usb {
                 usb.refresh(self.machine.firmware(), wall());
             }
+            self.watch_block();
             let crowded = self.optics.backlog() >= MAX_BACKLOG;
+            let full = crowded || self.machine.crowded();
             let free = matches!(self.machine.firmware().state(), State::Free { .. });
             // The optics' next frame wakes the loop in these cases.
             let behind = crowded || free && self.optics.backlog() >= MAX_FREE_BACKLOG;
@@ -202,7 +207,7 @@ impl Server {
                     let now = self.clock.now_ns(wall());
                     self.serve_call((request, reply), now);
                 }
-                event = self.pty.next(), if !crowded => {
+                event = self.pty.next(), if !full => {
                     // Who connected before the command was sent gets the frames that it causes,
                     // whichever of the two this loop noticed first.
                     self.camera.accept(self.machine.firmware().next_id());
@@ -217,9 +222,8 @@ impl Server {
                         Event::HungUp if self.reply_to_usb => continue,
                         Event::HungUp => self.machine.hang_up(),
                     }
-                    self.stall = self.machine.inside_block().then(|| Instant::now() + STALL);
                 }
-                () = changed(self.usb.as_ref()), if !crowded => {
+                () = changed(self.usb.as_ref()), if !full => {
                     let now = self.clock.now_ns(wall());
                     self.work_off_usb(now);
                 }
@@ -263,7 +267,16 @@ impl Server {
                 PortEvent::HungUp if self.reply_to_usb => self.machine.hang_up(),
                 PortEvent::HungUp => continue,
             }
-            self.stall = self.machine.inside_block().then(|| Instant::now() + STALL);
+        }
+    }
+
+    /// Keeps the time at which a block that stops coming is given up.
+    fn watch_block(&mut self) {
+        if !self.machine.inside_block() {
+            self.stall = None;
+        } else if self.stall.is_none() || self.machine.taken_in() != self.stalled_at {
+            self.stalled_at = self.machine.taken_in();
+            self.stall = Some(Instant::now() + STALL);
         }
     }
 
@@ -398,6 +411,8 @@ async fn changed(usb: Option<&Binding>) {
 
 async fn sleep(delay: Option<Duration>) {
     match delay {
+        // A timer would take until its wheel's next tick.
+        Some(Duration::ZERO) => tokio::task::yield_now().await,
         Some(delay) => tokio::time::sleep(delay).await,
         None => std::future::pending().await,
     }

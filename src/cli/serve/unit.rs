@@ -67,7 +67,7 @@ impl Unit {
             machine: Machine::new(
                 Firmware::new(profile, &user)?,
                 Port::default(),
-                SerialLine::default(),
+                SerialLine::new(&profile.control),
                 Faults::default(),
             ),
             renderer,
