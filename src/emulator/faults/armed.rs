@@ -54,7 +54,9 @@ impl Armed {
         }
         match self.fault.effect() {
             Effect::Nak | Effect::Disconnect { .. } | Effect::Reset => Way::ToDevice,
-            Effect::BitErrors { direction, .. } if direction == Direction::ToDevice => Way::ToDevice,
+            Effect::BitErrors { direction, .. } if direction == Direction::ToDevice => {
+                Way::ToDevice
+            }
             _ => Way::ToHost,
         }
     }
@@ -94,13 +96,14 @@ impl Armed {
             None => Side::Port,
             Some(_) => Side::Camera,
         };
-        let frames = event.triggered.is_none_or(|triggered| {
-            match when.frames.unwrap_or_default() {
-                Frames::Triggered => triggered,
-                Frames::Free => !triggered,
-                Frames::All => true,
-            }
-        });
+        let frames =
+            event
+                .triggered
+                .is_none_or(|triggered| match when.frames.unwrap_or_default() {
+                    Frames::Triggered => triggered,
+                    Frames::Free => !triggered,
+                    Frames::All => true,
+                });
         let inside = when.window_s.is_none_or(|[from, to]| {
             let time_s = event.time_ns as f64 * 1e-9;
             (from..to).contains(&time_s)

@@ -81,7 +81,12 @@ impl Faults {
     }
 
     /// Does to a finished frame what was planned for it.
-    fn send(&mut self, mut frame: Arc<Frame>, effects: Vec<(Effect, Draws)>, before: Option<&Frame>) {
+    fn send(
+        &mut self,
+        mut frame: Arc<Frame>,
+        effects: Vec<(Effect, Draws)>,
+        before: Option<&Frame>,
+    ) {
         let (mut copies, mut late_ns, mut wait_ns) = (1, 0, None);
         for (effect, mut draws) in effects {
             match effect {
@@ -133,7 +138,10 @@ impl Faults {
     /// The next frame that leaves by now.
     pub fn next_frame(&mut self, now_ns: u64) -> Option<Arc<Frame>> {
         self.now_ns = self.now_ns.max(now_ns);
-        if self.aside.as_ref().is_some_and(|(until_ns, _)| *until_ns <= now_ns)
+        if self
+            .aside
+            .as_ref()
+            .is_some_and(|(until_ns, _)| *until_ns <= now_ns)
             && let Some((until_ns, frame)) = self.aside.take()
         {
             self.hold(frame, until_ns);

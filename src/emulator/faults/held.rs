@@ -64,7 +64,10 @@ mod tests {
         assert_eq!((held.pop(4), held.next_ns()), (None, Some(5)));
         assert_eq!((held.pop(5), held.next_ns()), (Some('a'), None));
         assert!(held.push(5, 7, 4, 'c') && held.push(5, 3, 6, 'd') && !held.push(6, 0, 1, 'e'));
-        assert_eq!((held.pop(6), held.pop(7), held.pop(7)), (None, Some('c'), Some('d')));
+        assert_eq!(
+            (held.pop(6), held.pop(7), held.pop(7)),
+            (None, Some('c'), Some('d'))
+        );
         // What is due already takes no room.
         assert!(held.push(9, 0, 10, 'f') && held.push(9, 0, 10, 'g'));
         held.clear();

@@ -8,6 +8,7 @@ mod armed;
 mod camera;
 mod chance;
 mod held;
+mod listener;
 mod log;
 mod picture;
 mod port;
@@ -15,13 +16,14 @@ mod port;
 mod tests;
 
 pub use camera::Slides;
-pub use port::{Cut, Incoming};
+pub use port::Incoming;
 
 use crate::profile::faults::{Effect, Fault, Flaw, MAX_FAULTS, Schedule, Struck};
 use crate::protocol::Frame;
 use armed::{Armed, Event, Way};
 use chance::{Chance, Draws};
 use held::Held;
+use listener::Listener;
 use log::Log;
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -49,11 +51,9 @@ pub struct Faults {
     frames: Held<Arc<Frame>>,
     /// The last frame that a reset has swallowed.
     lost_to: Option<u64>,
-    cut: Cut,
+    listener: Listener,
     /// The last command that has come.
     command: String,
-    /// What has been heard of the next one.
-    heard: Vec<u8>,
     /// What has come of a message that is not whole and may be struck.
     unfinished: Vec<u8>,
     replies: Held<Vec<u8>>,
@@ -101,9 +101,8 @@ impl Faults {
             aside: None,
             frames: Held::new(MAX_FRAME_BYTES),
             lost_to: None,
-            cut: Cut::default(),
+            listener: Listener::default(),
             command: String::new(),
-            heard: Vec::new(),
             unfinished: Vec::new(),
             replies: Held::new(MAX_REPLY_BYTES),
             gone_until_ns: 0,

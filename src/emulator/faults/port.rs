@@ -2,48 +2,30 @@
 
 use super::armed::{Armed, Event, Way};
 use super::chance::Draws;
-use super::{Faults, log, picture};
+use super::listener::Listener;
+use super::{Faults, picture};
 use crate::emulator::port::Message;
 use crate::profile::faults::{Bits, Effect};
+use crate::protocol::dialect::Dialect;
+use std::sync::Arc;
 
-/// A message that is longer passes in parts, and what strikes messages strikes it no more.
+/// A message that is longer passes in parts, and what strikes messages strikes its end.
 const MAX_MESSAGE: usize = 1 << 20;
-/// Bytes of a message that are listened to.
-const MAX_HEARD: usize = 4096;
 
 /// What becomes of bytes on their way to the device, in order.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Incoming {
     /// They arrive.
     Bytes(Vec<u8>),
-    /// A whole message that the device is too busy to take.
+    /// A message that the device is too busy to take, and what it replies; nothing where the
+    /// dialect has no such reply.
     Refused(Vec<u8>),
 }
 
-/// How a stream of bytes is cut into messages.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub enum Cut {
-    /// A newline ends a message.
-    #[default]
-    Lines,
-    /// Each message has so many bytes; 0 counts as 1.
-    Packets(usize),
-}
-
-impl Cut {
-    /// Bytes of the first message, if it is whole.
-    fn message(self, bytes: &[u8]) -> Option<usize> {
-        match self {
-            Self::Lines => bytes.iter().position(|b| *b == b'\n').map(|at| at + 1),
-            Self::Packets(size) => (bytes.len() >= size.max(1)).then_some(size.max(1)),
-        }
-    }
-}
-
 impl Faults {
-    /// Says how messages are told apart on the way to the device.
-    pub fn cut(&mut self, cut: Cut) {
-        self.cut = cut;
+    /// Says what is spoken on the control port; SCPI when nothing is said.
+    pub fn listen_to(&mut self, dialect: Option<&Arc<Dialect>>) {
+        self.listener = Listener::new(dialect);
     }
 
     /// Bytes on their way to the device. While something may strike messages there, they arrive
@@ -53,47 +35,33 @@ impl Faults {
         if !self.connected(now_ns) {
             return Vec::new();
         }
-        self.unfinished.extend_from_slice(bytes);
         let to_device = |armed: &Armed| armed.way() == Way::ToDevice && !armed.is_over();
-        if !self.armed.iter().any(to_device) {
-            self.listen(bytes);
-            return vec![Incoming::Bytes(std::mem::take(&mut self.unfinished))];
-        }
         let mut out = Vec::new();
-        let mut from = 0;
-        while let Some(len) = self.cut.message(&self.unfinished[from..]) {
-            let message = self.unfinished[from..from + len].to_vec();
-            from += len;
-            self.command = log::command(&message);
-            out.extend(self.message(message));
-            if self.reset || !self.connected(now_ns) {
-                // The rest comes too late.
-                self.unfinished.clear();
-                return out;
+        if !self.armed.iter().any(to_device) {
+            self.unfinished.extend_from_slice(bytes);
+            for byte in bytes {
+                if let Some(command) = self.listener.hear(*byte) {
+                    self.command = command;
+                }
             }
-        }
-        self.unfinished.drain(..from);
-        if self.unfinished.len() > MAX_MESSAGE {
             out.push(Incoming::Bytes(std::mem::take(&mut self.unfinished)));
+            return out;
+        }
+        for byte in bytes {
+            self.unfinished.push(*byte);
+            if let Some(command) = self.listener.hear(*byte) {
+                self.command = command;
+                let message = std::mem::take(&mut self.unfinished);
+                out.extend(self.message(message));
+                if self.reset || !self.connected(now_ns) {
+                    // The rest comes too late.
+                    return out;
+                }
+            } else if self.unfinished.len() >= MAX_MESSAGE {
+                out.push(Incoming::Bytes(std::mem::take(&mut self.unfinished)));
+            }
         }
         out
-    }
-
-    /// Takes note of the last command, without keeping anything back.
-    fn listen(&mut self, bytes: &[u8]) {
-        for byte in bytes {
-            if self.heard.len() < MAX_HEARD {
-                self.heard.push(*byte);
-            }
-            let whole = match self.cut {
-                Cut::Lines => *byte == b'\n',
-                Cut::Packets(size) => self.heard.len() >= size.min(MAX_HEARD),
-            };
-            if whole {
-                self.command = log::command(&self.heard);
-                self.heard.clear();
-            }
-        }
     }
 
     /// What becomes of one message on its way to the device.
@@ -122,7 +90,7 @@ impl Faults {
             }
         }
         Some(match refused {
-            true => Incoming::Refused(message),
+            true => Incoming::Refused(self.listener.busy(&message)),
             false => Incoming::Bytes(message),
         })
     }
@@ -133,7 +101,7 @@ impl Faults {
         if !self.connected(now_ns) {
             return;
         }
-        let Message { mut bytes, to } = message;
+        let Message { mut bytes, to, .. } = message;
         let command = to.unwrap_or_else(|| self.command.clone());
         let event = Event {
             time_ns: now_ns,
@@ -159,7 +127,9 @@ impl Faults {
         let due_ns = now_ns.saturating_add(late_ns);
         for _ in 0..copies {
             // One for which there is no room is lost: a client that asks and does not read.
-            let _ = self.replies.push(now_ns, due_ns, bytes.len(), bytes.clone());
+            let _ = self
+                .replies
+                .push(now_ns, due_ns, bytes.len(), bytes.clone());
         }
     }
 
@@ -178,11 +148,17 @@ impl Faults {
     pub fn hang_up(&mut self) {
         self.replies.clear();
         self.unfinished.clear();
-        self.heard.clear();
+        self.listener.reset();
+    }
+
+    /// Whether the beginning of a message is kept back until it is whole.
+    pub fn holds_back(&self) -> bool {
+        !self.unfinished.is_empty()
     }
 
     /// A message has stopped coming: what there is of it arrives.
-    pub fn stalled(&mut self) -> Vec<u8> {
+    pub fn input_stalled(&mut self) -> Vec<u8> {
+        self.listener.reset();
         std::mem::take(&mut self.unfinished)
     }
 }
