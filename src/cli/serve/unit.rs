@@ -10,6 +10,7 @@ use crate::emulator::{
 };
 use crate::error::{Error, Result};
 use crate::link::{Device, RunDir, UsbLink, serve};
+use crate::profile::faults::Schedule;
 use crate::profile::{Profile, Scene};
 use crate::protocol::Endpoints;
 use std::time::Duration;
@@ -63,12 +64,16 @@ impl Unit {
             let profile = &args.profile[number];
             eprintln!("phasma: {profile}: rendering on a GPU, {kind}: {name} ({driver})");
         }
+        let schedule = match &args.faults {
+            Some(file) => Schedule::read(file)?,
+            None => Schedule::default(),
+        };
         let device = Device {
             machine: Machine::new(
                 Firmware::new(profile, &user)?,
                 Port::default(),
                 SerialLine::new(&profile.control),
-                Faults::default(),
+                Faults::new(&schedule, &profile.name),
             ),
             renderer,
             clock,
