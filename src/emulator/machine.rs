@@ -10,12 +10,11 @@
 //!
 //! Faults are wrappers around the ways in and out; the firmware knows nothing of them.
 
-use super::faults::Faults;
+use super::faults::{Faults, Incoming};
 use super::line::SerialLine;
 use super::port::Port;
 use super::{Exposure, Firmware, State};
 use crate::protocol::Frame;
-use std::collections::VecDeque;
 use std::sync::Arc;
 
 /// A device without its optics.
@@ -26,22 +25,20 @@ pub struct Machine {
     faults: Faults,
     /// Bytes that have come over the line.
     taken_in: u64,
-    /// Frames that may leave.
-    frames: VecDeque<Arc<Frame>>,
     /// Frames of which the firmware does not know yet that they have left.
     rendered: u64,
 }
 
 impl Machine {
     /// Puts a device together.
-    pub fn new(firmware: Firmware, port: Port, line: SerialLine, faults: Faults) -> Self {
+    pub fn new(firmware: Firmware, port: Port, line: SerialLine, mut faults: Faults) -> Self {
+        faults.listen_to(port.dialect());
         Self {
             firmware,
             port,
             line,
             faults,
             taken_in: 0,
-            frames: VecDeque::new(),
             rendered: 0,
         }
     }
@@ -57,6 +54,11 @@ impl Machine {
     }
 
     /// What goes wrong.
+    pub fn faults(&self) -> &Faults {
+        &self.faults
+    }
+
+    /// What goes wrong, to change it.
     pub fn faults_mut(&mut self) -> &mut Faults {
         &mut self.faults
     }
@@ -104,10 +106,47 @@ impl Machine {
         let bytes = self.line.received(now_ns);
         if !bytes.is_empty() {
             self.taken_in += bytes.len() as u64;
-            let bytes = self.faults.incoming(bytes, now_ns);
-            self.port.receive(&bytes, &mut self.firmware, now_ns);
+            for incoming in self.faults.incoming(&bytes, now_ns) {
+                self.take_in(incoming, now_ns);
+            }
+            self.suffer(now_ns);
         }
         self.collect(now_ns);
+    }
+
+    fn take_in(&mut self, incoming: Incoming, now_ns: u64) {
+        match incoming {
+            Incoming::Bytes(bytes) => self.port.receive(&bytes, &mut self.firmware, now_ns),
+            Incoming::Refused(reply) if reply.is_empty() => self.firmware.input_lost(),
+            Incoming::Refused(reply) => {
+                // Behind the answers to what came before it.
+                self.collect(now_ns);
+                if !self.line.send(&reply, now_ns) {
+                    self.firmware.reply_lost();
+                }
+            }
+        }
+    }
+
+    /// What befalls the whole device.
+    fn suffer(&mut self, now_ns: u64) {
+        if self.faults.take_broken() {
+            self.hang_up();
+        }
+        if self.faults.take_reset() {
+            self.boot(now_ns);
+        }
+    }
+
+    fn boot(&mut self, now_ns: u64) {
+        self.hang_up();
+        self.firmware.power_cycle(now_ns);
+        self.port.power_on(now_ns);
+    }
+
+    /// Whether the control port is there; while it is not, nobody can have it open.
+    pub fn connected(&self, now_ns: u64) -> bool {
+        self.faults.connected(now_ns)
     }
 
     /// Hands on what the device has to say.
@@ -126,9 +165,7 @@ impl Machine {
     /// the line is lost, and it says again what it says at power-on.
     pub fn power_cycle(&mut self, now_ns: u64) {
         self.advance(now_ns);
-        self.hang_up();
-        self.firmware.power_cycle(now_ns);
-        self.port.power_on(now_ns);
+        self.boot(now_ns);
         self.collect(now_ns);
     }
 
@@ -152,7 +189,14 @@ impl Machine {
     /// What is to be rendered, in order.
     pub fn take_exposures(&mut self, now_ns: u64) -> Vec<Exposure> {
         let exposures = self.firmware.take_exposures();
-        self.faults.exposures(exposures, now_ns)
+        let firmware = &self.firmware;
+        let slides = || {
+            let shots = firmware.selected_sequence().into_iter();
+            shots.map(|(_, shot)| shot.slide).collect()
+        };
+        let exposures = self.faults.exposures(exposures, now_ns, &slides);
+        self.suffer(now_ns);
+        exposures
     }
 
     /// Says that an exposure's frame is there, or with `None` that it will never be rendered, as
@@ -172,8 +216,7 @@ impl Machine {
 
     /// The next frame that leaves by now.
     pub fn next_frame(&mut self, now_ns: u64) -> Option<Arc<Frame>> {
-        self.frames.extend(self.faults.frames(now_ns));
-        self.frames.pop_front()
+        self.faults.next_frame(now_ns)
     }
 
     /// When something happens next, in device time. With `behind`, exposures wait for the optics.
@@ -192,11 +235,15 @@ impl Machine {
 
     /// Whether the input stands inside of a message that has to go on without a pause.
     pub fn inside_block(&self) -> bool {
-        self.port.inside_block(&self.firmware)
+        self.faults.holds_back() || self.port.inside_block(&self.firmware)
     }
 
     /// Gives up on a message that stopped coming.
     pub fn input_stalled(&mut self) {
+        let held_back = self.faults.input_stalled();
+        if !held_back.is_empty() {
+            self.port.receive(&held_back, &mut self.firmware, 0);
+        }
         self.port.input_stalled(&mut self.firmware);
     }
 }

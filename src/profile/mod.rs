@@ -7,6 +7,7 @@ mod camera_response;
 mod check;
 mod control;
 mod device;
+pub mod faults;
 mod focus;
 mod glare;
 mod interreflection;

@@ -83,6 +83,10 @@ pub(super) struct Args {
     /// Load a sequence of your own: a manifest whose pictures stand beside it. May be repeated.
     #[arg(long, value_name = "FILE")]
     sequence: Vec<PathBuf>,
+    /// What goes wrong, and when: a schedule of faults, see `phasma faults list`. A fault may be for
+    /// one device of several, by its profile's name.
+    #[arg(long, value_name = "FILE")]
+    faults: Option<PathBuf>,
     /// End when standard input does: for programs that start a device and may be killed.
     #[arg(long)]
     while_stdin: bool,

@@ -10,6 +10,7 @@ use crate::emulator::{
 };
 use crate::error::{Error, Result};
 use crate::link::{Device, RunDir, UsbLink, serve};
+use crate::profile::faults::Schedule;
 use crate::profile::{Profile, Scene};
 use crate::protocol::Endpoints;
 use std::sync::Arc;
@@ -68,12 +69,16 @@ impl Unit {
             "scpi" => Port::default(),
             _ => Port::new(Arc::new(profile.control.load_dialect(&profile.folder)?))?,
         };
+        let schedule = match &args.faults {
+            Some(file) => Schedule::read(file)?,
+            None => Schedule::default(),
+        };
         let device = Device {
             machine: Machine::new(
                 Firmware::new(profile, &user)?,
                 port,
                 SerialLine::new(&profile.control),
-                Faults::default(),
+                Faults::new(&schedule, &profile.name),
             ),
             renderer,
             clock,

@@ -349,6 +349,12 @@ impl Firmware {
             .report(ErrorCode::QueryDeadlocked.with("replies are not being read"));
     }
 
+    /// Says that a message was thrown away because the device had no time for it.
+    pub fn input_lost(&mut self) {
+        self.status
+            .report(ErrorCode::InputBufferOverrun.with("the device is busy"));
+    }
+
     /// Where the trigger system stands.
     pub fn state(&self) -> State {
         self.state

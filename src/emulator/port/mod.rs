@@ -61,6 +61,11 @@ impl Port {
         Ok(port)
     }
 
+    /// What it speaks; `None` is SCPI.
+    pub fn dialect(&self) -> Option<&Arc<Dialect>> {
+        self.dialect.as_ref()
+    }
+
     /// The device has been switched on: what it says then is to come.
     pub fn power_on(&mut self, now_ns: u64) {
         let Some(dialect) = &self.dialect else {
