@@ -33,6 +33,9 @@ mod interrupt;
 mod method;
 mod plan;
 mod profile;
+mod record;
+#[cfg(target_os = "linux")]
+mod replay;
 mod scan;
 mod scene;
 #[cfg(target_os = "linux")]
@@ -42,7 +45,9 @@ mod served;
 #[cfg(not(target_os = "linux"))]
 mod without_link;
 #[cfg(not(target_os = "linux"))]
-use {without_link as demo, without_link as doctor, without_link as serve};
+use {
+    without_link as demo, without_link as doctor, without_link as replay, without_link as serve,
+};
 
 pub use plan::Timing;
 
@@ -63,6 +68,8 @@ enum Command {
     Demo(demo::Args),
     Serve(serve::Args),
     Scan(scan::Args),
+    Record(record::Args),
+    Replay(replay::Args),
     Camera(camera::Args),
     Decode(decode::Args),
     Calibrate(calibrate::Args),
@@ -110,6 +117,8 @@ fn dispatch(command: Command) -> Result<()> {
         Command::Demo(args) => demo::run(&args),
         Command::Serve(args) => serve::run(&args),
         Command::Scan(args) => scan::run(&args),
+        Command::Record(args) => record::run(&args),
+        Command::Replay(args) => replay::run(&args),
         Command::Camera(args) => camera::run(&args),
         Command::Decode(args) => decode::run(&args),
         Command::Calibrate(args) => calibrate::run(&args),

@@ -7,10 +7,12 @@ use super::pace::Pace;
 use super::pty::{Event, Pty};
 use super::run_dir::{CAMERA, CONTROL, RunDir, SERVICE};
 use super::service::{Call, ServiceSocket};
+use super::tap::{Recording, Tap};
 use super::usb::{Binding, Nodes, PortEvent};
 use super::video::{Put, VideoOutput};
 use crate::emulator::{Clock, FrameSink, Machine, Renderer, State};
 use crate::error::{Error, Result};
+use crate::protocol::record::Channel;
 use crate::protocol::service::{Action, Item, Reply, Request};
 use crate::protocol::{Endpoints, Frame};
 use std::future::Future;
@@ -50,6 +52,8 @@ pub struct Device {
     pub video: Option<VideoOutput>,
     /// Camera and port as a USB device; pty and frame socket are there too.
     pub usb: Option<UsbLink>,
+    /// Where what passes between it and its clients is recorded.
+    pub recording: Option<Recording>,
     /// Takes what whoever looks after the device should know.
     pub notice: fn(&str),
 }
@@ -120,6 +124,8 @@ pub async fn serve(
         let gate = usb.binding.gate(device.machine.firmware().stream());
         device.machine.firmware_mut().attach(Box::new(gate));
     }
+    let now = device.clock.now_ns(wall());
+    let tap = Tap::start(device.recording, &endpoints, now, device.notice)?;
     run_dir.publish(&endpoints)?;
     ready(&endpoints);
     let server = Server {
@@ -137,6 +143,7 @@ pub async fn serve(
         lost: 0,
         usb_lost: false,
         service,
+        tap,
         stall: None,
         stalled_at: 0,
     };
@@ -164,6 +171,8 @@ struct Server {
     /// A USB host has missed frames.
     usb_lost: bool,
     service: ServiceSocket,
+    /// Records what passes.
+    tap: Tap,
     /// When to give up on a block.
     stall: Option<Instant>,
     /// Bytes that the device had taken in when the block last went on.
@@ -208,6 +217,7 @@ impl Server {
                 changed = self.camera.changed() => {
                     changed.map_err(|e| Error::io(CAMERA, e))?;
                     self.camera.accept(self.machine.firmware().next_id());
+                    self.tap.cameras(self.camera.counts(), self.clock.now_ns(wall()));
                 }
                 (request, reply) = self.service.next() => {
                     let now = self.clock.now_ns(wall());
@@ -218,15 +228,20 @@ impl Server {
                     // whichever of the two this loop noticed first.
                     self.camera.accept(self.machine.firmware().next_id());
                     let now = self.clock.now_ns(wall());
+                    self.tap.cameras(self.camera.counts(), now);
                     let attended = self.attended();
                     self.machine.firmware_mut().set_streaming(attended, now);
                     match event? {
                         Event::Data(bytes) => {
                             self.reply_to_usb = false;
+                            self.tap.sent(Channel::Control, &bytes, now);
                             self.machine.receive(&bytes, now);
                         }
                         Event::HungUp if self.reply_to_usb => continue,
-                        Event::HungUp => self.machine.hang_up(),
+                        Event::HungUp => {
+                            self.tap.left(Channel::Control, now);
+                            self.machine.hang_up();
+                        }
                     }
                 }
                 () = changed(self.usb.as_ref()), if !full => {
@@ -284,12 +299,16 @@ impl Server {
             match event {
                 PortEvent::Data(bytes) => {
                     self.reply_to_usb = true;
+                    self.tap.sent(Channel::Usb, &bytes, now_ns);
                     let streaming = self.attended();
                     self.machine.firmware_mut().set_streaming(streaming, now_ns);
                     self.machine.receive(&bytes, now_ns);
                 }
                 // Whoever speaks at the other end of the port is not concerned.
-                PortEvent::HungUp if self.reply_to_usb => self.machine.hang_up(),
+                PortEvent::HungUp if self.reply_to_usb => {
+                    self.tap.left(Channel::Usb, now_ns);
+                    self.machine.hang_up();
+                }
                 PortEvent::HungUp => continue,
             }
         }
@@ -323,6 +342,7 @@ impl Server {
 
     /// Hands a frame to all who read.
     fn deliver(&mut self, frame: &Arc<Frame>, wall: Duration) -> Result<()> {
+        self.tap.frame(frame, self.clock.now_ns(wall));
         if let Some(usb) = &self.usb {
             usb.put(frame, wall);
             if usb.lost() > 0 && !self.usb_lost {
@@ -368,6 +388,13 @@ impl Server {
             self.machine.frames_left();
         }
         let output = self.machine.take_output(now_ns);
+        if !output.is_empty() {
+            let channel = match self.reply_to_usb {
+                true => Channel::Usb,
+                false => Channel::Control,
+            };
+            self.tap.received(channel, &output, now_ns);
+        }
         let sent = match &self.usb {
             _ if output.is_empty() => true,
             Some(usb) if self.reply_to_usb => usb.send(&output, wall),
@@ -446,7 +473,7 @@ async fn changed(usb: Option<&Binding>) {
     }
 }
 
-async fn sleep(delay: Option<Duration>) {
+pub(super) async fn sleep(delay: Option<Duration>) {
     match delay {
         // A timer would take its millisecond even for none.
         Some(Duration::ZERO) => tokio::task::yield_now().await,

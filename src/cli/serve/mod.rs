@@ -7,7 +7,8 @@ mod unit;
 mod usb;
 mod video;
 
-pub(super) use run_dirs::run_parent;
+pub(super) use run_dirs::{default_run_dir, run_parent};
+pub(super) pub(super) use unit::runtime;
 
 use super::backend::Choice;
 use crate::error::{Error, Result};
@@ -15,8 +16,9 @@ use crate::link::RunDir;
 use crate::profile::{Profile, Scene};
 use crate::protocol::dialect::Dialect;
 use shutdown::Shutdown;
+use std::ffi::OsStr;
 use std::net::SocketAddr;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 use tokio::sync::{mpsc, watch};
 use unit::{News, Unit};
@@ -93,6 +95,13 @@ pub(super) struct Args {
     /// How device time passes.
     #[arg(long, value_enum, default_value_t = Pace::Real)]
     clock: Pace,
+    /// Record every byte and frame with its time, for phasma replay and phasma record info. Of
+    /// several devices each has a file, with its directory's name behind the file's.
+    #[arg(long, value_name = "FILE")]
+    record: Option<PathBuf>,
+    /// Overwrite the file of --record.
+    #[arg(long, requires = "record")]
+    force: bool,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
@@ -197,8 +206,30 @@ async fn serve(args: &Args, profiles: &[Profile], mut units: Vec<Unit>) -> Resul
             unit.set_usb(link);
         }
     }
+    if let Some(path) = &args.record {
+        let alone = dirs.len() == 1;
+        for (unit, dir) in units.iter_mut().zip(&dirs) {
+            unit.record(&recording_path(path, dir.path(), alone), args.force)?;
+        }
+    }
     let units = units.into_iter().zip(dirs).collect();
     supervise(units, clock, shutdown).await
+}
+
+/// The file for the recording of a device with this directory.
+fn recording_path(path: &Path, dir: &Path, alone: bool) -> PathBuf {
+    let part = |part: Option<&OsStr>| part.unwrap_or_default().to_owned();
+    if alone {
+        return path.to_owned();
+    }
+    let mut name = part(path.file_stem());
+    name.push("-");
+    name.push(part(dir.file_name()));
+    if let Some(extension) = path.extension() {
+        name.push(".");
+        name.push(extension);
+    }
+    path.with_file_name(name)
 }
 
 /// Runs the devices, each on a thread of its own, until the first of them fails or all are to end.
@@ -248,4 +279,17 @@ async fn supervise(
         }
     }
     result
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn several_devices_have_a_recording_each() {
+        let path = |file: &str, alone| recording_path(file.as_ref(), "run/cam-2".as_ref(), alone);
+        assert_eq!(path("a/b.rec", true), Path::new("a/b.rec"));
+        assert_eq!(path("a/b.rec", false), Path::new("a/b-cam-2.rec"));
+        assert_eq!(path("b", false), Path::new("b-cam-2"));
+    }
 }
