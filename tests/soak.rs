@@ -5,6 +5,7 @@
 //! `cargo test --release --test soak -- --ignored --nocapture` prints what it measured.
 #![cfg(target_os = "linux")]
 
+use phasma::host::{Instrument, SerialPort};
 use phasma::pattern::{ManifestFrame, Pattern};
 use phasma::profile::Profile;
 use phasma::protocol::Endpoints;
@@ -19,6 +20,8 @@ use std::time::{Duration, Instant};
 
 /// Triggers that go out in one line.
 const BATCH: u64 = 100;
+/// How long an answer or a frame may take.
+const PATIENCE: Duration = Duration::from_secs(30);
 /// Growth in kB that is allowed between the first hundredth and the end: allocators round.
 const GROWTH_KB: u64 = 1024;
 
@@ -116,28 +119,24 @@ impl Device {
 
     /// So many triggers, each with its frame.
     fn trigger(&self, count: u64) {
-        let mut control = self.control();
-        let mut replies = BufReader::new(control.try_clone().unwrap());
-        let mut ask = move |line: &str| {
-            control.write_all(line.as_bytes()).unwrap();
-            let mut reply = String::new();
-            replies.read_line(&mut reply).unwrap();
-            reply.trim().to_owned()
-        };
-        assert_eq!(ask("ABOR;:TRIG:SOUR BUS;MODE SEQ;*OPC?\n"), "1");
+        let port = SerialPort::open(self.at.control.to_str().unwrap()).unwrap();
+        // Whoever was there before may have left in the middle of a line.
+        let mut control = Instrument::open(port, PATIENCE).unwrap();
+        control.order("ABOR;:TRIG:SOUR BUS;MODE SEQ").unwrap();
+        assert_eq!(control.query("*OPC?").unwrap(), "1");
         let camera = self.camera();
-        // It is the camera's client once it is told so.
-        assert!(ask("*IDN?\n").contains("Phasma"));
+        // It is the camera's client once another command has been answered.
+        assert!(control.query("*IDN?").unwrap().contains("Phasma"));
         let reader = thread::spawn(move || frames(camera, count));
         let batch = "INIT;*TRG;*WAI;:".repeat(BATCH as usize);
-        let line = format!("{}*OPC?\n", batch.trim_end_matches(':'));
+        let line = format!("{}*OPC?", batch.trim_end_matches(':'));
         for _ in 0..count / BATCH {
-            assert_eq!(ask(&line), "1");
+            assert_eq!(control.query(&line).unwrap(), "1");
         }
+        control.check("the triggers").unwrap();
         let ids = reader.join().unwrap();
         assert!(ids.windows(2).all(|pair| pair[1] == pair[0] + 1));
-        assert_eq!(ask("SYST:ERR?\n"), "0,\"No error\"");
-        assert_eq!(ask("TRIG:SOUR INT;*OPC?\n"), "1");
+        control.order("TRIG:SOUR INT").unwrap();
     }
 
     /// So many clients, one after the other, of all kinds and manners.
@@ -193,9 +192,7 @@ fn tiny() -> Profile {
 
 /// Ids of as many frames.
 fn frames(mut camera: UnixStream, count: u64) -> Vec<u64> {
-    camera
-        .set_read_timeout(Some(Duration::from_secs(30)))
-        .unwrap();
+    camera.set_read_timeout(Some(PATIENCE)).unwrap();
     let mut decoder = FrameDecoder::default();
     let mut ids = Vec::new();
     while (ids.len() as u64) < count {

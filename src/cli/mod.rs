@@ -28,6 +28,7 @@ mod decode;
 mod demo;
 #[cfg(target_os = "linux")]
 mod doctor;
+mod faults;
 mod interrupt;
 mod method;
 mod plan;
@@ -77,6 +78,7 @@ enum Command {
     Bench(bench::Args),
     Board(board::Args),
     Doctor(doctor::Args),
+    Faults(faults::Args),
 }
 
 /// Standard output cannot be written to.
@@ -125,5 +127,6 @@ fn dispatch(command: Command) -> Result<()> {
         Command::Bench(args) => bench::run(&args),
         Command::Board(args) => board::run(&args),
         Command::Doctor(args) => doctor::run(&args),
+        Command::Faults(args) => faults::run(&args),
     }
 }

@@ -16,6 +16,7 @@ use crate::protocol::record::Channel;
 use crate::protocol::service::{Action, Item, Reply, Request};
 use crate::protocol::{Endpoints, Frame};
 use std::future::Future;
+use std::path::{Path, PathBuf};
 use std::pin::pin;
 use std::sync::Arc;
 use std::time::Duration;
@@ -81,7 +82,7 @@ pub async fn serve(
 ) -> Result<()> {
     let pty = Pty::open()?;
     let control = run_dir.file(CONTROL);
-    std::os::unix::fs::symlink(pty.path(), &control).map_err(|e| Error::io(&control, e))?;
+    point(&control, &pty)?;
     let camera_path = run_dir.file(CAMERA);
     let camera = FrameSocket::open(&camera_path, device.tcp)?;
     let service_path = run_dir.file(SERVICE);
@@ -98,7 +99,7 @@ pub async fn serve(
         profile: device.profile,
         scene: device.scene,
         seed: device.seed,
-        control,
+        control: control.clone(),
         control_usb: nodes.tty,
         camera: match &device.video {
             Some(video) => video.address(),
@@ -131,7 +132,8 @@ pub async fn serve(
         machine: device.machine,
         clock: device.clock,
         optics,
-        pty,
+        pty: Some(pty),
+        control,
         camera,
         video: device.video,
         usb: device.usb.map(|usb| usb.binding),
@@ -143,6 +145,7 @@ pub async fn serve(
         service,
         tap,
         stall: None,
+        stalled_at: 0,
     };
     server.run(wall, shutdown).await
 }
@@ -151,7 +154,10 @@ struct Server {
     machine: Machine,
     clock: Box<dyn Clock + Send>,
     optics: Optics,
-    pty: Pty,
+    /// `None` while the port is gone, as when a cable is pulled.
+    pty: Option<Pty>,
+    /// What points to the pty.
+    control: PathBuf,
     camera: FrameSocket,
     video: Option<VideoOutput>,
     usb: Option<Binding>,
@@ -169,6 +175,8 @@ struct Server {
     tap: Tap,
     /// When to give up on a block.
     stall: Option<Instant>,
+    /// Bytes that the device had taken in when the block last went on.
+    stalled_at: u64,
 }
 
 impl Server {
@@ -183,12 +191,15 @@ impl Server {
             let attended = self.attended();
             self.machine.firmware_mut().set_streaming(attended, now);
             self.machine.advance(now);
+            self.plug(now)?;
             self.hand_on(now, wall())?;
             self.dispatch(now, wall());
             if let Some(usb) = &mut self.usb {
                 usb.refresh(self.machine.firmware(), wall());
             }
+            self.watch_block();
             let crowded = self.optics.backlog() >= MAX_BACKLOG;
+            let full = crowded || self.machine.crowded();
             let free = matches!(self.machine.firmware().state(), State::Free { .. });
             // The optics' next frame wakes the loop in these cases.
             let behind = crowded || free && self.optics.backlog() >= MAX_FREE_BACKLOG;
@@ -212,7 +223,7 @@ impl Server {
                     let now = self.clock.now_ns(wall());
                     self.serve_call((request, reply), now);
                 }
-                event = self.pty.next(), if !crowded => {
+                event = next_of(self.pty.as_mut()), if !full => {
                     // Who connected before the command was sent gets the frames that it causes,
                     // whichever of the two this loop noticed first.
                     self.camera.accept(self.machine.firmware().next_id());
@@ -232,9 +243,8 @@ impl Server {
                             self.machine.hang_up();
                         }
                     }
-                    self.stall = self.machine.inside_block().then(|| Instant::now() + STALL);
                 }
-                () = changed(self.usb.as_ref()), if !crowded => {
+                () = changed(self.usb.as_ref()), if !full => {
                     let now = self.clock.now_ns(wall());
                     self.work_off_usb(now);
                 }
@@ -244,6 +254,25 @@ impl Server {
                     self.machine.input_stalled();
                 }
             }
+        }
+    }
+
+    /// Takes the port away, or puts it back, as the device's faults have it: a client sees that the
+    /// other end has gone, and finds a new port under the old name later.
+    fn plug(&mut self, now_ns: u64) -> Result<()> {
+        match (self.machine.connected(now_ns), &self.pty) {
+            (false, Some(_)) => {
+                let removed = std::fs::remove_file(&self.control);
+                self.pty = None;
+                removed.map_err(|e| Error::io(&self.control, e))
+            }
+            (true, None) => {
+                let pty = Pty::open()?;
+                point(&self.control, &pty)?;
+                self.pty = Some(pty);
+                Ok(())
+            }
+            _ => Ok(()),
         }
     }
 
@@ -282,7 +311,16 @@ impl Server {
                 }
                 PortEvent::HungUp => continue,
             }
-            self.stall = self.machine.inside_block().then(|| Instant::now() + STALL);
+        }
+    }
+
+    /// Keeps the time at which a block that stops coming is given up.
+    fn watch_block(&mut self) {
+        if !self.machine.inside_block() {
+            self.stall = None;
+        } else if self.stall.is_none() || self.machine.taken_in() != self.stalled_at {
+            self.stalled_at = self.machine.taken_in();
+            self.stall = Some(Instant::now() + STALL);
         }
     }
 
@@ -360,7 +398,7 @@ impl Server {
         let sent = match &self.usb {
             _ if output.is_empty() => true,
             Some(usb) if self.reply_to_usb => usb.send(&output, wall),
-            _ => self.pty.send(&output),
+            _ => self.pty.as_mut().is_none_or(|pty| pty.send(&output)),
         };
         if !sent {
             self.machine.firmware_mut().reply_lost();
@@ -413,6 +451,18 @@ impl Server {
                 let _ = reply.send((Reply::default(), Vec::new()));
             }
         }
+    }
+}
+
+/// Puts a link to a pty.
+fn point(control: &Path, pty: &Pty) -> Result<()> {
+    std::os::unix::fs::symlink(pty.path(), control).map_err(|e| Error::io(control, e))
+}
+
+async fn next_of(pty: Option<&mut Pty>) -> Result<Event> {
+    match pty {
+        Some(pty) => pty.next().await,
+        None => std::future::pending().await,
     }
 }
 

@@ -15,6 +15,7 @@ use super::backend::Choice;
 use crate::error::{Error, Result};
 use crate::link::RunDir;
 use crate::profile::{Profile, Scene};
+use crate::protocol::dialect::Dialect;
 use std::ffi::OsStr;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
@@ -58,6 +59,9 @@ pub(super) struct Args {
         requires = "usb"
     )]
     usb_listen: SocketAddr,
+    /// The dialect of the control port, instead of the profile's: a built-in name or a TOML file.
+    #[arg(long, value_name = "NAME")]
+    dialect: Option<String>,
     /// Seed of the noise; of several devices the first one's, and one more for each that follows.
     #[arg(long, default_value_t = 0)]
     seed: u64,
@@ -81,6 +85,10 @@ pub(super) struct Args {
     /// Load a sequence of your own: a manifest whose pictures stand beside it. May be repeated.
     #[arg(long, value_name = "FILE")]
     sequence: Vec<PathBuf>,
+    /// What goes wrong, and when: a schedule of faults, see `phasma faults list`. A fault may be for
+    /// one device of several, by its profile's name.
+    #[arg(long, value_name = "FILE")]
+    faults: Option<PathBuf>,
     /// End when standard input does: for programs that start a device and may be killed.
     #[arg(long)]
     while_stdin: bool,
@@ -113,6 +121,10 @@ pub(super) fn run(args: &Args) -> Result<()> {
         .collect::<Result<_>>()?;
     for profile in &mut profiles {
         profile.camera.sensor.noiseless = args.no_noise;
+        if let Some(dialect) = &args.dialect {
+            // A path of the command line is relative to where it was given, not to the profile.
+            profile.control.dialect = from_here(dialect);
+        }
     }
     if args.usb.is_some() {
         usb::check(&profiles)?;
@@ -129,6 +141,16 @@ pub(super) fn run(args: &Args) -> Result<()> {
         .collect::<Result<_>>()?;
     let runtime = unit::runtime()?;
     runtime.block_on(serve(args, &profiles, units))
+}
+
+/// A path that means the same wherever it is taken from; a name stays what it is.
+fn from_here(name_or_path: &str) -> String {
+    let absolute = std::path::absolute(name_or_path)
+        .ok()
+        .filter(|path| path.is_file() && !Dialect::names().any(|name| name == name_or_path));
+    absolute
+        .and_then(|path| path.to_str().map(str::to_owned))
+        .unwrap_or_else(|| name_or_path.to_owned())
 }
 
 /// Refuses options that do not go together.

@@ -11,10 +11,12 @@ use crate::emulator::{
 };
 use crate::error::{Error, Result};
 use crate::link::{Device, Recording, RunDir, UsbLink, serve};
+use crate::profile::faults::Schedule;
 use crate::profile::{Profile, Scene};
 use crate::protocol::Endpoints;
 use crate::protocol::record::create;
 use std::path::Path;
+use std::sync::Arc;
 use std::time::Duration;
 use tokio::sync::{mpsc, watch};
 
@@ -66,12 +68,20 @@ impl Unit {
             let profile = &args.profile[number];
             eprintln!("phasma: {profile}: rendering on a GPU, {kind}: {name} ({driver})");
         }
+        let port = match profile.control.dialect.as_str() {
+            "scpi" => Port::default(),
+            _ => Port::new(Arc::new(profile.control.load_dialect(&profile.folder)?))?,
+        };
+        let schedule = match &args.faults {
+            Some(file) => Schedule::read(file)?,
+            None => Schedule::default(),
+        };
         let device = Device {
             machine: Machine::new(
                 Firmware::new(profile, &user)?,
-                Port::default(),
-                SerialLine::default(),
-                Faults::default(),
+                port,
+                SerialLine::new(&profile.control),
+                Faults::new(&schedule, &profile.name),
             ),
             renderer,
             clock,
