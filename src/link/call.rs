@@ -48,6 +48,18 @@ impl Server {
                     ..Reply::default()
                 }
             }
+            Request::Get(Item::Faults) => Reply {
+                faults: Some(self.faults()),
+                ..Reply::default()
+            },
+            Request::Fault(fault) => match self.machine.faults_mut().add(*fault) {
+                Ok(id) => Reply {
+                    fault: Some(id),
+                    ..Reply::default()
+                },
+                Err(flaw) => Reply::refusal(format!("fault.{flaw}")),
+            },
+            Request::ClearFaults(which) => self.clear_faults(which),
             Request::Get(Item::Device) => Reply {
                 device: Some(self.about()),
                 ..Reply::default()
@@ -81,9 +93,11 @@ impl Server {
         let then = self.stage.back_to(taken.version);
         let (Some(scene), Some(then)) = (scene, then) else {
             let why = format!("truth_of_frame: {id}: where objects were then is forgotten");
-            return Err(why + ", allowed: frames since the last 4096 changes of place");
+            return Err(why + "; allowed: frames since the last 4096 changes of place");
         };
         let now = self.stage.now(&then);
+        let struck = self.machine.faults().struck();
+        let faults = struck.filter(|s| s.frame == Some(id)).cloned().collect();
         let (sender, truth) = oneshot::channel();
         let job = TruthJob {
             sequence: self.machine.firmware().selected_sequence(),
@@ -92,7 +106,7 @@ impl Server {
             reply: sender,
         };
         let about = Reply {
-            frame: Some(taken.clone().about(scene)),
+            frame: Some(taken.clone().about(scene, faults)),
             ..Reply::default()
         };
         Ok((job, about, truth))
@@ -172,6 +186,42 @@ impl Server {
         });
     }
 
+    fn clear_faults(&mut self, which: Which) -> Reply {
+        let faults = self.machine.faults_mut();
+        match which {
+            Which::Every(Every::All) => faults.clear(),
+            Which::One(id) if faults.remove(id) => {}
+            Which::One(id) => {
+                let numbers: Vec<_> = faults.standing().map(|f| f.id.to_string()).collect();
+                let allowed = match numbers.is_empty() {
+                    true => "none: nothing goes wrong".to_owned(),
+                    false => numbers.join(", "),
+                };
+                return Reply::refusal(format!("clear_faults: {id}; allowed: {allowed}"));
+            }
+        }
+        Reply::default()
+    }
+
+    fn faults(&self) -> FaultsAbout {
+        let faults = self.machine.faults();
+        let latest = faults.struck().rev().take(MAX_STRUCK).cloned();
+        let mut struck: Vec<_> = latest.collect();
+        struck.reverse();
+        FaultsAbout {
+            standing: faults
+                .standing()
+                .map(|standing| StandingFault {
+                    id: standing.id,
+                    struck: standing.struck,
+                    fault: standing.fault.clone(),
+                })
+                .collect(),
+            struck_in_all: faults.struck_in_all(),
+            struck,
+        }
+    }
+
     fn about(&self) -> DeviceAbout {
         let firmware = self.machine.firmware();
         let (clients, bytes) = self.camera.load();
@@ -185,6 +235,8 @@ impl Server {
             name: self.name.clone(),
             state: state.to_owned(),
             frames: firmware.next_id(),
+            missed_triggers: firmware.missed_triggers(),
+            faults_struck: self.machine.faults().struck_in_all(),
             in_flight: firmware.in_flight(),
             backlog: self.optics.backlog() as u64,
             camera_clients: clients as u64,

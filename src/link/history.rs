@@ -1,6 +1,7 @@
 //! What the device remembers of its last frames: what lay behind them, for whoever asks afterwards.
 
 use crate::emulator::{Firmware, Shot};
+use crate::profile::faults::Struck;
 use crate::protocol::service::{FrameAbout, Objects, Shown};
 use std::collections::VecDeque;
 
@@ -28,8 +29,8 @@ impl Taken {
         self.start_ns + self.end_ns.saturating_sub(self.start_ns) / 2
     }
 
-    /// With the objects as they were then.
-    pub(super) fn about(self, scene: Objects) -> FrameAbout {
+    /// With the objects as they were then, and what struck the frame.
+    pub(super) fn about(self, scene: Objects, faults: Vec<Struck>) -> FrameAbout {
         FrameAbout {
             id: self.id,
             pattern_index: self.pattern_index,
@@ -39,6 +40,7 @@ impl Taken {
             start_ns: self.start_ns,
             exposure_ns: self.exposure_ns,
             end_ns: self.end_ns,
+            faults,
             scene,
         }
     }
@@ -88,7 +90,7 @@ impl History {
                 (Some(first), Some(last)) => format!("{} to {}", first.id, last.id),
                 _ => "none: nothing has been exposed".to_owned(),
             };
-            format!("truth_of_frame: {id}, allowed: {allowed}")
+            format!("truth_of_frame: {id}; allowed: {allowed}")
         })
     }
 }
@@ -116,7 +118,7 @@ mod tests {
         }
         assert_eq!(history.len(), MAX_FRAMES);
         let words = history.find(903).unwrap_err();
-        assert_eq!(words, "truth_of_frame: 903, allowed: 904 to 4999");
+        assert_eq!(words, "truth_of_frame: 903; allowed: 904 to 4999");
         assert!(history.find(5000).is_err());
         let taken = history.find(4000).unwrap();
         assert_eq!((taken.middle_ns(), taken.version), (400_025, 7));

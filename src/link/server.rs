@@ -1,22 +1,26 @@
 //! The loop that serves a device: commands in, replies and frames out, device time in between.
 //! One thread runs it, the optics have their own.
 
+use super::device::point;
 use super::frame_socket::FrameSocket;
 use super::history::History;
 use super::optics::Optics;
 use super::pace::Pace;
 use super::pty::{Event, Pty};
-use super::run_dir::{CAMERA, CONTROL, RunDir, SERVICE};
+use super::run_dir::CAMERA;
 use super::service::ServiceSocket;
 use super::stage::Stage;
+use super::tap::Tap;
 use super::timeline::{Seat, Wait};
-use super::usb::{Binding, Nodes, PortEvent};
+use super::usb::{Binding, PortEvent};
 use super::video::{Put, VideoOutput};
-use crate::emulator::{FrameSink, Machine, Renderer, State};
+use crate::emulator::{FrameSink, Machine, State};
 use crate::error::{Error, Result};
 use crate::profile::RigPlace;
-use crate::protocol::{Endpoints, Frame};
+use crate::protocol::record::Channel;
+use crate::protocol::Frame;
 use std::future::Future;
+use std::path::PathBuf;
 use std::pin::pin;
 use std::sync::Arc;
 use std::time::Duration;
@@ -32,133 +36,12 @@ const STALL: Duration = Duration::from_secs(1);
 /// What is overdue for longer than this is worked off at once, as it is when a machine has slept.
 const MAX_LAG_NS: u64 = 1_000_000_000;
 
-/// What is served.
-pub struct Device {
-    /// All of it but the optics.
-    pub machine: Machine,
-    /// The optics.
-    pub renderer: Renderer,
-    /// Its place in device time.
-    pub seat: Seat,
-    /// The scene that it looks at, with whoever else does.
-    pub stage: Stage,
-    /// Where its rig stands there.
-    pub rig: RigPlace,
-    /// `*IDN?` of the device, for `device.json`.
-    pub name: String,
-    /// Profile as it was chosen, for `device.json`.
-    pub profile: String,
-    /// Scene as it was chosen, for `device.json`.
-    pub scene: String,
-    /// Seed of the noise, for `device.json`.
-    pub seed: u64,
-    /// Port on the loopback interface for frames; 0 picks a free one.
-    pub tcp: Option<u16>,
-    /// The camera as a V4L2 node, ready for the firmware's stream; the frame socket is there too.
-    pub video: Option<VideoOutput>,
-    /// Camera and port as a USB device; pty and frame socket are there too.
-    pub usb: Option<UsbLink>,
-    /// Takes what whoever looks after the device should know.
-    pub notice: fn(&str),
-}
-
-/// A device's USB side.
-pub struct UsbLink {
-    /// What its server serves.
-    pub binding: Binding,
-    /// Where it can be taken: `usb:HOST:PORT/BUSID`.
-    pub address: String,
-    /// What this machine's kernel has made of it.
-    pub nodes: Nodes,
-}
-
-/// Serves a device from a run directory until `shutdown` is done, in a tokio runtime. `wall` tells
-/// for how long the device has been on; `ready` is called once everything can be reached.
-///
-/// # Errors
-/// Ports and sockets that the system refuses, or optics that have died.
-pub async fn serve(
-    mut device: Device,
-    mut run_dir: RunDir,
-    wall: impl Fn() -> Duration + Clone + Send + 'static,
-    ready: impl FnOnce(&Endpoints),
-    shutdown: impl Future<Output = ()>,
-) -> Result<()> {
-    let pty = Pty::open()?;
-    let control = run_dir.file(CONTROL);
-    std::os::unix::fs::symlink(pty.path(), &control).map_err(|e| Error::io(&control, e))?;
-    let camera_path = run_dir.file(CAMERA);
-    let camera = FrameSocket::open(&camera_path, device.tcp)?;
-    let service_path = run_dir.file(SERVICE);
-    let service = ServiceSocket::open(&service_path)?;
-    let camera_socket = format!("socket:{}", camera_path.display());
-    let (usb_address, nodes) = match &device.usb {
-        Some(usb) => (Some(usb.address.clone()), usb.nodes.clone()),
-        None => (None, Nodes::default()),
-    };
-    let node = nodes.camera.map(|path| path.display().to_string());
-    let endpoints = Endpoints {
-        name: device.name,
-        pid: std::process::id(),
-        profile: device.profile,
-        scene: device.scene,
-        seed: device.seed,
-        control,
-        control_usb: nodes.tty,
-        camera: match &device.video {
-            Some(video) => video.address(),
-            None => node
-                .or_else(|| usb_address.clone())
-                .unwrap_or_else(|| camera_socket.clone()),
-        },
-        camera_socket,
-        camera_tcp: camera.tcp_address().map(|address| format!("tcp:{address}")),
-        usb: usb_address,
-        service: service_path,
-    };
-    let optics = Optics::start(device.renderer, wall.clone(), device.notice)
-        .map_err(|e| Error::io("optics", e))?;
-    if let Some(video) = &device.video {
-        device
-            .machine
-            .firmware_mut()
-            .attach(Box::new(video.clone()));
-    }
-    if let Some(usb) = &device.usb {
-        let gate = usb.binding.gate(device.machine.firmware().stream());
-        device.machine.firmware_mut().attach(Box::new(gate));
-    }
-    run_dir.publish(&endpoints)?;
-    ready(&endpoints);
-    let server = Server {
-        machine: device.machine,
-        seat: device.seat,
-        stage: device.stage,
-        version: 0,
-        rig: device.rig,
-        history: History::default(),
-        name: endpoints.name,
-        bytes: (0, 0),
-        optics,
-        pty,
-        camera,
-        video: device.video,
-        usb: device.usb.map(|usb| usb.binding),
-        reply_to_usb: false,
-        pace: Pace::default(),
-        notice: device.notice,
-        lost: 0,
-        usb_lost: false,
-        service,
-        stall: None,
-    };
-    server.run(wall, shutdown).await
-}
-
 /// What serves a device.
 pub(super) struct Server {
     pub(super) machine: Machine,
     pub(super) seat: Seat,
+    /// When the last thing was due that has been worked off.
+    pub(super) handled_ns: u64,
     pub(super) stage: Stage,
     /// Version of the scene that the optics see.
     pub(super) version: u64,
@@ -169,26 +52,34 @@ pub(super) struct Server {
     /// Bytes that came over the control port, and that went out.
     pub(super) bytes: (u64, u64),
     pub(super) optics: Optics,
-    pty: Pty,
+    /// `None` while the port is gone, as when a cable is pulled.
+    pub(super) pty: Option<Pty>,
+    /// What points to the pty.
+    pub(super) control: PathBuf,
     pub(super) camera: FrameSocket,
-    video: Option<VideoOutput>,
-    usb: Option<Binding>,
+    pub(super) video: Option<VideoOutput>,
+    pub(super) usb: Option<Binding>,
     /// The last command came over USB, and so the replies go there; the end of a connection of the
     /// port's other end is none of that one's business.
-    reply_to_usb: bool,
-    pace: Pace,
-    notice: fn(&str),
+    pub(super) reply_to_usb: bool,
+    pub(super) pace: Pace,
+    pub(super) notice: fn(&str),
     /// Frames that the V4L2 node did not take.
-    lost: u64,
+    pub(super) lost: u64,
     /// A USB host has missed frames.
-    usb_lost: bool,
+    pub(super) usb_lost: bool,
     pub(super) service: ServiceSocket,
+    /// Records what passes.
+    pub(super) tap: Tap,
     /// When to give up on a block.
-    stall: Option<Instant>,
+    pub(super) stall: Option<Instant>,
+    /// Bytes that the device had taken in when the block last went on.
+    pub(super) stalled_at: u64,
 }
 
 impl Server {
-    async fn run(
+    /// Serves until `shutdown` is done; `wall` tells for how long the device has been on.
+    pub(super) async fn run(
         mut self,
         wall: impl Fn() -> Duration,
         shutdown: impl Future<Output = ()>,
@@ -198,12 +89,15 @@ impl Server {
             let now = self.now();
             let attended = self.attended();
             self.machine.firmware_mut().set_streaming(attended, now);
+            self.plug(now)?;
             self.hand_on(now, wall())?;
             self.dispatch(now, wall());
             if let Some(usb) = &mut self.usb {
                 usb.refresh(self.machine.firmware(), wall());
             }
+            self.watch_block();
             let crowded = self.optics.backlog() >= MAX_BACKLOG;
+            let full = crowded || self.machine.crowded();
             let free = matches!(self.machine.firmware().state(), State::Free { .. });
             // The optics' next frame wakes the loop in these cases.
             let behind = crowded || free && self.optics.backlog() >= MAX_FREE_BACKLOG;
@@ -224,26 +118,31 @@ impl Server {
                 changed = self.camera.changed() => {
                     changed.map_err(|e| Error::io(CAMERA, e))?;
                     self.camera.accept(self.machine.firmware().next_id());
+                    self.tap.cameras(self.camera.counts(), self.seat.now_ns());
                 }
-                event = self.pty.next(), if !crowded => {
+                event = next_of(self.pty.as_mut()), if !full => {
                     // Who connected before the command was sent gets the frames that it causes,
                     // whichever of the two this loop noticed first.
                     self.camera.accept(self.machine.firmware().next_id());
                     let now = self.now();
+                    self.tap.cameras(self.camera.counts(), now);
                     let attended = self.attended();
                     self.machine.firmware_mut().set_streaming(attended, now);
                     match event? {
                         Event::Data(bytes) => {
                             self.reply_to_usb = false;
                             self.bytes.0 += bytes.len() as u64;
+                            self.tap.sent(Channel::Control, &bytes, now);
                             self.machine.receive(&bytes, now);
                         }
                         Event::HungUp if self.reply_to_usb => continue,
-                        Event::HungUp => self.machine.hang_up(),
+                        Event::HungUp => {
+                            self.tap.left(Channel::Control, now);
+                            self.machine.hang_up();
+                        }
                     }
-                    self.stall = self.machine.inside_block().then(|| Instant::now() + STALL);
                 }
-                () = changed(self.usb.as_ref()), if !crowded => {
+                () = changed(self.usb.as_ref()), if !full => {
                     let now = self.now();
                     self.work_off_usb(now);
                 }
@@ -264,18 +163,17 @@ impl Server {
     /// Device time, up to which what was due has been worked off, each at its own time.
     fn now(&mut self) -> u64 {
         let now_ns = self.seat.now_ns();
-        let mut last = None;
         while let Some(due_ns) = self.machine.next_event_ns(false)
             && due_ns <= now_ns
             // What takes more than time to go on does so elsewhere.
-            && last != Some(due_ns)
+            && due_ns > self.handled_ns
         {
             self.seat.handled(due_ns);
+            self.handled_ns = due_ns;
             if now_ns - due_ns > MAX_LAG_NS {
                 break;
             }
             self.machine.advance(due_ns);
-            last = Some(due_ns);
         }
         self.machine.advance(now_ns);
         now_ns
@@ -292,6 +190,25 @@ impl Server {
             placed
         };
         placements.into_iter().map(place).last()
+    }
+
+    /// Takes the port away, or puts it back, as the device's faults have it: a client sees that the
+    /// other end has gone, and finds a new port under the old name later.
+    fn plug(&mut self, now_ns: u64) -> Result<()> {
+        match (self.machine.connected(now_ns), &self.pty) {
+            (false, Some(_)) => {
+                let removed = std::fs::remove_file(&self.control);
+                self.pty = None;
+                removed.map_err(|e| Error::io(&self.control, e))
+            }
+            (true, None) => {
+                let pty = Pty::open()?;
+                point(&self.control, &pty)?;
+                self.pty = Some(pty);
+                Ok(())
+            }
+            _ => Ok(()),
+        }
     }
 
     /// A V4L2 node does not tell whether somebody reads: somebody may.
@@ -318,15 +235,28 @@ impl Server {
                 PortEvent::Data(bytes) => {
                     self.reply_to_usb = true;
                     self.bytes.0 += bytes.len() as u64;
+                    self.tap.sent(Channel::Usb, &bytes, now_ns);
                     let streaming = self.attended();
                     self.machine.firmware_mut().set_streaming(streaming, now_ns);
                     self.machine.receive(&bytes, now_ns);
                 }
                 // Whoever speaks at the other end of the port is not concerned.
-                PortEvent::HungUp if self.reply_to_usb => self.machine.hang_up(),
+                PortEvent::HungUp if self.reply_to_usb => {
+                    self.tap.left(Channel::Usb, now_ns);
+                    self.machine.hang_up();
+                }
                 PortEvent::HungUp => continue,
             }
-            self.stall = self.machine.inside_block().then(|| Instant::now() + STALL);
+        }
+    }
+
+    /// Keeps the time at which a block that stops coming is given up.
+    fn watch_block(&mut self) {
+        if !self.machine.inside_block() {
+            self.stall = None;
+        } else if self.stall.is_none() || self.machine.taken_in() != self.stalled_at {
+            self.stalled_at = self.machine.taken_in();
+            self.stall = Some(Instant::now() + STALL);
         }
     }
 
@@ -348,6 +278,7 @@ impl Server {
 
     /// Hands a frame to all who read.
     fn deliver(&mut self, frame: &Arc<Frame>, wall: Duration) -> Result<()> {
+        self.tap.frame(frame, self.seat.now_ns());
         if let Some(usb) = &self.usb {
             usb.put(frame, wall);
             if usb.lost() > 0 && !self.usb_lost {
@@ -398,10 +329,17 @@ impl Server {
         }
         let output = self.machine.take_output(now_ns);
         self.bytes.1 += output.len() as u64;
+        if !output.is_empty() {
+            let channel = match self.reply_to_usb {
+                true => Channel::Usb,
+                false => Channel::Control,
+            };
+            self.tap.received(channel, &output, now_ns);
+        }
         let sent = match &self.usb {
             _ if output.is_empty() => true,
             Some(usb) if self.reply_to_usb => usb.send(&output, wall),
-            _ => self.pty.send(&output),
+            _ => self.pty.as_mut().is_none_or(|pty| pty.send(&output)),
         };
         if !sent {
             self.machine.firmware_mut().reply_lost();
@@ -409,9 +347,25 @@ impl Server {
     }
 }
 
+async fn next_of(pty: Option<&mut Pty>) -> Result<Event> {
+    match pty {
+        Some(pty) => pty.next().await,
+        None => std::future::pending().await,
+    }
+}
+
 async fn changed(usb: Option<&Binding>) {
     match usb {
         Some(usb) => usb.changed().await,
+        None => std::future::pending().await,
+    }
+}
+
+pub(super) async fn sleep(delay: Option<Duration>) {
+    match delay {
+        // A timer would take its millisecond even for none.
+        Some(Duration::ZERO) => tokio::task::yield_now().await,
+        Some(delay) => tokio::time::sleep(delay).await,
         None => std::future::pending().await,
     }
 }

@@ -12,6 +12,7 @@
 //! position_mm = [0.0, -500.0, 50.0]    # where its rig stands in the scene, in place of the
 //! rotation_deg = [-27.8, 0.0, 0.0]     # scene's [rig]
 //! seed = 1                             # of its noise
+//! dialect = "scpi"                     # of its control port, in place of the profile's
 //! ```
 //!
 //! Devices of a station share scene and clock. The light of a projector is seen by the cameras of
@@ -21,6 +22,7 @@ use super::check::{Check, name};
 use super::placing::{POSITION_MM, ROTATION_DEG};
 use super::{Profile, RigPlace, TomlSource, builtin, profile_names, scene_names};
 use crate::error::Result;
+use crate::protocol::dialect::Dialect;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
@@ -60,6 +62,10 @@ pub struct StationDevice {
     /// Rotation in degrees about the scene's fixed x, then y, then z axis.
     #[serde(default)]
     pub rotation_deg: Option<[f64; 3]>,
+    /// Dialect of its control port instead of the profile's: a built-in name, or a file relative to
+    /// the station's.
+    #[serde(default)]
+    pub dialect: Option<String>,
     /// Seed of its noise; one that goes by its place in the list when absent.
     #[serde(default)]
     pub seed: Option<u64>,
@@ -122,6 +128,13 @@ impl Station {
     pub fn profile(&self, device: &StationDevice) -> String {
         let built_in = profile_names().any(|name| name == device.profile);
         self.resolve(&device.profile, built_in)
+    }
+
+    /// A device's dialect, if it says so.
+    pub fn dialect(&self, device: &StationDevice) -> Option<String> {
+        let dialect = device.dialect.as_deref()?;
+        let built_in = Dialect::names().any(|name| name == dialect);
+        Some(self.resolve(dialect, built_in))
     }
 
     fn resolve(&self, name_or_path: &str, built_in: bool) -> String {

@@ -94,9 +94,13 @@ fn take(label: &str, drafts: &mut Vec<Draft>) -> Result<()> {
         Configuration::Station(station) => {
             for device in &station.device {
                 let label = station.profile(device);
+                let mut profile = Profile::load(&label)?;
+                if let Some(dialect) = station.dialect(device) {
+                    profile.control.dialect = super::from_here(&dialect);
+                }
                 drafts.push(Draft {
                     name: device.name.clone(),
-                    profile: Profile::load(&label)?,
+                    profile,
                     label,
                     scene: station.scene(),
                     rig: device.rig(),

@@ -1,4 +1,5 @@
-//! Which pattern of the memory a slide is: what ground truth says of a frame.
+//! What the service channel tells of the firmware: which pattern of the memory a slide is, and what
+//! has been missed.
 
 use super::Firmware;
 use crate::emulator::Slide;
@@ -7,6 +8,11 @@ use crate::protocol::service::Shown;
 use std::sync::Arc;
 
 impl Firmware {
+    /// Triggers since power-on or `*RST` that came too early.
+    pub fn missed_triggers(&self) -> u64 {
+        self.missed
+    }
+
     /// The pattern that a slide is of. Where several show the same slide, it is the one of this index
     /// in the selected sequence, or another of it rather than of other sequences.
     pub fn shown(&self, slide: &Arc<Slide>, index: Option<u32>) -> Shown {

@@ -1,6 +1,7 @@
 //! What a device tells of its inside.
 
 use crate::pattern::Pattern;
+use crate::profile::faults::{Fault, Struck};
 use serde::{Deserialize, Serialize};
 
 /// How device time passes.
@@ -95,6 +96,9 @@ pub struct FrameAbout {
     pub exposure_ns: u64,
     /// End of the exposure, of its last row, in nanoseconds of device time.
     pub end_ns: u64,
+    /// Faults that struck it, of the latest few thousand.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub faults: Vec<Struck>,
     /// Where the objects were half way between start and end.
     #[serde(flatten)]
     pub scene: Objects,
@@ -123,6 +127,10 @@ pub struct DeviceAbout {
     pub state: String,
     /// Exposures, free-running ones included; the next frame's id.
     pub frames: u64,
+    /// Triggers that came too early, since power-on or `*RST`.
+    pub missed_triggers: u64,
+    /// Faults that have struck.
+    pub faults_struck: u64,
     /// Exposures whose frames have not left the device.
     pub in_flight: u64,
     /// Exposures that wait for the optics.
@@ -139,4 +147,29 @@ pub struct DeviceAbout {
     pub bytes_out: u64,
     /// Frames that [`Request::TruthOfFrame`](super::Request::TruthOfFrame) still knows.
     pub history: u64,
+}
+
+/// What goes wrong with a device.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct FaultsAbout {
+    /// The faults in force, those that have struck as often as they may included.
+    pub standing: Vec<StandingFault>,
+    /// How often something has struck since power-on.
+    pub struck_in_all: u64,
+    /// What has struck, the latest [`MAX_STRUCK`] of it, in order.
+    pub struck: Vec<Struck>,
+}
+
+/// Most strokes that [`FaultsAbout`] lists.
+pub const MAX_STRUCK: usize = 256;
+
+/// A fault in force.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct StandingFault {
+    /// Its number.
+    pub id: u64,
+    /// How often it has struck.
+    pub struck: u64,
+    /// As it was given.
+    pub fault: Fault,
 }

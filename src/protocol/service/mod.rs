@@ -6,11 +6,12 @@ mod reply;
 mod request;
 
 pub use about::{
-    Clock, ClockPace, DeviceAbout, FrameAbout, Late, ObjectAbout, Objects, PlaceAbout, Shown,
+    Clock, ClockPace, DeviceAbout, FaultsAbout, FrameAbout, Late, MAX_STRUCK, ObjectAbout, Objects,
+    PlaceAbout, Shown, StandingFault,
 };
 pub use maps::{Maps, ask, call};
 pub use reply::Reply;
-pub use request::{Action, Item, Placement, Request, Step};
+pub use request::{Action, Every, Item, Placement, Request, Step, Which};
 
 /// Longest request line in bytes.
 pub const MAX_LINE: usize = 4096;

@@ -1,6 +1,6 @@
 //! The line that answers a request.
 
-use super::about::{Clock, DeviceAbout, FrameAbout, Objects};
+use super::about::{Clock, DeviceAbout, FaultsAbout, FrameAbout, Objects};
 use super::{MAX_MAPS, MAX_PAYLOAD};
 use crate::error::{Error, Result};
 use crate::pattern::manifest::MAX_SIDE_PX;
@@ -42,6 +42,12 @@ pub struct Reply {
     /// The device.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub device: Option<DeviceAbout>,
+    /// The number of a fault that was added.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub fault: Option<u64>,
+    /// What goes wrong.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub faults: Option<FaultsAbout>,
 }
 
 impl Reply {

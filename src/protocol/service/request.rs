@@ -1,5 +1,6 @@
 //! Requests: what a client may ask for or do.
 
+use crate::profile::faults::Fault;
 use serde::{Deserialize, Serialize};
 
 /// What a client asks for.
@@ -20,6 +21,10 @@ pub enum Request {
     Place(Placement),
     /// Stepped time goes on.
     Clock(Step),
+    /// Something goes wrong from now on.
+    Fault(Box<Fault>),
+    /// Faults are over.
+    ClearFaults(Which),
 }
 
 /// Where an object of the scene is to be, as in a scene file.
@@ -46,6 +51,8 @@ pub enum Item {
     Objects,
     /// The device's state and counters.
     Device,
+    /// What goes wrong, and what has.
+    Faults,
 }
 
 /// What can happen to a device from outside.
@@ -64,6 +71,24 @@ pub enum Step {
     StepNs(u64),
     /// To a device time in nanoseconds, a day from now at most.
     RunUntilNs(u64),
+}
+
+/// Which faults.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(untagged)]
+pub enum Which {
+    /// The one of this number.
+    One(u64),
+    /// Every one.
+    Every(Every),
+}
+
+/// The word for every fault.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Every {
+    /// `all`.
+    All,
 }
 
 impl Request {
@@ -86,6 +111,7 @@ impl Request {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::profile::faults::What;
     use proptest::prelude::*;
 
     #[test]
@@ -95,6 +121,22 @@ mod tests {
             (Request::Get(Item::Clock), r#"{"get":"clock"}"#),
             (Request::Get(Item::Objects), r#"{"get":"objects"}"#),
             (Request::Get(Item::Device), r#"{"get":"device"}"#),
+            (Request::Get(Item::Faults), r#"{"get":"faults"}"#),
+            (
+                Request::Fault(Box::new(Fault {
+                    times: Some(2),
+                    ..Fault::new(What::Dropped)
+                })),
+                r#"{"fault":{"what":"dropped","times":2}}"#,
+            ),
+            (
+                Request::ClearFaults(Which::One(3)),
+                r#"{"clear_faults":3}"#,
+            ),
+            (
+                Request::ClearFaults(Which::Every(Every::All)),
+                r#"{"clear_faults":"all"}"#,
+            ),
             (Request::Do(Action::Trigger), r#"{"do":"trigger"}"#),
             (
                 Request::TruthAt(1_500_000_000),
@@ -130,6 +172,9 @@ mod tests {
             "{\"get\":\"truth\",\"x\":1}",
             "{\"clock\":{\"step_ns\":1,\"run_until_ns\":2}}",
             "{\"clock\":{\"step_ns\":-1}}",
+            "{\"fault\":{\"what\":\"rain\"}}",
+            "{\"clear_faults\":\"some\"}",
+            "{\"clear_faults\":-1}",
             "{\"place\":{\"object\":0,\"position_mm\":[0,0,1]}}",
             "{\"place\":{\"object\":-1,\"position_mm\":[0,0,1],\"rotation_deg\":[0,0,0]}}",
             "{\"place\":{\"object\":0,\"position_mm\":[0,0,null],\"rotation_deg\":[0,0,0]}}",
