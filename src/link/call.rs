@@ -5,7 +5,10 @@ use super::server::Server;
 use super::service::{Answer, Call};
 use crate::emulator::{State, Truth};
 use crate::error::Result;
-use crate::protocol::service::{Action, DeviceAbout, Item, Placement, Reply, Request, Step};
+use crate::protocol::service::{
+    Action, DeviceAbout, Every, FaultsAbout, Item, MAX_STRUCK, Placement, Reply, Request,
+    StandingFault, Step, Which,
+};
 use std::time::Duration;
 use tokio::sync::oneshot;
 
@@ -224,7 +227,6 @@ impl Server {
 
     fn about(&self) -> DeviceAbout {
         let firmware = self.machine.firmware();
-        let (clients, bytes) = self.camera.load();
         let state = match firmware.state() {
             State::Idle => "idle",
             State::Free { .. } => "free",
@@ -239,8 +241,8 @@ impl Server {
             faults_struck: self.machine.faults().struck_in_all(),
             in_flight: firmware.in_flight(),
             backlog: self.optics.backlog() as u64,
-            camera_clients: clients as u64,
-            camera_bytes: bytes as u64,
+            camera_clients: self.camera.readers() as u64,
+            camera_bytes: self.camera.waiting() as u64,
             service_clients: self.service.clients() as u64,
             bytes_in: self.bytes.0,
             bytes_out: self.bytes.1,

@@ -146,11 +146,6 @@ impl FrameSocket {
         self.tcp.as_ref()?.0.local_addr().ok()
     }
 
-    /// Readers, and bytes of frames that wait for them or are being sent.
-    pub(super) fn load(&self) -> (usize, usize) {
-        let clients = self.clients.iter();
-        let there = clients.filter(|client| client.queue.strong_count() > 0);
-        (there.count(), self.held.load(Ordering::Relaxed))
     /// Clients that have come and gone so far, by the last look.
     pub(super) fn counts(&self) -> (u64, u64) {
         self.counts
@@ -159,6 +154,14 @@ impl FrameSocket {
     /// Bytes of frames that clients have not read yet.
     pub(super) fn waiting(&self) -> usize {
         self.held.load(Ordering::Relaxed)
+    }
+
+    /// Clients that are there.
+    pub(super) fn readers(&self) -> usize {
+        let clients = self.clients.iter();
+        clients
+            .filter(|client| client.queue.strong_count() > 0)
+            .count()
     }
 
     /// Waits until clients may have come or gone.

@@ -129,10 +129,7 @@ mod tests {
                 })),
                 r#"{"fault":{"what":"dropped","times":2}}"#,
             ),
-            (
-                Request::ClearFaults(Which::One(3)),
-                r#"{"clear_faults":3}"#,
-            ),
+            (Request::ClearFaults(Which::One(3)), r#"{"clear_faults":3}"#),
             (
                 Request::ClearFaults(Which::Every(Every::All)),
                 r#"{"clear_faults":"all"}"#,
