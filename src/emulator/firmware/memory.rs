@@ -69,6 +69,7 @@ pub(super) struct Stored {
     built_in: bool,
 }
 
+#[derive(Clone)]
 pub(super) struct Memory {
     projector: Projector,
     /// Period of sequences that state none.

@@ -78,7 +78,7 @@ impl Firmware {
     }
 
     /// `*RST`. Where the link cannot carry the frames of power-on, theirs alone of the settings stay.
-    fn reset(&mut self) -> Result<(), DeviceError> {
+    pub(super) fn reset(&mut self) -> Result<(), DeviceError> {
         let settings = Settings::reset(&self.profile);
         let (roi, format) = (self.settings.roi, self.settings.format);
         let mut done = self.apply(settings.clone());
