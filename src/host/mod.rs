@@ -11,6 +11,7 @@ mod consistency;
 mod decoding;
 mod instrument;
 mod local;
+mod patience;
 mod port;
 mod scanner;
 mod tcp;
