@@ -1,6 +1,7 @@
 //! What both halves speak: commands, replies, device errors, and every wire format.
 
 pub mod data_line;
+pub mod dialect;
 pub mod endpoints;
 mod frame;
 mod printable;
