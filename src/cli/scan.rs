@@ -12,6 +12,7 @@ use crate::host::{
     open_camera, scan_free_running,
 };
 use crate::pattern::Manifest;
+use crate::protocol::dialect::Dialect;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -34,6 +35,10 @@ pub(super) struct Args {
     /// and the frames of the free-running camera are taken as they come.
     #[arg(long, value_name = "PATH")]
     control: Option<String>,
+    /// What the control port speaks: scpi (which it is without this), dlpc350, okline, or the file
+    /// of a dialect.
+    #[arg(long, value_name = "NAME|FILE")]
+    dialect: Option<String>,
     /// Folder for what is captured.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
@@ -120,17 +125,19 @@ pub(super) fn run(args: &Args) -> Result<()> {
         manifest,
         frame_timeout: timeout,
     };
+    let dialect = args.dialect.as_deref().map(Dialect::load).transpose();
+    let dialect = dialect.map_err(|e| e.at("--dialect"))?;
     let start = Instant::now();
     let given = args.calibration.as_deref().zip(calibration);
     let address = args.device.as_deref().or(args.camera.as_deref());
     let address = address.unwrap_or_default();
     let camera = (address, args.capture.into());
     let captured = match (&args.control, &options.manifest) {
-        _ if args.device.is_some() => capture_usb(address, timeout, &options, given)?,
+        _ if args.device.is_some() => capture_usb((address, dialect), timeout, &options, given)?,
         (None, Some(manifest)) => capture_free(args, camera, manifest, timeout, given)?,
         (control, _) => {
             let control = control.as_deref().unwrap_or_default();
-            capture(camera, control, timeout, &options, given)?
+            capture(camera, (control, dialect), timeout, &options, given)?
         }
     };
     let capture_s = start.elapsed().as_secs_f64();
@@ -151,20 +158,20 @@ pub(super) fn run(args: &Args) -> Result<()> {
     Ok(())
 }
 
-/// Captures a sequence, with progress on a terminal; a calibration from a file takes the place of
+/// Captures a sequence, with progress on a terminal, from a device that speaks SCPI or another dialect; a calibration from a file takes the place of
 /// the device's own.
 ///
 /// # Errors
 /// See [`Scanner::scan`].
 pub(super) fn capture(
     (camera, how): (&str, Capture),
-    control: &str,
+    (control, dialect): (&str, Option<Dialect>),
     timeout: Duration,
     options: &ScanOptions,
     calibration: Option<(&Path, Rig)>,
 ) -> Result<Captured> {
     let port = SerialPort::open(control)?;
-    let scanner = Scanner::new(port, timeout, || {
+    let scanner = Scanner::with_dialect(port, dialect, timeout, || {
         open_camera(camera, how, timeout).map(Interruptible::new)
     })?;
     run_scanner(scanner, options, calibration)
@@ -172,14 +179,15 @@ pub(super) fn capture(
 
 /// Captures a sequence from a USB device: camera and control port by one address.
 fn capture_usb(
-    address: &str,
+    (address, dialect): (&str, Option<Dialect>),
     timeout: Duration,
     options: &ScanOptions,
     calibration: Option<(&Path, Rig)>,
 ) -> Result<Captured> {
     let address = UsbAddress::parse(address, &format!("--device {address}"))?;
     let device = Arc::new(UsbDevice::open(&address, timeout)?);
-    let scanner = Scanner::new(UsbPort::open(&device)?, timeout, || {
+    let port = UsbPort::open(&device)?;
+    let scanner = Scanner::with_dialect(port, dialect, timeout, || {
         let camera = UsbCamera::open(&device, None)?;
         Ok(Interruptible::new(Intake::new(camera)))
     })?;

@@ -8,6 +8,7 @@ mod camera;
 mod captured;
 mod clock;
 mod consistency;
+mod control;
 mod decoding;
 mod instrument;
 mod local;

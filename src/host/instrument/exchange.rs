@@ -74,7 +74,7 @@ impl<P: CommandPort> Instrument<P> {
                     }
                     Come::Part => {}
                 }
-                let len = patience.receive(&mut self.port, &mut buffer)?;
+                let len = self.receive(&mut patience, &mut buffer)?;
                 bytes += len;
                 if len == 0 || bytes > 2 * MAX_BLOCK_BYTES {
                     break;

@@ -41,6 +41,8 @@ pub struct Instrument<P> {
     received: Vec<u8>,
     /// The number of the last question.
     tag: u8,
+    /// The port has failed.
+    gone: bool,
 }
 
 impl<P: CommandPort> Instrument<P> {
@@ -62,6 +64,7 @@ impl<P: CommandPort> Instrument<P> {
             timeout,
             received: Vec::new(),
             tag: 0,
+            gone: false,
         }
     }
 
@@ -73,12 +76,15 @@ impl<P: CommandPort> Instrument<P> {
     /// As for [`Self::open`], and a port that does not come back within the timeout.
     pub fn recover(&mut self) -> Result<()> {
         // Alone on its line it acts even where the device waits for a trigger.
-        let first = "\nABOR\n";
-        if self.greet(first).is_ok() {
-            return Ok(());
+        const FIRST: &str = "\nABOR\n";
+        self.gone = false;
+        match self.greet(FIRST) {
+            Err(_) if self.gone => {
+                self.port.reopen(self.timeout)?;
+                self.greet(FIRST)
+            }
+            done => done,
         }
-        self.port.reopen(self.timeout)?;
-        self.greet(first)
     }
 
     /// Sends `first`, and asks until the answer comes that nobody else's question has.
@@ -95,7 +101,7 @@ impl<P: CommandPort> Instrument<P> {
             let again = left.min(ASK_AGAIN);
             let mut patience = Patience::new(again);
             loop {
-                let len = patience.receive(&mut self.port, &mut buffer)?;
+                let len = self.receive(&mut patience, &mut buffer)?;
                 seen.extend_from_slice(&buffer[..len]);
                 if seen.ends_with(b"\n") && seen.trim_ascii_end().ends_with(answer.as_bytes()) {
                     return Ok(());
@@ -142,7 +148,15 @@ impl<P: CommandPort> Instrument<P> {
     fn send(&mut self, line: &[u8]) -> Result<()> {
         let mut line = line.to_vec();
         line.push(b'\n');
-        self.port.send(&line, self.timeout)
+        let sent = self.port.send(&line, self.timeout);
+        self.gone |= sent.is_err();
+        sent
+    }
+
+    fn receive(&mut self, patience: &mut Patience, buffer: &mut [u8]) -> Result<usize> {
+        let received = patience.receive(&mut self.port, buffer);
+        self.gone |= received.is_err();
+        received
     }
 
     /// Gives an order and asks whether the device took it. It is given again where no answer comes
@@ -227,11 +241,30 @@ impl<P: CommandPort> Instrument<P> {
         ))
     }
 
+    /// Asks for one line; `None` when the device does not know the question.
+    ///
+    /// # Errors
+    /// As for [`Self::query`].
+    pub fn query_optional(&mut self, query: &str) -> Result<Option<String>> {
+        self.optional(query, |instrument, reply| instrument.text(query, reply))
+    }
+
     /// Asks for a block; `None` when the device does not know the question.
     ///
     /// # Errors
     /// No answer in time, one that is no block, or any other complaint of the device.
     pub fn query_block(&mut self, query: &str) -> Result<Option<Vec<u8>>> {
+        self.optional(query, |instrument, reply| match scpi::split_block(&reply) {
+            Some((content, [])) => Ok(content.to_vec()),
+            _ => Err(instrument.garbage(query, &reply)),
+        })
+    }
+
+    fn optional<T>(
+        &mut self,
+        query: &str,
+        read: impl Fn(&Self, Vec<u8>) -> Result<T>,
+    ) -> Result<Option<T>> {
         // Twice, for a damaged question is not known either.
         let mut unknown = 0;
         self.again(|instrument| match instrument.exchange(query.as_bytes())? {
@@ -241,10 +274,7 @@ impl<P: CommandPort> Instrument<P> {
                 unknown += u32::from(number == Some(UNDEFINED_HEADER));
                 Ok(if unknown == 2 { Ok(None) } else { Err(error) })
             }
-            Some(Answer::Said(reply)) => Ok(match scpi::split_block(&reply) {
-                Some((content, [])) => Ok(Some(content.to_vec())),
-                _ => Err(instrument.garbage(query, &reply)),
-            }),
+            Some(Answer::Said(reply)) => Ok(read(instrument, reply).map(Some)),
         })
     }
 

@@ -230,13 +230,11 @@ fn what_a_line_does_to_replies_does_not_fool_anyone() {
         ),
         (
             "half",
-            Box::new(move |r, n| {
-                if odd(n) {
-                    r[..r.len() / 2].to_vec()
-                } else {
-                    r
-                }
-            }),
+            Box::new(
+                move |r, n| {
+                    if odd(n) { r[..r.len() / 2].to_vec() } else { r }
+                },
+            ),
         ),
         (
             "an older answer first",
