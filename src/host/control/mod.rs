@@ -271,8 +271,8 @@ impl<P: CommandPort> Control<P> {
             let Some((what, word, earlier)) = now.change(before) else {
                 return Ok(());
             };
-            // A damaged answer is another one the next time.
-            if tries == TRIES {
+            // A damaged answer is another one the next time; events are told once.
+            if tries == TRIES || what == scpi::EVENTS {
                 let place = each!(self, control => control.info());
                 return Err(Error::device(format!(
                     "{place}: {what} says {word:?} after the run and said {earlier:?} before it: the \

@@ -17,7 +17,7 @@ const SETTINGS: [(&str, &[&str]); 6] = [
     (EVENTS, &["0"]),
 ];
 const SELECTED: &str = "SEQ:SEL?";
-const EVENTS: &str = "*ESR?";
+pub(super) const EVENTS: &str = "*ESR?";
 const POWER_ON: u8 = 1 << 7;
 
 /// A SCPI instrument as a scanner's device.
