@@ -1,0 +1,100 @@
+//! What comes over sockets.
+
+use phasma::host::usb::Configuration;
+use phasma::protocol::data_line::{self, Found};
+use phasma::protocol::service::{Reply, Request};
+use phasma::protocol::usb::usbip::{Command, DeviceInfo, Operation};
+use phasma::protocol::usb::{cdc, descriptor, uvc};
+use phasma::protocol::wire::{FrameDecoder, encode_header};
+use phasma::protocol::{Frame, PixelFormat};
+
+/// A frame socket's stream in pieces of many lengths: frames that come out have all their bytes.
+pub fn frames(bytes: &[u8]) -> bool {
+    let mut decoder = FrameDecoder::default();
+    let mut rest = bytes;
+    let mut whole = false;
+    for len in (1..).step_by(13) {
+        let space = decoder.space();
+        let take = rest.len().min(space.len()).min(len);
+        space[..take].copy_from_slice(&rest[..take]);
+        rest = &rest[take..];
+        match decoder.advance(take) {
+            Ok(Some(frame)) => {
+                let pixels = frame.width as usize * frame.height as usize;
+                assert_eq!(frame.data.len(), pixels * frame.format.bytes_per_pixel());
+                encode_header(&frame);
+                whole = true;
+            }
+            Ok(None) => {}
+            Err(_) if decoder.in_step() => {}
+            Err(_) => return false,
+        }
+        if rest.is_empty() {
+            break;
+        }
+    }
+    whole
+}
+
+/// The first row of a picture as an embedded data line.
+pub fn data_line(bytes: &[u8]) -> bool {
+    let mut lined = false;
+    for (format, width) in [(PixelFormat::Grey, 256), (PixelFormat::Y16, 300)] {
+        let row = width as usize * format.bytes_per_pixel();
+        let mut data = bytes.to_vec();
+        data.resize(2 * row, 0);
+        let frame = Frame {
+            id: 1,
+            pattern_index: None,
+            width,
+            height: 2,
+            format,
+            exposure_start_ns: 0,
+            exposure_end_ns: 0,
+            data,
+        };
+        let (frame, found) = data_line::strip(frame);
+        let height = if found == Found::Line { 1 } else { 2 };
+        assert_eq!(frame.data.len(), row * frame.height as usize);
+        assert!(frame.height == height || found == Found::Damaged);
+        lined |= found == Found::Line;
+    }
+    lined
+}
+
+/// A line of the service channel, as a request and as an answer.
+pub fn service(bytes: &[u8]) -> bool {
+    let mut known = false;
+    if let Ok(request) = Request::parse(bytes) {
+        known = true;
+        let line = request.to_line();
+        assert_eq!(Request::parse(line.as_bytes()), Ok(request));
+    }
+    if let Ok(reply) = Reply::parse(bytes) {
+        known = true;
+        assert_eq!(Reply::parse(reply.to_line().as_bytes()).unwrap(), reply);
+    }
+    known
+}
+
+/// Records of USB and USB/IP.
+pub fn usb_records(bytes: &[u8]) -> bool {
+    let mut known = Configuration::parse(bytes).is_ok();
+    known |= descriptor::text(bytes).is_some();
+    assert!(descriptor::Walk::new(bytes).count() <= bytes.len());
+    let _ = uvc::format(bytes);
+    let _ = cdc::DeviceLines::from_notification(bytes);
+    if let Some(coding) = cdc::LineCoding::decode(bytes) {
+        assert_eq!(cdc::LineCoding::decode(&coding.encode()), Some(coding));
+    }
+    if let Some(header) = bytes.first_chunk() {
+        known |= Command::decode(header).is_ok();
+    }
+    if let Some(header) = bytes.first_chunk() {
+        known |= Operation::decode(*header).is_ok();
+    }
+    if let Some(record) = bytes.first_chunk() {
+        DeviceInfo::decode(record);
+    }
+    known
+}
