@@ -2,6 +2,7 @@
 
 use super::memory::Stored;
 use super::settings::{Settings, Shown};
+use super::shining::Shining;
 use super::table::{self, Command};
 use super::trigger::Exposed;
 use super::{Firmware, State};
@@ -41,6 +42,7 @@ impl Firmware {
                     start_ns(i),
                     true,
                 ),
+                emission: self.shining.as_ref().and_then(|s| s.taken(i, count)),
                 start_ns: start_ns(i),
                 exposure_ns: self.settings.exposure_ns,
                 shutter: self.settings.shutter(),
@@ -127,6 +129,7 @@ impl Firmware {
         self.settings.period_ns = stored.period_ns;
         self.selected = stored;
         self.taken_ns.clear();
+        self.shining.iter_mut().for_each(Shining::forget);
         if matches!(self.settings.shown, Shown::Pattern(i) if i >= self.sequence_len()) {
             self.settings.shown = Shown::White;
         }
@@ -136,7 +139,6 @@ impl Firmware {
         let Settings {
             exposure_ns,
             gain_db,
-            lamp,
             current,
             shown,
             ..
@@ -150,7 +152,9 @@ impl Firmware {
             self.taken_ns.truncate(index as usize);
             self.taken_ns.push(exposed.start_ns);
         }
-        let then = self.then(exposed.next, exposed.start_ns, lamp);
+        let shows = self.shows();
+        let then = self.then(exposed.next, exposed.start_ns, shows);
+        let emission = (self.shining.as_mut()).map(|s| s.expose(exposed.index, exposed.start_ns));
         let triggered = exposed.index.is_some();
         let noise_id = if triggered {
             self.triggered
@@ -162,9 +166,10 @@ impl Firmware {
                 id: self.next_id,
                 noise_id,
                 pattern_index: exposed.index,
-                slide: lamp.then(|| slide.clone()),
+                slide: shows.then(|| slide.clone()),
                 light: current,
                 then,
+                emission,
                 start_ns: exposed.start_ns,
                 exposure_ns,
                 shutter: self.settings.shutter(),

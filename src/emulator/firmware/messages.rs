@@ -90,8 +90,9 @@ impl Firmware {
         }
     }
 
-    /// Brings the status registers up to date.
+    /// Brings the status registers and the light source up to date.
     pub(super) fn settle(&mut self) {
+        self.drive();
         self.status.operation.set(match self.state {
             State::Idle => 0,
             State::Armed { .. } => status::WAITING_FOR_TRIGGER,
