@@ -1,20 +1,16 @@
 //! Light that rises, fades and is shown for a part of an exposure, in frames against closed forms.
 
-mod photometry;
-
 use phasma::emulator::led::{Model, Source};
 use phasma::emulator::render::{Renderer, Term};
 use phasma::emulator::{Bench, Firmware, MemorySink, Shot, Showing, Shutter, Slide};
 use phasma::pattern::{Axis, Pattern};
 use phasma::profile::{Droop, Led, Profile, Scene};
 use phasma::protocol::Frame;
-use photometry::scene;
-use std::path::Path;
 use std::sync::Arc;
 
 const MS: u64 = 1_000_000;
 
-const LIT: &str = "ambient = { irradiance_w_m2 = 0.05 }\n[[object]]\nshape = { kind = \"plane\" }\n\
+const LIT: &str = "name = \"lit\"\ndescription = \"\"\nambient = { irradiance_w_m2 = 0.05 }\n[[object]]\nshape = { kind = \"plane\" }\n\
     position_mm = [0, 0, 1000]\nalbedo = 0.7\n";
 
 fn led(rise_us: f64, droop: &[(f64, f64)]) -> Led {
@@ -128,7 +124,7 @@ fn frames_see_the_source_rise_and_fade() {
     let source = led(2000.0, &[(0.05, 0.2), (3.0, 0.3)]);
     let mut profile = small(Some(source.clone()));
     profile.camera.line_time_us = 100.0;
-    let mut renderer = Renderer::new(&profile, &scene(LIT, Path::new("")), 1).unwrap();
+    let mut renderer = Renderer::new(&profile, &Scene::parse(LIT, "lit").unwrap(), 1).unwrap();
     let mut driven = Source::new(Model::new(&source));
     driven.drive(10 * MS, 1.0);
     driven.drive(14 * MS, 0.3);
@@ -163,7 +159,7 @@ fn frames_see_the_source_rise_and_fade() {
 fn frames(profile: &Profile, lines: &[(u64, &str)], end_ms: u64) -> Vec<Frame> {
     let mut bench = Bench::new(
         Firmware::new(profile, &[]).unwrap(),
-        Renderer::new(profile, &scene(LIT, Path::new("")), 1).unwrap(),
+        Renderer::new(profile, &Scene::parse(LIT, "lit").unwrap(), 1).unwrap(),
         MemorySink::default(),
     );
     for (at_ms, line) in lines {
