@@ -28,6 +28,7 @@ fn led(rise_us: f64, droop: &[(f64, f64)]) -> Led {
 fn small(source: Option<Led>) -> Profile {
     let mut profile = Profile::load("webcam-grey").unwrap();
     let camera = &mut profile.camera;
+    camera.sensor_width_mm /= 4.0;
     (camera.width_px, camera.height_px) = (160, 120);
     camera.data_line = false;
     camera.sensor.noiseless = true;
