@@ -113,6 +113,7 @@ parsers!(
     frames,
     data_line,
     usb_records,
+    recording,
     usb_address,
     manifest,
     rig,

@@ -1,7 +1,8 @@
 //! The projector of a profile: an inverse camera and its light.
 
 use super::check::{Check, distortion};
-use super::{Focus, Led, Response, Timing, Vignetting, focus, led, response, vignetting};
+use super::{Focus, Led, Response, Timing, Vignetting};
+use super::{focus, led, response, timing, vignetting};
 use crate::error::Result;
 use crate::geometry::{Lens, Pose, View};
 use crate::pattern::manifest::MAX_SIDE_PX;
@@ -118,6 +119,9 @@ pub(super) fn check(p: &Projector, check: &Check<'_>) -> Result<()> {
     vignetting::check(&p.vignetting, &p.view().lens, "projector.vignetting", check)?;
     if let Some(led) = &p.led {
         led::check(led, check)?;
+    }
+    if let Some(t) = &p.timing {
+        timing::check(t, p.response.is_some(), check)?;
     }
     p.focus
         .iter()

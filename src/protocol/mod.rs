@@ -1,9 +1,11 @@
 //! What both halves speak: commands, replies, device errors, and every wire format.
 
 pub mod data_line;
+pub mod dialect;
 pub mod endpoints;
 mod frame;
 mod printable;
+pub mod record;
 pub mod scpi;
 pub mod service;
 pub mod usb;

@@ -6,6 +6,7 @@ mod documentation;
 mod rolling;
 mod sequences;
 mod streams;
+mod tickets;
 mod triggers;
 
 use super::Firmware;

@@ -48,6 +48,7 @@ pub const PARSERS: &[Parser] = &[
     parser("frames", wire::frames),
     parser("data_line", wire::data_line),
     parser("usb_records", wire::usb_records),
+    parser("recording", wire::recording),
     parser("usb_address", text::usb_address),
     parser("manifest", text::manifest),
     parser("rig", text::rig),

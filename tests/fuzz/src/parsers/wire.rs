@@ -2,6 +2,7 @@
 
 use phasma::host::usb::Configuration;
 use phasma::protocol::data_line::{self, Found};
+use phasma::protocol::record::{Event, Reader, Summary, encode_record};
 use phasma::protocol::service::{Reply, Request};
 use phasma::protocol::usb::usbip::{Command, DeviceInfo, Operation};
 use phasma::protocol::usb::{cdc, descriptor, uvc};
@@ -75,6 +76,27 @@ pub fn service(bytes: &[u8]) -> bool {
         assert_eq!(Reply::parse(reply.to_line().as_bytes()).unwrap(), reply);
     }
     known
+}
+
+/// A recording: what is read of it is written as the same bytes, and reads up to the same place.
+pub fn recording(bytes: &[u8]) -> bool {
+    let Ok(mut reader) = Reader::new(bytes, "recording") else {
+        return false;
+    };
+    let mut records = 0;
+    while let Ok(Some(record)) = reader.read() {
+        let start = usize::try_from(record.offset).unwrap();
+        let written = encode_record(record.number, record.time_ns, record.channel, &record.event);
+        // JSON has many ways to say the same.
+        if !matches!(record.event, Event::About(_)) {
+            assert!(bytes[start..].starts_with(&written));
+        }
+        records += 1;
+    }
+    assert_eq!(reader.read(), Ok(None));
+    let summary = Summary::of(&mut Reader::new(bytes, "recording").unwrap());
+    assert_eq!(summary.records, records);
+    records > 0
 }
 
 /// Records of USB and USB/IP.

@@ -1,0 +1,228 @@
+//! How the host's operations are done in a dialect.
+
+use super::{Event, Value};
+use crate::error::{Error, Result};
+use std::collections::BTreeMap;
+
+/// What the host needs of a device. Where a dialect lacks one, the host does without or says so.
+///
+/// | operation | inputs | result |
+/// | --- | --- | --- |
+/// | identify | | text `manufacturer,model,serial,version` |
+/// | list | | names of sequences, commas between them |
+/// | select | `name` | |
+/// | selected | | name of the selected sequence |
+/// | manifest | | TOML of the selected sequence |
+/// | calibration | | TOML of the nominal calibration |
+/// | source | | the trigger source as it is |
+/// | quiet | | none: nothing is exposed but what is triggered |
+/// | restore | `source` | none: as it was found |
+/// | light_on | | |
+/// | arm | | |
+/// | trigger | | |
+/// | complete | | answered when the last frame has left the device |
+/// | exposure | `exposure`, seconds | |
+/// | last_id | | id of the last exposure, or of the next one |
+/// | errors | | the device's complaint, empty for none |
+/// | mark | `mark`, 1 to 255 | none: the device keeps the number until it is switched off |
+/// | marked | | the number; 0 after power-on |
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct HostUse {
+    pub(super) operations: BTreeMap<String, Operation>,
+}
+
+/// Names of the operations with their inputs.
+pub(super) const OPERATIONS: [(&str, &[&str]); 18] = [
+    ("identify", &[]),
+    ("list", &[]),
+    ("select", &["name"]),
+    ("selected", &[]),
+    ("manifest", &[]),
+    ("calibration", &[]),
+    ("source", &[]),
+    ("quiet", &[]),
+    ("restore", &["source"]),
+    ("light_on", &[]),
+    ("arm", &[]),
+    ("trigger", &[]),
+    ("complete", &[]),
+    ("exposure", &["exposure"]),
+    ("last_id", &[]),
+    ("errors", &[]),
+    ("mark", &["mark"]),
+    ("marked", &[]),
+];
+
+impl HostUse {
+    /// An operation by its name in the table above; `None` where the dialect lacks it.
+    pub fn get(&self, operation: &str) -> Option<&Operation> {
+        self.operations.get(operation)
+    }
+}
+
+/// The steps of an operation, in order, each a question whose answer is awaited.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Operation {
+    /// The steps.
+    pub steps: Vec<Step>,
+    /// What is made of the values of the answers: text with `{value}` in it.
+    pub(super) result: Option<String>,
+}
+
+impl Operation {
+    /// The result of the values of all answers; a value alone keeps its kind. `None` where the
+    /// operation has no result or a value is missing.
+    pub fn result(&self, values: &[(String, Value)]) -> Option<Value> {
+        let template = self.result.as_deref()?;
+        let find = |name: &str| values.iter().rev().find(|(n, _)| n == name).map(|(_, v)| v);
+        if let Some(name) = template.strip_prefix('{').and_then(|t| t.strip_suffix('}'))
+            && !name.contains(['{', '}'])
+        {
+            return find(name).cloned();
+        }
+        let mut text = String::new();
+        let mut rest = template;
+        while let Some((before, after)) = rest.split_once('{') {
+            let (name, after) = after.split_once('}')?;
+            text.push_str(before);
+            text.push_str(&find(name)?.to_string());
+            rest = after;
+        }
+        text.push_str(rest);
+        Some(Value::Text(text))
+    }
+}
+
+/// One question.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Step {
+    /// Name of the command.
+    pub command: String,
+    /// Its arguments.
+    pub(super) args: Vec<(String, Argument)>,
+}
+
+/// An argument of a step.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) enum Argument {
+    /// The operation's input of this name.
+    Input(String),
+    /// What the file says.
+    Literal(Value),
+}
+
+impl Step {
+    /// The arguments with the operation's inputs in their places.
+    ///
+    /// # Errors
+    /// An input that is not given.
+    pub fn args<'a>(&'a self, inputs: &[(&str, Value)]) -> Result<Vec<(&'a str, Value)>> {
+        let value = |argument: &Argument| match argument {
+            Argument::Literal(value) => Ok(value.clone()),
+            Argument::Input(name) => inputs
+                .iter()
+                .find(|(input, _)| input == name)
+                .map(|(_, value)| value.clone())
+                .ok_or_else(|| Error::device(format!("{}: no input {name}", self.command))),
+        };
+        let args = self.args.iter();
+        args.map(|(name, argument)| Ok((name.as_str(), value(argument)?)))
+            .collect()
+    }
+}
+
+/// A question whose answer is longer than a message: it is asked again with the next offset until
+/// all has come.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Chunk {
+    /// The argument that says where to read on, in bytes.
+    pub offset: String,
+    /// The value that holds the next bytes.
+    pub data: String,
+    /// The value that says how many bytes there are in all.
+    pub total: String,
+    /// The value that holds the CRC-32 (IEEE 802.3) of all bytes, where the dialect has one.
+    pub check: Option<String>,
+}
+
+/// Most bytes that are put together.
+pub const MAX_CHUNKED_BYTES: usize = 8 << 20;
+
+/// Puts the pieces of a long answer together.
+#[derive(Debug, Clone)]
+pub struct Gather<'a> {
+    chunk: &'a Chunk,
+    bytes: Vec<u8>,
+    /// Length of the whole and its checksum, as the first piece has said.
+    whole: Option<(usize, Option<u32>)>,
+}
+
+impl<'a> Gather<'a> {
+    /// Begins.
+    pub fn new(chunk: &'a Chunk) -> Self {
+        Self {
+            chunk,
+            bytes: Vec::new(),
+            whole: None,
+        }
+    }
+
+    /// The argument that asks for the next piece.
+    pub fn ask(&self) -> (&'a str, Value) {
+        (&self.chunk.offset, Value::Number(self.bytes.len() as f64))
+    }
+
+    /// Takes a piece; gives the whole when it was the last one.
+    ///
+    /// # Errors
+    /// Words for a piece that does not fit those before it, more than [`MAX_CHUNKED_BYTES`], and a
+    /// whole that does not match its checksum.
+    pub fn take(&mut self, values: &[(String, Value)]) -> Result<Option<Vec<u8>>, String> {
+        let find = |name: &str| {
+            let found = values.iter().find(|(n, _)| n == name).map(|(_, v)| v);
+            found.ok_or_else(|| format!("a piece without {name}"))
+        };
+        let number = |name: &str| match find(name)? {
+            Value::Number(number) => Ok(*number as u64),
+            _ => Err(format!("a piece whose {name} is no number")),
+        };
+        let total = number(&self.chunk.total)? as usize;
+        let check = match &self.chunk.check {
+            Some(name) => Some(number(name)? as u32),
+            None => None,
+        };
+        let Value::Bytes(data) = find(&self.chunk.data)? else {
+            return Err(format!("a piece whose {} is no bytes", self.chunk.data));
+        };
+        if total > MAX_CHUNKED_BYTES {
+            return Err(format!(
+                "{total} bytes in all, at most {MAX_CHUNKED_BYTES} are taken"
+            ));
+        }
+        if self.whole.is_some_and(|whole| whole != (total, check)) {
+            return Err("pieces of different wholes".to_owned());
+        }
+        self.whole = Some((total, check));
+        let left = total.saturating_sub(self.bytes.len());
+        if data.len() > left || (data.is_empty() && left > 0) {
+            return Err(format!("a piece of {} bytes with {left} left", data.len()));
+        }
+        self.bytes.extend_from_slice(data);
+        if self.bytes.len() < total {
+            return Ok(None);
+        }
+        let bytes = std::mem::take(&mut self.bytes);
+        if check.is_some_and(|check| check != crc32fast::hash(&bytes)) {
+            return Err("the checksum of the whole does not match".to_owned());
+        }
+        Ok(Some(bytes))
+    }
+}
+
+/// Which events a dialect tells.
+pub(super) const EVENTS: [(&str, Event); 4] = [
+    ("booted", Event::Booted),
+    ("exposed", Event::Exposed { index: 0, id: 0 }),
+    ("done", Event::SequenceDone),
+    ("missed", Event::TriggerMissed),
+];
