@@ -192,6 +192,7 @@ impl Server {
             self.machine.firmware_mut().set_streaming(attended, now);
             self.machine.advance(now);
             self.plug(now)?;
+            self.tap.faults(self.machine.faults());
             self.hand_on(now, wall())?;
             self.dispatch(now, wall());
             if let Some(usb) = &mut self.usb {
@@ -262,6 +263,7 @@ impl Server {
     fn plug(&mut self, now_ns: u64) -> Result<()> {
         match (self.machine.connected(now_ns), &self.pty) {
             (false, Some(_)) => {
+                self.tap.plugged(false, now_ns);
                 let removed = std::fs::remove_file(&self.control);
                 self.pty = None;
                 removed.map_err(|e| Error::io(&self.control, e))
@@ -270,6 +272,7 @@ impl Server {
                 let pty = Pty::open()?;
                 point(&self.control, &pty)?;
                 self.pty = Some(pty);
+                self.tap.plugged(true, now_ns);
                 Ok(())
             }
             _ => Ok(()),
@@ -459,7 +462,7 @@ fn point(control: &Path, pty: &Pty) -> Result<()> {
     std::os::unix::fs::symlink(pty.path(), control).map_err(|e| Error::io(control, e))
 }
 
-async fn next_of(pty: Option<&mut Pty>) -> Result<Event> {
+pub(super) async fn next_of(pty: Option<&mut Pty>) -> Result<Event> {
     match pty {
         Some(pty) => pty.next().await,
         None => std::future::pending().await,

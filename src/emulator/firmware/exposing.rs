@@ -156,12 +156,11 @@ impl Firmware {
         }
         if early && let State::Armed { .. } = self.state {
             let why = match self.now_ns < self.loaded_ns {
-                true => "the sequence is being loaded",
-                false => "the last pattern's period, or the camera's interval",
+                true => "the sequence is still loaded",
+                false => "the last pattern's period or the camera's interval has not ended",
             };
             let left_s = seconds(self.ready_ns() - self.now_ns);
-            return Err(ErrorCode::TriggerIgnored
-                .with(format!("{left_s} s too early: {why} has not ended")));
+            return Err(ErrorCode::TriggerIgnored.with(format!("{left_s} s too early: {why}")));
         }
         self.state.trigger(&self.settings, len, self.now_ns)
     }
