@@ -90,6 +90,7 @@ impl Server {
             let attended = self.attended();
             self.machine.firmware_mut().set_streaming(attended, now);
             self.plug(now)?;
+            self.tap.faults(self.machine.faults());
             self.hand_on(now, wall())?;
             self.dispatch(now, wall());
             if let Some(usb) = &mut self.usb {
@@ -197,6 +198,7 @@ impl Server {
     fn plug(&mut self, now_ns: u64) -> Result<()> {
         match (self.machine.connected(now_ns), &self.pty) {
             (false, Some(_)) => {
+                self.tap.plugged(false, now_ns);
                 let removed = std::fs::remove_file(&self.control);
                 self.pty = None;
                 removed.map_err(|e| Error::io(&self.control, e))
@@ -205,6 +207,7 @@ impl Server {
                 let pty = Pty::open()?;
                 point(&self.control, &pty)?;
                 self.pty = Some(pty);
+                self.tap.plugged(true, now_ns);
                 Ok(())
             }
             _ => Ok(()),
@@ -347,7 +350,7 @@ impl Server {
     }
 }
 
-async fn next_of(pty: Option<&mut Pty>) -> Result<Event> {
+pub(super) async fn next_of(pty: Option<&mut Pty>) -> Result<Event> {
     match pty {
         Some(pty) => pty.next().await,
         None => std::future::pending().await,
