@@ -86,12 +86,7 @@ pub fn recording(bytes: &[u8]) -> bool {
     let mut records = 0;
     while let Ok(Some(record)) = reader.read() {
         let start = usize::try_from(record.offset).unwrap();
-        let written = encode_record(
-            record.number,
-            record.time_ns,
-            record.channel,
-            &record.event,
-        );
+        let written = encode_record(record.number, record.time_ns, record.channel, &record.event);
         // JSON has many ways to say the same.
         if !matches!(record.event, Event::About(_)) {
             assert!(bytes[start..].starts_with(&written));
