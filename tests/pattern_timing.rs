@@ -129,13 +129,6 @@ struct Seen {
     truth: Truth,
 }
 
-/// The built-in module; its frames without the line that says which they are.
-fn evm() -> Profile {
-    let mut profile = Profile::load("dlp-evm").unwrap();
-    profile.camera.data_line = false;
-    profile
-}
-
 /// Scans the plane with the profile's first sequence.
 fn scan(profile: &Profile, commands: &str) -> Seen {
     let scene = Scene::load("plane").unwrap();
@@ -174,12 +167,4 @@ fn error_px(seen: &Seen) -> (f64, f64) {
         f64::from(good) / f64::from(all),
         (sum / f64::from(good)).sqrt(),
     )
-}
-
-#[test]
-fn a_scan_decodes_as_well_as_its_noise_allows() {
-    let seen = scan(&evm(), "SEQ:SEL 'evm-4'");
-    let (coverage, error) = error_px(&seen);
-    assert!(coverage > 0.97, "{coverage}");
-    assert!(error < 0.05, "{error} px");
 }

@@ -1,5 +1,6 @@
 //! Records what passes between a device that is served and its clients, if that is asked for.
 
+use crate::emulator::faults::Faults;
 use crate::error::Result;
 use crate::protocol::record::{About, Channel, Event, Limits, Recorder, Side};
 use crate::protocol::{Endpoints, Frame};
@@ -25,6 +26,8 @@ pub(super) struct Tap {
     speaking: Vec<Channel>,
     /// Clients of the camera that have come and gone.
     cameras: (u64, u64),
+    /// Faults that have struck.
+    struck: u64,
 }
 
 impl Tap {
@@ -86,6 +89,35 @@ impl Tap {
         {
             self.speaking.remove(at);
             recorder.put(now_ns, channel, Event::Left);
+        }
+    }
+
+    /// The port has gone or is back.
+    pub(super) fn plugged(&mut self, plugged: bool, now_ns: u64) {
+        if let Some(recorder) = &self.recorder {
+            let event = match plugged {
+                true => Event::Plugged,
+                false => Event::Unplugged,
+            };
+            recorder.put(now_ns, Channel::Control, event);
+        }
+        // Who was there is not any more; there is no need to say so.
+        self.speaking.retain(|&open| open != Channel::Control);
+    }
+
+    /// Notes the faults that have struck since the last time.
+    pub(super) fn faults(&mut self, faults: &Faults) {
+        let total = faults.struck_in_all();
+        let new = total - std::mem::replace(&mut self.struck, total);
+        if let Some(recorder) = &self.recorder
+            && new > 0
+        {
+            let count = usize::try_from(new).unwrap_or(usize::MAX);
+            let latest: Vec<_> = faults.struck().rev().take(count).collect();
+            for struck in latest.into_iter().rev() {
+                let note = serde_json::to_string(struck).expect("numbers and strings");
+                recorder.put(struck.time_ns, Channel::Recording, Event::Note(note));
+            }
         }
     }
 

@@ -81,6 +81,8 @@ fn words(record: &Record) -> String {
         Event::Note(text) => format!("note: {}", text.escape_debug()),
         Event::Cut(why) => format!("cut: {}", why.escape_debug()),
         Event::End => "ended in order".to_owned(),
+        Event::Unplugged => "has gone".to_owned(),
+        Event::Plugged => "is back".to_owned(),
     };
     format!("{channel} {what}")
 }

@@ -33,6 +33,9 @@ pub(super) fn run(path: &Path, json: bool) -> Result<()> {
         "clients      {} of the port, {} of the camera",
         clients.control, clients.camera
     );
+    if summary.unplugged > 0 {
+        println!("unplugged    {} times", summary.unplugged);
+    }
     if summary.notes.count > 0 {
         println!("notes        {}", summary.notes.count);
     }

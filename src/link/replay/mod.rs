@@ -16,7 +16,7 @@ use crate::protocol::record::{About, Reader};
 use player::{Output, Player};
 use std::future::Future;
 use std::io::Read;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::pin::pin;
 use std::time::Duration;
 
@@ -51,9 +51,10 @@ pub async fn replay<R: Read>(
     ready: impl FnOnce(&Endpoints),
     shutdown: impl Future<Output = ()>,
 ) -> Result<Outcome> {
-    let mut pty = Pty::open()?;
+    // `None` while the port is gone, as when a cable is pulled.
+    let mut pty = Some(Pty::open()?);
     let control = run_dir.file(CONTROL);
-    std::os::unix::fs::symlink(pty.path(), &control).map_err(|e| Error::io(&control, e))?;
+    point(&control, pty.as_ref())?;
     let camera_path = run_dir.file(CAMERA);
     let mut camera = FrameSocket::open(&camera_path, replay.tcp)?;
     let camera_socket = format!("socket:{}", camera_path.display());
@@ -64,7 +65,7 @@ pub async fn replay<R: Read>(
         profile: about.profile.unwrap_or_default(),
         scene: about.scene.unwrap_or_default(),
         seed: about.seed.unwrap_or_default(),
-        control,
+        control: control.clone(),
         control_usb: None,
         camera: camera_socket.clone(),
         camera_socket,
@@ -89,12 +90,22 @@ pub async fn replay<R: Read>(
             && let Some(output) = player.next(now_ns)
         {
             match output {
-                Output::Bytes(bytes) if !pty.send(&bytes) => held = Some(bytes),
+                Output::Bytes(bytes) if !send(&mut pty, &bytes) => held = Some(bytes),
                 Output::Bytes(_) => {}
+                Output::Unplug(true) if pty.is_none() => {}
+                Output::Unplug(true) => {
+                    pty = None;
+                    point(&control, None)?;
+                }
+                Output::Unplug(false) if pty.is_some() => {}
+                Output::Unplug(false) => {
+                    pty = Some(Pty::open()?);
+                    point(&control, pty.as_ref())?;
+                }
                 Output::Frame(frame) => camera.put(frame),
             }
         }
-        if held.take_if(|bytes| pty.send(bytes)).is_some() {
+        if held.take_if(|bytes| send(&mut pty, bytes)).is_some() {
             continue;
         }
         while let Some(news) = player.news() {
@@ -112,7 +123,7 @@ pub async fn replay<R: Read>(
                 changed.map_err(|e| Error::io(CAMERA, e))?;
                 camera.accept(0);
             }
-            event = pty.next(), if player.listens() => {
+            event = super::server::next_of(pty.as_mut()), if player.listens() => {
                 // Who connected before the command was sent gets the frames that it causes.
                 camera.accept(0);
                 match event? {
@@ -123,6 +134,20 @@ pub async fn replay<R: Read>(
             () = super::server::sleep(delay) => {}
         }
     }
+}
+
+/// Hands bytes to the port, if there is one; false when it has no room for them.
+fn send(pty: &mut Option<Pty>, bytes: &[u8]) -> bool {
+    pty.as_mut().is_none_or(|pty| pty.send(bytes))
+}
+
+/// Names the port, or takes its name away.
+fn point(control: &Path, pty: Option<&Pty>) -> Result<()> {
+    match pty {
+        Some(pty) => std::os::unix::fs::symlink(pty.path(), control),
+        None => std::fs::remove_file(control),
+    }
+    .map_err(|e| Error::io(control, e))
 }
 
 fn nanoseconds(wall: Duration) -> u64 {

@@ -25,6 +25,8 @@ pub(super) enum Output {
     Bytes(Vec<u8>),
     /// Has a frame.
     Frame(Arc<Frame>),
+    /// Takes its end of the control port away; false puts it back.
+    Unplug(bool),
 }
 
 impl Output {
@@ -32,6 +34,7 @@ impl Output {
         match self {
             Self::Bytes(bytes) => bytes.len(),
             Self::Frame(frame) => frame.data.len(),
+            Self::Unplug(_) => 0,
         }
     }
 }
@@ -182,8 +185,10 @@ impl<R: Read> Player<R> {
             self.ahead_bytes -= due.output.len();
             // What is said to a client that has left goes nowhere, as on a wire.
             let heard = !self.gone && due.session == self.session;
+            // Whoever was there has lost the port.
+            self.gone |= self.spoke && due.output == Output::Unplug(true);
             self.go_on(now_ns);
-            if heard || matches!(due.output, Output::Frame(_)) {
+            if heard || !matches!(due.output, Output::Bytes(_)) {
                 return Some(due.output);
             }
         }
@@ -341,6 +346,14 @@ impl<R: Read> Player<R> {
                     self.stop = Stop::Leave(number, time_ns);
                     return;
                 }
+                Event::Unplugged => {
+                    self.put(time_ns, Output::Unplug(true), now_ns);
+                    if self.recorded_spoke {
+                        self.stop = Stop::Leave(number, time_ns);
+                        return;
+                    }
+                }
+                Event::Plugged => self.put(time_ns, Output::Unplug(false), now_ns),
                 Event::Cut(why) => self
                     .news
                     .push_back(format!("the recording was cut here: {why}")),
@@ -384,8 +397,13 @@ impl<R: Read> Player<R> {
         self.forget_ahead();
     }
 
+    /// A port that has gone still comes back.
     fn forget_ahead(&mut self) {
+        let back = |due: &Due| due.output == Output::Unplug(false);
+        let back = self.ahead.iter().rposition(back);
+        let back = back.and_then(|at| self.ahead.remove(at));
         self.ahead.clear();
+        self.ahead.extend(back);
         self.ahead_bytes = 0;
     }
 

@@ -65,6 +65,8 @@ fn outputs<R: Read>(player: &mut Player<R>, now_ns: u64) -> Vec<String> {
         .map(|output| match output {
             Output::Bytes(bytes) => String::from_utf8(bytes).unwrap(),
             Output::Frame(frame) => format!("frame {}", frame.id),
+            Output::Unplug(true) => "gone".to_owned(),
+            Output::Unplug(false) => "back".to_owned(),
         })
         .collect()
 }
@@ -234,4 +236,30 @@ fn no_more_is_read_ahead_than_is_bounded() {
             .unwrap()
             .contains("the recording ends here, but \"xxx")
     );
+}
+
+#[test]
+fn a_port_that_went_goes_and_comes_back() {
+    let events = [
+        (10, sent("x")),
+        (12, Event::Unplugged),
+        (22, Event::Plugged),
+        (40, sent("y")),
+        (41, received("z")),
+    ];
+    let mut player = player(&events);
+    player.receive(b"x", 100);
+    assert_eq!(outputs(&mut player, 102), ["gone"]);
+    assert!(player.listens(), "a new client may come");
+    assert_eq!(outputs(&mut player, 112), ["back"]);
+    player.receive(b"y", 200);
+    assert_eq!(outputs(&mut player, 201), ["z"]);
+    assert_eq!(player.finish().missing_bytes, 0);
+    // It comes back for a client that is astray too.
+    let mut player = self::player(&events);
+    player.receive(b"x", 100);
+    assert_eq!(outputs(&mut player, 102), ["gone"]);
+    player.receive(b"q", 103);
+    assert_eq!(player.news().map(|_| ()), Some(()));
+    assert_eq!(outputs(&mut player, 112), ["back"]);
 }

@@ -40,7 +40,7 @@ fn put_payload(record: &mut Vec<u8>, event: &Event) {
         Event::Sent(bytes) | Event::Received(bytes) => record.extend_from_slice(bytes),
         Event::Frame(frame) => put_frame(record, frame),
         Event::Note(text) | Event::Cut(text) => record.extend_from_slice(shortened(text)),
-        Event::Opened | Event::Left | Event::End => {}
+        Event::Opened | Event::Left | Event::End | Event::Unplugged | Event::Plugged => {}
     }
 }
 

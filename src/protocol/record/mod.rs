@@ -34,6 +34,8 @@
 //! | 7 note | text: something that happened, a damaged frame or a fault that struck |
 //! | 8 cut | text: why the recording ends here while the device went on |
 //! | 9 end | none: the recording was ended in order; the last record |
+//! | 10 unplugged | none: the device's end of the channel has gone, as when a cable is pulled |
+//! | 11 plugged | none: it is back |
 //!
 //! Kinds that a reader does not know are skipped. On a device's side times are device time, on a
 //! host's side they count from the start of the recording. A frame's format and size stand in its
@@ -176,6 +178,10 @@ pub enum Event {
     Cut(String),
     /// The recording was ended in order.
     End,
+    /// The device's end of the channel has gone, as when a cable is pulled.
+    Unplugged,
+    /// It is back.
+    Plugged,
 }
 
 impl Event {
@@ -191,6 +197,8 @@ impl Event {
             Self::Note(_) => 7,
             Self::Cut(_) => 8,
             Self::End => 9,
+            Self::Unplugged => 10,
+            Self::Plugged => 11,
         }
     }
 
@@ -201,7 +209,12 @@ impl Event {
                 Self::Sent(bytes) | Self::Received(bytes) => bytes.len(),
                 Self::Frame(frame) => wire::HEADER_LEN + frame.data.len(),
                 Self::Note(text) | Self::Cut(text) => text.len(),
-                Self::About(_) | Self::Opened | Self::Left | Self::End => 0,
+                Self::About(_)
+                | Self::Opened
+                | Self::Left
+                | Self::End
+                | Self::Unplugged
+                | Self::Plugged => 0,
             }
     }
 }

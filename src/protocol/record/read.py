@@ -1,7 +1,7 @@
 import json, struct, sys, zlib
 
 KINDS = {1: "about", 2: "sent", 3: "received", 4: "opened", 5: "left",
-         6: "frame", 7: "note", 8: "cut", 9: "end"}
+         6: "frame", 7: "note", 8: "cut", 9: "end", 10: "unplugged", 11: "plugged"}
 with open(sys.argv[1], "rb") as file:
     magic, version, length, crc = struct.unpack("<8sHHI", file.read(16))
     assert magic == b"PHREC\r\n\x1a" and version == 1

@@ -192,7 +192,7 @@ fn event(head: &Head, payload: Vec<u8>) -> Result<Option<Event>, String> {
     let most = match head.kind {
         2 | 3 => MAX_BYTES,
         6 => MAX_PAYLOAD,
-        4 | 5 | 9 => 0,
+        4 | 5 | 9..=11 => 0,
         1 | 7 | 8 => MAX_TEXT,
         _ => return Ok(None),
     };
@@ -215,6 +215,8 @@ fn event(head: &Head, payload: Vec<u8>) -> Result<Option<Event>, String> {
         6 => frame(payload)?,
         7 => Event::Note(text(payload)?),
         8 => Event::Cut(text(payload)?),
+        10 => Event::Unplugged,
+        11 => Event::Plugged,
         _ => Event::End,
     }))
 }

@@ -91,6 +91,8 @@ pub struct Summary {
     pub frames: Frames,
     /// Who came.
     pub clients: Channels,
+    /// How often the port has gone.
+    pub unplugged: u64,
     /// How it ends.
     pub ending: Ending,
     /// Offset of the first damage.
@@ -111,6 +113,7 @@ impl Summary {
             notes: Kind::default(),
             frames: Frames::default(),
             clients: Channels::default(),
+            unplugged: 0,
             ending: Ending::Open,
             damaged_at: None,
         };
@@ -157,7 +160,8 @@ impl Summary {
             Event::Received(bytes) => count(&mut self.received, bytes.len()),
             Event::Opened if record.channel.is_port() => self.clients.control += 1,
             Event::Opened if record.channel != Channel::Recording => self.clients.camera += 1,
-            Event::Opened | Event::Left => {}
+            Event::Opened | Event::Left | Event::Plugged => {}
+            Event::Unplugged => self.unplugged += 1,
             Event::Frame(frame) => {
                 count(&mut self.frame, frame.data.len());
                 self.frames.add(&frame);

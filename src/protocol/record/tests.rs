@@ -53,6 +53,8 @@ fn events() -> Vec<(u64, Channel, Event)> {
             Event::Cut("the disk is full".into()),
         ),
         (16, Channel::Recording, Event::End),
+        (17, Channel::Control, Event::Unplugged),
+        (18, Channel::Control, Event::Plugged),
     ]
 }
 
@@ -160,7 +162,7 @@ proptest! {
     #[test]
     fn nothing_that_is_read_is_a_panic(
         bytes in prop::collection::vec(any::<u8>(), 0..200),
-        kind in 0..12_u16,
+        kind in 0..14_u16,
         at in 0..400_usize,
     ) {
         let _ = read(&bytes);
