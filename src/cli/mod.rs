@@ -28,10 +28,14 @@ mod decode;
 mod demo;
 #[cfg(target_os = "linux")]
 mod doctor;
+mod faults;
 mod interrupt;
 mod method;
 mod plan;
 mod profile;
+mod record;
+#[cfg(target_os = "linux")]
+mod replay;
 mod scan;
 mod scene;
 #[cfg(target_os = "linux")]
@@ -41,7 +45,7 @@ mod served;
 #[cfg(not(target_os = "linux"))]
 mod without_link;
 #[cfg(not(target_os = "linux"))]
-use {without_link as demo, without_link as doctor, without_link as serve};
+use {without_link as demo, without_link as doctor, without_link as replay, without_link as serve};
 
 pub use plan::Timing;
 
@@ -62,6 +66,8 @@ enum Command {
     Demo(demo::Args),
     Serve(serve::Args),
     Scan(scan::Args),
+    Record(record::Args),
+    Replay(replay::Args),
     Camera(camera::Args),
     Decode(decode::Args),
     Calibrate(calibrate::Args),
@@ -72,6 +78,7 @@ enum Command {
     Bench(bench::Args),
     Board(board::Args),
     Doctor(doctor::Args),
+    Faults(faults::Args),
 }
 
 /// Standard output cannot be written to.
@@ -108,6 +115,8 @@ fn dispatch(command: Command) -> Result<()> {
         Command::Demo(args) => demo::run(&args),
         Command::Serve(args) => serve::run(&args),
         Command::Scan(args) => scan::run(&args),
+        Command::Record(args) => record::run(&args),
+        Command::Replay(args) => replay::run(&args),
         Command::Camera(args) => camera::run(&args),
         Command::Decode(args) => decode::run(&args),
         Command::Calibrate(args) => calibrate::run(&args),
@@ -118,5 +127,6 @@ fn dispatch(command: Command) -> Result<()> {
         Command::Bench(args) => bench::run(&args),
         Command::Board(args) => board::run(&args),
         Command::Doctor(args) => doctor::run(&args),
+        Command::Faults(args) => faults::run(&args),
     }
 }

@@ -8,11 +8,12 @@ use crate::error::{Error, Result};
 use crate::geometry::Rig;
 use crate::host::usb::{UsbAddress, UsbCamera, UsbDevice, UsbPort};
 use crate::host::{
-    Camera, Capture, Captured, CommandPort, Intake, Progress, ScanOptions, Scanner, SerialPort,
-    open_camera, scan_free_running,
+    Camera, Capture, Captured, CommandPort, Intake, Progress, RecordedCamera, RecordedPort,
+    ScanOptions, Scanner, SerialPort, Tape, open_camera, scan_free_running,
 };
 use crate::pattern::Manifest;
 use crate::protocol::dialect::Dialect;
+use crate::protocol::record::{About, Limits, Recorder, Side, create};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -63,7 +64,11 @@ pub(super) struct Args {
     /// Capture only: for sequences that are not meant to be decoded.
     #[arg(long)]
     no_decode: bool,
-    /// Overwrite an earlier capture.
+    /// Record every byte and frame as they come, with their times, for phasma replay and phasma
+    /// record info.
+    #[arg(long, value_name = "FILE")]
+    record: Option<PathBuf>,
+    /// Overwrite an earlier capture, and the file of --record.
     #[arg(long)]
     force: bool,
     /// Print the result as JSON.
@@ -132,12 +137,18 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let address = args.device.as_deref().or(args.camera.as_deref());
     let address = address.unwrap_or_default();
     let camera = (address, args.capture.into());
+    let tape = match &args.record {
+        Some(path) => Some(tape(args, path, address, start)?),
+        None => None,
+    };
     let captured = match (&args.control, &options.manifest) {
-        _ if args.device.is_some() => capture_usb((address, dialect), timeout, &options, given)?,
-        (None, Some(manifest)) => capture_free(args, camera, manifest, timeout, given)?,
+        _ if args.device.is_some() => {
+            capture_usb((address, dialect), timeout, &options, given, tape)?
+        }
+        (None, Some(manifest)) => capture_free(args, camera, manifest, timeout, given, tape)?,
         (control, _) => {
             let control = control.as_deref().unwrap_or_default();
-            capture(camera, (control, dialect), timeout, &options, given)?
+            capture(camera, (control, dialect), timeout, &options, given, tape)?
         }
     };
     let capture_s = start.elapsed().as_secs_f64();
@@ -158,8 +169,30 @@ pub(super) fn run(args: &Args) -> Result<()> {
     Ok(())
 }
 
-/// Captures a sequence, with progress on a terminal, from a device that speaks SCPI or another dialect; a calibration from a file takes the place of
-/// the device's own.
+/// Starts the recording of `--record`; its times count from `start`.
+fn tape(args: &Args, path: &Path, address: &str, start: Instant) -> Result<Tape> {
+    let control = args.control.as_deref().unwrap_or_default();
+    let about = About {
+        side: Side::Host,
+        program: concat!("phasma ", env!("CARGO_PKG_VERSION")).into(),
+        started_unix_s: super::record::unix_s(),
+        name: if control.is_empty() { address } else { control }.to_owned(),
+        control: control.to_owned(),
+        camera: address.to_owned(),
+        profile: None,
+        scene: None,
+        seed: None,
+    };
+    let file = create(path, "--record", args.force)?;
+    let place = path.display().to_string();
+    let notice = |text: &str| eprintln!("phasma: {text}");
+    let recorder = Recorder::start(file, &place, about, 0, Limits::default(), notice)?;
+    let now_ns = move || u64::try_from(start.elapsed().as_nanos()).unwrap_or(u64::MAX);
+    Ok(Tape::new(recorder, now_ns))
+}
+
+/// Captures a sequence, with progress on a terminal, from a device that speaks SCPI or a dialect; a
+/// calibration from a file takes the place of the device's own.
 ///
 /// # Errors
 /// See [`Scanner::scan`].
@@ -169,10 +202,12 @@ pub(super) fn capture(
     timeout: Duration,
     options: &ScanOptions,
     calibration: Option<(&Path, Rig)>,
+    tape: Option<Tape>,
 ) -> Result<Captured> {
-    let port = SerialPort::open(control)?;
+    let port = RecordedPort::new(SerialPort::open(control)?, tape.clone());
     let scanner = Scanner::with_dialect(port, dialect, timeout, || {
-        open_camera(camera, how, timeout).map(Interruptible::new)
+        let camera = open_camera(camera, how, timeout)?;
+        Ok(Interruptible::new(RecordedCamera::new(camera, tape)))
     })?;
     run_scanner(scanner, options, calibration)
 }
@@ -183,13 +218,14 @@ fn capture_usb(
     timeout: Duration,
     options: &ScanOptions,
     calibration: Option<(&Path, Rig)>,
+    tape: Option<Tape>,
 ) -> Result<Captured> {
     let address = UsbAddress::parse(address, &format!("--device {address}"))?;
     let device = Arc::new(UsbDevice::open(&address, timeout)?);
-    let port = UsbPort::open(&device)?;
+    let port = RecordedPort::new(UsbPort::open(&device)?, tape.clone());
     let scanner = Scanner::with_dialect(port, dialect, timeout, || {
-        let camera = UsbCamera::open(&device, None)?;
-        Ok(Interruptible::new(Intake::new(camera)))
+        let camera = Intake::new(UsbCamera::open(&device, None)?);
+        Ok(Interruptible::new(RecordedCamera::new(camera, tape)))
     })?;
     run_scanner(scanner, options, calibration)
 }
@@ -218,6 +254,7 @@ fn capture_free(
     manifest: &Manifest,
     timeout: Duration,
     calibration: Option<(&Path, Rig)>,
+    tape: Option<Tape>,
 ) -> Result<Captured> {
     if let Some(name) = &args.sequence {
         return Err(Error::input(
@@ -230,7 +267,8 @@ fn capture_free(
         "phasma: no control port: nothing is triggered, the next {} frames are taken as they come",
         manifest.frame.len()
     );
-    let mut camera = Interruptible::new(open_camera(camera, how, timeout)?);
+    let camera = RecordedCamera::new(open_camera(camera, how, timeout)?, tape);
+    let mut camera = Interruptible::new(camera);
     let bar = progress_bar();
     let captured = scan_free_running(&mut camera, manifest, timeout, &mut |progress| {
         show(&bar, progress);

@@ -1,4 +1,4 @@
-//! `phasma serve`, `demo` and `doctor` where there is no link: they say so.
+//! `phasma serve`, `replay`, `demo` and `doctor` where there is no link: they say so.
 
 use crate::error::{Error, Result};
 
@@ -11,6 +11,6 @@ pub(super) struct Args {
 
 pub(super) fn run(_: &Args) -> Result<()> {
     Err(Error::device(
-        "serve, demo and doctor need Linux; scan, decode and compare work here",
+        "serve, replay, demo and doctor need Linux; scan, decode and compare work here",
     ))
 }

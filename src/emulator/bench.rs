@@ -12,6 +12,8 @@ pub struct Bench<S> {
     machine: Machine,
     renderer: Renderer,
     clock: VirtualClock,
+    /// What has reached the client and was not asked for yet.
+    output: Vec<u8>,
     /// Where the frames go.
     pub sink: S,
 }
@@ -34,6 +36,7 @@ impl<S: FrameSink> Bench<S> {
             machine,
             renderer,
             clock: VirtualClock::default(),
+            output: Vec::new(),
             sink,
         }
     }
@@ -49,8 +52,7 @@ impl<S: FrameSink> Bench<S> {
         while let Some(next) = self.next_event_ns() {
             self.run_until(next);
         }
-        let now = self.now_ns();
-        self.machine.take_output(now)
+        std::mem::take(&mut self.output)
     }
 
     /// When something happens next; the frames of a free-running camera are nothing.
@@ -95,5 +97,7 @@ impl<S: FrameSink> Bench<S> {
             self.sink.put(frame);
         }
         self.machine.frames_left();
+        let output = self.machine.take_output(now);
+        self.output.extend(output);
     }
 }

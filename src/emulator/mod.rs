@@ -8,6 +8,7 @@ mod line;
 mod machine;
 mod picture;
 pub mod port;
+mod projection;
 mod readout;
 pub mod render;
 mod roi;

@@ -54,6 +54,34 @@ impl Slide {
         })
     }
 
+    /// A bit of each level, the least significant being 0: full where it is set, else 0.
+    #[must_use]
+    pub fn plane(&self, bit: u32, bits: u32) -> Self {
+        let full = (1u16 << bits) - 1;
+        let of = |level: &u16| if level >> bit & 1 == 1 { full } else { 0 };
+        match self {
+            Self::Uniform(level) => Self::Uniform(of(level)),
+            Self::Row(axis, levels) => Self::Row(*axis, levels.iter().map(of).collect()),
+            Self::Picture {
+                width,
+                height,
+                levels,
+            } => Self::Picture {
+                width: *width,
+                height: *height,
+                levels: levels.iter().map(of).collect(),
+            },
+        }
+    }
+
+    /// The levels that it holds: one, a row of them, or a picture of them.
+    pub fn levels(&self) -> &[u16] {
+        match self {
+            Self::Uniform(level) => std::slice::from_ref(level),
+            Self::Row(_, levels) | Self::Picture { levels, .. } => levels,
+        }
+    }
+
     /// The slide of a picture; its 8 bits are rounded to the projector's.
     ///
     /// # Errors

@@ -124,7 +124,11 @@ impl Captured {
     }
 }
 
-fn write_png(frame: &Frame, path: &Path) -> Result<()> {
+/// Writes a frame as a picture of 8 or 16 bits.
+///
+/// # Errors
+/// What the system refuses, and a frame whose bytes do not fit its size.
+pub fn write_png(frame: &Frame, path: &Path) -> Result<()> {
     let (width, height) = (frame.width, frame.height);
     let wrong = || Error::device(format!("frame {}: its bytes do not fit its size", frame.id));
     let saved = if frame.format == PixelFormat::Y16 {

@@ -14,6 +14,7 @@ mod instrument;
 mod local;
 mod patience;
 mod port;
+mod record;
 mod scanner;
 mod tcp;
 pub mod usb;
@@ -21,8 +22,9 @@ pub mod usb;
 #[cfg(target_os = "linux")]
 pub use camera::explain_device;
 pub use camera::{Camera, Capture, Intake, MemoryCamera, SocketCamera, open_camera};
-pub use captured::{CALIBRATION_FILE, Captured, MANIFEST_FILE};
+pub use captured::{CALIBRATION_FILE, Captured, MANIFEST_FILE, write_png};
 pub use consistency::check as check_sequence;
 pub use instrument::Instrument;
 pub use port::{CommandPort, MemoryPort, SerialPort};
+pub use record::{RecordedCamera, RecordedPort, Tape};
 pub use scanner::{Progress, ScanOptions, Scanner, scan_free_running};

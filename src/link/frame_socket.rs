@@ -98,6 +98,8 @@ pub(super) struct FrameSocket {
     unix_ready: AsyncFd<OwnedFd>,
     tcp: Option<(TcpListener, AsyncFd<OwnedFd>)>,
     clients: Vec<Client>,
+    /// Clients that have come and gone so far.
+    counts: (u64, u64),
     /// Bytes of frames that wait or are being sent.
     held: Arc<AtomicUsize>,
     /// See [`MAX_BYTES`].
@@ -131,6 +133,7 @@ impl FrameSocket {
             unix,
             tcp,
             clients: Vec::new(),
+            counts: (0, 0),
             held: Arc::new(AtomicUsize::new(0)),
             max_bytes: MAX_BYTES,
             stall: STALL,
@@ -141,6 +144,16 @@ impl FrameSocket {
     /// The address on the loopback interface.
     pub(super) fn tcp_address(&self) -> Option<SocketAddr> {
         self.tcp.as_ref()?.0.local_addr().ok()
+    }
+
+    /// Clients that have come and gone so far, by the last look.
+    pub(super) fn counts(&self) -> (u64, u64) {
+        self.counts
+    }
+
+    /// Bytes of frames that clients have not read yet.
+    pub(super) fn waiting(&self) -> usize {
+        self.held.load(Ordering::Relaxed)
     }
 
     /// Waits until clients may have come or gone.
@@ -161,8 +174,10 @@ impl FrameSocket {
     /// Takes in who has connected, and forgets who has left. Called before a command is executed:
     /// whoever connected before it was sent gets its frames, `first_id` being the first of them.
     pub(super) fn accept(&mut self, first_id: u64) {
+        let before = self.clients.len();
         self.clients
             .retain(|client| client.queue.strong_count() > 0);
+        self.counts.1 += (before - self.clients.len()) as u64;
         // An error other than "nobody is there" leaves the caller in the queue until the next time.
         while let Ok((stream, _)) = self.unix.accept() {
             if stream.set_nonblocking(true).is_ok()
@@ -188,6 +203,7 @@ impl FrameSocket {
         if self.clients.len() >= MAX_CLIENTS {
             return;
         }
+        self.counts.0 += 1;
         let queue = Arc::new(Queue::default());
         self.clients.push(Client {
             first_id,

@@ -7,13 +7,16 @@ use super::pace::Pace;
 use super::pty::{Event, Pty};
 use super::run_dir::{CAMERA, CONTROL, RunDir, SERVICE};
 use super::service::{Call, ServiceSocket};
+use super::tap::{Recording, Tap};
 use super::usb::{Binding, Nodes, PortEvent};
 use super::video::{Put, VideoOutput};
 use crate::emulator::{Clock, FrameSink, Machine, Renderer, State};
 use crate::error::{Error, Result};
+use crate::protocol::record::Channel;
 use crate::protocol::service::{Action, Item, Reply, Request};
 use crate::protocol::{Endpoints, Frame};
 use std::future::Future;
+use std::path::{Path, PathBuf};
 use std::pin::pin;
 use std::sync::Arc;
 use std::time::Duration;
@@ -49,6 +52,8 @@ pub struct Device {
     pub video: Option<VideoOutput>,
     /// Camera and port as a USB device; pty and frame socket are there too.
     pub usb: Option<UsbLink>,
+    /// Where what passes between it and its clients is recorded.
+    pub recording: Option<Recording>,
     /// Takes what whoever looks after the device should know.
     pub notice: fn(&str),
 }
@@ -77,7 +82,7 @@ pub async fn serve(
 ) -> Result<()> {
     let pty = Pty::open()?;
     let control = run_dir.file(CONTROL);
-    std::os::unix::fs::symlink(pty.path(), &control).map_err(|e| Error::io(&control, e))?;
+    point(&control, &pty)?;
     let camera_path = run_dir.file(CAMERA);
     let camera = FrameSocket::open(&camera_path, device.tcp)?;
     let service_path = run_dir.file(SERVICE);
@@ -94,7 +99,7 @@ pub async fn serve(
         profile: device.profile,
         scene: device.scene,
         seed: device.seed,
-        control,
+        control: control.clone(),
         control_usb: nodes.tty,
         camera: match &device.video {
             Some(video) => video.address(),
@@ -119,13 +124,16 @@ pub async fn serve(
         let gate = usb.binding.gate(device.machine.firmware().stream());
         device.machine.firmware_mut().attach(Box::new(gate));
     }
+    let now = device.clock.now_ns(wall());
+    let tap = Tap::start(device.recording, &endpoints, now, device.notice)?;
     run_dir.publish(&endpoints)?;
     ready(&endpoints);
     let server = Server {
         machine: device.machine,
         clock: device.clock,
         optics,
-        pty,
+        pty: Some(pty),
+        control,
         camera,
         video: device.video,
         usb: device.usb.map(|usb| usb.binding),
@@ -135,7 +143,9 @@ pub async fn serve(
         lost: 0,
         usb_lost: false,
         service,
+        tap,
         stall: None,
+        stalled_at: 0,
     };
     server.run(wall, shutdown).await
 }
@@ -144,7 +154,10 @@ struct Server {
     machine: Machine,
     clock: Box<dyn Clock + Send>,
     optics: Optics,
-    pty: Pty,
+    /// `None` while the port is gone, as when a cable is pulled.
+    pty: Option<Pty>,
+    /// What points to the pty.
+    control: PathBuf,
     camera: FrameSocket,
     video: Option<VideoOutput>,
     usb: Option<Binding>,
@@ -158,8 +171,12 @@ struct Server {
     /// A USB host has missed frames.
     usb_lost: bool,
     service: ServiceSocket,
+    /// Records what passes.
+    tap: Tap,
     /// When to give up on a block.
     stall: Option<Instant>,
+    /// Bytes that the device had taken in when the block last went on.
+    stalled_at: u64,
 }
 
 impl Server {
@@ -174,12 +191,16 @@ impl Server {
             let attended = self.attended();
             self.machine.firmware_mut().set_streaming(attended, now);
             self.machine.advance(now);
+            self.plug(now)?;
+            self.tap.faults(self.machine.faults());
             self.hand_on(now, wall())?;
             self.dispatch(now, wall());
             if let Some(usb) = &mut self.usb {
                 usb.refresh(self.machine.firmware(), wall());
             }
+            self.watch_block();
             let crowded = self.optics.backlog() >= MAX_BACKLOG;
+            let full = crowded || self.machine.crowded();
             let free = matches!(self.machine.firmware().state(), State::Free { .. });
             // The optics' next frame wakes the loop in these cases.
             let behind = crowded || free && self.optics.backlog() >= MAX_FREE_BACKLOG;
@@ -197,29 +218,34 @@ impl Server {
                 changed = self.camera.changed() => {
                     changed.map_err(|e| Error::io(CAMERA, e))?;
                     self.camera.accept(self.machine.firmware().next_id());
+                    self.tap.cameras(self.camera.counts(), self.clock.now_ns(wall()));
                 }
                 (request, reply) = self.service.next() => {
                     let now = self.clock.now_ns(wall());
                     self.serve_call((request, reply), now);
                 }
-                event = self.pty.next(), if !crowded => {
+                event = next_of(self.pty.as_mut()), if !full => {
                     // Who connected before the command was sent gets the frames that it causes,
                     // whichever of the two this loop noticed first.
                     self.camera.accept(self.machine.firmware().next_id());
                     let now = self.clock.now_ns(wall());
+                    self.tap.cameras(self.camera.counts(), now);
                     let attended = self.attended();
                     self.machine.firmware_mut().set_streaming(attended, now);
                     match event? {
                         Event::Data(bytes) => {
                             self.reply_to_usb = false;
+                            self.tap.sent(Channel::Control, &bytes, now);
                             self.machine.receive(&bytes, now);
                         }
                         Event::HungUp if self.reply_to_usb => continue,
-                        Event::HungUp => self.machine.hang_up(),
+                        Event::HungUp => {
+                            self.tap.left(Channel::Control, now);
+                            self.machine.hang_up();
+                        }
                     }
-                    self.stall = self.machine.inside_block().then(|| Instant::now() + STALL);
                 }
-                () = changed(self.usb.as_ref()), if !crowded => {
+                () = changed(self.usb.as_ref()), if !full => {
                     let now = self.clock.now_ns(wall());
                     self.work_off_usb(now);
                 }
@@ -229,6 +255,27 @@ impl Server {
                     self.machine.input_stalled();
                 }
             }
+        }
+    }
+
+    /// Takes the port away, or puts it back, as the device's faults have it: a client sees that the
+    /// other end has gone, and finds a new port under the old name later.
+    fn plug(&mut self, now_ns: u64) -> Result<()> {
+        match (self.machine.connected(now_ns), &self.pty) {
+            (false, Some(_)) => {
+                self.tap.plugged(false, now_ns);
+                let removed = std::fs::remove_file(&self.control);
+                self.pty = None;
+                removed.map_err(|e| Error::io(&self.control, e))
+            }
+            (true, None) => {
+                let pty = Pty::open()?;
+                point(&self.control, &pty)?;
+                self.pty = Some(pty);
+                self.tap.plugged(true, now_ns);
+                Ok(())
+            }
+            _ => Ok(()),
         }
     }
 
@@ -255,15 +302,28 @@ impl Server {
             match event {
                 PortEvent::Data(bytes) => {
                     self.reply_to_usb = true;
+                    self.tap.sent(Channel::Usb, &bytes, now_ns);
                     let streaming = self.attended();
                     self.machine.firmware_mut().set_streaming(streaming, now_ns);
                     self.machine.receive(&bytes, now_ns);
                 }
                 // Whoever speaks at the other end of the port is not concerned.
-                PortEvent::HungUp if self.reply_to_usb => self.machine.hang_up(),
+                PortEvent::HungUp if self.reply_to_usb => {
+                    self.tap.left(Channel::Usb, now_ns);
+                    self.machine.hang_up();
+                }
                 PortEvent::HungUp => continue,
             }
-            self.stall = self.machine.inside_block().then(|| Instant::now() + STALL);
+        }
+    }
+
+    /// Keeps the time at which a block that stops coming is given up.
+    fn watch_block(&mut self) {
+        if !self.machine.inside_block() {
+            self.stall = None;
+        } else if self.stall.is_none() || self.machine.taken_in() != self.stalled_at {
+            self.stalled_at = self.machine.taken_in();
+            self.stall = Some(Instant::now() + STALL);
         }
     }
 
@@ -285,6 +345,7 @@ impl Server {
 
     /// Hands a frame to all who read.
     fn deliver(&mut self, frame: &Arc<Frame>, wall: Duration) -> Result<()> {
+        self.tap.frame(frame, self.clock.now_ns(wall));
         if let Some(usb) = &self.usb {
             usb.put(frame, wall);
             if usb.lost() > 0 && !self.usb_lost {
@@ -330,10 +391,17 @@ impl Server {
             self.machine.frames_left();
         }
         let output = self.machine.take_output(now_ns);
+        if !output.is_empty() {
+            let channel = match self.reply_to_usb {
+                true => Channel::Usb,
+                false => Channel::Control,
+            };
+            self.tap.received(channel, &output, now_ns);
+        }
         let sent = match &self.usb {
             _ if output.is_empty() => true,
             Some(usb) if self.reply_to_usb => usb.send(&output, wall),
-            _ => self.pty.send(&output),
+            _ => self.pty.as_mut().is_none_or(|pty| pty.send(&output)),
         };
         if !sent {
             self.machine.firmware_mut().reply_lost();
@@ -389,6 +457,18 @@ impl Server {
     }
 }
 
+/// Puts a link to a pty.
+fn point(control: &Path, pty: &Pty) -> Result<()> {
+    std::os::unix::fs::symlink(pty.path(), control).map_err(|e| Error::io(control, e))
+}
+
+pub(super) async fn next_of(pty: Option<&mut Pty>) -> Result<Event> {
+    match pty {
+        Some(pty) => pty.next().await,
+        None => std::future::pending().await,
+    }
+}
+
 async fn changed(usb: Option<&Binding>) {
     match usb {
         Some(usb) => usb.changed().await,
@@ -396,8 +476,10 @@ async fn changed(usb: Option<&Binding>) {
     }
 }
 
-async fn sleep(delay: Option<Duration>) {
+pub(super) async fn sleep(delay: Option<Duration>) {
     match delay {
+        // A timer would take its millisecond even for none.
+        Some(Duration::ZERO) => tokio::task::yield_now().await,
         Some(delay) => tokio::time::sleep(delay).await,
         None => std::future::pending().await,
     }

@@ -5,7 +5,11 @@ use crate::error::{Error, Result};
 use std::path::{Path, PathBuf};
 
 /// Name and text of each profile.
-const PROFILES: [(&str, &str); 3] = [
+const PROFILES: [(&str, &str); 4] = [
+    (
+        "dlp-evm",
+        include_str!("../../device-profiles/dlp-evm.toml"),
+    ),
     (
         "pmp-bench",
         include_str!("../../device-profiles/pmp-bench.toml"),

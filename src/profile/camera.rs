@@ -57,6 +57,15 @@ pub struct Camera {
     /// frame is read in rows times that. 0, or absent: a global shutter. Whole nanoseconds count.
     #[serde(default)]
     pub line_time_us: f64,
+    /// How long a global shutter's frame takes to be read, in microseconds, all rows of it: it
+    /// leaves the camera when it has been read, and the next exposure starts no earlier. A region
+    /// takes its share of the rows. At once when absent; a rolling shutter is read by `line_time_us`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub readout_us: Option<f64>,
+    /// Shortest time in microseconds from the start of one frame to that of the next, however short
+    /// they are; none when absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub shortest_interval_us: Option<f64>,
     /// Veiling glare of the lens.
     #[serde(default)]
     pub glare: Option<Glare>,
@@ -91,11 +100,23 @@ impl Camera {
         (self.line_time_us * 1e3).round() as u64
     }
 
+    /// How long a global shutter's whole frame takes to be read, in nanoseconds.
+    pub fn readout_ns(&self) -> u64 {
+        (self.readout_us.unwrap_or(0.0) * 1e3).round() as u64
+    }
+
+    /// Shortest time from one frame's start to the next one's, however short they are, in
+    /// nanoseconds.
+    pub fn shortest_interval_ns(&self) -> u64 {
+        (self.shortest_interval_us.unwrap_or(0.0) * 1e3).round() as u64
+    }
+
     /// Shortest time in microseconds from one exposure at power-on to the next: no row is exposed
     /// again before it has been, nor before all rows have been read.
-    pub fn shortest_interval_us(&self) -> f64 {
-        let readout_ns = self.line_time_ns() * u64::from(self.height_px);
-        self.exposure_us.max(readout_ns as f64 / 1e3)
+    pub fn shortest_period_us(&self) -> f64 {
+        let rolling_ns = self.line_time_ns() * u64::from(self.height_px);
+        let least_ns = rolling_ns.max(self.shortest_interval_ns());
+        (self.exposure_us + self.readout_ns() as f64 / 1e3).max(least_ns as f64 / 1e3)
     }
 
     /// Side of a square pixel in millimetres.
@@ -140,10 +161,22 @@ pub(super) fn check(c: &Camera, check: &Check<'_>) -> Result<()> {
         c.line_time_us,
         0.0..=MAX_LINE_TIME_US,
     )?;
+    for (field, us) in [
+        ("camera.readout_us", c.readout_us),
+        ("camera.shortest_interval_us", c.shortest_interval_us),
+    ] {
+        check.within(field, us.unwrap_or(0.0), 0.0..=60e6)?;
+    }
+    check.that(
+        c.line_time_ns() == 0 || c.readout_us.is_none(),
+        "camera.readout_us",
+        format!("a time beside line_time_us = {}", c.line_time_us),
+        "one of them: a rolling shutter's rows are read line by line",
+    )?;
     check.within(
         "camera.frame_interval_us",
         c.frame_interval_us,
-        c.shortest_interval_us().max(100.0)..=60e6,
+        c.shortest_period_us().max(100.0)..=60e6,
     )?;
     check.that(
         c.format != PixelFormat::Yuyv || c.width_px.is_multiple_of(2),

@@ -2,7 +2,7 @@
 
 use super::check::{Check, name};
 use super::{Calibration, Camera, Projector, Sequence, TomlSource};
-use super::{builtin, calibration, camera, projector, sequence, usb};
+use super::{builtin, calibration, camera, control, projector, sequence, usb};
 use crate::error::Result;
 use crate::geometry::Rig;
 use crate::pattern::{Manifest, ProjectorSize};
@@ -26,6 +26,9 @@ pub struct Profile {
     /// How it enumerates as a USB device.
     #[serde(default)]
     pub usb: super::Usb,
+    /// How it is spoken to.
+    #[serde(default)]
+    pub control: super::Control,
     /// How it is calibrated.
     #[serde(default)]
     pub calibration: Calibration,
@@ -120,6 +123,7 @@ fn check(p: &Profile, check: &Check<'_>) -> Result<()> {
     camera::check(&p.camera, check)?;
     projector::check(&p.projector, check)?;
     usb::check(&p.usb, check)?;
+    control::check(&p.control, check)?;
     check.that(
         !p.sequence.is_empty() && p.sequence.len() <= 64,
         "sequence",

@@ -1,7 +1,7 @@
 //! The projector of a profile: an inverse camera and its light.
 
 use super::check::{Check, distortion};
-use super::{Focus, Response, Vignetting, focus, response, vignetting};
+use super::{Focus, Response, Timing, Vignetting, focus, response, timing, vignetting};
 use crate::error::Result;
 use crate::geometry::{Lens, Pose, View};
 use crate::pattern::manifest::MAX_SIDE_PX;
@@ -49,6 +49,9 @@ pub struct Projector {
     /// Focus and aperture; sharp everywhere when absent.
     #[serde(default)]
     pub focus: Option<Focus>,
+    /// When it shows what; a pattern for its whole period, at once, when absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub timing: Option<Timing>,
 }
 
 impl Projector {
@@ -110,6 +113,9 @@ pub(super) fn check(p: &Projector, check: &Check<'_>) -> Result<()> {
         check.within("projector.contrast_ratio", ratio, 1.0..=1e9)?;
     }
     vignetting::check(&p.vignetting, &p.view().lens, "projector.vignetting", check)?;
+    if let Some(t) = &p.timing {
+        timing::check(t, p.response.is_some(), check)?;
+    }
     p.focus
         .iter()
         .try_for_each(|f| focus::check(f, "projector.focus", check))

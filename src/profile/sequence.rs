@@ -2,6 +2,7 @@
 
 use super::Profile;
 use super::check::{Check, name};
+use super::timing::on_clock;
 use crate::error::Result;
 use crate::pattern::manifest::check_frames;
 use crate::pattern::{Axis, ManifestFrame, Pattern};
@@ -13,8 +14,8 @@ use serde::{Deserialize, Serialize};
 pub struct Sequence {
     /// Name by which `SEQuence:SELect` takes it.
     pub name: String,
-    /// Time from one pattern to the next in microseconds; at least the exposure, and what a rolling
-    /// shutter takes to read a frame.
+    /// Time from one pattern to the next in microseconds; at least the exposure, and what a frame
+    /// takes to be read; with [`Timing`](super::Timing), what the projector takes.
     pub period_us: f64,
     /// The patterns in order.
     pub frame: Vec<ManifestFrame>,
@@ -26,9 +27,10 @@ pub(super) fn check(s: &Sequence, index: usize, p: &Profile, check: &Check<'_>) 
     check.within(
         &field("period_us"),
         s.period_us,
-        p.camera.shortest_interval_us()..=60e6,
+        p.camera.shortest_period_us()..=60e6,
     )?;
     check_frames(&s.frame, &field("frame"), check.source)?;
+    shown_in_time(s, &field("period_us"), p, check)?;
     for axis in [Axis::X, Axis::Y] {
         let size = match axis {
             Axis::X => p.projector.width_px,
@@ -37,6 +39,31 @@ pub(super) fn check(s: &Sequence, index: usize, p: &Profile, check: &Check<'_>) 
         gray_reaches(s, index, axis, size, check)?;
     }
     Ok(())
+}
+
+/// The projector has to have the time to show the patterns.
+fn shown_in_time(s: &Sequence, field: &str, p: &Profile, check: &Check<'_>) -> Result<()> {
+    let Some(timing) = &p.projector.timing else {
+        return Ok(());
+    };
+    on_clock(timing, s.period_us, field, check)?;
+    let period_ns = (s.period_us * 1e3).round() as u64;
+    let exposure_ns = timing.exposure_ns();
+    let patterns = s.frame.iter().map(|frame| &frame.pattern);
+    let conflict = timing.conflict(
+        period_ns,
+        exposure_ns.unwrap_or(timing.longest_exposure_ns(period_ns)),
+        timing.shortest_exposure_ns(patterns, p.projector.bits),
+    );
+    if let Some((found, allowed)) = conflict {
+        return Err(check.source.violation(field, found, allowed));
+    }
+    check.that(
+        timing.camera_delay_ns() < period_ns,
+        "projector.timing.camera_delay_us",
+        format!("{} us", timing.camera_delay_ns() as f64 / 1e3),
+        format!("less than {field} = {}", s.period_us),
+    )
 }
 
 /// A Gray code has to number every fringe that the projector shows.

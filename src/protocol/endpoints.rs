@@ -35,8 +35,13 @@ pub struct Endpoints {
     /// The device on USB/IP, where it is a USB device: `usb:HOST:PORT/BUSID`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub usb: Option<String>,
-    /// Socket of the service channel, which no physical device has.
+    /// Socket of the service channel, which no physical device has; empty for a recording.
+    #[serde(default, skip_serializing_if = "is_empty")]
     pub service: PathBuf,
+}
+
+fn is_empty(path: &Path) -> bool {
+    path.as_os_str().is_empty()
 }
 
 impl Endpoints {

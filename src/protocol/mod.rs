@@ -5,6 +5,7 @@ pub mod dialect;
 pub mod endpoints;
 mod frame;
 mod printable;
+pub mod record;
 pub mod scpi;
 pub mod service;
 pub mod usb;

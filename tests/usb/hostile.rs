@@ -1,23 +1,8 @@
 //! The targets of the fuzzer over cases of our own, the same in every run.
 
-use crate::fuzz::{cases::case, device, host};
-use std::ops::Range;
-use std::panic::{AssertUnwindSafe, catch_unwind};
+use crate::cases::each;
+use crate::fuzz::{device, host};
 use std::time::Duration;
-
-/// Runs cases; `PHASMA_FUZZ_CASES=FIRST..END` names others than the usual ones.
-fn cases(usual: u64, seeds: &[Vec<u8>], run: impl Fn(&[u8])) {
-    let named = std::env::var("PHASMA_FUZZ_CASES").ok();
-    let range: Range<u64> = named.map_or(0..usual, |named| {
-        let (first, end) = named.split_once("..").expect("FIRST..END");
-        first.parse().unwrap()..end.parse().unwrap()
-    });
-    for number in range {
-        let script = case(seeds, number);
-        let done = catch_unwind(AssertUnwindSafe(|| run(&script)));
-        assert!(done.is_ok(), "case {number}: {script:?}");
-    }
-}
 
 #[test]
 fn a_hostile_host_gets_sound_replies_or_is_let_go() {
@@ -25,12 +10,12 @@ fn a_hostile_host_gets_sound_replies_or_is_let_go() {
     for seed in &seeds {
         device::run(seed);
     }
-    cases(4000, &seeds, device::run);
+    each(4000, &seeds, device::run);
 }
 
 #[test]
 fn a_hostile_server_gets_the_host_to_give_up_in_time() {
-    cases(150, &host::seeds(), |script| {
+    each(150, &host::seeds(), |script| {
         host::run(script);
     });
 }

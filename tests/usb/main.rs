@@ -2,9 +2,11 @@
 
 mod bad_servers;
 mod camera;
+#[path = "../fuzz/src/cases.rs"]
+mod cases;
 mod descriptors;
 mod detach;
-#[path = "../fuzz/src/lib.rs"]
+#[path = "../fuzz/src/usb/mod.rs"]
 mod fuzz;
 mod hostile;
 mod info;

@@ -89,6 +89,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
         TIMEOUT,
         &options,
         None,
+        None,
     )?;
     let capture_s = begin.elapsed().as_secs_f64();
     step("decoding");

@@ -7,15 +7,18 @@ mod unit;
 mod usb;
 mod video;
 
-pub(super) use run_dirs::run_parent;
+pub(super) use run_dirs::{default_run_dir, run_parent};
+pub(super) use shutdown::Shutdown;
+pub(super) use unit::runtime;
 
 use super::backend::Choice;
 use crate::error::{Error, Result};
 use crate::link::RunDir;
 use crate::profile::{Profile, Scene};
-use shutdown::Shutdown;
+use crate::protocol::dialect::Dialect;
+use std::ffi::OsStr;
 use std::net::SocketAddr;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 use tokio::sync::{mpsc, watch};
 use unit::{News, Unit};
@@ -56,6 +59,9 @@ pub(super) struct Args {
         requires = "usb"
     )]
     usb_listen: SocketAddr,
+    /// The dialect of the control port, instead of the profile's: a built-in name or a TOML file.
+    #[arg(long, value_name = "NAME")]
+    dialect: Option<String>,
     /// Seed of the noise; of several devices the first one's, and one more for each that follows.
     #[arg(long, default_value_t = 0)]
     seed: u64,
@@ -79,12 +85,23 @@ pub(super) struct Args {
     /// Load a sequence of your own: a manifest whose pictures stand beside it. May be repeated.
     #[arg(long, value_name = "FILE")]
     sequence: Vec<PathBuf>,
+    /// What goes wrong, and when: a schedule of faults, see `phasma faults list`. A fault may be for
+    /// one device of several, by its profile's name.
+    #[arg(long, value_name = "FILE")]
+    faults: Option<PathBuf>,
     /// End when standard input does: for programs that start a device and may be killed.
     #[arg(long)]
     while_stdin: bool,
     /// How device time passes.
     #[arg(long, value_enum, default_value_t = Pace::Real)]
     clock: Pace,
+    /// Record every byte and frame with its time, for phasma replay and phasma record info. Of
+    /// several devices each has a file, with its directory's name behind the file's.
+    #[arg(long, value_name = "FILE")]
+    record: Option<PathBuf>,
+    /// Overwrite the file of --record.
+    #[arg(long, requires = "record")]
+    force: bool,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
@@ -104,6 +121,10 @@ pub(super) fn run(args: &Args) -> Result<()> {
         .collect::<Result<_>>()?;
     for profile in &mut profiles {
         profile.camera.sensor.noiseless = args.no_noise;
+        if let Some(dialect) = &args.dialect {
+            // A path of the command line is relative to where it was given, not to the profile.
+            profile.control.dialect = from_here(dialect);
+        }
     }
     if args.usb.is_some() {
         usb::check(&profiles)?;
@@ -120,6 +141,16 @@ pub(super) fn run(args: &Args) -> Result<()> {
         .collect::<Result<_>>()?;
     let runtime = unit::runtime()?;
     runtime.block_on(serve(args, &profiles, units))
+}
+
+/// A path that means the same wherever it is taken from; a name stays what it is.
+fn from_here(name_or_path: &str) -> String {
+    let absolute = std::path::absolute(name_or_path)
+        .ok()
+        .filter(|path| path.is_file() && !Dialect::names().any(|name| name == name_or_path));
+    absolute
+        .and_then(|path| path.to_str().map(str::to_owned))
+        .unwrap_or_else(|| name_or_path.to_owned())
 }
 
 /// Refuses options that do not go together.
@@ -175,8 +206,30 @@ async fn serve(args: &Args, profiles: &[Profile], mut units: Vec<Unit>) -> Resul
             unit.set_usb(link);
         }
     }
+    if let Some(path) = &args.record {
+        let alone = dirs.len() == 1;
+        for (unit, dir) in units.iter_mut().zip(&dirs) {
+            unit.record(&recording_path(path, dir.path(), alone), args.force)?;
+        }
+    }
     let units = units.into_iter().zip(dirs).collect();
     supervise(units, clock, shutdown).await
+}
+
+/// The file for the recording of a device with this directory.
+fn recording_path(path: &Path, dir: &Path, alone: bool) -> PathBuf {
+    let part = |part: Option<&OsStr>| part.unwrap_or_default().to_owned();
+    if alone {
+        return path.to_owned();
+    }
+    let mut name = part(path.file_stem());
+    name.push("-");
+    name.push(part(dir.file_name()));
+    if let Some(extension) = path.extension() {
+        name.push(".");
+        name.push(extension);
+    }
+    path.with_file_name(name)
 }
 
 /// Runs the devices, each on a thread of its own, until the first of them fails or all are to end.
@@ -226,4 +279,17 @@ async fn supervise(
         }
     }
     result
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn several_devices_have_a_recording_each() {
+        let path = |file: &str, alone| recording_path(file.as_ref(), "run/cam-2".as_ref(), alone);
+        assert_eq!(path("a/b.rec", true), Path::new("a/b.rec"));
+        assert_eq!(path("a/b.rec", false), Path::new("a/b-cam-2.rec"));
+        assert_eq!(path("b", false), Path::new("b-cam-2"));
+    }
 }

@@ -36,7 +36,7 @@ fn names(profiles: &[Profile]) -> Vec<String> {
 }
 
 /// `$XDG_RUNTIME_DIR/phasma-NAME`, or `/tmp/phasma-UID-NAME`.
-fn default_run_dir(name: &str) -> PathBuf {
+pub(in crate::cli) fn default_run_dir(name: &str) -> PathBuf {
     match runtime_dir() {
         Some(dir) => dir.join(format!("phasma-{name}")),
         None => {

@@ -5,7 +5,7 @@ use tokio::signal::unix::{Signal, SignalKind, signal};
 use tokio::sync::oneshot;
 
 /// The reasons to end, watched from the moment this is made.
-pub(super) struct Shutdown {
+pub(in crate::cli) struct Shutdown {
     interrupt: Signal,
     terminate: Signal,
     /// A terminal that is closed.
@@ -18,7 +18,7 @@ impl Shutdown {
     ///
     /// # Errors
     /// What the system refuses.
-    pub(super) fn watch(while_stdin: bool) -> Result<Self> {
+    pub(in crate::cli) fn watch(while_stdin: bool) -> Result<Self> {
         let signal = |kind| signal(kind).map_err(|e| Error::io("signals", e));
         Ok(Self {
             interrupt: signal(SignalKind::interrupt())?,
@@ -29,7 +29,7 @@ impl Shutdown {
     }
 
     /// Waits for the first of them.
-    pub(super) async fn wait(&mut self) {
+    pub(in crate::cli) async fn wait(&mut self) {
         tokio::select! {
             _ = self.interrupt.recv() => {}
             _ = self.terminate.recv() => {}

@@ -2,6 +2,7 @@
 
 use super::video::open_video;
 use super::{Args, Pace};
+use crate::cli::record::unix_s;
 use crate::emulator::faults::Faults;
 use crate::emulator::port::Port;
 use crate::emulator::render::Options;
@@ -9,9 +10,13 @@ use crate::emulator::{
     Clock, Firmware, Machine, PacedClock, Renderer, SerialLine, UserSequence, VirtualClock,
 };
 use crate::error::{Error, Result};
-use crate::link::{Device, RunDir, UsbLink, serve};
+use crate::link::{Device, Recording, RunDir, UsbLink, serve};
+use crate::profile::faults::Schedule;
 use crate::profile::{Profile, Scene};
 use crate::protocol::Endpoints;
+use crate::protocol::record::create;
+use std::path::Path;
+use std::sync::Arc;
 use std::time::Duration;
 use tokio::sync::{mpsc, watch};
 
@@ -63,12 +68,20 @@ impl Unit {
             let profile = &args.profile[number];
             eprintln!("phasma: {profile}: rendering on a GPU, {kind}: {name} ({driver})");
         }
+        let port = match profile.control.dialect.as_str() {
+            "scpi" => Port::default(),
+            _ => Port::new(Arc::new(profile.control.load_dialect(&profile.folder)?))?,
+        };
+        let schedule = match &args.faults {
+            Some(file) => Schedule::read(file)?,
+            None => Schedule::default(),
+        };
         let device = Device {
             machine: Machine::new(
                 Firmware::new(profile, &user)?,
-                Port::default(),
-                SerialLine::default(),
-                Faults::default(),
+                port,
+                SerialLine::new(&profile.control),
+                Faults::new(&schedule, &profile.name),
             ),
             renderer,
             clock,
@@ -82,6 +95,7 @@ impl Unit {
             tcp: args.tcp,
             video: None,
             usb: None,
+            recording: None,
             notice: |text| eprintln!("phasma: {text}"),
         };
         Ok(Self {
@@ -111,6 +125,19 @@ impl Unit {
     pub(super) fn set_usb(&mut self, (link, about): (UsbLink, String)) {
         self.device.usb = Some(link);
         self.about = about;
+    }
+
+    /// Makes the file that it is recorded in.
+    ///
+    /// # Errors
+    /// A file that is there already, unless `force`, and what the system refuses.
+    pub(super) fn record(&mut self, path: &Path, force: bool) -> Result<()> {
+        self.device.recording = Some(Recording {
+            file: create(path, "--record", force)?,
+            path: path.to_owned(),
+            started_unix_s: unix_s(),
+        });
+        Ok(())
     }
 
     pub(super) fn about(&self) -> &str {
@@ -167,7 +194,7 @@ impl Drop for Ending {
 }
 
 /// An event loop on the thread that asks for it.
-pub(super) fn runtime() -> Result<tokio::runtime::Runtime> {
+pub(in crate::cli) fn runtime() -> Result<tokio::runtime::Runtime> {
     tokio::runtime::Builder::new_current_thread()
         .enable_all()
         .build()

@@ -45,7 +45,8 @@ impl Firmware {
     /// nothing.
     pub fn settable_exposure_ns(&self) -> Option<u64> {
         let running = matches!(self.state, State::Running { .. });
-        (!running).then_some(self.settings.period_ns)
+        let room_ns = self.settings.period_ns;
+        (!running).then_some(room_ns.saturating_sub(self.settings.readout_ns()))
     }
 
     /// Sets format and interval of a stream that a host has agreed on; `false`, and all is as

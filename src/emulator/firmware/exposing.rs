@@ -1,10 +1,11 @@
 //! What the trigger system sets off: exposures of the selected sequence, or of what is shown at rest.
 
 use super::memory::Stored;
-use super::settings::{Settings, Shown};
+use super::settings::{Settings, Shown, seconds};
 use super::table::{self, Command};
 use super::trigger::Exposed;
-use super::{Firmware, State};
+use super::{Firmware, State, status};
+use crate::emulator::projection::{self, Lit};
 use crate::emulator::{Exposure, Readout, Shot, Showing, Stream};
 use crate::pattern::Pattern;
 use crate::protocol::scpi::{DeviceError, ErrorCode, Unit};
@@ -27,45 +28,60 @@ impl Firmware {
                 .filter(|_| self.taken_ns.len() == count);
             taken.copied().unwrap_or(now)
         };
-        let shots = self
-            .selected
-            .slides
-            .iter()
-            .enumerate()
-            .map(|(i, slide)| Shot {
+        let shots = (0..count).map(|i| {
+            let mut shot = Shot {
                 pattern_index: Some(i as u32),
-                slide: Some(slide.clone()),
                 light: self.settings.current,
-                then: self.then(
-                    (i + 1 < count).then(|| (i as u32 + 1, start_ns(i + 1))),
-                    start_ns(i),
-                    true,
-                ),
                 start_ns: start_ns(i),
                 exposure_ns: self.settings.exposure_ns,
                 shutter: self.settings.shutter(),
                 gain_db: self.settings.gain_db,
                 ..Shot::default()
-            });
+            };
+            self.show(&mut shot, (i..count).map(|i| (i, start_ns(i))));
+            shot
+        });
         let frames = self.selected.manifest.frame.iter();
         frames.map(|f| f.pattern.clone()).zip(shots).collect()
     }
 
-    /// What the projector goes over to, at a time, while rows of an exposure from `start_ns` on are
-    /// still exposed. After the last pattern of a trigger it keeps that until the frame has ended.
-    fn then(&self, next: Option<(u32, u64)>, start_ns: u64, lamp: bool) -> Vec<Showing> {
-        let end_ns = start_ns.saturating_add(self.settings.frame_ns());
-        next.into_iter()
-            .filter(|(_, from_ns)| *from_ns < end_ns)
-            .filter_map(|(index, from_ns)| {
-                let slide = self.selected.slides.get(index as usize)?;
-                Some(Showing {
+    /// Gives a shot of the selected sequence what it sees with the lamp on: of patterns by their
+    /// positions and the starts of their exposures, the first of them the shot's own. A projector
+    /// without a time goes over from one to the next, and keeps the last one of a trigger until the
+    /// frame has ended; one that has a time is dark around them.
+    fn show(&self, shot: &mut Shot, patterns: impl IntoIterator<Item = (usize, u64)>) {
+        let slides = &self.selected.slides;
+        let end_ns = shot.end_ns();
+        let mut seen = patterns
+            .into_iter()
+            .take_while(|(_, start_ns)| *start_ns <= end_ns)
+            .filter_map(|(place, start_ns)| Some((slides.get(place)?.clone(), start_ns)));
+        let Some(timing) = &self.profile.projector.timing else {
+            shot.slide = seen.next().map(|(slide, _)| slide);
+            shot.then = seen
+                .filter(|(_, from_ns)| *from_ns < end_ns)
+                .map(|(slide, from_ns)| Showing {
                     from_ns,
-                    slide: lamp.then(|| slide.clone()),
-                    light: self.settings.current,
+                    slide: Some(slide),
+                    light: shot.light,
                 })
-            })
-            .collect()
+                .collect();
+            return;
+        };
+        let lasts_ns = self.settings.pattern_ns(timing, self.settings.period_ns);
+        let lit = seen.map(|(slide, start_ns)| {
+            let begins_ns = start_ns.saturating_sub(timing.camera_delay_ns());
+            let from_ns = begins_ns.saturating_add(timing.dark_before_ns());
+            Lit {
+                slide,
+                from_ns,
+                to_ns: from_ns.saturating_add(lasts_ns),
+            }
+        });
+        let planes = timing
+            .bit_planes
+            .then_some((&self.planes, self.profile.projector.bits));
+        projection::show(shot, lit, planes);
     }
 
     /// What the camera's frames look like with the present settings.
@@ -118,13 +134,42 @@ impl Firmware {
         self.state = State::rest(&self.settings, self.streaming, self.now_ns);
     }
 
+    /// Whether an order has to wait until the device is ready for a trigger: it is armed then.
+    pub(super) fn held_by_time(&self, unit: &Unit) -> bool {
+        matches!(self.state, State::Idle)
+            && self.now_ns < self.ready_ns()
+            && !unit.query
+            && matches!(table::find(unit), Ok(Command::Initiate))
+    }
+
+    /// A trigger. One that comes too early for the device that waits for it is missed and counted.
     pub(super) fn fire(&mut self) -> Result<(), DeviceError> {
         let len = self.sequence_len();
+        let early = match self.state {
+            State::Running { .. } => true,
+            State::Armed { .. } => self.now_ns < self.ready_ns(),
+            State::Idle | State::Free { .. } => false,
+        };
+        if early {
+            self.missed += 1;
+            self.status.questionable.happen(status::TRIGGER_MISSED);
+        }
+        if early && let State::Armed { .. } = self.state {
+            let why = match self.now_ns < self.loaded_ns {
+                true => "the sequence is still loaded",
+                false => "the last pattern's period or the camera's interval has not ended",
+            };
+            let left_s = seconds(self.ready_ns() - self.now_ns);
+            return Err(ErrorCode::TriggerIgnored.with(format!("{left_s} s too early: {why}")));
+        }
         self.state.trigger(&self.settings, len, self.now_ns)
     }
 
     pub(super) fn select(&mut self, stored: Arc<Stored>) {
         self.settings.period_ns = stored.period_ns;
+        if !Arc::ptr_eq(&self.selected, &stored) && stored.load_ns > 0 {
+            self.loaded_ns = self.now_ns.saturating_add(stored.load_ns);
+        }
         self.selected = stored;
         self.taken_ns.clear();
         if matches!(self.settings.shown, Shown::Pattern(i) if i >= self.sequence_len()) {
@@ -141,35 +186,57 @@ impl Firmware {
             shown,
             ..
         } = self.settings;
-        let slide = match exposed.index.map_or(shown, Shown::Pattern) {
-            Shown::White => &self.white,
-            Shown::Black => &self.black,
-            Shown::Pattern(index) => &self.selected.slides[index as usize],
-        };
+        let timing = self.profile.projector.timing.as_ref();
+        let mut gap_ns = self.settings.shortest_interval_ns;
         if let Some(index) = exposed.index {
             self.taken_ns.truncate(index as usize);
             self.taken_ns.push(exposed.start_ns);
+            gap_ns = gap_ns.max(timing.map_or(0, |_| self.settings.period_ns));
         }
-        let then = self.then(exposed.next, exposed.start_ns, lamp);
+        if gap_ns > 0 {
+            self.free_from_ns = exposed.start_ns.saturating_add(gap_ns);
+        }
         let triggered = exposed.index.is_some();
         let noise_id = if triggered {
             self.triggered
         } else {
             FREE_RUNNING | (self.next_id - self.triggered)
         };
+        let mut shot = Shot {
+            id: self.next_id,
+            noise_id,
+            pattern_index: exposed.index,
+            light: current,
+            start_ns: exposed.start_ns,
+            exposure_ns,
+            shutter: self.settings.shutter(),
+            gain_db,
+            ..Shot::default()
+        };
+        match exposed.index {
+            Some(index) => {
+                let starts = (index..exposed.end).enumerate().map(|(i, place)| {
+                    let after_ns = self.settings.period_ns.saturating_mul(i as u64);
+                    (place as usize, exposed.start_ns.saturating_add(after_ns))
+                });
+                self.show(&mut shot, starts);
+            }
+            None => {
+                shot.slide = Some(match shown {
+                    Shown::White => self.white.clone(),
+                    Shown::Black => self.black.clone(),
+                    Shown::Pattern(index) => self.selected.slides[index as usize].clone(),
+                });
+            }
+        }
+        if !lamp {
+            shot.slide = None;
+            shot.then
+                .iter_mut()
+                .for_each(|showing| showing.slide = None);
+        }
         self.exposures.push(Exposure {
-            shot: Shot {
-                id: self.next_id,
-                noise_id,
-                pattern_index: exposed.index,
-                slide: lamp.then(|| slide.clone()),
-                light: current,
-                then,
-                start_ns: exposed.start_ns,
-                exposure_ns,
-                shutter: self.settings.shutter(),
-                gain_db,
-            },
+            shot,
             readout: self.readout(&self.settings),
         });
         self.next_id += 1;

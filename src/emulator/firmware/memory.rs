@@ -60,11 +60,16 @@ pub(super) struct Stored {
     pub(super) period_ns: u64,
     pub(super) manifest: Manifest,
     pub(super) slides: Vec<Arc<Slide>>,
+    /// Shortest time for which the projector can show the patterns.
+    pub(super) shortest_ns: u64,
+    /// How long they take from flash memory.
+    pub(super) load_ns: u64,
     /// Bytes that the slides take.
     bytes: usize,
     built_in: bool,
 }
 
+#[derive(Clone)]
 pub(super) struct Memory {
     projector: Projector,
     /// Period of sequences that state none.
@@ -137,15 +142,32 @@ impl Memory {
         }
         let images = |file: &Path| picture::read(&folder.join(file), &self.projector);
         let slides = self.slides(&manifest, &images)?;
-        self.sequences.push(Arc::new(Stored {
+        let stored = Stored {
             name: name.to_owned(),
             period_ns,
             manifest,
             slides,
+            shortest_ns: 0,
+            load_ns: 0,
             bytes,
             built_in,
-        }));
+        };
+        self.sequences.push(Arc::new(self.timed(stored)));
         Ok(())
+    }
+
+    /// A sequence with what the projector's time makes of it: patterns that take longer than their
+    /// period make that longer.
+    fn timed(&self, mut stored: Stored) -> Stored {
+        if let Some(timing) = &self.projector.timing {
+            let bits = self.projector.bits;
+            let patterns = || stored.manifest.frame.iter().map(|frame| &frame.pattern);
+            stored.shortest_ns = timing.shortest_exposure_ns(patterns(), bits);
+            stored.load_ns = timing.load_ns(patterns(), bits);
+            let least_ns = timing.shortest_period_ns(stored.shortest_ns);
+            stored.period_ns = stored.period_ns.max(least_ns);
+        }
+        stored
     }
 
     fn check_projector(&self, manifest: &Manifest) -> Result<(), String> {
@@ -195,8 +217,14 @@ impl Memory {
         Ok(())
     }
 
-    /// Makes a sequence of a manifest that came over the port.
-    pub(super) fn define(&mut self, name: &str, toml: &[u8]) -> Result<Arc<Stored>, DeviceError> {
+    /// Makes a sequence of a manifest that came over the port, unless `refuse` has something against
+    /// it.
+    pub(super) fn define(
+        &mut self,
+        name: &str,
+        toml: &[u8],
+        refuse: impl FnOnce(&Stored) -> Result<(), DeviceError>,
+    ) -> Result<Arc<Stored>, DeviceError> {
         if !is_name(name) {
             return Err(ErrorCode::IllegalParameterValue
                 .with("a name is 1 to 64 letters, digits, '-', '_' or '.'"));
@@ -229,14 +257,17 @@ impl Memory {
         }
         let images = |file: &Path| Ok(self.pictures[&key(file)].clone());
         let slides = self.slides(&manifest, &images).map_err(failed)?;
-        let stored = Arc::new(Stored {
+        let stored = Arc::new(self.timed(Stored {
             name: name.to_owned(),
             period_ns: self.period_ns,
             manifest,
             slides,
+            shortest_ns: 0,
+            load_ns: 0,
             bytes,
             built_in: false,
-        });
+        }));
+        refuse(&stored)?;
         match place {
             Some(index) => self.sequences[index] = stored.clone(),
             None => self.sequences.push(stored.clone()),
@@ -361,17 +392,18 @@ mod tests {
     fn rows_are_counted_and_equal_ones_shared() {
         let row = 854 * 2;
         let mut memory = small(100 * row, &[]).unwrap();
-        let full = memory.define("own", fringes(101, |i| i).as_bytes());
+        let all = |_: &Stored| Ok(());
+        let full = memory.define("own", fringes(101, |i| i).as_bytes(), all);
         assert_eq!(full.unwrap_err().code, ErrorCode::OutOfMemory);
         memory
-            .define("own", fringes(100, |i| i).as_bytes())
+            .define("own", fringes(100, |i| i).as_bytes(), all)
             .unwrap();
         assert_eq!(memory.room(), 0);
-        let full = memory.define("other", fringes(1, |i| i).as_bytes());
+        let full = memory.define("other", fringes(1, |i| i).as_bytes(), all);
         assert_eq!(full.unwrap_err().code, ErrorCode::OutOfMemory);
         // In its place the same room is free; frames of one pattern take it once.
         let stored = memory
-            .define("own", fringes(4096, |i| i % 2).as_bytes())
+            .define("own", fringes(4096, |i| i % 2).as_bytes(), all)
             .unwrap();
         assert_eq!(memory.room(), 98 * row);
         assert!(Arc::ptr_eq(&stored.slides[0], &stored.slides[4094]));

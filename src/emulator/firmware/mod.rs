@@ -22,18 +22,25 @@ mod trigger;
 
 pub use controls::CameraControls;
 pub use memory::UserSequence;
+pub use messages::{Answered, Done};
 pub use trigger::State;
 
+use super::projection::Planes;
 use super::{Exposure, Slide, StreamSink};
 use crate::error::Result;
 use crate::profile::Profile;
-use crate::protocol::scpi::{DeviceError, ErrorCode, Framer, Framing, Program, Unit};
+use crate::protocol::dialect::Event;
+use crate::protocol::scpi::{DeviceError, ErrorCode, Framer, Framing, Unit};
 use crate::protocol::usb::cdc::LineCoding;
 use memory::{Memory, Stored};
+use messages::{Current, Waiting};
 use settings::{Settings, Source};
 use status::Status;
 use std::collections::VecDeque;
 use std::sync::Arc;
+
+/// Events that wait to be told.
+const MAX_EVENTS: usize = 1024;
 
 /// What holds up the execution of a message until no operation is pending.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -53,26 +60,34 @@ pub struct Firmware {
     profile: Profile,
     settings: Settings,
     memory: Memory,
+    /// The memory at power-on.
+    loaded: Memory,
     selected: Arc<Stored>,
     white: Arc<Slide>,
     black: Arc<Slide>,
     state: State,
     status: Status,
     framer: Framer,
-    /// Units of the message that is being executed.
-    current: VecDeque<Unit>,
-    /// What ends the message that is being executed.
+    /// The message that is being executed.
+    current: Option<Current>,
+    /// What is left of it.
+    units: VecDeque<Unit>,
+    /// What ends it.
     current_error: Option<DeviceError>,
-    /// Messages behind it, with their lengths in bytes.
-    waiting: VecDeque<(Program, usize)>,
+    /// Messages behind it.
+    waiting: VecDeque<Waiting>,
     waiting_bytes: usize,
     block: Option<Block>,
     /// `*OPC` was given and has not been answered in the event register.
     completion_asked: bool,
     /// Answers of the message that is being executed.
     answers: Vec<Vec<u8>>,
-    output: Vec<u8>,
+    output: Vec<Answered>,
+    /// Messages with tickets that have been worked off.
+    done: Vec<Done>,
     exposures: Vec<Exposure>,
+    /// What has happened and was not told yet.
+    events: VecDeque<Event>,
     next_id: u64,
     /// Exposures since power-on that were triggered.
     triggered: u64,
@@ -80,6 +95,15 @@ pub struct Firmware {
     taken_ns: Vec<u64>,
     /// Exposures whose frames have not left the device.
     in_flight: u64,
+    /// Triggers since power-on or `*RST` that came too early.
+    missed: u64,
+    /// When the selected sequence is in the controller's memory.
+    loaded_ns: u64,
+    /// No exposure starts before this: the projector shows the last pattern until then, or the camera
+    /// is not so quick.
+    free_from_ns: u64,
+    /// Bits of grey patterns, as far as they were seen one by one.
+    planes: Planes,
     streaming: bool,
     /// How the host has set the serial line; nothing here depends on it.
     line: LineCoding,
@@ -100,13 +124,15 @@ impl Firmware {
         Ok(Self {
             settings: Settings::reset(profile),
             selected: memory.first().clone(),
+            loaded: memory.clone(),
             memory,
             white: Arc::new(Slide::Uniform(full)),
             black: Arc::new(Slide::Uniform(0)),
             state: State::Idle,
             status: Status::power_on(),
             framer: Framer::default(),
-            current: VecDeque::new(),
+            current: None,
+            units: VecDeque::new(),
             current_error: None,
             waiting: VecDeque::new(),
             waiting_bytes: 0,
@@ -114,17 +140,51 @@ impl Firmware {
             completion_asked: false,
             answers: Vec::new(),
             output: Vec::new(),
+            done: Vec::new(),
             exposures: Vec::new(),
+            events: VecDeque::new(),
             next_id: 0,
             triggered: 0,
             taken_ns: Vec::new(),
             in_flight: 0,
+            missed: 0,
+            loaded_ns: 0,
+            free_from_ns: 0,
+            planes: Planes::default(),
             streaming: false,
-            line: LineCoding::default(),
+            line: profile.control.line_coding(),
             link: None,
             now_ns: 0,
             profile: profile.clone(),
         })
+    }
+
+    /// Switches the device off and on again. Settings, sequences and pictures that came over the
+    /// port are lost, and what was under way is not exposed to its end; frames that have been
+    /// exposed still leave. Ids go on, so that none comes twice. As with `*RST`, the frames' format
+    /// and region stay where a link cannot change them now.
+    pub fn power_cycle(&mut self, now_ns: u64) {
+        self.advance(now_ns);
+        self.hang_up();
+        self.state = State::Idle;
+        self.memory = self.loaded.clone();
+        let (roi, format) = (self.settings.roi, self.settings.format);
+        if self.link.is_some() && self.in_flight > 0 {
+            self.settings = Settings {
+                roi,
+                format,
+                ..Settings::reset(&self.profile)
+            };
+            self.select(self.memory.first().clone());
+            self.rest();
+        } else {
+            // A link that refuses keeps its frames; there is nobody to tell.
+            let _ = self.reset();
+        }
+        self.events.clear();
+        self.completion_asked = false;
+        self.status = Status::power_on();
+        self.run();
     }
 
     /// Puts a link behind the camera that is asked before the frames change. It is ready for those
@@ -143,7 +203,7 @@ impl Firmware {
         self.advance(now_ns);
         let mut framer = std::mem::take(&mut self.framer);
         framer.push(bytes, &mut |framing| match framing {
-            Framing::Message(message) => self.message(&message),
+            Framing::Message(message) => self.line(&message),
             Framing::Dropped(error) => self.status.report(error),
         });
         self.framer = framer;
@@ -155,13 +215,33 @@ impl Firmware {
         let len = self.sequence_len();
         while let Some(exposed) = self.state.advance(&self.settings, len, self.now_ns) {
             self.expose(exposed);
+            if let Some(index) = exposed.index {
+                self.tell(Event::Exposed {
+                    index: u64::from(index),
+                    id: self.next_id - 1,
+                });
+                if index + 1 == len {
+                    self.tell(Event::SequenceDone);
+                }
+            }
         }
         self.run();
     }
 
-    /// When an exposure ends next, in device time; `None` while nothing is under way.
+    /// When an exposure has ended next, or, at rest, the device is ready for a trigger, in device
+    /// time; `None` while nothing is under way.
     pub fn next_event_ns(&self) -> Option<u64> {
-        self.state.next_event_ns(&self.settings)
+        match self.state {
+            State::Idle => Some(self.ready_ns()).filter(|ready_ns| *ready_ns > self.now_ns),
+            state => state.next_event_ns(&self.settings),
+        }
+    }
+
+    /// From when on a trigger is in time.
+    fn ready_ns(&self) -> u64 {
+        let delay_ns = self.settings.start_delay_ns();
+        self.loaded_ns
+            .max(self.free_from_ns.saturating_sub(delay_ns))
     }
 
     /// What is to be rendered, in order.
@@ -169,9 +249,29 @@ impl Firmware {
         std::mem::take(&mut self.exposures)
     }
 
-    /// What is to be sent over the control port.
+    /// What is to be sent over the control port, all of it.
     pub fn take_output(&mut self) -> Vec<u8> {
+        self.take_answered()
+            .into_iter()
+            .flat_map(|a| a.bytes)
+            .collect()
+    }
+
+    /// What is to be sent over the control port, by the lines that it answers.
+    pub fn take_answered(&mut self) -> Vec<Answered> {
         std::mem::take(&mut self.output)
+    }
+
+    /// What has happened since this was asked last; of very much the latest.
+    pub fn take_events(&mut self) -> Vec<Event> {
+        std::mem::take(&mut self.events).into()
+    }
+
+    fn tell(&mut self, event: Event) {
+        if self.events.len() >= MAX_EVENTS {
+            self.events.pop_front();
+        }
+        self.events.push_back(event);
     }
 
     /// Says that the frames of so many exposures have left the device (or, with nobody to read
@@ -209,6 +309,7 @@ impl Firmware {
         if self.settings.source == Source::External
             && let Err(error) = self.fire()
         {
+            self.tell(Event::TriggerMissed);
             self.status.report(error);
         }
         self.run();
@@ -217,13 +318,15 @@ impl Firmware {
     /// Forgets unfinished input and replies, as when a cable is pulled. Exposures go on.
     pub fn hang_up(&mut self) {
         self.framer.reset();
-        self.current.clear();
+        self.current = None;
+        self.units.clear();
         self.current_error = None;
         self.waiting.clear();
         self.waiting_bytes = 0;
         self.block = None;
         self.answers.clear();
         self.output.clear();
+        self.done.clear();
     }
 
     /// Gives up on a block that stopped coming, so that the next line is read as one.
@@ -244,6 +347,12 @@ impl Firmware {
     pub fn reply_lost(&mut self) {
         self.status
             .report(ErrorCode::QueryDeadlocked.with("replies are not being read"));
+    }
+
+    /// Says that a message was thrown away because the device had no time for it.
+    pub fn input_lost(&mut self) {
+        self.status
+            .report(ErrorCode::InputBufferOverrun.with("the device is busy"));
     }
 
     /// Where the trigger system stands.

@@ -20,6 +20,12 @@ pub(super) const MEASURING: u16 = 1 << 4;
 /// Bit of the operation register: waiting for a trigger.
 pub(super) const WAITING_FOR_TRIGGER: u16 = 1 << 5;
 
+/// Bit of the operation register: a sequence is being loaded (SCPI's "settling").
+pub(super) const LOADING: u16 = 1 << 1;
+/// Bit of the questionable register, one of those that SCPI leaves to the device: a trigger came too
+/// early.
+pub(super) const TRIGGER_MISSED: u16 = 1 << 9;
+
 /// A condition register with its event and enable registers; an event is a condition that came.
 #[derive(Debug, Default)]
 pub(super) struct Register {
@@ -36,6 +42,11 @@ impl Register {
     pub(super) fn set(&mut self, condition: u16) {
         self.event |= condition & !self.condition;
         self.condition = condition;
+    }
+
+    /// A condition that comes and goes at once.
+    pub(super) fn happen(&mut self, event: u16) {
+        self.event |= event;
     }
 
     pub(super) fn take_event(&mut self) -> u16 {

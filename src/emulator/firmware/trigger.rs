@@ -46,8 +46,8 @@ pub(super) struct Exposed {
     /// Position in the sequence; `None` when running free.
     pub(super) index: Option<u32>,
     pub(super) start_ns: u64,
-    /// Position and start of the exposure that follows it without another trigger.
-    pub(super) next: Option<(u32, u64)>,
+    /// Position after the last one that follows it without another trigger.
+    pub(super) end: u32,
 }
 
 /// A free-running camera that was left behind further than this does not catch up.
@@ -103,16 +103,16 @@ impl State {
                 Mode::Sequence => len,
                 Mode::Step => next + 1,
             },
-            start_ns: now_ns.saturating_add(settings.delay_ns),
+            start_ns: now_ns.saturating_add(settings.start_delay_ns()),
         };
         Ok(())
     }
 
-    /// When the exposure that is under way or next ends, of its last row.
+    /// When the exposure that is under way or next has ended, of its last row, and been read.
     pub(super) fn next_event_ns(self, settings: &Settings) -> Option<u64> {
         match self {
             Self::Free { start_ns } | Self::Running { start_ns, .. } => {
-                Some(start_ns.saturating_add(settings.frame_ns()))
+                Some(start_ns.saturating_add(settings.done_ns()))
             }
             Self::Idle | Self::Armed { .. } => None,
         }
@@ -136,7 +136,7 @@ impl State {
                     .max(1);
                 let lag = now_ns - start_ns;
                 if lag > MAX_LAG_NS {
-                    start_ns += (lag - settings.frame_ns()) / interval * interval;
+                    start_ns += (lag - settings.done_ns()) / interval * interval;
                 }
                 *self = Self::Free {
                     start_ns: start_ns + interval,
@@ -144,7 +144,7 @@ impl State {
                 Some(Exposed {
                     index: None,
                     start_ns,
-                    next: None,
+                    end: 0,
                 })
             }
             Self::Running {
@@ -152,13 +152,11 @@ impl State {
                 end,
                 start_ns,
             } => {
-                let then = (next + 1, start_ns.saturating_add(settings.period_ns));
-                let goes_on = next + 1 < end;
-                *self = if goes_on {
+                *self = if next + 1 < end {
                     Self::Running {
-                        next: then.0,
+                        next: next + 1,
                         end,
-                        start_ns: then.1,
+                        start_ns: start_ns.saturating_add(settings.period_ns),
                     }
                 } else if end < len {
                     Self::Armed { next: end }
@@ -170,7 +168,7 @@ impl State {
                 Some(Exposed {
                     index: Some(next),
                     start_ns,
-                    next: goes_on.then_some(then),
+                    end,
                 })
             }
             Self::Idle | Self::Armed { .. } => None,

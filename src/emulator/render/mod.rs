@@ -44,4 +44,5 @@ pub use gpu::{Adapter, PassTime};
 pub use options::{Backend, Options};
 pub use plan::{Decision, Plan};
 pub use renderer::{Pending, Renderer};
+pub(super) use sensor::philox;
 pub use term::{Pass, Term};

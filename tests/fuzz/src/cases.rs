@@ -1,5 +1,8 @@
 //! Scripts for the ordinary tests: seeds and what comes of changing them, the same in every run.
 
+use std::ops::Range;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+
 /// SplitMix64 (Steele, Lea, Flood 2014): the tests need variety, not quality.
 struct Numbers(u64);
 
@@ -26,6 +29,20 @@ impl Numbers {
     }
 }
 
+/// Runs cases; `PHASMA_FUZZ_CASES=FIRST..END` names others than the usual ones.
+pub fn each(usual: u64, seeds: &[Vec<u8>], run: impl Fn(&[u8])) {
+    let named = std::env::var("PHASMA_FUZZ_CASES").ok();
+    let range: Range<u64> = named.map_or(0..usual, |named| {
+        let (first, end) = named.split_once("..").expect("FIRST..END");
+        first.parse().unwrap()..end.parse().unwrap()
+    });
+    for number in range {
+        let script = case(seeds, number);
+        let done = catch_unwind(AssertUnwindSafe(|| run(&script)));
+        assert!(done.is_ok(), "case {number}: {script:?}");
+    }
+}
+
 /// A case by its number: every fourth is noise, the others are seeds with a few changes.
 pub fn case(seeds: &[Vec<u8>], number: u64) -> Vec<u8> {
     let mut numbers = Numbers(number);
@@ -37,7 +54,8 @@ pub fn case(seeds: &[Vec<u8>], number: u64) -> Vec<u8> {
     for _ in 0..numbers.below(9) {
         change(&mut script, seeds, &mut numbers);
     }
-    script.truncate(4096);
+    let longest = seeds.iter().map(Vec::len).max().unwrap_or(0);
+    script.truncate(4096.max(2 * longest));
     script
 }
 

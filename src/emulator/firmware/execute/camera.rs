@@ -1,7 +1,7 @@
 //! `CAMera`: exposure, gain, format, region and frame interval.
 
 use super::setting::{Setting, numeric};
-use super::{Answer, MAX_TIME_S, check_period, say};
+use super::{Answer, MAX_TIME_S, say};
 use crate::emulator::Roi;
 use crate::emulator::firmware::Firmware;
 use crate::emulator::firmware::settings::{Settings, from_seconds, seconds};
@@ -31,7 +31,7 @@ impl Firmware {
                             exposure_ns,
                             ..settings.clone()
                         };
-                        check_period(&settings, settings.period_ns)?;
+                        self.check_selected(&settings)?;
                         self.apply(settings)?;
                     }
                 }
@@ -85,7 +85,7 @@ impl Firmware {
                     roi: self.region(unit)?,
                     ..self.settings.clone()
                 };
-                check_period(&settings, settings.period_ns)?;
+                self.check_selected(&settings)?;
                 self.apply(settings)?;
             }
         }

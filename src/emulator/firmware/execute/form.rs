@@ -35,6 +35,7 @@ impl Firmware {
                 | C::StopBits
                 | C::Calibration
                 | C::FrameCount
+                | C::Missed
         );
         let only_order = matches!(
             command,
@@ -85,5 +86,6 @@ fn numeric_command(command: Command) -> bool {
             | Command::Current
             | Command::Period
             | Command::Delay
+            | Command::PatternExposure
     )
 }

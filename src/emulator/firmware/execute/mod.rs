@@ -11,6 +11,7 @@ mod trigger;
 use super::settings::{Settings, seconds};
 use super::table::{Command, find};
 use super::{Firmware, State};
+use crate::profile::Timing;
 use crate::protocol::scpi::{DeviceError, ErrorCode, Unit};
 
 /// Longest times that can be set, in seconds.
@@ -34,7 +35,9 @@ impl Firmware {
             | Command::Format
             | Command::Roi
             | Command::Interval => self.camera(unit, command),
-            Command::Lamp | Command::Current | Command::Shown => self.projector(unit, command),
+            Command::Lamp | Command::Current | Command::Shown | Command::PatternExposure => {
+                self.projector(unit, command)
+            }
             Command::Select
             | Command::List
             | Command::Count
@@ -49,6 +52,7 @@ impl Firmware {
             | Command::Source
             | Command::Delay
             | Command::Mode
+            | Command::Missed
             | Command::Initiate
             | Command::Continuous
             | Command::Abort => self.trigger_system(unit, command),
@@ -74,7 +78,7 @@ impl Firmware {
     }
 
     /// `*RST`. Where the link cannot carry the frames of power-on, theirs alone of the settings stay.
-    fn reset(&mut self) -> Result<(), DeviceError> {
+    pub(super) fn reset(&mut self) -> Result<(), DeviceError> {
         let settings = Settings::reset(&self.profile);
         let (roi, format) = (self.settings.roi, self.settings.format);
         let mut done = self.apply(settings.clone());
@@ -89,9 +93,23 @@ impl Firmware {
         }
         let first = self.memory.first().clone();
         self.select(first);
+        self.missed = 0;
         self.completion_asked = false;
         self.rest();
         done
+    }
+
+    /// Refuses settings with which the selected sequence cannot be exposed.
+    fn check_selected(&self, settings: &Settings) -> Result<(), DeviceError> {
+        let timing = self.profile.projector.timing.as_ref();
+        let shortest_ns = self.selected.shortest_ns;
+        check_period(settings, settings.period_ns, timing, shortest_ns)
+    }
+
+    /// A time as the projector's clock has it.
+    fn quantised(&self, ns: u64) -> u64 {
+        let timing = self.profile.projector.timing.as_ref();
+        timing.map_or(ns, |timing| timing.quantise_ns(ns))
     }
 
     pub(super) fn sequence_len(&self) -> u32 {
@@ -99,9 +117,19 @@ impl Firmware {
     }
 }
 
-/// Refuses settings whose exposures do not fit a period.
-fn check_period(settings: &Settings, period_ns: u64) -> Result<(), DeviceError> {
+/// Refuses settings whose exposures do not fit a period, and, with a projector that has a time, such
+/// with which it cannot show patterns that take `shortest_ns` at least.
+fn check_period(
+    settings: &Settings,
+    period_ns: u64,
+    timing: Option<&Timing>,
+    shortest_ns: u64,
+) -> Result<(), DeviceError> {
     let period_s = seconds(period_ns);
+    let shown = timing.and_then(|timing| {
+        let pattern_ns = settings.pattern_ns(timing, period_ns);
+        timing.conflict(period_ns, pattern_ns, shortest_ns)
+    });
     let conflict = if settings.exposure_ns > period_ns {
         format!(
             "exposure {} s exceeds the sequence's period {period_s} s",
@@ -113,6 +141,14 @@ fn check_period(settings: &Settings, period_ns: u64) -> Result<(), DeviceError> 
             settings.roi.height,
             seconds(settings.shutter().readout_ns())
         )
+    } else if settings.shortest_period_ns() > period_ns {
+        format!(
+            "a frame takes {} s until the camera is ready for the next one, which exceeds the \
+             sequence's period {period_s} s",
+            seconds(settings.shortest_period_ns())
+        )
+    } else if let Some((found, allowed)) = shown {
+        format!("{found}, allowed {allowed}")
     } else {
         return Ok(());
     };
@@ -122,5 +158,9 @@ fn check_period(settings: &Settings, period_ns: u64) -> Result<(), DeviceError> 
 /// The profile's exposure fits the profile's period; kept beside the rule that says so.
 pub(super) fn power_on_is_consistent(profile: &crate::profile::Profile) -> bool {
     let settings = Settings::reset(profile);
-    check_period(&settings, settings.period_ns).is_ok()
+    let projector = &profile.projector;
+    let timing = projector.timing.as_ref();
+    let patterns = profile.sequence[0].frame.iter().map(|f| &f.pattern);
+    let shortest_ns = timing.map_or(0, |t| t.shortest_exposure_ns(patterns, projector.bits));
+    check_period(&settings, settings.period_ns, timing, shortest_ns).is_ok()
 }

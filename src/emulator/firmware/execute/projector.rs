@@ -1,11 +1,11 @@
 //! `PROJector`: the lamp, its current and what is shown at rest.
 
 use super::setting::{Setting, numeric};
-use super::{Answer, say};
+use super::{Answer, MAX_TIME_S, say};
 use crate::emulator::firmware::Firmware;
-use crate::emulator::firmware::settings::Shown;
+use crate::emulator::firmware::settings::{Settings, Shown, from_seconds, seconds};
 use crate::emulator::firmware::table::Command;
-use crate::protocol::scpi::{Args, Quantity, Unit};
+use crate::protocol::scpi::{Args, ErrorCode, Number, Quantity, Unit};
 
 impl Firmware {
     pub(super) fn projector(&mut self, unit: &Unit, command: Command) -> Answer {
@@ -27,6 +27,7 @@ impl Firmware {
                     Setting::Set(value) => self.settings.current = value,
                 }
             }
+            Command::PatternExposure => return self.pattern_exposure(unit),
             _ if unit.query => {
                 return match self.settings.shown {
                     Shown::White => say("WHIT"),
@@ -47,5 +48,48 @@ impl Firmware {
             }
         }
         Ok(None)
+    }
+
+    /// How long a pattern is shown; for its whole period by a projector without a time.
+    fn pattern_exposure(&mut self, unit: &Unit) -> Answer {
+        let period_ns = self.settings.period_ns;
+        let Some(timing) = &self.profile.projector.timing else {
+            if !unit.query {
+                return Err(ErrorCode::SettingsConflict
+                    .with("the projector shows a pattern for its whole period"));
+            }
+            let s = seconds(period_ns);
+            return match numeric(unit, Quantity::Time, s, (s, s, s))? {
+                Setting::Say(value) | Setting::Set(value) => say(value),
+            };
+        };
+        let longest_ns = timing.longest_exposure_ns(period_ns);
+        let default_ns = timing.exposure_ns();
+        let word = Args::new(&unit.params).number(Quantity::Time).ok();
+        // What lies between the bounds and those that hold now is a conflict of settings.
+        let (min, max) = match (unit.query, word) {
+            (true, _) | (false, Some(Number::Min | Number::Max)) => {
+                (seconds(self.selected.shortest_ns), seconds(longest_ns))
+            }
+            _ => (0.0, MAX_TIME_S),
+        };
+        let bounds = (min, max, seconds(default_ns.unwrap_or(longest_ns)));
+        let now = seconds(self.settings.pattern_ns(timing, period_ns));
+        match numeric(unit, Quantity::Time, now, bounds)? {
+            Setting::Say(value) => say(value),
+            Setting::Set(value) => {
+                let pattern_ns = match word {
+                    Some(Number::Default) => default_ns,
+                    _ => Some(timing.quantise_ns(from_seconds(value))),
+                };
+                let settings = Settings {
+                    pattern_ns,
+                    ..self.settings.clone()
+                };
+                self.check_selected(&settings)?;
+                self.settings = settings;
+                Ok(None)
+            }
+        }
     }
 }

@@ -3,11 +3,26 @@
 use super::setting::{Setting, numeric};
 use super::{Answer, MAX_TIME_S, check_period, say};
 use crate::emulator::firmware::Firmware;
-use crate::emulator::firmware::settings::{from_seconds, seconds};
+use crate::emulator::firmware::settings::{Settings, from_seconds, seconds};
 use crate::emulator::firmware::table::Command;
 use crate::protocol::scpi::{Args, ErrorCode, Number, Quantity, Unit, encode_block, quote};
 
 impl Firmware {
+    /// Shortest period of the selected sequence, for the camera and for a projector that has a time.
+    fn shortest_period_ns(&self) -> u64 {
+        let camera_ns = self.settings.shortest_period_ns();
+        let Some(timing) = &self.profile.projector.timing else {
+            return camera_ns;
+        };
+        let pattern_ns = self
+            .settings
+            .pattern_ns
+            .unwrap_or(self.selected.shortest_ns);
+        let step_ns = timing.resolution_ns();
+        let on_clock_ns = camera_ns.div_ceil(step_ns).saturating_mul(step_ns);
+        on_clock_ns.max(timing.shortest_period_ns(pattern_ns))
+    }
+
     pub(super) fn sequence(&mut self, unit: &Unit, command: Command) -> Answer {
         let mut args = Args::new(&unit.params);
         match command {
@@ -28,7 +43,7 @@ impl Firmware {
                 let default = seconds(self.selected.period_ns);
                 // The shortest is what an exposure takes; what lies between is a conflict of settings.
                 let floor = match Args::new(&unit.params).number(Quantity::Time) {
-                    Ok(Number::Min) => seconds(self.settings.shortest_period_ns()),
+                    Ok(Number::Min) => seconds(self.shortest_period_ns()),
                     _ => 1e-6,
                 };
                 let bounds = (floor, MAX_TIME_S, default);
@@ -40,9 +55,12 @@ impl Firmware {
                 )? {
                     Setting::Say(value) => return say(value),
                     Setting::Set(value) => {
-                        let period_ns = from_seconds(value);
-                        check_period(&self.settings, period_ns)?;
-                        self.settings.period_ns = period_ns;
+                        let settings = Settings {
+                            period_ns: self.quantised(from_seconds(value)),
+                            ..self.settings.clone()
+                        };
+                        self.check_selected(&settings)?;
+                        self.settings = settings;
                     }
                 }
                 return Ok(None);
@@ -65,10 +83,11 @@ impl Firmware {
                 args.finish()?;
                 self.not_initiated()?;
                 let selected = self.selected.name == name;
-                if selected {
-                    check_period(&self.settings, self.memory.first().period_ns)?;
-                }
-                let stored = self.memory.define(name, toml)?;
+                let (settings, timing) = (&self.settings, self.profile.projector.timing.as_ref());
+                let stored = self.memory.define(name, toml, |new| match selected {
+                    true => check_period(settings, new.period_ns, timing, new.shortest_ns),
+                    false => Ok(()),
+                })?;
                 if selected {
                     self.select(stored);
                 }
@@ -87,7 +106,9 @@ impl Firmware {
                 let Some(stored) = self.memory.get(name).cloned() else {
                     return Err(ErrorCode::FileNameNotFound.with(name));
                 };
-                check_period(&self.settings, stored.period_ns)?;
+                let timing = self.profile.projector.timing.as_ref();
+                let (period_ns, shortest_ns) = (stored.period_ns, stored.shortest_ns);
+                check_period(&self.settings, period_ns, timing, shortest_ns)?;
                 self.select(stored);
             }
         }

@@ -26,6 +26,7 @@ impl Firmware {
         let mut args = Args::new(&unit.params);
         match command {
             Command::Trigger => self.fire()?,
+            Command::Missed => return say(self.missed),
             Command::BusTrigger => {
                 if !matches!(self.settings.source, Source::Bus | Source::Software) {
                     return Err(ErrorCode::TriggerIgnored
@@ -55,7 +56,9 @@ impl Firmware {
                     bounds,
                 )? {
                     Setting::Say(value) => return say(value),
-                    Setting::Set(value) => self.settings.delay_ns = from_seconds(value),
+                    Setting::Set(value) => {
+                        self.settings.delay_ns = self.quantised(from_seconds(value));
+                    }
                 }
             }
             Command::Mode if unit.query => return say(short(MODES, &self.settings.mode)),

@@ -6,6 +6,8 @@ mod documentation;
 mod rolling;
 mod sequences;
 mod streams;
+mod tickets;
+mod timing;
 mod triggers;
 
 use super::Firmware;

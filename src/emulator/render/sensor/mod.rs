@@ -14,6 +14,8 @@ mod response;
 
 pub(super) use fixed::FixedPattern;
 
+pub(in crate::emulator) use philox::philox;
+
 use super::{Plan, Term};
 use crate::profile::Sensor as Parameters;
 use crate::protocol::PixelFormat;

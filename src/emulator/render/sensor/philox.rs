@@ -51,6 +51,22 @@ fn block(key: u64, block_index: u32, draw: u32, frame: u64) -> [u32; BLOCK] {
     words
 }
 
+/// Four random words of one counter under a key, for those who need few; [`block`] without lanes.
+pub(in crate::emulator) fn philox(mut c: [u32; 4], mut k: [u32; 2]) -> [u32; 4] {
+    for _ in 0..ROUNDS {
+        let p0 = u64::from(M[0]) * u64::from(c[0]);
+        let p1 = u64::from(M[1]) * u64::from(c[2]);
+        c = [
+            (p1 >> 32) as u32 ^ c[1] ^ k[0],
+            p1 as u32,
+            (p0 >> 32) as u32 ^ c[3] ^ k[1],
+            p0 as u32,
+        ];
+        k = [k[0].wrapping_add(W[0]), k[1].wrapping_add(W[1])];
+    }
+    c
+}
+
 widest! {
     /// Fills `words` with the blocks from `first_block` on: see [`block`]. A pass of its own, so
     /// that its lanes stay in registers.
@@ -69,22 +85,6 @@ fn fill_body([seed, frame]: [u64; 2], first_block: u32, draw: u32, words: &mut [
 mod tests {
     use super::*;
     use crate::emulator::render::gpu::Engine;
-
-    /// One counter, for the published vectors; the same rounds, without lanes.
-    fn philox(mut c: [u32; 4], mut k: [u32; 2]) -> [u32; 4] {
-        for _ in 0..ROUNDS {
-            let p0 = u64::from(M[0]) * u64::from(c[0]);
-            let p1 = u64::from(M[1]) * u64::from(c[2]);
-            c = [
-                (p1 >> 32) as u32 ^ c[1] ^ k[0],
-                p1 as u32,
-                (p0 >> 32) as u32 ^ c[3] ^ k[1],
-                p0 as u32,
-            ];
-            k = [k[0].wrapping_add(W[0]), k[1].wrapping_add(W[1])];
-        }
-        c
-    }
 
     /// Known answers of Random123's `kat_vectors` for philox4x32-10.
     #[test]

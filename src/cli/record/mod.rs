@@ -1,0 +1,82 @@
+//! `phasma record`: what recordings hold.
+
+mod export;
+mod info;
+
+use crate::error::{Error, Result};
+use crate::protocol::record::{About, Event, Reader};
+use std::fs::File;
+use std::io::BufReader;
+use std::path::{Path, PathBuf};
+use std::time::SystemTime;
+
+/// Look at recordings of serve --record and scan --record.
+#[derive(Debug, clap::Args)]
+pub(super) struct Args {
+    #[command(subcommand)]
+    action: Action,
+}
+
+#[derive(Debug, clap::Subcommand)]
+enum Action {
+    /// Say what a recording holds, how it ends, and where it is damaged.
+    Info {
+        /// The recording.
+        file: PathBuf,
+        /// Print the report as JSON.
+        #[arg(long)]
+        json: bool,
+    },
+    /// Write the frames as pictures and the conversation as text.
+    Export {
+        /// The recording.
+        file: PathBuf,
+        /// Folder for them.
+        #[arg(long, value_name = "DIR")]
+        out: PathBuf,
+        /// Overwrite an earlier export.
+        #[arg(long)]
+        force: bool,
+    },
+}
+
+pub(super) fn run(args: &Args) -> Result<()> {
+    match &args.action {
+        Action::Info { file, json } => info::run(file, *json),
+        Action::Export { file, out, force } => export::run(file, out, *force),
+    }
+}
+
+/// Opens a recording.
+///
+/// # Errors
+/// What the system refuses, what is no file, and what is no recording.
+pub(super) fn open(path: &Path) -> Result<Reader<BufReader<File>>> {
+    crate::file::regular(path)?;
+    let file = File::open(path).map_err(|e| Error::io(path, e))?;
+    Reader::new(BufReader::new(file), &path.display().to_string())
+}
+
+/// What a recording says of itself in its first record.
+///
+/// # Errors
+/// A recording that does not.
+pub(super) fn about<R: std::io::Read>(reader: &mut Reader<R>, path: &Path) -> Result<About> {
+    let found = match reader.read() {
+        Ok(Some(record)) => match record.event {
+            Event::About(about) => return Ok(about),
+            _ => "something else in the first record".to_owned(),
+        },
+        Ok(None) => "a recording without records".to_owned(),
+        Err(damage) => damage.to_string(),
+    };
+    let allowed = "a recording whose first record says what was recorded";
+    Err(Error::input(path.display(), found, allowed))
+}
+
+/// Seconds since 1970.
+pub(super) fn unix_s() -> u64 {
+    // A clock that stands before 1970 is none to go by.
+    let since = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH);
+    since.map_or(0, |since| since.as_secs())
+}

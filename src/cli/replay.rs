@@ -1,0 +1,106 @@
+//! `phasma replay`: a device that behaves as recorded.
+
+use super::record;
+use super::serve::{Shutdown, default_run_dir, runtime};
+use crate::error::{Error, Result};
+use crate::link::{Outcome, Replay, RunDir, replay};
+use crate::protocol::Endpoints;
+use std::io::Write;
+use std::path::PathBuf;
+use std::time::Instant;
+
+/// Serve a recording: a device that behaves as recorded, until Ctrl-C or TERM.
+///
+/// Status 0 if clients did all that was recorded and nothing else, 1 if one left that path (which is
+/// said at once, with its place) or did not go it to the end.
+#[derive(Debug, clap::Args)]
+pub(super) struct Args {
+    /// A recording of serve --record or scan --record.
+    file: PathBuf,
+    /// Where its endpoints are kept; a directory of its own under XDG_RUNTIME_DIR or the temporary
+    /// directory when absent.
+    #[arg(long, value_name = "DIR")]
+    run_dir: Option<PathBuf>,
+    /// When replies and frames follow.
+    #[arg(long, value_enum, default_value_t = Pace::Real)]
+    clock: Pace,
+    /// Serve frames on this port of the loopback interface too; 0 picks a free one.
+    #[arg(long, value_name = "PORT", num_args = 0..=1, default_missing_value = "0")]
+    tcp: Option<u16>,
+    /// End when standard input does: for programs that start a device and may be killed.
+    #[arg(long)]
+    while_stdin: bool,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+enum Pace {
+    /// As long after what the client sends as in the recording.
+    Real,
+    /// At once.
+    Fast,
+}
+
+pub(super) fn run(args: &Args) -> Result<()> {
+    let mut reader = record::open(&args.file)?;
+    let about = record::about(&mut reader, &args.file)?;
+    let run_dir = match &args.run_dir {
+        Some(dir) => std::path::absolute(dir).map_err(|e| Error::io(dir, e))?,
+        None => default_run_dir("replay"),
+    };
+    let what = Replay {
+        reader,
+        about,
+        fast: args.clock == Pace::Fast,
+        tcp: args.tcp,
+        notice: |text| eprintln!("phasma: {text}"),
+    };
+    let outcome = runtime()?.block_on(async {
+        // Before anything is made that would have to be removed.
+        let mut shutdown = Shutdown::watch(args.while_stdin)?;
+        let run_dir = RunDir::claim(&run_dir)?;
+        let start = Instant::now();
+        let ready = |endpoints: &Endpoints| announce(args, endpoints);
+        replay(
+            what,
+            run_dir,
+            move || start.elapsed(),
+            ready,
+            shutdown.wait(),
+        )
+        .await
+    })?;
+    judge(args, &outcome)
+}
+
+fn announce(args: &Args, endpoints: &Endpoints) {
+    let mut text = format!(
+        "{} as recorded in {}\n  control  {}\n  camera   {}\n",
+        crate::protocol::printable(&endpoints.name),
+        args.file.display(),
+        endpoints.control.display(),
+        endpoints.camera
+    );
+    if let Some(tcp) = &endpoints.camera_tcp {
+        text += &format!("           {tcp}\n");
+    }
+    text += "Ctrl-C ends it.\n";
+    // A closed standard output is no reason to stop serving.
+    let mut out = std::io::stdout();
+    let _ = out.write_all(text.as_bytes()).and_then(|()| out.flush());
+}
+
+fn judge(args: &Args, outcome: &Outcome) -> Result<()> {
+    let (matched, missing) = (outcome.matched_bytes, outcome.missing_bytes);
+    let all = matched + missing;
+    let file = args.file.display();
+    match outcome.departures {
+        0 if missing == 0 => Ok(()),
+        0 => Err(Error::device(format!(
+            "{file}: followed for {matched} of the {all} bytes that clients sent in it"
+        ))),
+        count => Err(Error::device(format!(
+            "{file}: {count} clients have left the recorded path; {matched} of the {all} bytes \
+             that clients sent in it came again"
+        ))),
+    }
+}

@@ -1,0 +1,189 @@
+//! Messages of a dialect, one after the other: understood, run by the firmware, answered.
+
+use super::Message;
+use crate::emulator::Firmware;
+use crate::emulator::firmware::Done;
+use crate::protocol::dialect::{Asked, Cut, Cutter, Dialect, Direction, WireError};
+use crate::protocol::scpi::ErrorCode;
+use std::collections::VecDeque;
+use std::sync::Arc;
+
+/// Requests that wait for those before them.
+const MAX_REQUESTS: usize = 64;
+
+/// A message of the dialect that has not been answered yet.
+#[derive(Debug)]
+struct Request {
+    asked: Asked,
+    to: String,
+    /// What the firmware has still to do for it.
+    left: VecDeque<String>,
+    answers: Vec<Vec<u8>>,
+    /// The firmware is at work on it.
+    ticket: Option<u64>,
+    /// It acts even while those before it wait: a trigger, an abort.
+    urgent: bool,
+}
+
+/// What turns a dialect into the firmware's messages and back.
+#[derive(Debug)]
+pub(super) struct Interpreter {
+    dialect: Arc<Dialect>,
+    cutter: Cutter,
+    requests: VecDeque<Request>,
+    tickets: u64,
+    said: Vec<Message>,
+}
+
+impl Interpreter {
+    pub(super) fn new(dialect: Arc<Dialect>) -> Self {
+        Self {
+            cutter: dialect.cutter(Direction::ToDevice),
+            requests: VecDeque::new(),
+            tickets: 0,
+            said: Vec::new(),
+            dialect,
+        }
+    }
+
+    pub(super) fn receive(&mut self, bytes: &[u8], firmware: &mut Firmware, now_ns: u64) {
+        let mut cuts = Vec::new();
+        self.cutter.push(bytes, &mut |cut| cuts.push(cut));
+        for cut in cuts {
+            match cut {
+                Cut::Message(message) => self.message(&message, firmware, now_ns),
+                Cut::Dropped(error) => self.not_understood(&error, String::new()),
+            }
+        }
+    }
+
+    pub(super) fn collect(&mut self, firmware: &mut Firmware, now_ns: u64) -> Vec<Message> {
+        self.run(firmware, now_ns);
+        std::mem::take(&mut self.said)
+    }
+
+    /// Forgets unfinished input and requests, once the firmware has forgotten its messages.
+    pub(super) fn clear(&mut self) {
+        self.cutter.reset();
+        self.requests.clear();
+        self.said.clear();
+    }
+
+    pub(super) fn inside(&self) -> bool {
+        self.cutter.inside()
+    }
+
+    pub(super) fn input_stalled(&mut self) {
+        if self.cutter.inside() {
+            self.cutter.reset();
+        }
+    }
+
+    fn message(&mut self, message: &[u8], firmware: &mut Firmware, now_ns: u64) {
+        if self.dialect.echo() {
+            self.said.push(super::unasked(self.dialect.echoed(message)));
+        }
+        let line = || String::from_utf8_lossy(message).trim_end().to_owned();
+        let asked = match self.dialect.asked(message) {
+            Ok(asked) => asked,
+            Err(error) => return self.not_understood(&error, line()),
+        };
+        let to = match self.dialect.has_sequence() {
+            true => asked.command.clone(),
+            false => line(),
+        };
+        if self.requests.len() >= MAX_REQUESTS {
+            let error = ErrorCode::InputBufferOverrun.with("too much waits to be done");
+            let bytes = self.dialect.refusal(&asked, &error);
+            return self.say(bytes, &asked, to);
+        }
+        let left: VecDeque<_> = self.dialect.runs(&asked).into();
+        let urgent = left.iter().all(|m| Firmware::acts_at_once(m.as_bytes()));
+        self.requests.push_back(Request {
+            urgent: urgent && !left.is_empty(),
+            asked,
+            to,
+            left,
+            answers: Vec::new(),
+            ticket: None,
+        });
+        self.run(firmware, now_ns);
+    }
+
+    fn not_understood(&mut self, error: &WireError, to: String) {
+        let bytes = self.dialect.nack(error);
+        if !bytes.is_empty() {
+            self.said.push(Message {
+                busy: bytes.clone(),
+                bytes,
+                to: Some(to),
+            });
+        }
+    }
+
+    fn say(&mut self, bytes: Vec<u8>, asked: &Asked, to: String) {
+        if !bytes.is_empty() {
+            self.said.push(Message {
+                bytes,
+                to: Some(to),
+                busy: self.dialect.busy(asked),
+            });
+        }
+    }
+
+    /// Goes on with the requests as far as the firmware does: the first one's messages one by one
+    /// until one fails, and likewise those of urgent ones behind it.
+    fn run(&mut self, firmware: &mut Firmware, now_ns: u64) {
+        loop {
+            for done in firmware.take_done() {
+                self.done(done);
+            }
+            let free = |(index, request): (usize, &Request)| {
+                request.ticket.is_none() && (index == 0 || request.urgent)
+            };
+            let Some(index) = self.requests.iter().enumerate().position(free) else {
+                return;
+            };
+            let request = &mut self.requests[index];
+            match request.left.pop_front() {
+                Some(message) => {
+                    request.ticket = Some(self.tickets);
+                    firmware.submit(message.as_bytes(), self.tickets, now_ns);
+                    self.tickets += 1;
+                }
+                None => {
+                    if let Some(request) = self.requests.remove(index) {
+                        self.answer(request);
+                    }
+                }
+            }
+        }
+    }
+
+    /// Takes what one of the firmware's messages has come to; the first error ends its request.
+    fn done(&mut self, done: Done) {
+        let of = |request: &Request| request.ticket == Some(done.ticket);
+        let Some(index) = self.requests.iter().position(of) else {
+            return;
+        };
+        let Some(error) = done.errors.first() else {
+            let request = &mut self.requests[index];
+            request.ticket = None;
+            request.answers.push(done.answers.join(&b';'));
+            return;
+        };
+        if let Some(Request { asked, to, .. }) = self.requests.remove(index) {
+            let bytes = self.dialect.refusal(&asked, error);
+            self.say(bytes, &asked, to);
+        }
+    }
+
+    fn answer(&mut self, request: Request) {
+        let asked = &request.asked;
+        let bytes = self
+            .dialect
+            .answer(asked, &request.answers)
+            .unwrap_or_else(|error| self.dialect.refusal(asked, &error));
+        self.say(bytes, asked, request.to);
+    }
+}

@@ -1,0 +1,222 @@
+//! What a host and a device say to each other, recorded on the host's side: a camera and a port
+//! that are wrapped, and otherwise as they were.
+
+use super::{Camera, CommandPort};
+use crate::error::Result;
+use crate::protocol::Frame;
+use crate::protocol::record::{Channel, Event, Recorder};
+use std::sync::Arc;
+use std::time::Duration;
+
+/// A recording that a camera and a port share; it ends when both are gone.
+#[derive(Clone)]
+pub struct Tape {
+    recorder: Arc<Recorder>,
+    now_ns: Arc<dyn Fn() -> u64 + Send + Sync>,
+}
+
+impl Tape {
+    /// A recording, and the nanoseconds since its start.
+    pub fn new(recorder: Recorder, now_ns: impl Fn() -> u64 + Send + Sync + 'static) -> Self {
+        Self {
+            recorder: Arc::new(recorder),
+            now_ns: Arc::new(now_ns),
+        }
+    }
+
+    fn put(&self, channel: Channel, event: Event) {
+        self.recorder.put((self.now_ns)(), channel, event);
+    }
+}
+
+/// A camera whose frames are recorded as the host gets them, if there is a tape.
+pub struct RecordedCamera<C: Camera> {
+    camera: C,
+    tape: Option<Tape>,
+}
+
+impl<C: Camera> RecordedCamera<C> {
+    /// Wraps a camera that has just been opened.
+    pub fn new(camera: C, tape: Option<Tape>) -> Self {
+        let recorded = Self { camera, tape };
+        recorded.put(Event::Opened);
+        recorded
+    }
+
+    fn put(&self, event: Event) {
+        if let Some(tape) = &self.tape {
+            let channel = match self.camera.identifies() {
+                true => Channel::Camera,
+                false => Channel::Counted,
+            };
+            tape.put(channel, event);
+        }
+    }
+}
+
+impl<C: Camera> Camera for RecordedCamera<C> {
+    fn info(&self) -> &str {
+        self.camera.info()
+    }
+
+    fn next_frame(&mut self, timeout: Duration) -> Result<Option<Frame>> {
+        let frame = self.camera.next_frame(timeout);
+        if self.tape.is_some() {
+            match &frame {
+                Ok(None) => {}
+                Ok(Some(frame)) => self.put(Event::Frame(Arc::new(frame.clone()))),
+                Err(error) => self.put(Event::Note(error.to_string())),
+            }
+        }
+        frame
+    }
+
+    fn has_skipped(&self) -> bool {
+        self.camera.has_skipped()
+    }
+
+    fn identifies(&self) -> bool {
+        self.camera.identifies()
+    }
+}
+
+impl<C: Camera> Drop for RecordedCamera<C> {
+    fn drop(&mut self) {
+        self.put(Event::Left);
+    }
+}
+
+/// A port whose bytes are recorded in both directions, if there is a tape.
+pub struct RecordedPort<P: CommandPort> {
+    port: P,
+    tape: Option<Tape>,
+}
+
+impl<P: CommandPort> RecordedPort<P> {
+    /// Wraps a port that has just been opened.
+    pub fn new(port: P, tape: Option<Tape>) -> Self {
+        let recorded = Self { port, tape };
+        recorded.put(|| Event::Opened);
+        recorded
+    }
+
+    fn put(&self, event: impl FnOnce() -> Event) {
+        if let Some(tape) = &self.tape {
+            tape.put(Channel::Control, event());
+        }
+    }
+}
+
+impl<P: CommandPort> CommandPort for RecordedPort<P> {
+    fn info(&self) -> &str {
+        self.port.info()
+    }
+
+    fn send(&mut self, bytes: &[u8], timeout: Duration) -> Result<()> {
+        // Before they go: an answer is never recorded before its question.
+        self.put(|| Event::Sent(bytes.to_vec()));
+        let sent = self.port.send(bytes, timeout);
+        if let Err(error) = &sent {
+            self.put(|| Event::Note(format!("these bytes did not leave: {error}")));
+        }
+        sent
+    }
+
+    fn receive(&mut self, buffer: &mut [u8], timeout: Duration) -> Result<usize> {
+        let received = self.port.receive(buffer, timeout);
+        match &received {
+            Ok(0) => {}
+            Ok(len) => self.put(|| Event::Received(buffer[..*len].to_vec())),
+            Err(error) => self.put(|| Event::Note(error.to_string())),
+        }
+        received
+    }
+
+    fn reopen(&mut self, timeout: Duration) -> Result<()> {
+        self.put(|| Event::Left);
+        let reopened = self.port.reopen(timeout);
+        match &reopened {
+            Ok(()) => self.put(|| Event::Opened),
+            Err(error) => self.put(|| Event::Note(error.to_string())),
+        }
+        reopened
+    }
+}
+
+impl<P: CommandPort> Drop for RecordedPort<P> {
+    fn drop(&mut self) {
+        self.put(|| Event::Left);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::host::{MemoryCamera, MemoryPort};
+    use crate::protocol::PixelFormat;
+    use crate::protocol::record::{About, Limits, Reader, Side};
+    use std::fs::File;
+    use std::sync::atomic::{AtomicU64, Ordering};
+
+    #[test]
+    fn camera_and_port_are_on_one_tape() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("rec");
+        let file = File::create(&path).unwrap();
+        let about = About {
+            side: Side::Host,
+            program: "test".into(),
+            started_unix_s: 1,
+            name: "memory port".into(),
+            control: "memory port".into(),
+            camera: "memory camera".into(),
+            profile: None,
+            scene: None,
+            seed: None,
+        };
+        let recorder = Recorder::start(file, "rec", about, 0, Limits::default(), |_| {}).unwrap();
+        let time = AtomicU64::new(0);
+        let tape = Tape::new(recorder, move || time.fetch_add(1, Ordering::Relaxed) + 1);
+        let frame = Frame {
+            id: 4,
+            pattern_index: Some(1),
+            width: 2,
+            height: 1,
+            format: PixelFormat::Grey,
+            exposure_start_ns: 0,
+            exposure_end_ns: 1,
+            data: vec![1, 2],
+        };
+        let memory = MemoryCamera::default();
+        memory.put(frame.clone());
+        let port = MemoryPort::new(|_: &[u8]| b"yes\n".to_vec());
+        let mut port = RecordedPort::new(port, Some(tape.clone()));
+        let mut camera = RecordedCamera::new(memory, Some(tape));
+        port.send(b"well?\n", Duration::ZERO).unwrap();
+        let mut buffer = [0; 9];
+        assert_eq!(port.receive(&mut buffer, Duration::ZERO).unwrap(), 4);
+        assert_eq!(
+            camera.next_frame(Duration::ZERO).unwrap(),
+            Some(frame.clone())
+        );
+        assert_eq!(camera.next_frame(Duration::ZERO).unwrap(), None);
+        drop(camera);
+        drop(port);
+        let mut reader = Reader::new(File::open(&path).unwrap(), "rec").unwrap();
+        let mut found = Vec::new();
+        while let Some(record) = reader.read().unwrap() {
+            found.push((record.time_ns, record.channel, record.event));
+        }
+        let want = [
+            (1, Channel::Control, Event::Opened),
+            (2, Channel::Camera, Event::Opened),
+            (3, Channel::Control, Event::Sent(b"well?\n".to_vec())),
+            (4, Channel::Control, Event::Received(b"yes\n".to_vec())),
+            (5, Channel::Camera, Event::Frame(Arc::new(frame))),
+            (6, Channel::Camera, Event::Left),
+            (7, Channel::Control, Event::Left),
+            (7, Channel::Recording, Event::End),
+        ];
+        assert_eq!(found[1..], want);
+    }
+}

@@ -1,0 +1,77 @@
+//! Where a client leaves the recorded path, in words.
+
+use std::fmt;
+
+/// Bytes that are shown of what was expected and of what came.
+const SHOWN: usize = 64;
+
+/// A client that did something else than the recorded one.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Departure {
+    /// Number of the record that was expected, or of the first that does not exist any more.
+    pub number: u64,
+    /// Time of that record in the recording, or of the last one.
+    pub time_ns: u64,
+    /// What it says, or what stands there instead.
+    pub expected: Said,
+    /// What came in its place.
+    pub came: Said,
+}
+
+/// One side's part.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) enum Said {
+    /// These bytes.
+    Bytes(Vec<u8>),
+    /// Something else, in words.
+    Words(&'static str),
+}
+
+impl fmt::Display for Departure {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let same = match (&self.expected, &self.came) {
+            (Said::Bytes(expected), Said::Bytes(came)) => {
+                let pairs = expected.iter().zip(came);
+                pairs.take_while(|(a, b)| a == b).count()
+            }
+            _ => 0,
+        };
+        write!(
+            f,
+            "record {} at {:.6} s: expected {}, but {}",
+            self.number,
+            self.time_ns as f64 * 1e-9,
+            self.expected,
+            self.came
+        )?;
+        match same {
+            0 => Ok(()),
+            same => write!(f, ", different from byte {same} on"),
+        }
+    }
+}
+
+impl fmt::Display for Said {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Words(words) => f.write_str(words),
+            Self::Bytes(bytes) => f.write_str(&shown(bytes)),
+        }
+    }
+}
+
+/// Text as it would be written in quotes, anything else as hexadecimal numbers.
+pub(super) fn shown(bytes: &[u8]) -> String {
+    let start = &bytes[..bytes.len().min(SHOWN)];
+    let is_text = |b: &u8| b.is_ascii_graphic() || b" \r\n\t".contains(b);
+    let mut text = if start.iter().all(is_text) {
+        format!("\"{}\"", start.escape_ascii())
+    } else {
+        let numbers: Vec<_> = start.iter().map(|b| format!("{b:02x}")).collect();
+        numbers.join(" ")
+    };
+    if bytes.len() > SHOWN {
+        text += &format!(" and {} bytes more", bytes.len() - SHOWN);
+    }
+    text
+}

@@ -1,0 +1,183 @@
+//! The control port: `[control]` of a profile.
+
+use super::check::Check;
+use crate::error::{Error, Result};
+use crate::protocol::dialect::Dialect;
+use crate::protocol::usb::cdc::LineCoding;
+use serde::{Deserialize, Serialize};
+use std::path::Path;
+
+/// How a device is spoken to; every field may be left out.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Control {
+    /// The dialect of its port: a built-in name, or a file relative to the profile's folder.
+    pub dialect: String,
+    /// Bits per second. With it bytes take their time on the line, both ways; without it none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub baud: Option<u32>,
+    /// Bits of a byte: 8, or 7, of which a byte's highest bit is not carried.
+    pub data_bits: u8,
+    /// The bit behind them.
+    pub parity: Parity,
+    /// Bits that end a byte: 1, 1.5 or 2.
+    pub stop_bits: f64,
+}
+
+impl Default for Control {
+    fn default() -> Self {
+        Self {
+            dialect: "scpi".to_owned(),
+            baud: None,
+            data_bits: 8,
+            parity: Parity::None,
+            stop_bits: 1.0,
+        }
+    }
+}
+
+/// Parity bits of a serial line.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Parity {
+    /// There is none.
+    None,
+    /// An odd number of ones with it.
+    Odd,
+    /// An even number of ones with it.
+    Even,
+    /// It is one.
+    Mark,
+    /// It is zero.
+    Space,
+}
+
+impl Control {
+    /// The dialect; a file's path is relative to the profile's folder.
+    ///
+    /// # Errors
+    /// What [`Dialect::load`] refuses, and packets on a line that carries seven bits of a byte.
+    pub fn load_dialect(&self, folder: &Path) -> Result<Dialect> {
+        let name = self.dialect.as_str();
+        let dialect = if Dialect::names().any(|built_in| built_in == name) {
+            Dialect::load(name)?
+        } else {
+            // A name that is no file is said as it was written.
+            let path = folder.join(name);
+            match path.to_str().filter(|_| path.is_file()) {
+                Some(path) => Dialect::load(path)?,
+                None => Dialect::load(name)?,
+            }
+        };
+        if self.data_bits < 8 && dialect.has_sequence() {
+            return Err(Error::input(
+                "control.data_bits",
+                format!("{} with the packets of dialect {name}", self.data_bits),
+                "8",
+            ));
+        }
+        Ok(dialect)
+    }
+
+    /// The line's settings as the serial class of USB has them; 115,200 baud where none are stated.
+    pub fn line_coding(&self) -> LineCoding {
+        LineCoding {
+            baud: self.baud.unwrap_or(LineCoding::default().baud),
+            stop_bits: (self.stop_half_bits() - 2) as u8,
+            parity: match self.parity {
+                Parity::None => 0,
+                Parity::Odd => 1,
+                Parity::Even => 2,
+                Parity::Mark => 3,
+                Parity::Space => 4,
+            },
+            data_bits: self.data_bits,
+        }
+    }
+
+    /// Half bits of a byte on the line: start bit, data, parity, stop bits.
+    pub fn half_bits(&self) -> u32 {
+        let parity = u32::from(self.parity != Parity::None);
+        2 * (1 + u32::from(self.data_bits) + parity) + self.stop_half_bits()
+    }
+
+    fn stop_half_bits(&self) -> u32 {
+        (self.stop_bits * 2.0).round() as u32
+    }
+}
+
+/// Checks what no line has.
+pub(super) fn check(control: &Control, check: &Check<'_>) -> Result<()> {
+    if let Some(baud) = control.baud {
+        check.within("control.baud", baud, 50..=12_000_000)?;
+    }
+    check.within("control.data_bits", control.data_bits, 7..=8)?;
+    check.that(
+        [1.0, 1.5, 2.0].contains(&control.stop_bits),
+        "control.stop_bits",
+        control.stop_bits,
+        "1, 1.5 or 2",
+    )?;
+    check.that(
+        !control.dialect.is_empty(),
+        "control.dialect",
+        "an empty name",
+        "a built-in dialect's name or the path of a TOML file",
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::profile::Profile;
+
+    const BENCH: &str = include_str!("../../device-profiles/pmp-bench.toml");
+
+    fn with(control: &str) -> Result<Control> {
+        Profile::parse(&format!("{BENCH}\n[control]\n{control}\n"), "it").map(|p| p.control)
+    }
+
+    #[test]
+    fn a_line_has_the_bits_that_it_states() {
+        assert_eq!(with("").unwrap(), Control::default());
+        for (text, half_bits, coding) in [
+            ("baud = 9600", 20, (9600, 0, 0, 8)),
+            (
+                "baud = 300\nparity = \"even\"\ndata_bits = 7",
+                20,
+                (300, 0, 2, 7),
+            ),
+            ("parity = \"space\"\nstop_bits = 2", 24, (115_200, 2, 4, 8)),
+            ("stop_bits = 1.5", 21, (115_200, 1, 0, 8)),
+        ] {
+            let control = with(text).unwrap();
+            assert_eq!(control.half_bits(), half_bits, "{text}");
+            let (baud, stop_bits, parity, data_bits) = coding;
+            let coding = LineCoding {
+                baud,
+                stop_bits,
+                parity,
+                data_bits,
+            };
+            assert_eq!(control.line_coding(), coding, "{text}");
+        }
+    }
+
+    #[test]
+    fn lines_that_cannot_be_are_refused_with_their_line() {
+        let line = BENCH.lines().count() + 3;
+        for (text, found) in [
+            ("baud = 10", "10"),
+            ("baud = 0", "0"),
+            ("data_bits = 9", "9"),
+            ("stop_bits = 3", "3"),
+            ("parity = \"some\"", "some"),
+            ("dialect = \"\"", "an empty name"),
+            ("speed = 1", "speed"),
+        ] {
+            let message = with(text).unwrap_err().to_string();
+            assert!(message.contains(found), "{message}");
+            assert!(message.contains(&format!("it:{line}")), "{message}");
+        }
+    }
+}

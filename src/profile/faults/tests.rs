@@ -1,0 +1,97 @@
+use super::*;
+
+fn parse(text: &str) -> Result<Schedule> {
+    Schedule::from_source(&TomlSource::new(text, "bad-day.toml"))
+}
+
+#[test]
+fn kinds_stand_in_the_order_of_the_enum_and_parse_by_their_names() {
+    for (i, kind) in Kind::ALL.iter().enumerate() {
+        assert_eq!(kind.what as usize, i);
+        let schedule = parse(&format!("[[fault]]\nwhat = {:?}", kind.name)).unwrap();
+        assert_eq!(schedule.fault, [Fault::new(kind.what)]);
+        assert_eq!(kind.what.to_string(), kind.name);
+        assert_eq!(schedule.fault[0].side(), kind.sides[0]);
+        let json = serde_json::to_string(&schedule.fault[0]).unwrap();
+        assert_eq!(json, format!("{{\"what\":{:?}}}", kind.name));
+    }
+    assert_eq!(Kind::ALL.len(), What::Reset as usize + 1);
+}
+
+#[test]
+fn a_schedule_says_what_and_when() {
+    let schedule = parse(
+        "seed = 7\n[[fault]]\nwhat = \"bit-errors\"\ndirection = \"to-device\"\nrate = 1e-3\n\
+         when = { command = \"seq:\", probability = 0.5, window_s = [1, 2.5] }\ntimes = 3\n\
+         [[fault]]\nwhat = \"reset\"\nwhen = { nth = 40, every = 2, frames = \"all\" }\n",
+    )
+    .unwrap();
+    assert_eq!(schedule.seed, 7);
+    let [first, second] = &schedule.fault[..] else {
+        panic!("two");
+    };
+    let bits = kind::Bits::Rate(1e-3);
+    let direction = Direction::ToDevice;
+    assert_eq!(first.effect(), Effect::BitErrors { direction, bits });
+    assert_eq!((first.times, first.side()), (Some(3), Side::Port));
+    assert_eq!(first.when.window_s, Some([1.0, 2.5]));
+    assert_eq!(second.side(), Side::Camera);
+    assert_eq!((second.when.nth, second.when.every), (Some(40), Some(2)));
+}
+
+#[test]
+fn what_it_may_not_say_is_refused_with_its_line() {
+    for (fields, complaint) in [
+        ("what = \"torm\"", "bad-day.toml:3: unknown variant `torm`"),
+        (
+            "what = \"dark\"\nby_ms = 3",
+            "bad-day.toml:4: fault[0].by_ms: no parameter of dark; allowed: none",
+        ),
+        (
+            "what = \"torn\"\nrows = 3",
+            "bad-day.toml:4: fault[0].rows: no parameter of torn; allowed: row",
+        ),
+        (
+            "what = \"late\"\nby_ms = -1",
+            "bad-day.toml:4: fault[0].by_ms: -1.0; allowed: 0.0 to 3600000.0",
+        ),
+        (
+            "what = \"late\"\non = \"port\"",
+            "bad-day.toml:4: fault[0].on: port for late; allowed: camera",
+        ),
+        (
+            "what = \"nak\"\nwhen = { frames = \"all\" }",
+            "bad-day.toml:4: fault[0].when.frames: nak counts messages; allowed: only where",
+        ),
+        (
+            "what = \"nak\"\nwhen = { nth = 0 }",
+            "bad-day.toml:4: fault[0].when.nth: 0; allowed: 1 to 18446744073709551615",
+        ),
+        (
+            "what = \"nak\"\nwhen = { window_s = [2, 1] }",
+            "bad-day.toml:4: fault[0].when.window_s: 2 to 1; allowed: two times that ascend",
+        ),
+        (
+            "what = \"nak\"\nwhen = { probability = nan }",
+            "bad-day.toml:4: fault[0].when.probability: NaN; allowed: 0.0 to 1.0",
+        ),
+        (
+            "what = \"bit-errors\"\ncount = 1\nrate = 0.1",
+            "bad-day.toml:5: fault[0].rate: a rate and a count; allowed: one of them",
+        ),
+        (
+            "what = \"wrong-pattern\"\noffset = 0",
+            "bad-day.toml:4: fault[0].offset: 0; allowed: any number but 0",
+        ),
+    ] {
+        let error = parse(&format!("seed = 1\n[[fault]]\n{fields}\n"));
+        let error = error.unwrap_err().to_string();
+        assert!(error.starts_with(complaint), "{error}");
+    }
+    let many = "[[fault]]\nwhat = \"dark\"\n".repeat(MAX_FAULTS + 1);
+    let error = parse(&many).unwrap_err().to_string();
+    assert!(
+        error.contains("1025 of them; allowed: up to 1024"),
+        "{error}"
+    );
+}

@@ -1,0 +1,235 @@
+//! A recording: every byte and frame between a device and whoever uses it, with its time, in one
+//! file that is only ever appended to. What was written before a KILL, a full disk or a power cut
+//! can be read up to the last whole record; there is no index that could be missing.
+//!
+//! All numbers are little-endian. A file is a head of 16 bytes and records behind it:
+//!
+//! | offset | bytes | field of the head |
+//! | --- | --- | --- |
+//! | 0 | 8 | magic `PHREC\r\n\x1a` |
+//! | 8 | 2 | version, 1 |
+//! | 10 | 2 | length of the head, 16 |
+//! | 12 | 4 | CRC-32 (IEEE 802.3) of the 12 bytes before |
+//!
+//! | offset | bytes | field of a record |
+//! | --- | --- | --- |
+//! | 0 | 4 | magic `PHRR` |
+//! | 4 | 2 | kind, see below |
+//! | 6 | 2 | channel: 0 the recording itself, 1 control port, 2 control port over USB, 3 camera, 4 camera whose frames only count |
+//! | 8 | 8 | number of the record, from 0 without gaps |
+//! | 16 | 8 | time in nanoseconds |
+//! | 24 | 4 | length of the payload |
+//! | 28 | 4 | CRC-32 of the payload |
+//! | 32 | 4 | CRC-32 of the 32 bytes before |
+//! | 36 | | payload |
+//!
+//! | kind | payload |
+//! | --- | --- |
+//! | 1 about | JSON of [`About`]: who recorded what, and when; the first record |
+//! | 2 sent | bytes from the client to the device |
+//! | 3 received | bytes from the device to the client |
+//! | 4 opened | none: a client has opened the channel |
+//! | 5 left | none: the channel's last client has left |
+//! | 6 frame | a frame as on the frame socket, [`crate::protocol::wire`]: 72 bytes and the pixels |
+//! | 7 note | text: something that happened, a damaged frame or a fault that struck |
+//! | 8 cut | text: why the recording ends here while the device went on |
+//! | 9 end | none: the recording was ended in order; the last record |
+//! | 10 unplugged | none: the device's end of the channel has gone, as when a cable is pulled |
+//! | 11 plugged | none: it is back |
+//!
+//! Kinds that a reader does not know are skipped. On a device's side times are device time, on a
+//! host's side they count from the start of the recording. A frame's format and size stand in its
+//! own header, so a change of format is seen where it happens.
+//!
+//! The file grows by what is recorded and 36 bytes a record (108 a frame): a camera of 640 x 480
+//! GREY that runs at 30 frames a second makes 9.2 MB a second, one of 1138 x 489 16.7 MB.
+//!
+//! All of it can be read with twenty lines of Python:
+//!
+//! ```python
+#![doc = include_str!("read.py")]
+//! ```
+
+mod encode;
+mod reader;
+mod recorder;
+mod store;
+mod summary;
+#[cfg(test)]
+mod tests;
+
+pub use encode::{encode_head, encode_record};
+pub use reader::{Damage, Reader};
+pub use recorder::{Limits, Recorder};
+pub use store::{Store, create};
+pub use summary::{Channels, Ending, Format, Frames, Kind, Summary};
+
+use super::Frame;
+use super::wire;
+use serde::{Deserialize, Serialize};
+use std::sync::Arc;
+
+/// Length of a file's head in bytes.
+pub const HEAD_LEN: usize = 16;
+/// Length of a record without its payload in bytes.
+pub const RECORD_LEN: usize = 36;
+/// Longest text or JSON of a record in bytes; longer ones are cut by the writer.
+pub const MAX_TEXT: usize = 64 << 10;
+/// Most bytes of a port in one record; more are several records.
+pub const MAX_BYTES: usize = 1 << 20;
+/// Longest payload in bytes: a frame's.
+pub const MAX_PAYLOAD: usize = wire::HEADER_LEN + wire::MAX_PAYLOAD as usize;
+
+const FILE_MAGIC: [u8; 8] = *b"PHREC\r\n\x1a";
+const RECORD_MAGIC: [u8; 4] = *b"PHRR";
+const VERSION: u16 = 1;
+
+/// Which side of the line was recorded.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Side {
+    /// The device's: times are device time.
+    Device,
+    /// The host's: times count from the start of the recording.
+    Host,
+}
+
+/// What was recorded.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct About {
+    /// Which side of the line.
+    pub side: Side,
+    /// Who recorded, with its version.
+    pub program: String,
+    /// Seconds since 1970 when the recording began.
+    pub started_unix_s: u64,
+    /// The device: its `*IDN?` on its own side, the address of its port on the host's.
+    pub name: String,
+    /// Address of the control port; empty where there is none.
+    #[serde(default)]
+    pub control: String,
+    /// Address of the camera.
+    #[serde(default)]
+    pub camera: String,
+    /// Profile as it was chosen, where the device is emulated.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub profile: Option<String>,
+    /// Scene as it was chosen, where the device is emulated.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub scene: Option<String>,
+    /// Seed of the noise, where the device is emulated.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub seed: Option<u64>,
+}
+
+/// What a record belongs to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[repr(u16)]
+pub enum Channel {
+    /// The recording itself.
+    Recording = 0,
+    /// The control port.
+    Control = 1,
+    /// The control port's other end, on USB.
+    Usb = 2,
+    /// The camera.
+    Camera = 3,
+    /// A camera whose frames do not say which they are: ids only count.
+    Counted = 4,
+}
+
+impl Channel {
+    const ALL: [Self; 5] = [
+        Self::Recording,
+        Self::Control,
+        Self::Usb,
+        Self::Camera,
+        Self::Counted,
+    ];
+
+    fn from_code(code: u16) -> Option<Self> {
+        Self::ALL.get(usize::from(code)).copied()
+    }
+
+    /// Whether it is a control port.
+    pub fn is_port(self) -> bool {
+        matches!(self, Self::Control | Self::Usb)
+    }
+}
+
+/// What happened.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Event {
+    /// Who recorded what; the first record.
+    About(About),
+    /// Bytes from the client to the device.
+    Sent(Vec<u8>),
+    /// Bytes from the device to the client.
+    Received(Vec<u8>),
+    /// A client has opened the channel.
+    Opened,
+    /// The channel's last client has left.
+    Left,
+    /// A frame.
+    Frame(Arc<Frame>),
+    /// Something that happened.
+    Note(String),
+    /// The recording ends here while the device went on, for this reason.
+    Cut(String),
+    /// The recording was ended in order.
+    End,
+    /// The device's end of the channel has gone, as when a cable is pulled.
+    Unplugged,
+    /// It is back.
+    Plugged,
+}
+
+impl Event {
+    /// The kind's number in a file.
+    pub fn code(&self) -> u16 {
+        match self {
+            Self::About(_) => 1,
+            Self::Sent(_) => 2,
+            Self::Received(_) => 3,
+            Self::Opened => 4,
+            Self::Left => 5,
+            Self::Frame(_) => 6,
+            Self::Note(_) => 7,
+            Self::Cut(_) => 8,
+            Self::End => 9,
+            Self::Unplugged => 10,
+            Self::Plugged => 11,
+        }
+    }
+
+    /// About how many bytes it takes in memory.
+    fn bytes(&self) -> usize {
+        RECORD_LEN
+            + match self {
+                Self::Sent(bytes) | Self::Received(bytes) => bytes.len(),
+                Self::Frame(frame) => wire::HEADER_LEN + frame.data.len(),
+                Self::Note(text) | Self::Cut(text) => text.len(),
+                Self::About(_)
+                | Self::Opened
+                | Self::Left
+                | Self::End
+                | Self::Unplugged
+                | Self::Plugged => 0,
+            }
+    }
+}
+
+/// One record of a recording.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Record {
+    /// Its number, from 0.
+    pub number: u64,
+    /// Where it starts in the file.
+    pub offset: u64,
+    /// When, in nanoseconds; see [`Side`].
+    pub time_ns: u64,
+    /// What it belongs to.
+    pub channel: Channel,
+    /// What happened.
+    pub event: Event,
+}

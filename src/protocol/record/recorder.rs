@@ -1,0 +1,235 @@
+//! Writes a recording on a thread of its own: whoever records never waits for the disk.
+//!
+//! What waits to be written is bounded. Where the disk is too slow or full, the recording ends with
+//! a record that says so, as far as there is room for one, and with one notice; what is recorded
+//! goes on.
+
+use super::{About, Channel, Event, MAX_BYTES, Store, encode_head, encode_record};
+use crate::error::{Error, Result};
+use std::collections::VecDeque;
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::thread::JoinHandle;
+
+/// What may wait to be written.
+#[derive(Debug, Clone, Copy)]
+pub struct Limits {
+    /// Records.
+    pub records: usize,
+    /// Bytes.
+    pub bytes: usize,
+}
+
+impl Default for Limits {
+    /// 65,536 records and 512 MiB: half a minute of a camera of 17 MB a second.
+    fn default() -> Self {
+        Self {
+            records: 1 << 16,
+            bytes: 512 << 20,
+        }
+    }
+}
+
+#[derive(Default)]
+struct Queue {
+    records: VecDeque<(u64, Channel, Event)>,
+    bytes: usize,
+    /// Time of the last record.
+    time_ns: u64,
+    /// Nothing more is taken.
+    ended: bool,
+}
+
+struct Shared {
+    queue: Mutex<Queue>,
+    put: Condvar,
+    limits: Limits,
+}
+
+impl Shared {
+    fn queue(&self) -> MutexGuard<'_, Queue> {
+        self.queue.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// A recording under way; dropping it ends the recording in order.
+pub struct Recorder {
+    shared: Arc<Shared>,
+    writer: Option<JoinHandle<()>>,
+}
+
+impl Recorder {
+    /// Starts a recording at a time. `place` names the file in `notice`, which is told at most once,
+    /// why the recording was cut.
+    ///
+    /// # Errors
+    /// A file that takes nothing, and a thread that the system refuses.
+    pub fn start(
+        mut store: impl Store + 'static,
+        place: &str,
+        about: About,
+        time_ns: u64,
+        limits: Limits,
+        notice: impl Fn(&str) + Send + 'static,
+    ) -> Result<Self> {
+        let about = Event::About(about);
+        let first = encode_record(0, time_ns, Channel::Recording, &about);
+        let start = [&encode_head()[..], &first].concat();
+        store.write_all(&start).map_err(|e| Error::io(place, e))?;
+        let queue = Queue {
+            time_ns,
+            ..Queue::default()
+        };
+        let shared = Arc::new(Shared {
+            queue: Mutex::new(queue),
+            put: Condvar::new(),
+            limits,
+        });
+        let mut writer = Writer {
+            shared: shared.clone(),
+            store,
+            number: 1,
+            len: start.len() as u64,
+            place: place.to_owned(),
+        };
+        let thread = std::thread::Builder::new().name("recording".into());
+        let writer = thread
+            .spawn(move || writer.run(&notice))
+            .map_err(|e| Error::io(place, e))?;
+        Ok(Self {
+            shared,
+            writer: Some(writer),
+        })
+    }
+
+    /// Records what happened at a time. Never waits; what comes after the recording was cut is lost.
+    pub fn put(&self, time_ns: u64, channel: Channel, event: Event) {
+        match event {
+            Event::Sent(bytes) if bytes.len() > MAX_BYTES => {
+                let pieces = bytes.chunks(MAX_BYTES);
+                pieces.for_each(|piece| self.put_one(time_ns, channel, Event::Sent(piece.into())));
+            }
+            Event::Received(bytes) if bytes.len() > MAX_BYTES => {
+                let pieces = bytes.chunks(MAX_BYTES).map(Vec::from);
+                pieces.for_each(|piece| self.put_one(time_ns, channel, Event::Received(piece)));
+            }
+            event => self.put_one(time_ns, channel, event),
+        }
+    }
+
+    fn put_one(&self, time_ns: u64, channel: Channel, event: Event) {
+        let mut queue = self.shared.queue();
+        if queue.ended {
+            return;
+        }
+        let bytes = queue.bytes + event.bytes();
+        let Limits {
+            records,
+            bytes: most,
+        } = self.shared.limits;
+        queue.time_ns = queue.time_ns.max(time_ns);
+        if queue.records.len() < records && bytes <= most {
+            queue.bytes = bytes;
+            queue.records.push_back((time_ns, channel, event));
+        } else {
+            let why = format!(
+                "the disk is too slow: {} records of {} bytes waited to be written",
+                queue.records.len(),
+                queue.bytes
+            );
+            queue
+                .records
+                .push_back((time_ns, Channel::Recording, Event::Cut(why)));
+            queue.ended = true;
+        }
+        self.shared.put.notify_one();
+    }
+}
+
+impl Drop for Recorder {
+    fn drop(&mut self) {
+        let mut queue = self.shared.queue();
+        if !queue.ended {
+            queue.ended = true;
+            let end = (queue.time_ns, Channel::Recording, Event::End);
+            queue.records.push_back(end);
+            self.shared.put.notify_one();
+        }
+        drop(queue);
+        if let Some(writer) = self.writer.take() {
+            // It has told what there is to tell.
+            let _ = writer.join();
+        }
+    }
+}
+
+struct Writer<S> {
+    shared: Arc<Shared>,
+    store: S,
+    /// Number of the next record.
+    number: u64,
+    /// Bytes of whole records, the file's head among them.
+    len: u64,
+    place: String,
+}
+
+impl<S: Store> Writer<S> {
+    fn run(&mut self, notice: &impl Fn(&str)) {
+        while let Some((time_ns, channel, event)) = self.next() {
+            if let Event::Cut(why) = &event {
+                self.tell(notice, why);
+            }
+            if let Err(e) = self.write(time_ns, channel, &event) {
+                let why = format!("cannot be written: {e}");
+                self.give_up(time_ns, &why);
+                self.tell(notice, &why);
+                return;
+            }
+        }
+    }
+
+    fn tell(&self, notice: &impl Fn(&str), why: &str) {
+        notice(&format!(
+            "{}: the recording ends here, the device goes on: {why}; this is said once",
+            self.place
+        ));
+    }
+
+    /// What is to be written next; `None` when that was all.
+    fn next(&mut self) -> Option<(u64, Channel, Event)> {
+        let mut queue = self.shared.queue();
+        loop {
+            if let Some(next) = queue.records.pop_front() {
+                queue.bytes = queue.bytes.saturating_sub(next.2.bytes());
+                return Some(next);
+            }
+            if queue.ended {
+                return None;
+            }
+            let waited = self.shared.put.wait(queue);
+            queue = waited.unwrap_or_else(PoisonError::into_inner);
+        }
+    }
+
+    fn write(&mut self, time_ns: u64, channel: Channel, event: &Event) -> std::io::Result<()> {
+        let record = encode_record(self.number, time_ns, channel, event);
+        self.store.write_all(&record)?;
+        self.number += 1;
+        self.len += record.len() as u64;
+        Ok(())
+    }
+
+    /// Takes nothing more, and says so in the file where the part of a record that went wrong has
+    /// left room for that.
+    fn give_up(&mut self, time_ns: u64, why: &str) {
+        let mut queue = self.shared.queue();
+        queue.ended = true;
+        queue.records = VecDeque::new();
+        queue.bytes = 0;
+        drop(queue);
+        let cut = Event::Cut(why.to_owned());
+        // Without room the file ends with half a record, which a reader names.
+        if self.store.cut_back(self.len).is_ok() {
+            let _ = self.write(time_ns, Channel::Recording, &cut);
+        }
+    }
+}

@@ -1,0 +1,200 @@
+//! What a recording holds, in figures.
+
+use super::{About, Channel, Damage, Event, Reader, Record};
+use crate::protocol::Frame;
+use serde::Serialize;
+use std::io::Read;
+
+/// Sizes and layouts that are told apart; a recording with more says only how many others.
+const MAX_FORMATS: usize = 64;
+
+/// Records of one kind.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
+pub struct Kind {
+    /// How many.
+    pub count: u64,
+    /// Bytes of what they say, without the records' own.
+    pub bytes: u64,
+}
+
+/// Clients that came.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
+pub struct Channels {
+    /// To the control port, over whatever link.
+    pub control: u64,
+    /// To the camera.
+    pub camera: u64,
+}
+
+/// Frames of one size and layout.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct Format {
+    /// V4L2's four-character code.
+    pub format: String,
+    /// Columns.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    /// How many.
+    pub count: u64,
+}
+
+/// The frames.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
+pub struct Frames {
+    /// Id of the first.
+    pub first_id: Option<u64>,
+    /// Id of the last.
+    pub last_id: Option<u64>,
+    /// Frames whose id is not one more than that of the one before.
+    pub out_of_order: u64,
+    /// Their sizes and layouts, in the order in which they came first.
+    pub formats: Vec<Format>,
+    /// Frames of sizes and layouts beyond those.
+    pub of_other_formats: u64,
+}
+
+/// How a recording ends.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase", tag = "how", content = "why")]
+pub enum Ending {
+    /// In order.
+    Proper,
+    /// Cut by its writer, for this reason.
+    Cut(String),
+    /// Without a word: whoever wrote it was killed, or writes still.
+    Open,
+    /// In damage.
+    Damaged(String),
+}
+
+/// A recording in figures.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct Summary {
+    /// What was recorded, if the first record says so.
+    pub about: Option<About>,
+    /// From the first record to the last in nanoseconds.
+    pub duration_ns: u64,
+    /// Whole records.
+    pub records: u64,
+    /// What clients sent: pieces as they came, and their bytes.
+    pub sent: Kind,
+    /// Lines among it, by their newlines.
+    pub lines_sent: u64,
+    /// What the device sent on the control port.
+    pub received: Kind,
+    /// Frames, and bytes of their pixels.
+    pub frame: Kind,
+    /// Notes.
+    pub notes: Kind,
+    /// Which frames.
+    pub frames: Frames,
+    /// Who came.
+    pub clients: Channels,
+    /// How often the port has gone.
+    pub unplugged: u64,
+    /// How it ends.
+    pub ending: Ending,
+    /// Offset of the first damage.
+    pub damaged_at: Option<u64>,
+}
+
+impl Summary {
+    /// Reads all of a recording.
+    pub fn of<R: Read>(reader: &mut Reader<R>) -> Self {
+        let mut summary = Self {
+            about: None,
+            duration_ns: 0,
+            records: 0,
+            sent: Kind::default(),
+            lines_sent: 0,
+            received: Kind::default(),
+            frame: Kind::default(),
+            notes: Kind::default(),
+            frames: Frames::default(),
+            clients: Channels::default(),
+            unplugged: 0,
+            ending: Ending::Open,
+            damaged_at: None,
+        };
+        let mut start_ns = None;
+        loop {
+            match reader.read() {
+                Ok(Some(record)) => {
+                    let start_ns = *start_ns.get_or_insert(record.time_ns);
+                    let since_ns = record.time_ns.saturating_sub(start_ns);
+                    summary.duration_ns = summary.duration_ns.max(since_ns);
+                    summary.add(record);
+                }
+                Ok(None) => return summary,
+                Err(damage) => {
+                    summary.end_in(&damage);
+                    return summary;
+                }
+            }
+        }
+    }
+
+    fn end_in(&mut self, damage: &Damage) {
+        self.damaged_at = Some(damage.offset);
+        // A word on why it was cut says more than the half record behind it.
+        if !matches!(self.ending, Ending::Cut(_)) {
+            self.ending = Ending::Damaged(damage.to_string());
+        }
+    }
+
+    fn add(&mut self, record: Record) {
+        self.records += 1;
+        // Nothing stands behind the end of a recording; what does makes it none.
+        self.ending = Ending::Open;
+        let count = |kind: &mut Kind, len: usize| {
+            kind.count += 1;
+            kind.bytes += len as u64;
+        };
+        match record.event {
+            Event::About(about) => self.about = self.about.take().or(Some(about)),
+            Event::Sent(bytes) => {
+                count(&mut self.sent, bytes.len());
+                self.lines_sent += bytes.iter().filter(|&&b| b == b'\n').count() as u64;
+            }
+            Event::Received(bytes) => count(&mut self.received, bytes.len()),
+            Event::Opened if record.channel.is_port() => self.clients.control += 1,
+            Event::Opened if record.channel != Channel::Recording => self.clients.camera += 1,
+            Event::Opened | Event::Left | Event::Plugged => {}
+            Event::Unplugged => self.unplugged += 1,
+            Event::Frame(frame) => {
+                count(&mut self.frame, frame.data.len());
+                self.frames.add(&frame);
+            }
+            Event::Note(text) => count(&mut self.notes, text.len()),
+            Event::Cut(why) => self.ending = Ending::Cut(why),
+            Event::End => self.ending = Ending::Proper,
+        }
+    }
+}
+
+impl Frames {
+    fn add(&mut self, frame: &Frame) {
+        self.first_id.get_or_insert(frame.id);
+        let follows = self
+            .last_id
+            .is_none_or(|last| last.wrapping_add(1) == frame.id);
+        self.out_of_order += u64::from(!follows);
+        self.last_id = Some(frame.id);
+        let code = frame.format.fourcc();
+        let code = String::from_utf8_lossy(&code);
+        let code = code.trim_end();
+        let size = (frame.width, frame.height);
+        let same = |f: &Format| f.format == code && (f.width, f.height) == size;
+        match self.formats.iter().position(same) {
+            Some(at) => self.formats[at].count += 1,
+            None if self.formats.len() >= MAX_FORMATS => self.of_other_formats += 1,
+            None => self.formats.push(Format {
+                format: code.to_owned(),
+                width: frame.width,
+                height: frame.height,
+                count: 1,
+            }),
+        }
+    }
+}

@@ -1,0 +1,68 @@
+//! Files of bytes, read from a file as a user's are.
+
+use phasma::decode::{Plan, load_frames};
+use phasma::geometry::Mesh;
+use phasma::pattern::Manifest;
+use std::path::PathBuf;
+
+/// A file with these bytes, for as long as the function runs.
+fn with_file(extension: &str, bytes: &[u8], read: impl FnOnce(PathBuf) -> bool) -> bool {
+    let thread = std::thread::current().id();
+    let name = format!("phasma-fuzz-{}-{thread:?}.{extension}", std::process::id());
+    let path = std::env::temp_dir().join(name);
+    std::fs::write(&path, bytes).expect("room for a small file");
+    let known = read(path.clone());
+    std::fs::remove_file(path).expect("it was there");
+    known
+}
+
+fn mesh(extension: &str, bytes: &[u8]) -> bool {
+    with_file(extension, bytes, |path| {
+        let Ok(mesh) = Mesh::read(&path) else {
+            return false;
+        };
+        mesh.checked("fuzz").expect("what is read can be rendered");
+        true
+    })
+}
+
+/// STL, binary or text.
+pub fn stl(bytes: &[u8]) -> bool {
+    mesh("stl", bytes)
+}
+
+/// Wavefront's OBJ.
+pub fn obj(bytes: &[u8]) -> bool {
+    mesh("obj", bytes)
+}
+
+/// Stanford's PLY, a mesh or a cloud.
+pub fn ply(bytes: &[u8]) -> bool {
+    let cloud = with_file("ply", bytes, |path| {
+        phasma::geometry::ply::read_cloud(&path).is_ok()
+    });
+    mesh("ply", bytes) || cloud
+}
+
+/// A photograph of a sequence.
+pub fn picture(bytes: &[u8]) -> bool {
+    let frame = |name: &str, phase: f64| {
+        format!(
+            "[[frame]]\nfile = \"{name}\"\npattern = {{ kind = \"fringe\", axis = \"x\", \
+             period_px = 16, phase_rad = {phase} }}\n"
+        )
+    };
+    with_file("png", bytes, |path| {
+        let name = path.file_name().expect("it has one").to_string_lossy();
+        let frames: String = [0.0, 2.0, 4.0].map(|phase| frame(&name, phase)).concat();
+        let text = format!("[projector]\nwidth_px = 64\nheight_px = 64\n{frames}");
+        let manifest = Manifest::parse(&text, "fuzz").expect("a manifest");
+        let plan = Plan::new(&manifest).expect("three steps");
+        let folder = path.parent().expect("it has one");
+        let Ok(frames) = load_frames(&manifest, &plan, folder) else {
+            return false;
+        };
+        frames.stack();
+        true
+    })
+}

@@ -1,0 +1,61 @@
+//! Files that people write.
+
+use phasma::decode::Plan;
+use phasma::emulator::Firmware;
+use phasma::geometry::Rig;
+use phasma::host::usb::UsbAddress;
+use phasma::pattern::Manifest;
+use phasma::profile::{Profile, Scene};
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
+/// A manifest that is read is written and read again the same.
+pub fn manifest(bytes: &[u8]) -> bool {
+    let Ok(manifest) = Manifest::parse(&text(bytes), "fuzz") else {
+        return false;
+    };
+    let again = Manifest::parse(&manifest.to_toml(), "fuzz").expect("as it was written");
+    assert_eq!(again, manifest);
+    let _ = Plan::new(&manifest);
+    true
+}
+
+/// A calibration of our own that is read is written and read again the same.
+pub fn rig(bytes: &[u8]) -> bool {
+    let Ok(rig) = Rig::from_toml(&text(bytes), "fuzz") else {
+        return false;
+    };
+    rig.check().unwrap();
+    assert_eq!(Rig::from_toml(&rig.to_toml(), "fuzz").unwrap(), rig);
+    true
+}
+
+/// A profile that is read is a device, or lacks a file.
+pub fn profile(bytes: &[u8]) -> bool {
+    let Ok(profile) = Profile::parse(&text(bytes), "fuzz") else {
+        return false;
+    };
+    profile.nominal_rig().check().unwrap();
+    let _ = Firmware::new(&profile, &[]);
+    true
+}
+
+/// A scene.
+pub fn scene(bytes: &[u8]) -> bool {
+    let Ok(scene) = Scene::parse(&text(bytes), "fuzz") else {
+        return false;
+    };
+    assert!(scene.rig_from_scene().translation_mm.is_finite());
+    true
+}
+
+/// An address of a USB device.
+pub fn usb_address(bytes: &[u8]) -> bool {
+    let Ok(address) = UsbAddress::parse(&text(bytes), "fuzz") else {
+        return false;
+    };
+    assert!(!address.host.is_empty());
+    true
+}

@@ -1,0 +1,94 @@
+//! Files of recordings on the command line.
+
+use crate::served::{Served, phasma, serve, text};
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Output};
+
+fn run(args: &[&str], file: &Path) -> Output {
+    phasma().args(args).arg(file).output().unwrap()
+}
+
+#[test]
+fn a_file_that_is_there_is_kept_unless_forced() {
+    let base = tempfile::tempdir().unwrap();
+    let file = base.path().join("thesis.tex");
+    fs::write(&file, "years of work").unwrap();
+    let run_dir = base.path().join("run");
+    let refused = serve()
+        .args(["--record", file.to_str().unwrap(), "--run-dir"])
+        .arg(&run_dir)
+        .output()
+        .unwrap();
+    assert_eq!(refused.status.code(), Some(2), "{}", text(&refused));
+    assert!(text(&refused).contains("--force"), "{}", text(&refused));
+    assert!(!run_dir.exists());
+    let scan = phasma()
+        .args(["scan", "--camera", "socket:none", "--control", "none"])
+        .args(["--record", file.to_str().unwrap(), "--out"])
+        .arg(base.path().join("out"))
+        .output()
+        .unwrap();
+    assert_eq!(scan.status.code(), Some(2), "{}", text(&scan));
+    assert!(text(&scan).contains("--force"), "{}", text(&scan));
+    assert_eq!(fs::read(&file).unwrap(), b"years of work");
+    for command in [&["replay"][..], &["record", "info"]] {
+        let refused = run(command, &file);
+        assert_eq!(refused.status.code(), Some(2), "{}", text(&refused));
+        assert!(text(&refused).contains("years of"), "{}", text(&refused));
+    }
+    let served = Served::start(&["--force", "--record", file.to_str().unwrap()]);
+    served.stop(rustix::process::Signal::TERM);
+    let info = run(&["record", "info"], &file);
+    assert!(
+        text(&info).contains("ends         in order"),
+        "{}",
+        text(&info)
+    );
+    let nobody = run(&["record", "info"], &base.path().join("none"));
+    assert_eq!(nobody.status.code(), Some(2), "{}", text(&nobody));
+}
+
+#[test]
+fn others_can_read_a_recording_and_so_can_people() {
+    let base = tempfile::tempdir().unwrap();
+    let at = |name: &str| base.path().join(name);
+    let file = at("a.rec");
+    let served = Served::start(&["--record", file.to_str().unwrap()]);
+    let scan = served.scan(&at("scan"), &[]);
+    assert!(scan.status.success(), "{}", text(&scan));
+    served.stop(rustix::process::Signal::TERM);
+
+    let export = phasma()
+        .args(["record", "export"])
+        .arg(&file)
+        .arg("--out")
+        .arg(at("exported"))
+        .output()
+        .unwrap();
+    assert!(export.status.success(), "{}", text(&export));
+    let lines = fs::read_to_string(at("exported").join("conversation.txt")).unwrap();
+    for needle in [
+        "port < \"*IDN?\\n\"",
+        "pattern 12",
+        "frame_000012.png",
+        "ended in order",
+    ] {
+        assert!(lines.contains(needle), "{needle}\n{lines}");
+    }
+    let picture = |path: &Path| image::open(path).unwrap().into_luma8();
+    let exported = picture(&at("exported").join("frame_000012.png"));
+    assert_eq!(exported, picture(&at("scan").join("frame_12.png")));
+
+    // The script of the documentation, where there is a Python.
+    let script = concat!(env!("CARGO_MANIFEST_DIR"), "/src/protocol/record/read.py");
+    if let Ok(python) = Command::new("python3").arg(script).arg(&file).output() {
+        assert!(python.status.success(), "{}", text(&python));
+        let said = String::from_utf8(python.stdout).unwrap();
+        assert_eq!(said.lines().count(), lines.lines().count());
+        assert!(
+            said.contains("frame 12, 640 x 480 GREY, 307200 bytes"),
+            "{said}"
+        );
+    }
+}

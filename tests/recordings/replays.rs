@@ -1,0 +1,177 @@
+//! Scans of replays, and clients that leave the recorded path.
+
+use crate::served::{Served, phasma, text};
+use rustix::process::{Pid, Signal, kill_process};
+use std::fs;
+use std::io::{BufRead, BufReader, Read, Write};
+use std::path::Path;
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
+
+/// `phasma replay` of a file.
+fn replay(file: &Path, args: &[&str]) -> Command {
+    let mut command = phasma();
+    command.arg("replay").arg(file).args(args);
+    command
+}
+
+/// Asks a process to end; its status and what it has said.
+fn stop(mut served: Served) -> (Option<i32>, String) {
+    kill_process(Pid::from_child(&served.child), Signal::TERM).unwrap();
+    let status = served.child.wait().unwrap();
+    let mut words = String::new();
+    if let Some(mut stderr) = served.child.stderr.take() {
+        stderr.read_to_string(&mut words).unwrap();
+    }
+    assert!(!served.dir.exists(), "nothing is left behind");
+    (status.code(), words)
+}
+
+/// The files of two folders, which have to be the same to the byte.
+fn assert_same(one: &Path, other: &Path) {
+    let names = |folder: &Path| {
+        let entries = fs::read_dir(folder).unwrap();
+        let mut names: Vec<_> = entries.map(|e| e.unwrap().file_name()).collect();
+        names.sort();
+        names
+    };
+    assert_eq!(names(one), names(other));
+    for name in names(one) {
+        let same = fs::read(one.join(&name)).unwrap() == fs::read(other.join(&name)).unwrap();
+        assert!(same, "{name:?}");
+    }
+    assert!(one.join("cloud.ply").exists() && one.join("frame_12.png").exists());
+}
+
+#[test]
+fn a_scan_of_a_replay_is_the_scan_that_was_recorded() {
+    let base = tempfile::tempdir().unwrap();
+    let at = |name: &str| base.path().join(name);
+    let (device, host) = (at("device.rec"), at("host.rec"));
+    let served = Served::start(&["--seed", "5", "--record", device.to_str().unwrap()]);
+    let scan = served.scan(&at("scan"), &["--record", host.to_str().unwrap()]);
+    assert!(scan.status.success(), "{}", text(&scan));
+    served.stop(Signal::TERM);
+    for (file, clock) in [(&device, "fast"), (&host, "fast"), (&device, "real")] {
+        let mut command = replay(file, &["--clock", clock]);
+        let replayed = Served::spawn_as_it_is(command.stderr(Stdio::piped()));
+        if file == &device {
+            assert_eq!((replayed.at.seed, &*replayed.at.scene), (5, "plane"));
+        }
+        let out = at("again");
+        let scan = replayed.scan(&out, &["--force"]);
+        assert!(scan.status.success(), "{clock} {}", text(&scan));
+        assert_same(&at("scan"), &out);
+        let words = (Some(0), String::new());
+        assert_eq!(stop(replayed), words, "{clock} {}", file.display());
+    }
+    // A recording of a recording's scan holds the same.
+    let info = |file: &Path| {
+        let info = phasma()
+            .args(["record", "info", "--json"])
+            .arg(file)
+            .output();
+        let info = info.unwrap();
+        assert!(info.status.success(), "{}", text(&info));
+        serde_json::from_slice::<serde_json::Value>(&info.stdout).unwrap()
+    };
+    let (device, host) = (info(&device), info(&host));
+    for part in ["frame", "frames", "clients", "lines_sent"] {
+        assert_eq!(device[part], host[part], "{part}");
+    }
+    assert_eq!(device["frame"]["count"], 13);
+    assert_eq!(device["sent"]["bytes"], host["sent"]["bytes"]);
+    assert_eq!(device["ending"]["how"], "proper");
+    assert_eq!(host["about"]["side"], "host");
+}
+
+/// A line of the port's other end.
+fn ask(port: &mut BufReader<fs::File>, question: &str) -> String {
+    port.get_mut().write_all(question.as_bytes()).unwrap();
+    let mut answer = String::new();
+    port.read_line(&mut answer).unwrap();
+    answer
+}
+
+fn open(served: &Served) -> BufReader<fs::File> {
+    let mut options = fs::File::options();
+    BufReader::new(
+        options
+            .read(true)
+            .write(true)
+            .open(&served.at.control)
+            .unwrap(),
+    )
+}
+
+/// Waits until a file has so many bytes that were received.
+fn wait_for(file: &Path, received: u64) {
+    let end = Instant::now() + Duration::from_secs(5);
+    loop {
+        let info = phasma()
+            .args(["record", "info", "--json"])
+            .arg(file)
+            .output();
+        let info: serde_json::Value = serde_json::from_slice(&info.unwrap().stdout).unwrap();
+        if info["received"]["bytes"].as_u64().unwrap() >= received {
+            return;
+        }
+        assert!(Instant::now() < end, "{info}");
+        std::thread::sleep(Duration::from_millis(10));
+    }
+}
+
+#[test]
+fn who_leaves_the_path_is_told_where_and_a_killed_recorder_has_written_all() {
+    let base = tempfile::tempdir().unwrap();
+    let file = base.path().join("killed.rec");
+    let mut served = Served::start(&["--record", file.to_str().unwrap()]);
+    let mut port = open(&served);
+    let name = ask(&mut port, "*IDN?\n");
+    assert_eq!(ask(&mut port, "CAM:GAIN?\n"), "0\n");
+    drop(port);
+    let mut port = open(&served);
+    assert_eq!(ask(&mut port, "*TST?\n"), "0\n");
+    wait_for(&file, (name.len() + 4) as u64);
+    served.child.kill().unwrap();
+    served.child.wait().unwrap();
+    drop(served);
+    let info = phasma()
+        .args(["record", "info"])
+        .arg(&file)
+        .output()
+        .unwrap();
+    assert!(info.status.success());
+    for needle in [
+        "its writer was killed",
+        "2 of the port",
+        "22 bytes, 3 lines",
+    ] {
+        assert!(text(&info).contains(needle), "{}", text(&info));
+    }
+
+    let mut command = replay(&file, &["--clock", "fast", "--tcp"]);
+    let replayed = Served::spawn_as_it_is(command.stderr(Stdio::piped()));
+    assert!(replayed.at.camera_tcp.is_some());
+    let mut port = open(&replayed);
+    assert_eq!(ask(&mut port, "*IDN?\n"), name);
+    port.get_mut().write_all(b"CAM:EXP?\n").unwrap();
+    drop(port);
+    // The next one is the next one's, and the port has forgotten what the last one asked.
+    let mut port = open(&replayed);
+    assert_eq!(ask(&mut port, "*TST?\n"), "0\n");
+    drop(port);
+    let (status, words) = stop(replayed);
+    assert_eq!(status, Some(1), "{words}");
+    let expected = "expected \"CAM:GAIN?\\n\", but \"CAM:EXP?\\n\", different from byte 4 on";
+    assert_eq!(words.matches(expected).count(), 1, "{words}");
+    let end = "1 clients have left the recorded path; 16 of the 22 bytes";
+    assert!(words.contains(end), "{words}");
+
+    // Half of the way is not the way.
+    let mut command = replay(&file, &["--clock", "fast"]);
+    let replayed = Served::spawn_as_it_is(command.stderr(Stdio::piped()));
+    assert_eq!(ask(&mut open(&replayed), "*IDN?\n"), name);
+    let (status, words) = stop(replayed);
+    assert_eq!(status, Some(1), "{words}");
+}
