@@ -2,7 +2,9 @@
 
 use crate::decode::Plan;
 use crate::error::Result;
-use crate::profile::{Profile, profile_names};
+use crate::profile::{Profile, TomlSource, profile_names};
+use crate::protocol::dialect::Dialect;
+use std::path::Path;
 
 /// List or check device profiles.
 #[derive(Debug, clap::Args)]
@@ -15,7 +17,7 @@ pub struct Args {
 enum Action {
     /// List the built-in profiles.
     List,
-    /// Check a profile file (or a built-in profile) and say what it describes.
+    /// Check a profile file (or a built-in profile) and say what it describes; or a dialect.
     Check {
         /// Path of a TOML file, or a built-in name.
         file: String,
@@ -28,6 +30,9 @@ pub(super) fn run(args: &Args) -> Result<()> {
             for name in profile_names() {
                 println!("{name:<16}{}", Profile::load(name)?.description);
             }
+        }
+        Action::Check { file } if names_dialect(file)? => {
+            super::dialect::check(file, Dialect::load(file)?)?;
         }
         Action::Check { file } => {
             let profile = Profile::load(file)?;
@@ -65,4 +70,14 @@ pub(super) fn run(args: &Args) -> Result<()> {
         }
     }
     Ok(())
+}
+
+/// Whether a name or a file is a dialect's; of a file its `framing` says so.
+fn names_dialect(file: &str) -> Result<bool> {
+    if profile_names().any(|name| name == file) {
+        return Ok(false);
+    }
+    let shipped = Dialect::names().any(|name| name == file);
+    let path = Path::new(file);
+    Ok(shipped || path.is_file() && TomlSource::read(path)?.has("framing"))
 }
