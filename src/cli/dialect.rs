@@ -65,3 +65,38 @@ pub(super) fn check(file: &str, dialect: Dialect) -> Result<()> {
     }
     Ok(())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cli::profile::names_dialect;
+
+    #[test]
+    fn the_device_has_what_the_shipped_dialects_name() {
+        for name in Dialect::names() {
+            check(name, Dialect::load(name).unwrap()).unwrap();
+            assert!(names_dialect(name).unwrap(), "{name}");
+        }
+    }
+
+    #[test]
+    fn files_are_told_by_their_content_and_commands_by_the_device() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("own.toml");
+        let file = path.to_str().unwrap();
+        let text = Dialect::text("okline").unwrap();
+        let wrong = text.replace("SEQ:COUN?", "SEQ:MOON?");
+        std::fs::write(&path, &wrong).unwrap();
+        assert!(names_dialect(file).unwrap());
+        let words = check(file, Dialect::load(file).unwrap()).unwrap_err();
+        let line = 1 + wrong[..wrong.find("SEQ:MOON?").unwrap()]
+            .matches('\n')
+            .count();
+        let place = format!("{file}:{line}: command[");
+        assert!(words.to_string().starts_with(&place), "{words}");
+        std::fs::write(&path, "name = \"profile\"\n").unwrap();
+        assert!(!names_dialect(file).unwrap());
+        assert!(!names_dialect("pmp-bench").unwrap());
+        assert!(!names_dialect("no such file").unwrap());
+    }
+}

@@ -73,7 +73,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
 }
 
 /// Whether a name or a file is a dialect's; of a file its `framing` says so.
-fn names_dialect(file: &str) -> Result<bool> {
+pub(super) fn names_dialect(file: &str) -> Result<bool> {
     if profile_names().any(|name| name == file) {
         return Ok(false);
     }
