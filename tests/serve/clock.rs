@@ -86,7 +86,12 @@ fn on_the_wall_s_time_lateness_is_measured_and_told() {
     command.args(["--clock", "real", "--camera", "socket"]);
     let base = tempfile::tempdir().unwrap();
     let dir = base.path().join("run");
-    let mut child = command.arg("--run-dir").arg(&dir).stdout(Stdio::piped()).spawn().unwrap();
+    let mut child = command
+        .arg("--run-dir")
+        .arg(&dir)
+        .stdout(Stdio::piped())
+        .spawn()
+        .unwrap();
     while !dir.join("device.json").exists() {
         std::thread::sleep(Duration::from_millis(5));
     }
@@ -99,13 +104,24 @@ fn on_the_wall_s_time_lateness_is_measured_and_told() {
     let about = clock(&mut stream, Request::Get(Item::Clock));
     let late = about.late.unwrap();
     assert!(late.events >= 13 && about.now_ns > 204_000_000, "{about:?}");
-    assert!(late.mean_ns <= late.max_ns && late.percentile_99_ns <= late.max_ns, "{late:?}");
+    assert!(
+        late.mean_ns <= late.max_ns && late.percentile_99_ns <= late.max_ns,
+        "{late:?}"
+    );
     assert!(late.max_ns > 0, "{late:?}");
     let pid = rustix::process::Pid::from_child(&child);
     rustix::process::kill_process(pid, Signal::TERM).unwrap();
     assert_eq!(child.wait().unwrap().code(), Some(0));
     let mut said = String::new();
-    child.stdout.take().unwrap().read_to_string(&mut said).unwrap();
+    child
+        .stdout
+        .take()
+        .unwrap()
+        .read_to_string(&mut said)
+        .unwrap();
     let line = said.lines().last().unwrap();
-    assert!(line.starts_with("device time: ") && line.contains("99 % of them"), "{said}");
+    assert!(
+        line.starts_with("device time: ") && line.contains("99 % of them"),
+        "{said}"
+    );
 }

@@ -3,9 +3,7 @@
 use crate::clock::{ask, refused, service};
 use crate::served::{LONG, Served, serve};
 use phasma::pattern::Pattern;
-use phasma::protocol::service::{
-    Item, MAX_LINE, Placement, Reply, Request, Step, Which, call,
-};
+use phasma::protocol::service::{Item, MAX_LINE, Placement, Reply, Request, Step, Which, call};
 use rustix::process::Signal;
 use std::fs::{self, Permissions};
 use std::io::{BufRead, BufReader, Read, Write};
@@ -34,7 +32,9 @@ fn expose(served: &Served, stream: &mut UnixStream) {
 #[test]
 fn all_that_is_documented_is_answered() {
     let (served, mut stream) = exposed();
-    let rows = DOCUMENTED.lines().filter_map(|line| line.strip_prefix("| `"));
+    let rows = DOCUMENTED
+        .lines()
+        .filter_map(|line| line.strip_prefix("| `"));
     let lines: Vec<&str> = rows.map(|row| row.split_once("` |").unwrap().0).collect();
     assert!(lines.len() > 12, "{lines:?}");
     let mut reader = BufReader::new(stream.try_clone().unwrap());
@@ -81,11 +81,17 @@ fn a_frame_s_truth_is_that_of_its_time() {
     };
     let (before, rest) = depth(&mut stream, 2);
     assert_eq!((before.id, before.pattern_index), (2, Some(2)));
-    assert_eq!((before.start_ns, before.exposure_ns), (32_000_000, 12_000_000));
+    assert_eq!(
+        (before.start_ns, before.exposure_ns),
+        (32_000_000, 12_000_000)
+    );
     assert_eq!(before.scene.time_ns, 38_000_000);
     let shown = before.shown.clone().unwrap();
     assert_eq!(shown.index, Some(2));
-    assert!(matches!(shown.pattern, Some(Pattern::Fringe { .. })), "{shown:?}");
+    assert!(
+        matches!(shown.pattern, Some(Pattern::Fringe { .. })),
+        "{shown:?}"
+    );
     // It is what it was, wherever the wall is now.
     let place = |z| {
         Request::Place(Placement {
@@ -101,7 +107,10 @@ fn a_frame_s_truth_is_that_of_its_time() {
     assert_eq!(id, Some(1));
     expose(&served, &mut stream);
     let (dark, now) = depth(&mut stream, 14);
-    assert_eq!((now, dark.scene.objects[0].place.position_mm[2]), (700.0, 700.0));
+    assert_eq!(
+        (now, dark.scene.objects[0].place.position_mm[2]),
+        (700.0, 700.0)
+    );
     assert_eq!(dark.faults.len(), 1, "{dark:?}");
     assert_eq!((dark.faults[0].fault, dark.faults[0].frame), (1, Some(14)));
     assert!(depth(&mut stream, 13).0.faults.is_empty());
@@ -128,12 +137,19 @@ const SOCKET: &str = "PHASMA_TEST_SERVICE_SOCKET";
 fn it_is_its_owner_s_alone() {
     let served = Served::start(&[]);
     let mode = |path: &Path| fs::metadata(path).unwrap().permissions().mode() & 0o777;
-    assert_eq!((mode(&served.at.service), mode(&served.dir)), (0o600, 0o700));
+    assert_eq!(
+        (mode(&served.at.service), mode(&served.dir)),
+        (0o600, 0o700)
+    );
     if !rustix::process::geteuid().is_root() {
         return served.stop(Signal::TERM);
     }
     let base = served.dir.parent().unwrap();
-    for (path, mode) in [(base, 0o755), (&served.dir, 0o755), (&served.at.service, 0o666)] {
+    for (path, mode) in [
+        (base, 0o755),
+        (&served.dir, 0o755),
+        (&served.at.service, 0o666),
+    ] {
         fs::set_permissions(path, Permissions::from_mode(mode)).unwrap();
     }
     // This program again, as another user, where that user can run it.
@@ -168,5 +184,8 @@ fn another_user_asks() {
     let _ = stream.read_to_end(&mut answer);
     let line = answer.split(|&byte| byte == b'\n').next().unwrap();
     let words = Reply::parse(line).unwrap().error.unwrap();
-    assert!(words.contains("user 65534; allowed: its owner, user 0"), "{words}");
+    assert!(
+        words.contains("user 65534; allowed: its owner, user 0"),
+        "{words}"
+    );
 }

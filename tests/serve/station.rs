@@ -121,15 +121,16 @@ fn time_is_one_where_it_goes_by_itself_too() {
         instrument.order("TRIG:SOUR BUS;:INIT;*TRG").unwrap();
         assert_eq!(instrument.query("*OPC?").unwrap(), "1");
     }
-    let frame = |stream: &mut UnixStream, id| {
-        ask(stream, Request::TruthOfFrame(id)).frame.unwrap()
-    };
+    let frame = |stream: &mut UnixStream, id| ask(stream, Request::TruthOfFrame(id)).frame.unwrap();
     // The second began where the first had come to: at the end of its last exposure, or of the
     // last pattern's time.
     let last = frame(&mut near, 12);
     assert_eq!(last.end_ns, 12 * 16_000_000 + 12_000_000);
     let first = frame(&mut far, 0);
-    assert!((last.end_ns..=13 * 16_000_000).contains(&first.start_ns), "{first:?}");
+    assert!(
+        (last.end_ns..=13 * 16_000_000).contains(&first.start_ns),
+        "{first:?}"
+    );
     let clocks = [&mut near, &mut far].map(|stream| ask(stream, Request::Get(Item::Clock)).clock);
     assert_eq!(clocks[0], clocks[1]);
 }
@@ -166,10 +167,21 @@ fn an_object_moves_for_both_and_each_sees_it_from_its_place() {
 fn a_station_is_listed_and_checked() {
     let base = tempfile::tempdir().unwrap();
     let file = station(base.path());
-    let check = |file: &Path| phasma().args(["profile", "check"]).arg(file).output().unwrap();
+    let check = |file: &Path| {
+        phasma()
+            .args(["profile", "check"])
+            .arg(file)
+            .output()
+            .unwrap()
+    };
     let output = check(&file);
     assert_eq!(output.status.code(), Some(0), "{}", text(&output));
-    for word in ["pair", "wall.toml", "near: webcam-grey", "[0.0, 0.0, -200.0]"] {
+    for word in [
+        "pair",
+        "wall.toml",
+        "near: webcam-grey",
+        "[0.0, 0.0, -200.0]",
+    ] {
         assert!(text(&output).contains(word), "{word}: {}", text(&output));
     }
     let listed = phasma().args(["profile", "list"]).output().unwrap();
