@@ -4,6 +4,7 @@ mod bench;
 mod clock;
 pub mod faults;
 pub mod firmware;
+pub mod led;
 mod line;
 mod machine;
 mod picture;

@@ -25,7 +25,7 @@ pub(super) enum Kind {
     Text,
     /// Line: a string in double quotes, those inside doubled.
     Quoted,
-    /// Line: bytes as pairs of hexadecimal digits.
+    /// Line: bytes as pairs of hexadecimal digits; `-` for none.
     Hex,
     /// Line: bytes as IEEE 488.2 has blocks.
     Block,
@@ -174,7 +174,7 @@ impl Field {
         match self.kind {
             Kind::Int => |b| b.is_ascii_digit() || matches!(b, b'+' | b'-'),
             Kind::Float => |b| b.is_ascii_digit() || matches!(b, b'+' | b'-' | b'.' | b'e' | b'E'),
-            Kind::Hex => |b| b.is_ascii_hexdigit(),
+            Kind::Hex => |b| b.is_ascii_hexdigit() || b == b'-',
             Kind::Word => |b| b.is_ascii_graphic() || b >= 0x80,
             _ => |_| true,
         }
@@ -276,6 +276,7 @@ impl Field {
             let bytes = self.bytes_of(value)?;
             return Ok(match self.kind {
                 Kind::Block => encode_block(bytes),
+                _ if bytes.is_empty() => b"-".to_vec(),
                 _ => bytes
                     .iter()
                     .flat_map(|b| format!("{b:02x}").into_bytes())
@@ -289,7 +290,7 @@ impl Field {
         let fits = match self.kind {
             Kind::Quoted => return Ok(quote(text).into_bytes()),
             Kind::Word => !text.is_empty() && !text.contains(' '),
-            _ => text.trim() == text,
+            _ => !text.is_empty() && text.trim() == text,
         };
         if !fits {
             return Err(self.wrong(ErrorCode::IllegalParameterValue, format!("{text:?}")));
@@ -306,6 +307,7 @@ impl Field {
             )
         };
         match self.kind {
+            Kind::Hex if wire == b"-" => return Ok(Value::Bytes(Vec::new())),
             Kind::Hex => {
                 let digit = |b: u8| (b as char).to_digit(16);
                 let pair = |pair: &[u8]| Some((digit(pair[0])? << 4 | digit(*pair.get(1)?)?) as u8);
@@ -333,7 +335,8 @@ impl Field {
         }
         match self.kind {
             Kind::Quoted => unquoted(wire).map(Value::Text).ok_or_else(none),
-            Kind::Word if text.is_empty() || text.contains(' ') => Err(none()),
+            Kind::Word if text.contains(' ') => Err(none()),
+            _ if text.is_empty() => Err(none()),
             _ if !self.choices.is_empty() => self.chosen(text),
             _ => Ok(Value::Text(text.to_owned())),
         }

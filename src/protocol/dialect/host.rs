@@ -2,7 +2,7 @@
 
 use super::command::Framing;
 use super::device::{Unfit, values_of_line, whole};
-use super::field::Field;
+use super::field::{Field, Kind};
 use super::{Dialect, Direction, Event, Reply, Value};
 use crate::error::Result;
 use crate::protocol::scpi::{DeviceError, ErrorCode};
@@ -40,6 +40,10 @@ impl Dialect {
         match &self.framing {
             Framing::Scpi(ends) | Framing::Line(ends) => {
                 let filled = command.line.fill(|name| match command.arg(name) {
+                    // A word of somebody else's must not be more than one.
+                    Some(field) if self.is_scpi() && field.kind == Kind::Word => {
+                        Ok(field.to_scpi(&given(field)?)?.into_bytes())
+                    }
                     Some(field) => Ok(field.to_line(&given(field)?)?),
                     None => Err(Unfit::from(format!("no argument {name}"))),
                 });

@@ -29,6 +29,8 @@ mod host;
 mod overlap;
 mod packet;
 mod template;
+#[cfg(test)]
+mod tests;
 mod uses;
 mod value;
 

@@ -361,6 +361,7 @@ pub(super) fn runs(check: &Check<'_>, commands: &[Command]) -> Result<Vec<(Strin
     for (at, command) in commands.iter().enumerate() {
         for (i, run) in command.runs.iter().enumerate() {
             let field = format!("command[{at}].runs[{i}]");
+            let place = check.place(&field);
             for message in examples(command, run) {
                 let program = parse(message.as_bytes());
                 let wrong = program.error.map(|error| error.to_string());
@@ -371,7 +372,7 @@ pub(super) fn runs(check: &Check<'_>, commands: &[Command]) -> Result<Vec<(Strin
                     format!("{message:?}: {}", wrong.unwrap_or_default()),
                     "a message in the device's own language, SCPI",
                 )?;
-                all.push((message, check.place(&field)));
+                all.push((message, place.clone()));
             }
         }
     }
