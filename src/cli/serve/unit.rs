@@ -68,10 +68,7 @@ impl Unit {
             let profile = &args.profile[number];
             eprintln!("phasma: {profile}: rendering on a GPU, {kind}: {name} ({driver})");
         }
-        let port = match profile.control.dialect.as_str() {
-            "scpi" => Port::default(),
-            _ => Port::new(Arc::new(profile.control.load_dialect(&profile.folder)?))?,
-        };
+        let dialect = profile.control.load_dialect(&profile.folder)?;
         let schedule = match &args.faults {
             Some(file) => Schedule::read(file)?,
             None => Schedule::default(),
@@ -79,7 +76,7 @@ impl Unit {
         let device = Device {
             machine: Machine::new(
                 Firmware::new(profile, &user)?,
-                port,
+                Port::new(Arc::new(dialect))?,
                 SerialLine::new(&profile.control),
                 Faults::new(&schedule, &profile.name),
             ),
