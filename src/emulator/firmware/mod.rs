@@ -15,6 +15,7 @@ mod memory;
 mod messages;
 mod settings;
 mod shining;
+mod shown;
 mod status;
 mod table;
 #[cfg(test)]
