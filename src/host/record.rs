@@ -131,6 +131,16 @@ impl<P: CommandPort> CommandPort for RecordedPort<P> {
         }
         received
     }
+
+    fn reopen(&mut self, timeout: Duration) -> Result<()> {
+        self.put(|| Event::Left);
+        let reopened = self.port.reopen(timeout);
+        match &reopened {
+            Ok(()) => self.put(|| Event::Opened),
+            Err(error) => self.put(|| Event::Note(error.to_string())),
+        }
+        reopened
+    }
 }
 
 impl<P: CommandPort> Drop for RecordedPort<P> {

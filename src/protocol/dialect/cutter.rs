@@ -1,6 +1,14 @@
 //! Cuts a stream of bytes into a dialect's messages.
+//!
+//! Whatever is wrong, the stream is in step again: lines at the next end of a line; packets at the
+//! next place where a header stands that can be one and, where packets are checked, whose checksum
+//! matches. Garbage before a packet that looks like a header takes bytes of that packet with it where
+//! there is neither start nor checksum; whoever asked asks again.
 
-use super::WireError;
+use super::packet::{Extent, Layout};
+use super::{LineEnds, WireError};
+use crate::protocol::scpi::{ErrorCode, Framer, Framing};
+use std::sync::Arc;
 
 /// Which way a stream runs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -16,24 +24,157 @@ pub enum Direction {
 pub enum Cut {
     /// A message: a line without its end, a packet whole.
     Message(Vec<u8>),
-    /// Bytes that were thrown away, and why.
+    /// Bytes that were thrown away, and why. Told once for a stretch of them, when it begins.
     Dropped(WireError),
 }
 
 /// The state of one stream. Its memory is bounded by the longest message.
 #[derive(Debug, Clone)]
-pub struct Cutter {}
+pub struct Cutter(State);
+
+#[derive(Debug, Clone)]
+enum State {
+    Scpi(Framer),
+    Lines(Lines),
+    Packets(Packets),
+}
+
+#[derive(Debug, Clone)]
+struct Lines {
+    ends: Arc<LineEnds>,
+    end: u8,
+    buffer: Vec<u8>,
+    /// The rest of the line is thrown away.
+    skips: bool,
+}
+
+#[derive(Debug, Clone)]
+struct Packets {
+    layout: Arc<Layout>,
+    direction: Direction,
+    buffer: Vec<u8>,
+    /// Bytes have been thrown away since the last packet.
+    dropping: bool,
+}
 
 impl Cutter {
+    pub(super) fn scpi() -> Self {
+        Self(State::Scpi(Framer::default()))
+    }
+
+    pub(super) fn lines(ends: Arc<LineEnds>, direction: Direction) -> Self {
+        let end = match direction {
+            Direction::ToDevice => &ends.to_device,
+            Direction::ToHost => &ends.to_host,
+        };
+        Self(State::Lines(Lines {
+            end: end.bytes().last().unwrap_or(b'\n'),
+            ends,
+            buffer: Vec::new(),
+            skips: false,
+        }))
+    }
+
+    pub(super) fn packets(layout: Arc<Layout>, direction: Direction) -> Self {
+        Self(State::Packets(Packets {
+            layout,
+            direction,
+            buffer: Vec::new(),
+            dropping: false,
+        }))
+    }
+
     /// Takes bytes as they came and hands on every complete message.
-    pub fn push(&mut self, _bytes: &[u8], _take: &mut dyn FnMut(Cut)) {}
+    pub fn push(&mut self, bytes: &[u8], take: &mut dyn FnMut(Cut)) {
+        match &mut self.0 {
+            State::Scpi(framer) => framer.push(bytes, &mut |framing| {
+                take(match framing {
+                    Framing::Message(message) => Cut::Message(message),
+                    Framing::Dropped(error) => Cut::Dropped(WireError::line(error)),
+                });
+            }),
+            State::Lines(lines) => bytes.iter().for_each(|byte| lines.step(*byte, take)),
+            State::Packets(packets) => {
+                let piece = packets.layout.max;
+                bytes
+                    .chunks(piece)
+                    .for_each(|bytes| packets.push(bytes, take));
+            }
+        }
+    }
 
     /// Whether a part of a message has come whose rest cannot be told from the next message: the
     /// driver calls [`Self::reset`] when it stops coming.
     pub fn inside(&self) -> bool {
-        false
+        match &self.0 {
+            State::Scpi(framer) => framer.inside_block(),
+            State::Lines(_) => false,
+            State::Packets(packets) => !packets.buffer.is_empty(),
+        }
     }
 
     /// Throws away what has come of an unfinished message.
-    pub fn reset(&mut self) {}
+    pub fn reset(&mut self) {
+        match &mut self.0 {
+            State::Scpi(framer) => framer.reset(),
+            State::Lines(lines) => {
+                lines.buffer.clear();
+                lines.skips = false;
+            }
+            State::Packets(packets) => {
+                packets.buffer.clear();
+                packets.dropping = false;
+            }
+        }
+    }
+}
+
+impl Lines {
+    fn step(&mut self, byte: u8, take: &mut dyn FnMut(Cut)) {
+        if byte != self.end {
+            if self.buffer.len() < self.ends.max {
+                self.buffer.push(byte);
+            } else {
+                self.skips = true;
+            }
+            return;
+        }
+        let line = std::mem::take(&mut self.buffer);
+        if std::mem::take(&mut self.skips) {
+            let what = format!("up to {} bytes in a line", self.ends.max);
+            let error = ErrorCode::InputBufferOverrun.with(what);
+            take(Cut::Dropped(WireError::line(error)));
+        } else if !self.ends.content(&line).is_empty() {
+            take(Cut::Message(line.trim_ascii().to_vec()));
+        }
+    }
+}
+
+impl Packets {
+    fn push(&mut self, bytes: &[u8], take: &mut dyn FnMut(Cut)) {
+        self.buffer.extend_from_slice(bytes);
+        let mut at = 0;
+        while at < self.buffer.len() {
+            let rest = &self.buffer[at..];
+            let wrong = match self.layout.extent(rest, self.direction) {
+                Extent::More => break,
+                Extent::Whole { len, .. } if rest.len() < len => break,
+                Extent::Whole { len, .. } => match self.layout.open(&rest[..len], self.direction) {
+                    Ok(_) => {
+                        self.dropping = false;
+                        at += len;
+                        take(Cut::Message(rest[..len].to_vec()));
+                        continue;
+                    }
+                    Err(wrong) => wrong,
+                },
+                Extent::None => "bytes that begin no packet".to_owned(),
+            };
+            at += 1;
+            if !std::mem::replace(&mut self.dropping, true) {
+                take(Cut::Dropped(WireError::damaged(wrong)));
+            }
+        }
+        self.buffer.drain(..at);
+    }
 }

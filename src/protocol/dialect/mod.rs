@@ -1,6 +1,36 @@
 //! Dialects: how a device's control port talks, as a file.
+//!
+//! The device's own language is SCPI ([`crate::protocol::scpi`]). A dialect is another one in its
+//! place: how bytes are cut into messages, which commands there are, which of the device's own
+//! messages each stands for, how it is answered, what is said unasked; and how a host does what a
+//! scan needs. Both halves read the same file, so the emulated device speaks it, and a physical
+//! device that speaks it needs no code in the host. Everything here is a function of its arguments:
+//! nothing waits, and what comes off a wire is bounded.
+//!
+//! ```text
+//!  host: request --bytes--> cutter --message--> asked --> runs --> firmware
+//!        reply <--message-- cutter <--bytes-- answer, refusal <-- answers, errors
+//! ```
+//!
+//! Without a checksum a bit error in a number is another number: dialects of plain lines and of
+//! packets without checksums leave it to the host to read back what it has set.
+//!
+#![doc = include_str!("guide.md")]
 
+mod builtin;
+mod check;
+mod checksum;
+mod command;
 mod cutter;
+mod device;
+mod field;
+mod file;
+mod host;
+mod overlap;
+mod packet;
+mod template;
+#[cfg(test)]
+mod tests;
 mod uses;
 mod value;
 
@@ -8,15 +38,25 @@ pub use cutter::{Cut, Cutter, Direction};
 pub use uses::{Chunk, Gather, HostUse, MAX_CHUNKED_BYTES, Operation, Step};
 pub use value::{Asked, Boot, Event, Reply, Value, WireError};
 
-use crate::error::{Error, Result};
-use crate::protocol::scpi::{DeviceError, ErrorCode};
+use crate::error::Result;
+use crate::profile::TomlSource;
+use command::{Command, Errors, Framing, LineEnds};
+use template::Template;
 
 /// A dialect, checked.
 #[derive(Debug, Clone)]
 pub struct Dialect {
     name: String,
+    description: String,
+    framing: Framing,
+    echo: bool,
+    commands: Vec<Command>,
+    errors: Option<Errors>,
+    events: Vec<(Event, Template)>,
     boot: Vec<Boot>,
     host: HostUse,
+    /// Examples of the firmware's messages, each with its place in the file.
+    runs: Vec<(String, String)>,
 }
 
 impl Dialect {
@@ -25,20 +65,34 @@ impl Dialect {
     /// # Errors
     /// A name that is neither, unreadable files, and all that [`Self::parse`] refuses.
     pub fn load(name_or_path: &str) -> Result<Self> {
-        Self::parse("", name_or_path)
+        Self::from_source(&builtin::source(name_or_path)?)
     }
 
     /// Reads and checks a dialect from text; `place` stands for the file in messages.
     ///
     /// # Errors
     /// Syntax, unknown fields, wrong types, and whatever contradicts itself, each with its line.
-    pub fn parse(_text: &str, place: &str) -> Result<Self> {
-        Err(Error::input(place, "no dialect", "a dialect"))
+    pub fn parse(text: &str, place: &str) -> Result<Self> {
+        Self::from_source(&TomlSource::new(text, place))
+    }
+
+    /// Reads and checks a dialect.
+    ///
+    /// # Errors
+    /// As [`Self::parse`].
+    pub fn from_source(source: &TomlSource) -> Result<Self> {
+        check::dialect(&source.deserialize()?, source)
     }
 
     /// Names of the shipped dialects.
     pub fn names() -> impl Iterator<Item = &'static str> {
-        ["scpi", "dlpc350", "okline"].into_iter()
+        builtin::DIALECTS.iter().map(|(name, _)| *name)
+    }
+
+    /// The file of a shipped dialect.
+    pub fn text(name: &str) -> Option<&'static str> {
+        let found = builtin::DIALECTS.iter().find(|(known, _)| *known == name);
+        found.map(|(_, text)| *text)
     }
 
     /// Name by which it is chosen.
@@ -46,35 +100,67 @@ impl Dialect {
         &self.name
     }
 
+    /// One line for listings.
+    pub fn description(&self) -> &str {
+        &self.description
+    }
+
     /// Whether the device's own grammar is spoken (IEEE 488.2), so that its messages pass through.
     pub fn is_scpi(&self) -> bool {
-        true
+        matches!(self.framing, Framing::Scpi(_))
     }
 
-    /// Whether messages are packets, with a number that a reply repeats.
+    /// How messages are told from each other, in words.
+    pub fn framing(&self) -> String {
+        match &self.framing {
+            Framing::Scpi(_) => "SCPI".to_owned(),
+            Framing::Line(ends) => format!("lines of up to {} bytes", ends.max),
+            Framing::Packet(layout) => match layout.size {
+                Some(size) => format!("packets of {size} bytes"),
+                None => format!("packets of up to {} bytes", layout.max),
+            },
+        }
+    }
+
+    /// Whether messages have a number that a reply repeats.
     pub fn has_sequence(&self) -> bool {
-        false
+        matches!(&self.framing, Framing::Packet(layout) if layout.sequence.is_some())
     }
 
-    /// Every `runs` message of the file, with an example for each argument, and the place in the
-    /// file (`FILE:LINE: field`): whoever has the device's commands checks that they are there.
-    pub fn all_runs(&self) -> Vec<(String, String)> {
-        Vec::new()
+    /// Whether damaged messages are told from sound ones.
+    pub fn has_checksum(&self) -> bool {
+        matches!(&self.framing, Framing::Packet(layout) if layout.checksum.is_some())
+    }
+
+    /// Every `runs` message of the file with examples of its arguments, all choices among them, and
+    /// its place in the file (`FILE:LINE: field`): whoever has the device's commands checks that
+    /// they are there.
+    pub fn all_runs(&self) -> &[(String, String)] {
+        &self.runs
     }
 
     /// A fresh cutter for one direction.
-    pub fn cutter(&self, _direction: Direction) -> Cutter {
-        Cutter {}
+    pub fn cutter(&self, direction: Direction) -> Cutter {
+        match &self.framing {
+            Framing::Scpi(_) => Cutter::scpi(),
+            Framing::Line(ends) => Cutter::lines(ends.clone(), direction),
+            Framing::Packet(layout) => Cutter::packets(layout.clone(), direction),
+        }
     }
 
     /// Whether the device sends back what it receives: [`Self::echoed`] says how.
     pub fn echo(&self) -> bool {
-        false
+        self.echo
     }
 
-    /// A received message as it is sent back, with its end.
+    /// A received line as it is sent back, with its end.
     pub fn echoed(&self, message: &[u8]) -> Vec<u8> {
-        message.to_vec()
+        match &self.framing {
+            Framing::Scpi(ends) | Framing::Line(ends) => {
+                [message, ends.to_host.as_bytes()].concat()
+            }
+            Framing::Packet(_) => message.to_vec(),
+        }
     }
 
     /// What the device says after power-on, in order of time.
@@ -89,80 +175,23 @@ impl Dialect {
 
     /// Names of the commands.
     pub fn commands(&self) -> impl Iterator<Item = &str> {
-        std::iter::empty()
+        self.commands.iter().map(|command| command.name.as_str())
     }
 
     /// How a command's long answer is read in pieces; `None` where it comes whole.
-    pub fn chunk(&self, _command: &str) -> Option<&Chunk> {
-        None
+    pub fn chunk(&self, command: &str) -> Option<&Chunk> {
+        self.command(command)?.chunk.as_ref()
     }
 
     /// Whether the device answers a command at all: SCPI does not answer an order.
-    pub fn is_answered(&self, _command: &str) -> bool {
-        true
+    pub fn is_answered(&self, command: &str) -> bool {
+        match (&self.framing, self.command(command)) {
+            (Framing::Packet(_), found) => found.is_some(),
+            (_, found) => found.is_some_and(|command| !command.reply.is_empty()),
+        }
     }
 
-    /// A command as the host sends it, with its end.
-    ///
-    /// # Errors
-    /// A command that the dialect does not have, and arguments that are missing, of another kind, or
-    /// out of range.
-    pub fn request(
-        &self,
-        command: &str,
-        _args: &[(&str, Value)],
-        _sequence: u8,
-    ) -> Result<Vec<u8>, DeviceError> {
-        Err(ErrorCode::UndefinedHeader.with(command))
-    }
-
-    /// What a message means to the host that has asked `command` with `sequence`.
-    pub fn reply(&self, _command: &str, _message: &[u8], _sequence: u8) -> Reply {
-        Reply::Other
-    }
-
-    /// What a message asks of the device.
-    ///
-    /// # Errors
-    /// A message that is damaged, of a command that the dialect does not have, or whose arguments
-    /// are none; [`Self::nack`] makes the answer.
-    pub fn asked(&self, _message: &[u8]) -> Result<Asked, WireError> {
-        Err(WireError::damaged("no dialect"))
-    }
-
-    /// The firmware's own (SCPI) messages that a command stands for, in order.
-    pub fn runs(&self, _asked: &Asked) -> Vec<String> {
-        Vec::new()
-    }
-
-    /// The reply with its end, made of the firmware's answers: one for each message of
-    /// [`Self::runs`], without newlines, empty where a message has none. Empty where no reply is
-    /// wanted.
-    ///
-    /// # Errors
-    /// Answers that are not as the file has them.
-    pub fn answer(&self, _asked: &Asked, _answers: &[Vec<u8>]) -> Result<Vec<u8>, DeviceError> {
-        Ok(Vec::new())
-    }
-
-    /// The reply to a command that the firmware refuses, with the dialect's own number; empty where
-    /// no reply is wanted.
-    pub fn refusal(&self, _asked: &Asked, _error: &DeviceError) -> Vec<u8> {
-        Vec::new()
-    }
-
-    /// The reply to a message that is no command; empty where it is not answered.
-    pub fn nack(&self, _error: &WireError) -> Vec<u8> {
-        Vec::new()
-    }
-
-    /// The reply of a device that has no time now (the file's `busy` error).
-    pub fn busy(&self, _asked: &Asked) -> Vec<u8> {
-        Vec::new()
-    }
-
-    /// What the device says unasked when something happens; `None` where the dialect does not tell.
-    pub fn event(&self, _event: Event) -> Option<Vec<u8>> {
-        None
+    fn command(&self, name: &str) -> Option<&Command> {
+        self.commands.iter().find(|command| command.name == name)
     }
 }

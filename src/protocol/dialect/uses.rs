@@ -23,7 +23,7 @@ use std::collections::BTreeMap;
 /// | complete | | answered when the last frame has left the device |
 /// | exposure | `exposure`, seconds | |
 /// | last_id | | id of the last exposure, or of the next one |
-/// | errors | | the device's complaint, empty for none |
+/// | errors | | number of the device's oldest complaint, 0 for none |
 /// | mark | `mark`, 1 to 255 | none: the device keeps the number until it is switched off |
 /// | marked | | the number; 0 after power-on |
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -57,6 +57,18 @@ impl HostUse {
     /// An operation by its name in the table above; `None` where the dialect lacks it.
     pub fn get(&self, operation: &str) -> Option<&Operation> {
         self.operations.get(operation)
+    }
+
+    /// Names of the operations that the dialect has.
+    pub fn names(&self) -> impl Iterator<Item = &'static str> {
+        let all = OPERATIONS.iter().map(|(name, _)| *name);
+        all.filter(|name| self.operations.contains_key(*name))
+    }
+
+    /// Names of those that it lacks.
+    pub fn missing(&self) -> impl Iterator<Item = &'static str> {
+        let all = OPERATIONS.iter().map(|(name, _)| *name);
+        all.filter(|name| !self.operations.contains_key(*name))
     }
 }
 

@@ -121,6 +121,15 @@ pub struct WireError {
 }
 
 impl WireError {
+    /// A line that is no command; it is answered.
+    pub(super) fn line(error: DeviceError) -> Self {
+        Self {
+            error,
+            sequence: 0,
+            wants_reply: true,
+        }
+    }
+
     /// A message that cannot be read as one.
     pub(super) fn damaged(what: impl Display) -> Self {
         Self {

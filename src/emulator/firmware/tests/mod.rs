@@ -7,6 +7,7 @@ mod rolling;
 mod sequences;
 mod streams;
 mod tickets;
+mod timing;
 mod triggers;
 
 use super::Firmware;

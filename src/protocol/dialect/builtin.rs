@@ -1,0 +1,38 @@
+//! Dialects that ship inside the program.
+
+use crate::error::{Error, Result};
+use crate::profile::TomlSource;
+use std::path::Path;
+
+/// Name and text of each dialect.
+pub(super) const DIALECTS: [(&str, &str); 3] = [
+    (
+        "scpi",
+        include_str!("../../../device-profiles/dialects/scpi.toml"),
+    ),
+    (
+        "dlpc350",
+        include_str!("../../../device-profiles/dialects/dlpc350.toml"),
+    ),
+    (
+        "okline",
+        include_str!("../../../device-profiles/dialects/okline.toml"),
+    ),
+];
+
+/// A shipped dialect, or a file.
+pub(super) fn source(name_or_path: &str) -> Result<TomlSource> {
+    if let Some((name, text)) = DIALECTS.iter().find(|(name, _)| *name == name_or_path) {
+        return Ok(TomlSource::new(text, &format!("built-in dialect {name}")));
+    }
+    let path = Path::new(name_or_path);
+    if !path.is_file() {
+        let names: Vec<_> = DIALECTS.iter().map(|(name, _)| *name).collect();
+        return Err(Error::input(
+            format!("dialect {name_or_path:?}"),
+            "neither a built-in name nor a file",
+            format!("{} or the path of a TOML file", names.join(", ")),
+        ));
+    }
+    TomlSource::read(path)
+}

@@ -1,0 +1,192 @@
+//! Makes a dialect of a file, or says which line of it contradicts what.
+
+mod commands;
+mod fields;
+mod framing;
+mod host;
+mod unasked;
+
+use super::Dialect;
+use super::command::{Command, Framing};
+use super::field::Field;
+use super::file::File;
+use super::overlap::overlap;
+use super::template::Template;
+use crate::error::{Error, Result};
+use crate::profile::TomlSource;
+use std::fmt::Display;
+
+/// Longest template.
+const MAX_TEMPLATE: usize = 200;
+
+/// A file with the checks that it goes through.
+struct Check<'a> {
+    source: &'a TomlSource,
+    file: &'a File,
+}
+
+impl Check<'_> {
+    fn that(
+        &self,
+        ok: bool,
+        field: &str,
+        found: impl Display,
+        allowed: impl Display,
+    ) -> Result<()> {
+        if ok {
+            Ok(())
+        } else {
+            Err(self.source.violation(field, found, allowed))
+        }
+    }
+
+    /// A name of letters, digits and underscores, and of question marks for commands.
+    fn name(&self, field: &str, name: &str, more: &[char]) -> Result<()> {
+        let plain = |c: char| c.is_ascii_alphanumeric() || c == '_' || more.contains(&c);
+        self.that(
+            (1..=64).contains(&name.len()) && name.chars().all(plain),
+            field,
+            format!("{name:?}"),
+            "1 to 64 letters, digits or '_'",
+        )
+    }
+
+    fn template(&self, field: &str, text: &str) -> Result<Template> {
+        self.that(
+            text.len() <= MAX_TEMPLATE,
+            field,
+            format!("{} bytes", text.len()),
+            format!("{MAX_TEMPLATE} bytes"),
+        )?;
+        Template::parse(text).map_err(|wrong| {
+            let allowed = "text with {name} in it, {{ and }} for braces";
+            self.source.violation(field, wrong, allowed)
+        })
+    }
+
+    /// Every name of a template is one of these, once at most.
+    fn names(&self, field: &str, template: &Template, known: &[&str]) -> Result<()> {
+        let names: Vec<_> = template.names().collect();
+        for (at, name) in names.iter().enumerate() {
+            self.that(
+                known.contains(name) && !names[..at].contains(name),
+                field,
+                format!("{{{name}}}"),
+                match known {
+                    [] => "no {name}".to_owned(),
+                    known => format!("once each: {}", known.join(", ")),
+                },
+            )?;
+        }
+        Ok(())
+    }
+
+    /// Where a field stands, for messages.
+    fn place(&self, field: &str) -> String {
+        match self.source.violation(field, "", "") {
+            Error::Input { place, .. } => place,
+            other => other.to_string(),
+        }
+    }
+}
+
+/// Checks a file.
+pub(super) fn dialect(file: &File, source: &TomlSource) -> Result<Dialect> {
+    let check = &Check { source, file };
+    check.name("name", &file.name, &['-', '.'])?;
+    let printable = !file.description.contains(char::is_control) && file.description.len() <= 200;
+    check.that(
+        printable,
+        "description",
+        format!("{:?}", file.description),
+        "one line of at most 200 bytes",
+    )?;
+    let framing = framing::framing(check)?;
+    let commands = commands::commands(check, &framing)?;
+    let runs = commands::runs(check, &commands)?;
+    let errors = unasked::errors(check, &framing)?;
+    let events = unasked::events(check, &framing)?;
+    let boot = unasked::boot(check, &framing)?;
+    let host = host::host(check, &commands)?;
+    let dialect = Dialect {
+        name: file.name.clone(),
+        description: file.description.clone(),
+        echo: file.line.as_ref().is_some_and(|line| line.echo),
+        framing,
+        commands,
+        errors,
+        events,
+        boot,
+        host,
+        runs,
+    };
+    told_apart(check, &dialect)?;
+    Ok(dialect)
+}
+
+/// Lines that fit two templates would mean two things.
+fn told_apart(check: &Check<'_>, dialect: &Dialect) -> Result<()> {
+    let Framing::Line(ends) = &dialect.framing else {
+        return Ok(());
+    };
+    let both = |a: (&Template, &[Field]), b: (&Template, &[Field])| overlap(a, b, ends.any_case);
+    for (at, command) in dialect.commands.iter().enumerate() {
+        for other in &dialect.commands[..at] {
+            let clash = both((&command.line, &command.args), (&other.line, &other.args));
+            check.that(
+                !clash,
+                &format!("command[{at}].line"),
+                format!("a line that may be {} too", other.name),
+                "lines that are told apart by their text",
+            )?;
+        }
+        replies_apart(check, dialect, (at, command), &both)?;
+    }
+    let numbers = ["index", "id"].map(Field::int);
+    for (at, (_, template)) in dialect.events.iter().enumerate() {
+        let clash = dialect.events[..at]
+            .iter()
+            .any(|(_, other)| both((template, &numbers), (other, &numbers)));
+        check.that(
+            !clash,
+            "events",
+            "two events with the same line",
+            "lines that are told apart by their text",
+        )?;
+    }
+    Ok(())
+}
+
+/// The host has to know what a line is that comes where a reply is due.
+fn replies_apart(
+    check: &Check<'_>,
+    dialect: &Dialect,
+    (at, command): (usize, &Command),
+    both: &dyn Fn((&Template, &[Field]), (&Template, &[Field])) -> bool,
+) -> Result<()> {
+    let numbers = ["index", "id", "number"].map(Field::int);
+    let events = dialect.events.iter().map(|(_, template)| template);
+    let errors = dialect.errors.iter().flat_map(|errors| &errors.line);
+    let others: Vec<&Template> = events.chain(errors).collect();
+    for (line, template) in command.reply.iter().enumerate() {
+        let field = format!("command[{at}].reply[{line}]");
+        let own = (template, &command.values[..]);
+        let unasked = others.iter().any(|other| both(own, (other, &numbers)));
+        check.that(
+            !unasked,
+            &field,
+            "a line that may be an error or an event too",
+            "lines that are told apart by their text",
+        )?;
+        let earlier = command.reply[..line]
+            .iter()
+            .any(|other| both(own, (other, &command.values)));
+        check.that(
+            !earlier,
+            &field,
+            "a line that may be one before it too",
+            "lines that are told apart by their text",
+        )?;
+    }
+    Ok(())
+}

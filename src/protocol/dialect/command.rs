@@ -1,0 +1,110 @@
+//! What a dialect is made of when its file has been checked.
+
+use super::field::{Field, Kind};
+use super::file::ErrorFile;
+use super::packet::Layout;
+use super::template::Template;
+use super::uses::Chunk;
+use crate::protocol::scpi::DeviceError;
+use std::sync::Arc;
+
+/// How messages are told from each other.
+#[derive(Debug, Clone)]
+pub(super) enum Framing {
+    /// IEEE 488.2: the device's own.
+    Scpi(Arc<LineEnds>),
+    Line(Arc<LineEnds>),
+    Packet(Arc<Layout>),
+}
+
+/// The ends of lines and what else is said of them.
+#[derive(Debug, Clone)]
+pub(super) struct LineEnds {
+    pub(super) to_device: String,
+    pub(super) to_host: String,
+    /// Begins what is not looked at.
+    pub(super) comment: Option<String>,
+    pub(super) any_case: bool,
+    /// Longest line without its end.
+    pub(super) max: usize,
+}
+
+impl LineEnds {
+    /// A line without comment and without spaces at its ends.
+    pub(super) fn content<'a>(&self, line: &'a [u8]) -> &'a [u8] {
+        let end = self.comment.as_ref().and_then(|comment| {
+            let comment = comment.as_bytes();
+            line.windows(comment.len()).position(|part| part == comment)
+        });
+        line[..end.unwrap_or(line.len())].trim_ascii()
+    }
+}
+
+/// A command.
+#[derive(Debug, Clone)]
+pub(super) struct Command {
+    pub(super) name: String,
+    /// Its line; empty in packets.
+    pub(super) line: Template,
+    /// Its number in packets.
+    pub(super) code: u32,
+    /// Whether the packet's flag of a question is set.
+    pub(super) read: bool,
+    pub(super) args: Vec<Field>,
+    /// Messages for the firmware.
+    pub(super) runs: Vec<Template>,
+    /// How the values stand in the firmware's answers: one for each message.
+    pub(super) answers: Vec<Option<Template>>,
+    /// What a reply says.
+    pub(super) values: Vec<Field>,
+    /// The lines of a reply; the last one ends it.
+    pub(super) reply: Vec<Template>,
+    pub(super) chunk: Option<Chunk>,
+    /// Bytes of a piece of a long answer.
+    pub(super) chunk_bytes: usize,
+}
+
+impl Command {
+    pub(super) fn value(&self, name: &str) -> Option<&Field> {
+        self.values.iter().find(|field| field.name == name)
+    }
+
+    pub(super) fn arg(&self, name: &str) -> Option<&Field> {
+        self.args.iter().find(|field| field.name == name)
+    }
+}
+
+/// How a device refuses.
+#[derive(Debug, Clone)]
+pub(super) struct Errors {
+    /// Its line; `None` in packets.
+    pub(super) line: Option<Template>,
+    /// How the number stands in a packet's data.
+    pub(super) number: Option<Kind>,
+    pub(super) default: ErrorFile,
+    pub(super) busy: ErrorFile,
+    pub(super) map: Vec<(Vec<i16>, ErrorFile)>,
+}
+
+impl Errors {
+    /// The dialect's error for the firmware's: by its number, else by its class (-200 for -222),
+    /// else the default.
+    pub(super) fn of(&self, error: &DeviceError) -> &ErrorFile {
+        let number = error.code.number();
+        [number, number / 100 * 100]
+            .into_iter()
+            .find_map(|number| {
+                let mut map = self.map.iter();
+                map.find(|(scpi, _)| scpi.contains(&number))
+            })
+            .map_or(&self.default, |(_, error)| error)
+    }
+
+    /// The text of a number.
+    pub(super) fn text(&self, number: i64) -> &str {
+        let all = self.map.iter().map(|(_, error)| error);
+        all.chain([&self.busy, &self.default])
+            .find(|error| i64::from(error.number) == number)
+            .map_or("", |error| &error.text)
+    }
+}

@@ -1,0 +1,345 @@
+//! The device's side of a dialect: what a message asks, and how it is answered.
+
+use super::command::{Command, Framing, LineEnds};
+use super::field::Field;
+use super::file::ErrorFile;
+use super::template::Template;
+use super::{Asked, Dialect, Direction, Event, Value, WireError};
+use crate::error::Result;
+use crate::protocol::scpi::{DeviceError, ErrorCode};
+
+/// A template's error as the firmware's own.
+pub(super) struct Unfit(pub(super) DeviceError);
+
+impl From<String> for Unfit {
+    fn from(words: String) -> Self {
+        Self(ErrorCode::IllegalParameterValue.with(words))
+    }
+}
+
+impl From<DeviceError> for Unfit {
+    fn from(error: DeviceError) -> Self {
+        Self(error)
+    }
+}
+
+impl Dialect {
+    /// What a message asks of the device.
+    ///
+    /// # Errors
+    /// A message that is damaged, of a command that the dialect does not have, or whose arguments
+    /// are none; [`Self::nack`] makes the answer.
+    pub fn asked(&self, message: &[u8]) -> Result<Asked, WireError> {
+        match &self.framing {
+            Framing::Scpi(ends) | Framing::Line(ends) => {
+                self.asked_line(message, ends).map_err(WireError::line)
+            }
+            Framing::Packet(_) => self.asked_packet(message),
+        }
+    }
+
+    fn asked_line(&self, message: &[u8], ends: &LineEnds) -> Result<Asked, DeviceError> {
+        let line = ends.content(message);
+        let mut wrong = None;
+        for command in &self.commands {
+            let Some(parts) = command.line.split(line, ends.any_case) else {
+                continue;
+            };
+            let args = values_of_line(&command.args, &parts);
+            match args.and_then(|args| filled(command, &args).map(|_| args)) {
+                Ok(args) => {
+                    return Ok(Asked {
+                        command: command.name.clone(),
+                        args,
+                        sequence: 0,
+                        wants_reply: !command.reply.is_empty(),
+                    });
+                }
+                Err(error) => wrong = wrong.or(Some(error)),
+            }
+        }
+        Err(wrong.unwrap_or_else(|| {
+            let start = &line[..line.len().min(40)];
+            ErrorCode::UndefinedHeader.with(start.escape_ascii())
+        }))
+    }
+
+    fn asked_packet(&self, message: &[u8]) -> Result<Asked, WireError> {
+        let Framing::Packet(layout) = &self.framing else {
+            return Err(WireError::damaged("no packet"));
+        };
+        let packet = layout
+            .open(message, Direction::ToDevice)
+            .map_err(WireError::damaged)?;
+        let (read_bit, reply_bit) = layout
+            .flags
+            .map_or((None, None), |flags| (flags.read, flags.reply));
+        let set = |bit: u8| packet.flags >> bit & 1 == 1;
+        let wants_reply = reply_bit.is_none_or(set);
+        let read = read_bit.is_some_and(set);
+        let failed = |error: DeviceError| WireError {
+            error,
+            sequence: packet.sequence,
+            wants_reply,
+        };
+        let code = packet.code.unwrap_or_default();
+        let command = self
+            .commands
+            .iter()
+            .find(|command| command.code == code && (read_bit.is_none() || command.read == read));
+        let Some(command) = command else {
+            let what = if read { "read" } else { "write" };
+            let unknown = ErrorCode::UndefinedHeader.with(format!("{what} {code:#06x}"));
+            return Err(failed(unknown));
+        };
+        let mut data = packet.data;
+        let mut args = Vec::with_capacity(command.args.len());
+        for field in &command.args {
+            let value = field.from_packet(&mut data).map_err(failed)?;
+            args.push((field.name.clone(), value));
+        }
+        if layout.length.is_some() && !data.is_empty() {
+            let what = format!("{} bytes too many", data.len());
+            return Err(failed(ErrorCode::ParameterNotAllowed.with(what)));
+        }
+        filled(command, &args).map_err(failed)?;
+        Ok(Asked {
+            command: command.name.clone(),
+            args,
+            sequence: packet.sequence,
+            wants_reply,
+        })
+    }
+
+    /// The firmware's own (SCPI) messages that a command stands for, in order.
+    pub fn runs(&self, asked: &Asked) -> Vec<String> {
+        let command = self.command(&asked.command);
+        // What could not be said has been refused when it was asked.
+        command.map_or_else(Vec::new, |command| {
+            filled(command, &asked.args).unwrap_or_default()
+        })
+    }
+
+    /// The reply with its end, made of the firmware's answers: one for each message of
+    /// [`Self::runs`], without newlines, empty where a message has none. Empty where no reply is
+    /// wanted.
+    ///
+    /// # Errors
+    /// Answers that are not as the file has them.
+    pub fn answer(&self, asked: &Asked, answers: &[Vec<u8>]) -> Result<Vec<u8>, DeviceError> {
+        let command = self.command(&asked.command);
+        let Some(command) = command.filter(|_| asked.wants_reply) else {
+            return Ok(Vec::new());
+        };
+        let mut values = taken(command, answers)?;
+        cut(command, asked, &mut values)?;
+        for field in &command.values {
+            if let Some(constant) = &field.constant {
+                values.push((field.name.clone(), constant.clone()));
+            }
+        }
+        let find = |name: &str| {
+            let found = values.iter().find(|(n, _)| n == name).map(|(_, v)| v);
+            found.ok_or_else(|| ErrorCode::SystemError.with(format!("no value {name}")))
+        };
+        match &self.framing {
+            Framing::Scpi(ends) | Framing::Line(ends) => {
+                let mut lines = Vec::new();
+                for template in &command.reply {
+                    let filled = template.fill(|name| match command.value(name) {
+                        Some(field) => Ok(field.to_line(find(name)?)?),
+                        None => Err(Unfit::from(format!("no value {name}"))),
+                    });
+                    lines.extend(whole(filled.map_err(|unfit| unfit.0)?, ends)?);
+                    lines.extend_from_slice(ends.to_host.as_bytes());
+                }
+                Ok(lines)
+            }
+            Framing::Packet(layout) => {
+                let mut data = Vec::new();
+                for field in &command.values {
+                    field.to_packet(find(&field.name)?, &mut data)?;
+                }
+                let flags = layout.flags(command.read, true, false);
+                let head = (flags, asked.sequence, command.code);
+                let packet = layout.seal(Direction::ToHost, head, &data);
+                packet.ok_or_else(|| ErrorCode::TooMuchData.with("a reply longer than a packet"))
+            }
+        }
+    }
+
+    /// The reply to a command that the firmware refuses, with the dialect's own number; empty where
+    /// no reply is wanted.
+    pub fn refusal(&self, asked: &Asked, error: &DeviceError) -> Vec<u8> {
+        let own = self.errors.as_ref().map(|errors| errors.of(error));
+        self.refuse(asked, own, &error.detail)
+    }
+
+    /// The reply to a message that is no command; empty where it is not answered.
+    pub fn nack(&self, error: &WireError) -> Vec<u8> {
+        let nobody = Asked {
+            command: String::new(),
+            args: Vec::new(),
+            sequence: error.sequence,
+            wants_reply: error.wants_reply,
+        };
+        self.refusal(&nobody, &error.error)
+    }
+
+    /// The reply of a device that has no time now (the file's `busy` error).
+    pub fn busy(&self, asked: &Asked) -> Vec<u8> {
+        let own = self.errors.as_ref().map(|errors| &errors.busy);
+        self.refuse(asked, own, "")
+    }
+
+    fn refuse(&self, asked: &Asked, own: Option<&ErrorFile>, detail: &str) -> Vec<u8> {
+        let (Some(errors), Some(own)) = (&self.errors, own.filter(|_| asked.wants_reply)) else {
+            return Vec::new();
+        };
+        match (&self.framing, &errors.line) {
+            (Framing::Scpi(ends) | Framing::Line(ends), Some(template)) => {
+                let printable = |c: char| if c.is_control() { ' ' } else { c };
+                let detail: String = detail.chars().map(printable).take(200).collect();
+                let filled = template.fill(|name| {
+                    Ok::<_, Unfit>(match name {
+                        "number" => own.number.to_string().into_bytes(),
+                        "detail" => detail.trim().as_bytes().to_vec(),
+                        _ => own.text.clone().into_bytes(),
+                    })
+                });
+                let line = filled.unwrap_or_default();
+                [line.trim_ascii(), ends.to_host.as_bytes()].concat()
+            }
+            (Framing::Packet(layout), _) => {
+                let mut data = Vec::new();
+                if let Some(kind) = errors.number {
+                    let number = Field {
+                        kind,
+                        range: kind.range(),
+                        big: layout.big,
+                        ..Field::int("number")
+                    };
+                    // The file's numbers fit: that has been checked.
+                    let _ = number.to_packet(&Value::Number(own.number.into()), &mut data);
+                }
+                let command = self.command(&asked.command);
+                let (read, code) = command.map_or((false, 0), |c| (c.read, c.code));
+                let flags = layout.flags(read, true, true);
+                let head = (flags, asked.sequence, code);
+                layout
+                    .seal(Direction::ToHost, head, &data)
+                    .unwrap_or_default()
+            }
+            _ => Vec::new(),
+        }
+    }
+
+    /// What the device says unasked when something happens; `None` where the dialect does not tell.
+    pub fn event(&self, event: Event) -> Option<Vec<u8>> {
+        let (Framing::Scpi(ends) | Framing::Line(ends)) = &self.framing else {
+            return None;
+        };
+        let same = |told: &Event| std::mem::discriminant(told) == std::mem::discriminant(&event);
+        let (_, template) = self.events.iter().find(|(told, _)| same(told))?;
+        let (index, id) = match event {
+            Event::Exposed { index, id } => (index, id),
+            _ => (0, 0),
+        };
+        let line = template.fill(|name| {
+            let number = if name == "index" { index } else { id };
+            Ok::<_, Unfit>(number.to_string().into_bytes())
+        });
+        Some([&line.ok()?[..], ends.to_host.as_bytes()].concat())
+    }
+}
+
+/// The messages of a command for the firmware.
+fn filled(command: &Command, args: &[(String, Value)]) -> Result<Vec<String>, DeviceError> {
+    let run = |run: &Template| {
+        let message = run.fill(|name| {
+            let value = args.iter().find(|(arg, _)| arg == name);
+            let (Some((_, value)), Some(field)) = (value, command.arg(name)) else {
+                return Err(Unfit::from(format!("no {name}")));
+            };
+            Ok(field.to_scpi(value)?.into_bytes())
+        });
+        let message = message.map_err(|unfit| unfit.0)?;
+        String::from_utf8(message).map_err(|error| ErrorCode::SystemError.with(error))
+    };
+    command.runs.iter().map(run).collect()
+}
+
+/// The values of the parts of a line.
+pub(super) fn values_of_line(
+    fields: &[Field],
+    parts: &[(&str, &[u8])],
+) -> Result<Vec<(String, Value)>, DeviceError> {
+    let value = |(name, wire): &(&str, &[u8])| {
+        let field = fields.iter().find(|field| field.name == *name);
+        let field = field.ok_or_else(|| ErrorCode::SystemError.with(name))?;
+        Ok((field.name.clone(), field.from_line(wire)?))
+    };
+    parts.iter().map(value).collect()
+}
+
+/// A line that is neither too long nor looks like a comment.
+pub(super) fn whole(line: Vec<u8>, ends: &LineEnds) -> Result<Vec<u8>, DeviceError> {
+    if line.len() > ends.max {
+        let what = format!("{} bytes in a line, at most {}", line.len(), ends.max);
+        return Err(ErrorCode::TooMuchData.with(what));
+    }
+    let holds = |text: &str| line.windows(text.len()).any(|part| part == text.as_bytes());
+    if let Some(comment) = ends.comment.as_deref().filter(|comment| holds(comment)) {
+        let what = format!("{comment:?} may not stand in a line");
+        return Err(ErrorCode::IllegalParameterValue.with(what));
+    }
+    Ok(line)
+}
+
+/// The values in the firmware's answers.
+fn taken(command: &Command, answers: &[Vec<u8>]) -> Result<Vec<(String, Value)>, DeviceError> {
+    let mut values = Vec::new();
+    for (at, template) in command.answers.iter().enumerate() {
+        let Some(template) = template else { continue };
+        let answer = answers.get(at).map_or(&[][..], Vec::as_slice);
+        let wrong = || {
+            let start = &answer[..answer.len().min(40)];
+            let what = format!("{}: the answer \"{}\"", command.name, start.escape_ascii());
+            ErrorCode::SystemError.with(what)
+        };
+        for (name, raw) in Template::split(template, answer, true).ok_or_else(wrong)? {
+            let field = command.value(name).ok_or_else(wrong)?;
+            values.push((name.to_owned(), field.from_scpi(raw)?));
+        }
+    }
+    Ok(values)
+}
+
+/// Puts the asked piece in the place of a long answer.
+fn cut(
+    command: &Command,
+    asked: &Asked,
+    values: &mut Vec<(String, Value)>,
+) -> Result<(), DeviceError> {
+    let Some(chunk) = &command.chunk else {
+        return Ok(());
+    };
+    let offset = asked.args.iter().find(|(name, _)| *name == chunk.offset);
+    let offset = offset.and_then(|(_, value)| value.number()).unwrap_or(0.0) as usize;
+    let Some((_, Value::Bytes(bytes))) = values.iter_mut().find(|(name, _)| *name == chunk.data)
+    else {
+        return Err(ErrorCode::SystemError.with("a long answer that is no bytes"));
+    };
+    let (total, sum) = (bytes.len(), crc32fast::hash(bytes));
+    if offset > total {
+        let what = format!("{}: {offset}, allowed 0 to {total}", chunk.offset);
+        return Err(ErrorCode::DataOutOfRange.with(what));
+    }
+    bytes.drain(..offset);
+    bytes.truncate(command.chunk_bytes);
+    values.push((chunk.total.clone(), Value::Number(total as f64)));
+    if let Some(check) = &chunk.check {
+        values.push((check.clone(), Value::Number(sum.into())));
+    }
+    Ok(())
+}

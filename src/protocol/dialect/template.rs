@@ -1,0 +1,236 @@
+//! Texts with `{name}` in them: filled in one direction, taken apart in the other.
+//!
+//! A `{name}` ends where the text behind it first occurs, and the last one at the end, so that there
+//! is one way to read a line and no search. Strings in quotes and blocks (IEEE 488.2, 7.7.5 and
+//! 7.7.6) say themselves where they end.
+
+use crate::protocol::scpi::{BlockPrefix, block_header};
+
+/// A piece of a template.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) enum Part {
+    /// What stands there.
+    Text(String),
+    /// The name of what is put there.
+    Field(String),
+}
+
+/// A text with `{name}` in it; `{{` and `}}` are braces.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Template {
+    pub(super) parts: Vec<Part>,
+}
+
+impl Template {
+    /// Reads a template.
+    ///
+    /// # Errors
+    /// What is wrong with it.
+    pub(super) fn parse(text: &str) -> Result<Self, String> {
+        let mut parts = Vec::new();
+        let mut plain = String::new();
+        let mut chars = text.chars().peekable();
+        while let Some(c) = chars.next() {
+            match c {
+                '{' | '}' if chars.peek() == Some(&c) => {
+                    chars.next();
+                    plain.push(c);
+                }
+                '{' => {
+                    let mut name = String::new();
+                    loop {
+                        match chars.next() {
+                            Some('}') => break,
+                            Some(c) if c.is_ascii_alphanumeric() || c == '_' => name.push(c),
+                            Some(c) => return Err(format!("{c:?} in the name behind {{{name}")),
+                            None => return Err(format!("{{{name} without its brace")),
+                        }
+                    }
+                    if name.is_empty() {
+                        return Err("{} without a name".to_owned());
+                    }
+                    if !plain.is_empty() {
+                        parts.push(Part::Text(std::mem::take(&mut plain)));
+                    } else if matches!(parts.last(), Some(Part::Field(_))) {
+                        return Err(format!("nothing between {{{name}}} and the one before"));
+                    }
+                    parts.push(Part::Field(name));
+                }
+                '}' => return Err("} without {".to_owned()),
+                c if c.is_control() => return Err(format!("the control {c:?}")),
+                c => plain.push(c),
+            }
+        }
+        if !plain.is_empty() {
+            parts.push(Part::Text(plain));
+        }
+        Ok(Self { parts })
+    }
+
+    /// Names in the order in which they stand.
+    pub(super) fn names(&self) -> impl Iterator<Item = &str> {
+        self.parts.iter().filter_map(|part| match part {
+            Part::Field(name) => Some(name.as_str()),
+            Part::Text(_) => None,
+        })
+    }
+
+    /// The text with what `value` gives in the places of the names.
+    ///
+    /// # Errors
+    /// Those of `value`, made of words, and a value that could not be told from the text behind it.
+    pub(super) fn fill<E: From<String>>(
+        &self,
+        mut value: impl FnMut(&str) -> Result<Vec<u8>, E>,
+    ) -> Result<Vec<u8>, E> {
+        let mut line = Vec::new();
+        for (i, part) in self.parts.iter().enumerate() {
+            match part {
+                Part::Text(text) => line.extend_from_slice(text.as_bytes()),
+                Part::Field(name) => {
+                    let value = value(name)?;
+                    if let Some(Part::Text(next)) = self.parts.get(i + 1)
+                        && own_end(&value) != Some(value.len())
+                        && find(&value, next.as_bytes(), true).is_some()
+                    {
+                        return Err(E::from(format!("{next:?} may not stand in {name}")));
+                    }
+                    line.extend_from_slice(&value);
+                }
+            }
+        }
+        Ok(line)
+    }
+
+    /// Takes a line apart; `None` when it is none of this template's.
+    pub(super) fn split<'a>(
+        &'a self,
+        line: &'a [u8],
+        any_case: bool,
+    ) -> Option<Vec<(&'a str, &'a [u8])>> {
+        let mut found = Vec::new();
+        let mut rest = line;
+        for (i, part) in self.parts.iter().enumerate() {
+            match part {
+                Part::Text(text) => {
+                    let (head, tail) = rest.split_at_checked(text.len())?;
+                    if !same(head, text.as_bytes(), any_case) {
+                        return None;
+                    }
+                    rest = tail;
+                }
+                Part::Field(name) => {
+                    let end = match self.parts.get(i + 1) {
+                        _ if own_end(rest).is_some() => own_end(rest)?,
+                        Some(Part::Text(next)) => find(rest, next.as_bytes(), any_case)?,
+                        _ => rest.len(),
+                    };
+                    let (value, tail) = rest.split_at_checked(end)?;
+                    found.push((name.as_str(), value));
+                    rest = tail;
+                }
+            }
+        }
+        rest.is_empty().then_some(found)
+    }
+}
+
+fn same(a: &[u8], b: &[u8], any_case: bool) -> bool {
+    if any_case {
+        a.eq_ignore_ascii_case(b)
+    } else {
+        a == b
+    }
+}
+
+fn find(text: &[u8], what: &[u8], any_case: bool) -> Option<usize> {
+    text.windows(what.len().max(1))
+        .position(|window| same(window, what, any_case))
+}
+
+/// Where a list of strings in quotes, or a block, ends that `bytes` begin with.
+pub(super) fn own_end(bytes: &[u8]) -> Option<usize> {
+    match bytes.first()? {
+        b'#' => match block_header(bytes) {
+            BlockPrefix::Block { prefix, len } if bytes.len() - prefix >= len => Some(prefix + len),
+            _ => None,
+        },
+        b'"' => {
+            let mut quoted = false;
+            for (at, byte) in bytes.iter().enumerate() {
+                match byte {
+                    b'"' => quoted = !quoted,
+                    b',' if bytes.get(at + 1) == Some(&b'"') => {}
+                    _ if !quoted => return Some(at),
+                    _ => {}
+                }
+            }
+            (!quoted).then_some(bytes.len())
+        }
+        _ => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn split<'a>(template: &'a Template, line: &'a str) -> Option<Vec<(&'a str, &'a str)>> {
+        let parts = template.split(line.as_bytes(), true)?;
+        let text = |bytes| std::str::from_utf8(bytes).unwrap();
+        Some(parts.into_iter().map(|(n, v)| (n, text(v))).collect())
+    }
+
+    #[test]
+    fn lines_are_taken_apart_in_one_way() {
+        let template = Template::parse("M240 S{us} {{{text}}}").unwrap();
+        assert_eq!(
+            split(&template, "m240 s80 {a b}"),
+            Some(vec![("us", "80"), ("text", "a b")])
+        );
+        for other in ["M240 S80", "M240 80 {a}", "M240 S80 {a} x", ""] {
+            assert_eq!(split(&template, other), None, "{other}");
+        }
+        let template = Template::parse("{a},{b}").unwrap();
+        assert_eq!(
+            split(&template, "1,2,3"),
+            Some(vec![("a", "1"), ("b", "2,3")])
+        );
+        let quoted = "\"x,y\"\"\",\"z\"";
+        let line = format!("{quoted},7");
+        assert_eq!(
+            split(&template, &line),
+            Some(vec![("a", quoted), ("b", "7")])
+        );
+        assert_eq!(
+            split(&template, "#13a,b,c"),
+            Some(vec![("a", "#13a,b"), ("b", "c")])
+        );
+    }
+
+    #[test]
+    fn what_could_not_be_read_back_is_not_written() {
+        let template = Template::parse("{a},{b}").unwrap();
+        let fill = |a: &str| {
+            template.fill(|name| Ok::<_, String>(if name == "a" { a } else { "," }.into()))
+        };
+        assert_eq!(fill("x").unwrap(), b"x,,");
+        assert!(fill("x,").unwrap_err().contains("may not stand in a"));
+        assert_eq!(fill("\"x,\"").unwrap(), b"\"x,\",,");
+    }
+
+    #[test]
+    fn templates_that_are_none_are_refused() {
+        for (text, needle) in [
+            ("{", "without its brace"),
+            ("}", "} without {"),
+            ("{}", "without a name"),
+            ("{a b}", "' ' in the name"),
+            ("{a}{b}", "nothing between"),
+            ("a\n", "control"),
+        ] {
+            let words = Template::parse(text).unwrap_err();
+            assert!(words.contains(needle), "{text}: {words}");
+        }
+    }
+}
