@@ -87,10 +87,9 @@ impl Device {
 
 /// The device behind a dialect.
 fn behind_dialect(
-    name: &str,
+    dialect: &Dialect,
     from: impl Fn(Vec<u8>, u32) -> Vec<u8>,
 ) -> (Control<MemoryPort<impl FnMut(&[u8]) -> Vec<u8>>>, Shared) {
-    let dialect = Dialect::load(name).unwrap();
     let device = Rc::new(RefCell::new(Device::on()));
     let (inside, spoken) = (device.clone(), dialect.clone());
     let mut cutter = dialect.cutter(Direction::ToDevice);
@@ -116,7 +115,7 @@ fn behind_dialect(
         device.asked += 1;
         from(replies, device.asked)
     });
-    let control = Control::open(port, Some(dialect), SHORT).unwrap();
+    let control = Control::open(port, Some(dialect.clone()), SHORT).unwrap();
     (control, device)
 }
 
@@ -274,7 +273,8 @@ fn talk<P: CommandPort>(control: &mut Control<P>) -> Result<()> {
 #[test]
 fn dialects_do_as_scpi_does() {
     for name in DIALECTS {
-        let (mut control, device) = behind_dialect(name, |reply, _| reply);
+        let dialect = Dialect::load(name).unwrap();
+        let (mut control, device) = behind_dialect(&dialect, |reply, _| reply);
         assert_eq!(control.source().unwrap().unwrap(), "INT", "{name}");
         talk(&mut control).unwrap();
         assert_eq!(device.borrow().source, "BUS", "{name}");
@@ -332,10 +332,11 @@ fn bad_lines_do_not_fool_dialects() {
         ),
     ];
     for name in DIALECTS {
+        let dialect = Dialect::load(name).unwrap();
         for (what, line) in &bad {
             for nth in 1..30 {
                 let line = |reply, n| line(reply, n, nth);
-                let (mut control, device) = behind_dialect(name, line);
+                let (mut control, device) = behind_dialect(&dialect, line);
                 let talked = control.persist(talk);
                 talked.unwrap_or_else(|e| panic!("{name} {what} at {nth}: {e}"));
                 assert_eq!(device.borrow().source, "BUS", "{name} {what} at {nth}");
