@@ -20,6 +20,7 @@ override has_contrast_ratio: bool = false;
 override has_motion: bool = false;
 override has_flicker: bool = false;
 override has_rolling_shutter: bool = false;
+override has_pattern_timing: bool = false;
 override has_glare: bool = false;
 override has_dark_current: bool = false;
 override has_fixed_pattern: bool = false;

@@ -12,6 +12,7 @@ use crate::host::{
     ScanOptions, Scanner, SerialPort, Tape, open_camera, scan_free_running,
 };
 use crate::pattern::Manifest;
+use crate::protocol::dialect::Dialect;
 use crate::protocol::record::{About, Limits, Recorder, Side, create};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::path::{Path, PathBuf};
@@ -35,6 +36,10 @@ pub(super) struct Args {
     /// and the frames of the free-running camera are taken as they come.
     #[arg(long, value_name = "PATH")]
     control: Option<String>,
+    /// What the control port speaks: scpi (which it is without this), dlpc350, okline, or the file
+    /// of a dialect.
+    #[arg(long, value_name = "NAME|FILE")]
+    dialect: Option<String>,
     /// Folder for what is captured.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
@@ -125,6 +130,8 @@ pub(super) fn run(args: &Args) -> Result<()> {
         manifest,
         frame_timeout: timeout,
     };
+    let dialect = args.dialect.as_deref().map(Dialect::load).transpose();
+    let dialect = dialect.map_err(|e| e.at("--dialect"))?;
     let start = Instant::now();
     let given = args.calibration.as_deref().zip(calibration);
     let address = args.device.as_deref().or(args.camera.as_deref());
@@ -135,11 +142,13 @@ pub(super) fn run(args: &Args) -> Result<()> {
         None => None,
     };
     let captured = match (&args.control, &options.manifest) {
-        _ if args.device.is_some() => capture_usb(address, timeout, &options, given, tape)?,
+        _ if args.device.is_some() => {
+            capture_usb((address, dialect), timeout, &options, given, tape)?
+        }
         (None, Some(manifest)) => capture_free(args, camera, manifest, timeout, given, tape)?,
         (control, _) => {
             let control = control.as_deref().unwrap_or_default();
-            capture(camera, control, timeout, &options, given, tape)?
+            capture(camera, (control, dialect), timeout, &options, given, tape)?
         }
     };
     let capture_s = start.elapsed().as_secs_f64();
@@ -182,21 +191,22 @@ fn tape(args: &Args, path: &Path, address: &str, start: Instant) -> Result<Tape>
     Ok(Tape::new(recorder, now_ns))
 }
 
-/// Captures a sequence, with progress on a terminal; a calibration from a file takes the place of
-/// the device's own.
+/// Captures a sequence, with progress on a terminal, from a device that speaks SCPI or another
+/// dialect; a calibration from a file takes the
+/// place of the device's own.
 ///
 /// # Errors
 /// See [`Scanner::scan`].
 pub(super) fn capture(
     (camera, how): (&str, Capture),
-    control: &str,
+    (control, dialect): (&str, Option<Dialect>),
     timeout: Duration,
     options: &ScanOptions,
     calibration: Option<(&Path, Rig)>,
     tape: Option<Tape>,
 ) -> Result<Captured> {
     let port = RecordedPort::new(SerialPort::open(control)?, tape.clone());
-    let scanner = Scanner::new(port, timeout, || {
+    let scanner = Scanner::with_dialect(port, dialect, timeout, || {
         let camera = open_camera(camera, how, timeout)?;
         Ok(Interruptible::new(RecordedCamera::new(camera, tape)))
     })?;
@@ -205,7 +215,7 @@ pub(super) fn capture(
 
 /// Captures a sequence from a USB device: camera and control port by one address.
 fn capture_usb(
-    address: &str,
+    (address, dialect): (&str, Option<Dialect>),
     timeout: Duration,
     options: &ScanOptions,
     calibration: Option<(&Path, Rig)>,
@@ -214,7 +224,7 @@ fn capture_usb(
     let address = UsbAddress::parse(address, &format!("--device {address}"))?;
     let device = Arc::new(UsbDevice::open(&address, timeout)?);
     let port = RecordedPort::new(UsbPort::open(&device)?, tape.clone());
-    let scanner = Scanner::new(port, timeout, || {
+    let scanner = Scanner::with_dialect(port, dialect, timeout, || {
         let camera = Intake::new(UsbCamera::open(&device, None)?);
         Ok(Interruptible::new(RecordedCamera::new(camera, tape)))
     })?;

@@ -4,6 +4,7 @@ mod bench;
 mod clock;
 pub mod faults;
 pub mod firmware;
+pub mod led;
 mod line;
 mod machine;
 mod picture;
@@ -19,7 +20,7 @@ mod truth;
 mod truth_maps;
 
 pub use bench::Bench;
-pub use clock::{Clock, PacedClock, VirtualClock};
+pub use clock::VirtualClock;
 pub use firmware::{CameraControls, Firmware, State, UserSequence};
 pub use line::SerialLine;
 pub use machine::Machine;

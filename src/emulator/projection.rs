@@ -168,14 +168,15 @@ mod tests {
     /// Mean level of each column over an exposure from a time on, from 0 to 1, by what the shot says.
     fn mean(shot: &Shot, start_ns: u64) -> Vec<f64> {
         let mut sum = vec![0.0; 256];
-        for (place, ns) in shot.seen(start_ns) {
+        for (place, time) in shot.seen(start_ns) {
+            let lasts_ns = time.end - time.start;
             let slide = match place {
                 0 => &shot.slide,
                 _ => &shot.then[place - 1].slide,
             };
             let Some(slide) = slide else { continue };
             for (sum, level) in sum.iter_mut().zip(slide.levels()) {
-                *sum += f64::from(*level) / 255.0 * ns as f64 / shot.exposure_ns as f64;
+                *sum += f64::from(*level) / 255.0 * lasts_ns as f64 / shot.exposure_ns as f64;
             }
         }
         sum

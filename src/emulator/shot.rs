@@ -1,6 +1,8 @@
 //! A shot: one exposure that the firmware asks of the optics.
 
 use super::Slide;
+use super::led::Emission;
+use std::ops::Range;
 use std::sync::Arc;
 
 /// What the camera exposes to, and when, in device time.
@@ -17,9 +19,13 @@ pub struct Shot {
     pub slide: Option<Arc<Slide>>,
     /// Projector light relative to full current, 0 to 1.
     pub light: f64,
-    /// What the projector shows after that, each from its time on, in the order of time. Only rows
-    /// that still expose then see it: it takes [`Term::RollingShutter`](super::render::Term).
+    /// What the projector shows after that, each from its time on, in the order of time. It takes
+    /// [`Term::RollingShutter`](super::render::Term), with which only rows that still expose then
+    /// see it, or [`Term::PatternTiming`](super::render::Term).
     pub then: Vec<Showing>,
+    /// The light source's light in device time, in place of every `light`, while a slide is shown.
+    /// It takes [`Term::PatternTiming`](super::render::Term).
+    pub emission: Option<Arc<Emission>>,
     /// Start of the exposure, of its first row, in nanoseconds of device time.
     pub start_ns: u64,
     /// Length of the exposure, of each row, in nanoseconds.
@@ -86,9 +92,9 @@ impl Shot {
     }
 
     /// For what part of an exposure that starts at a time each of the slides is shown: its place
-    /// (0 is `slide`, the others are those of `then`) and nanoseconds. At least one; none of 0
-    /// unless the exposure is.
-    pub fn seen(&self, start_ns: u64) -> impl Iterator<Item = (usize, u64)> {
+    /// (0 is `slide`, the others are those of `then`) and nanoseconds of device time. At least one;
+    /// none is empty unless the exposure is.
+    pub fn seen(&self, start_ns: u64) -> impl Iterator<Item = (usize, Range<u64>)> {
         let end_ns = start_ns.saturating_add(self.exposure_ns);
         // A moment sees what is shown at it.
         let moment = u64::from(self.exposure_ns == 0);
@@ -99,7 +105,7 @@ impl Shot {
             };
             let to = self.then.get(place).map_or(u64::MAX, |next| next.from_ns);
             let (from, to) = (from.max(start_ns), to.min(end_ns.saturating_add(moment)));
-            (from < to).then(|| (place, to - from - moment))
+            (from < to).then(|| (place, from..to - moment))
         })
     }
 }
@@ -144,17 +150,21 @@ mod tests {
     fn an_exposure_is_divided_among_what_is_shown() {
         let shot = shot();
         let seen = |start| shot.seen(start).collect::<Vec<_>>();
-        assert_eq!(seen(1000), [(0, 60)]);
-        assert_eq!(seen(1040), [(0, 60)]);
-        assert_eq!(seen(1041), [(0, 59), (1, 1)]);
-        assert_eq!(seen(1090), [(0, 10), (1, 30), (2, 20)]);
-        assert_eq!(seen(1100), [(1, 30), (2, 30)]);
-        assert_eq!(seen(1130), [(2, 60)]);
+        assert_eq!(seen(1000), [(0, 1000..1060)]);
+        assert_eq!(seen(1040), [(0, 1040..1100)]);
+        assert_eq!(seen(1041), [(0, 1041..1100), (1, 1100..1101)]);
+        let three = [(0, 1090..1100), (1, 1100..1130), (2, 1130..1150)];
+        assert_eq!(seen(1090), three);
+        assert_eq!(seen(1100), [(1, 1100..1130), (2, 1130..1160)]);
+        assert_eq!(seen(1130), [(2, 1130..1190)]);
         let moment = Shot {
             exposure_ns: 0,
             ..shot
         };
         let seen = |start| moment.seen(start).collect::<Vec<_>>();
-        assert_eq!((seen(1099), seen(1100)), (vec![(0, 0)], vec![(1, 0)]));
+        assert_eq!(
+            (seen(1099), seen(1100)),
+            (vec![(0, 1099..1099)], vec![(1, 1100..1100)])
+        );
     }
 }

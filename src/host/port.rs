@@ -4,8 +4,10 @@ use crate::error::{Error, Result};
 use serialport::ClearBuffer;
 use std::collections::VecDeque;
 use std::io::{ErrorKind, Read, Write};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
+/// How often to look whether a port has come back.
+const LOOK_AGAIN: Duration = Duration::from_millis(20);
 /// Ignored by ptys and USB; a device on a real line is expected at this rate.
 const BAUD_RATE: u32 = 115_200;
 
@@ -25,6 +27,18 @@ pub trait CommandPort {
     /// # Errors
     /// A port that has gone.
     fn receive(&mut self, buffer: &mut [u8], timeout: Duration) -> Result<usize>;
+
+    /// Opens the port anew by its address, where the device has gone or was unplugged; waits for it
+    /// to come back. What was on its way is forgotten.
+    ///
+    /// # Errors
+    /// A port that does not come back within the timeout, or of a kind that cannot.
+    fn reopen(&mut self, _timeout: Duration) -> Result<()> {
+        Err(Error::device(format!(
+            "{}: this port cannot be opened again",
+            self.info()
+        )))
+    }
 }
 
 impl CommandPort for Box<dyn CommandPort> {
@@ -38,6 +52,10 @@ impl CommandPort for Box<dyn CommandPort> {
 
     fn receive(&mut self, buffer: &mut [u8], timeout: Duration) -> Result<usize> {
         (**self).receive(buffer, timeout)
+    }
+
+    fn reopen(&mut self, timeout: Duration) -> Result<()> {
+        (**self).reopen(timeout)
     }
 }
 
@@ -124,6 +142,26 @@ impl CommandPort for SerialPort {
             }
         }
     }
+
+    fn reopen(&mut self, timeout: Duration) -> Result<()> {
+        let begin = Instant::now();
+        loop {
+            match Self::open(&self.path) {
+                Ok(back) => {
+                    *self = back;
+                    return Ok(());
+                }
+                // The name may be gone, or lead nowhere yet.
+                Err(error) if begin.elapsed() >= timeout => {
+                    return Err(Error::device(format!(
+                        "the device has gone and has not come back within {} s: {error}",
+                        timeout.as_secs_f64()
+                    )));
+                }
+                Err(_) => std::thread::sleep(LOOK_AGAIN),
+            }
+        }
+    }
 }
 
 /// A port in memory: a function stands for the device and gives what it sends back.
@@ -156,6 +194,11 @@ impl<F: FnMut(&[u8]) -> Vec<u8>> CommandPort for MemoryPort<F> {
         self.replies
             .read(buffer)
             .map_err(|e| Error::io("memory port", e))
+    }
+
+    fn reopen(&mut self, _timeout: Duration) -> Result<()> {
+        self.replies.clear();
+        Ok(())
     }
 }
 

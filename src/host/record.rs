@@ -131,6 +131,13 @@ impl<P: CommandPort> CommandPort for RecordedPort<P> {
         }
         received
     }
+
+    fn reopen(&mut self, timeout: Duration) -> Result<()> {
+        self.put(|| Event::Left);
+        self.port.reopen(timeout)?;
+        self.put(|| Event::Opened);
+        Ok(())
+    }
 }
 
 impl<P: CommandPort> Drop for RecordedPort<P> {

@@ -156,6 +156,14 @@ impl FrameSocket {
         self.held.load(Ordering::Relaxed)
     }
 
+    /// Clients that are there.
+    pub(super) fn readers(&self) -> usize {
+        let clients = self.clients.iter();
+        clients
+            .filter(|client| client.queue.strong_count() > 0)
+            .count()
+    }
+
     /// Waits until clients may have come or gone.
     pub(super) async fn changed(&mut self) -> std::io::Result<()> {
         let tcp = async {

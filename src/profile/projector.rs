@@ -1,7 +1,8 @@
 //! The projector of a profile: an inverse camera and its light.
 
 use super::check::{Check, distortion};
-use super::{Focus, Response, Timing, Vignetting, focus, response, timing, vignetting};
+use super::{Focus, Led, Response, Timing, Vignetting};
+use super::{focus, led, response, timing, vignetting};
 use crate::error::Result;
 use crate::geometry::{Lens, Pose, View};
 use crate::pattern::manifest::MAX_SIDE_PX;
@@ -52,6 +53,9 @@ pub struct Projector {
     /// When it shows what; a pattern for its whole period, at once, when absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub timing: Option<Timing>,
+    /// How its light rises and fades with heat; at once, and not at all, when absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub led: Option<Led>,
 }
 
 impl Projector {
@@ -113,6 +117,9 @@ pub(super) fn check(p: &Projector, check: &Check<'_>) -> Result<()> {
         check.within("projector.contrast_ratio", ratio, 1.0..=1e9)?;
     }
     vignetting::check(&p.vignetting, &p.view().lens, "projector.vignetting", check)?;
+    if let Some(led) = &p.led {
+        led::check(led, check)?;
+    }
     if let Some(t) = &p.timing {
         timing::check(t, p.response.is_some(), check)?;
     }

@@ -172,6 +172,11 @@ fn need(term: Term, profile: &mut Profile, scene: &mut Scene) {
         Term::Flicker => scene.ambient.flicker = flicker,
         // Half of the rows see the next slide too.
         Term::RollingShutter => camera.line_time_us = 8.0,
+        // Patterns that last as long as their exposures: as many passes as before.
+        Term::PatternTiming => {
+            let led = "rise_us = 5\ndroop = [{ time_constant_s = 60, fraction = 0.1 }]";
+            projector.led = Some(toml::from_str(led).expect("a light source"));
+        }
         Term::Glare => {
             camera.glare = Some(Glare {
                 percent: 2.0,

@@ -1,9 +1,10 @@
 //! Scenes and profiles that need a term each, small enough for a processor that plays a GPU.
 
+use phasma::emulator::led::{Model, Source};
 use phasma::emulator::render::{Backend, Options, Renderer};
 use phasma::emulator::{Shot, Showing, Shutter, Slide};
 use phasma::pattern::{Axis, Pattern};
-use phasma::profile::{Profile, Scene};
+use phasma::profile::{Droop, Led, Profile, Scene};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -130,6 +131,38 @@ impl Case {
                     light: 1.0,
                 },
             ];
+        }
+    }
+
+    /// Gives patterns a time of their own and light that rises, in a period that begins before the
+    /// exposure: darkness, the pattern, darkness, and some of the next.
+    pub fn time(&mut self) {
+        let droop = Droop {
+            time_constant_s: 0.02,
+            fraction: 0.3,
+        };
+        let led = Led {
+            rise_us: 900.0,
+            droop: vec![droop],
+        };
+        let mut source = Source::new(Model::new(&led));
+        self.profile.projector.led = Some(led);
+        let slides: Vec<_> = self.shots.iter().map(|shot| shot.slide.clone()).collect();
+        for (i, shot) in self.shots.iter_mut().enumerate() {
+            let show = |after_us: u64, slide| Showing {
+                from_ns: shot.start_ns + 1000 * after_us,
+                slide,
+                light: 1.0,
+            };
+            let next = slides[(i + 1) % slides.len()].clone();
+            shot.then = vec![
+                show(300, shot.slide.take()),
+                show(5_000, None),
+                show(6_500, next),
+            ];
+            source.drive(shot.start_ns + 200_000, 1.0);
+            source.drive(shot.start_ns + 7_000_000, 0.4);
+            shot.emission = Some(source.emission(shot.start_ns));
         }
     }
 

@@ -311,6 +311,24 @@ fn a_rolling_shutter_with_all_that_moves() {
     agree(&case);
 }
 
+/// Patterns in their time, with a global shutter and with one that rolls over what moves.
+#[test]
+#[ignore = "needs a Vulkan adapter"]
+fn patterns_in_their_time() {
+    let mut case = timed();
+    agree(&case);
+    case = interreflection();
+    case.name = "timed-bounces";
+    case.time();
+    agree(&case);
+    let folder = tempfile::tempdir().unwrap();
+    case = motion(folder.path());
+    case.name = "timed-rolling";
+    case.roll(12.0);
+    case.time();
+    agree(&case);
+}
+
 #[test]
 #[ignore = "needs a Vulkan adapter"]
 fn several_rays_a_pixel() {
@@ -352,6 +370,14 @@ fn without_noise() {
     agree(&case);
 }
 
+fn timed() -> Case {
+    let mut case = solids();
+    case.name = "timed";
+    case.shoot_picture();
+    case.time();
+    case
+}
+
 /// A term that no case needs is a term that nobody has compared.
 #[test]
 fn every_term_has_a_case() {
@@ -366,6 +392,7 @@ fn every_term_has_a_case() {
         looks(folder.path()),
         skin(),
         interreflection(),
+        timed(),
         rolling,
     ];
     let plans: Vec<Plan> = cases

@@ -85,7 +85,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let control = endpoints.control.display().to_string();
     let captured = capture(
         (&endpoints.camera, Capture::Auto),
-        &control,
+        (&control, None),
         TIMEOUT,
         &options,
         None,

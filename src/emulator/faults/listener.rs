@@ -51,12 +51,11 @@ impl Listener {
     /// What a device that has no time replies to a message; empty where the dialect has no such
     /// reply.
     pub(super) fn busy(&self, message: &[u8]) -> Vec<u8> {
-        let Some((dialect, cutter)) = &self.dialect else {
+        let Some((dialect, _)) = &self.dialect else {
             return Vec::new();
         };
         let mut reply = Vec::new();
-        let mut cutter = cutter.clone();
-        cutter.reset();
+        let mut cutter = dialect.cutter(Direction::ToDevice);
         cutter.push(message, &mut |cut| {
             if let Cut::Message(message) = cut
                 && let Ok(asked) = dialect.asked(&message)

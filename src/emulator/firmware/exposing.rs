@@ -2,6 +2,7 @@
 
 use super::memory::Stored;
 use super::settings::{Settings, Shown, seconds};
+use super::shining::Shining;
 use super::table::{self, Command};
 use super::trigger::Exposed;
 use super::{Firmware, State, status};
@@ -32,6 +33,7 @@ impl Firmware {
             let mut shot = Shot {
                 pattern_index: Some(i as u32),
                 light: self.settings.current,
+                emission: self.shining.as_ref().and_then(|s| s.taken(i, count)),
                 start_ns: start_ns(i),
                 exposure_ns: self.settings.exposure_ns,
                 shutter: self.settings.shutter(),
@@ -68,14 +70,12 @@ impl Firmware {
                 .collect();
             return;
         };
-        let lasts_ns = self.settings.pattern_ns(timing, self.settings.period_ns);
         let lit = seen.map(|(slide, start_ns)| {
-            let begins_ns = start_ns.saturating_sub(timing.camera_delay_ns());
-            let from_ns = begins_ns.saturating_add(timing.dark_before_ns());
+            let lit = self.period(timing, start_ns).lit;
             Lit {
                 slide,
-                from_ns,
-                to_ns: from_ns.saturating_add(lasts_ns),
+                from_ns: lit.start,
+                to_ns: lit.end,
             }
         });
         let planes = timing
@@ -172,6 +172,7 @@ impl Firmware {
         }
         self.selected = stored;
         self.taken_ns.clear();
+        self.shining.iter_mut().for_each(Shining::forget);
         if matches!(self.settings.shown, Shown::Pattern(i) if i >= self.sequence_len()) {
             self.settings.shown = Shown::White;
         }
@@ -181,7 +182,6 @@ impl Firmware {
         let Settings {
             exposure_ns,
             gain_db,
-            lamp,
             current,
             shown,
             ..
@@ -215,11 +215,13 @@ impl Firmware {
         };
         match exposed.index {
             Some(index) => {
+                let period_ns = self.settings.period_ns;
                 let starts = (index..exposed.end).enumerate().map(|(i, place)| {
-                    let after_ns = self.settings.period_ns.saturating_mul(i as u64);
+                    let after_ns = period_ns.saturating_mul(i as u64);
                     (place as usize, exposed.start_ns.saturating_add(after_ns))
                 });
-                self.show(&mut shot, starts);
+                self.show(&mut shot, starts.clone());
+                self.open(starts.map(|(_, start_ns)| start_ns), shot.end_ns());
             }
             None => {
                 shot.slide = Some(match shown {
@@ -229,7 +231,8 @@ impl Firmware {
                 });
             }
         }
-        if !lamp {
+        shot.emission = self.emission(exposed.index, exposed.start_ns);
+        if !self.shows() {
             shot.slide = None;
             shot.then
                 .iter_mut()

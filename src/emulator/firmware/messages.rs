@@ -217,8 +217,9 @@ impl Firmware {
         }
     }
 
-    /// Brings the status registers up to date.
+    /// Brings the status registers and the light source up to date.
     pub(super) fn settle(&mut self) {
+        self.drive();
         let state = match self.state {
             State::Idle => 0,
             State::Armed { .. } => status::WAITING_FOR_TRIGGER,

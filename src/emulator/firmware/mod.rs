@@ -14,6 +14,8 @@ mod exposing;
 mod memory;
 mod messages;
 mod settings;
+mod shining;
+mod shown;
 mod status;
 mod table;
 #[cfg(test)]
@@ -35,6 +37,7 @@ use crate::protocol::usb::cdc::LineCoding;
 use memory::{Memory, Stored};
 use messages::{Current, Waiting};
 use settings::{Settings, Source};
+use shining::Shining;
 use status::Status;
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -93,6 +96,8 @@ pub struct Firmware {
     triggered: u64,
     /// Starts of the exposures of the selected sequence's patterns, when it was last exposed.
     taken_ns: Vec<u64>,
+    /// The light source, where it is more than on and off.
+    shining: Option<Shining>,
     /// Exposures whose frames have not left the device.
     in_flight: u64,
     /// Triggers since power-on or `*RST` that came too early.
@@ -146,6 +151,7 @@ impl Firmware {
             next_id: 0,
             triggered: 0,
             taken_ns: Vec::new(),
+            shining: Shining::new(profile, &Settings::reset(profile)),
             in_flight: 0,
             missed: 0,
             loaded_ns: 0,

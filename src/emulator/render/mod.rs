@@ -35,6 +35,7 @@ mod shade;
 mod shape;
 pub mod skin;
 mod term;
+mod timetable;
 mod tree;
 mod triangle;
 mod world;

@@ -16,6 +16,7 @@ use super::schedule::Schedule;
 use super::sensor::{FixedPattern, Sensor, bloom};
 use super::shade::Optics;
 use super::term::Needs;
+use super::timetable::Timetable;
 use super::world::World;
 use super::worlds::{Moment, Worlds};
 use super::{Decision, Options, Plan, Term, glare};
@@ -268,25 +269,28 @@ impl Renderer {
 
     /// Prepares what a shot needs: the geometry, and tables of the slides that it sees.
     fn schedule(&mut self, shot: &Shot) -> Schedule {
-        let tables = self.slides(shot);
+        let (when, tables) = self.slides(shot);
         self.prepare();
-        Schedule::new(shot, tables, &self.plan, self.optics.flicker, &self.buffer)
+        Schedule::new(when, tables, &self.plan, &self.buffer)
     }
 
-    /// Tables of the slides that a shot sees; the plan has what they need.
-    fn slides(&mut self, shot: &Shot) -> Vec<Arc<Table>> {
-        let then = match self.plan.has(Term::RollingShutter) {
-            true => &shot.then[..],
-            false => &[],
-        };
-        let slides: Vec<_> = std::iter::once(&shot.slide)
-            .chain(then.iter().map(|showing| &showing.slide))
+    /// When a shot sees which slides, and their tables; the plan has what they need.
+    fn slides(&mut self, shot: &Shot) -> (Timetable, Vec<Arc<Table>>) {
+        let camera = &self.profile.camera;
+        let size = [camera.width_px, camera.height_px].map(|side| side as usize);
+        let when = Timetable::new(shot, &self.plan, self.optics.flicker, size);
+        let slides: Vec<_> = when
+            .places
+            .iter()
+            .map(|&place| match place {
+                0 => &shot.slide,
+                _ => &shot.then[place - 1].slide,
+            })
             .collect();
         self.expect_slides(slides.iter().filter_map(|slide| slide.as_deref()));
-        slides
-            .into_iter()
-            .map(|slide| self.table(slide.as_ref()))
-            .collect()
+        let tables = slides.into_iter().map(|slide| self.table(slide.as_ref()));
+        let tables = tables.collect();
+        (when, tables)
     }
 
     fn sensor(&self, shot: &Shot) -> Sensor<'_> {

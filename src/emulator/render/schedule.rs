@@ -1,112 +1,29 @@
 //! The schedule of an exposure: which slides each row of the sensor sees, for how long, and where in
 //! the mains' period it lies. With a global shutter all rows are as one.
 //!
-//! A row of a rolling shutter integrates from its own start, so a slide that follows before the last
-//! row has ended leaks into the lower rows, in proportion to the time that they share with it.
+//! The timetable says who sees what; here it is run over pixels.
 
 use super::buffer::GeometryBuffer;
-use super::light::{self, Flicker, Indirect, Table};
+use super::light::{self, Indirect, Table};
+use super::timetable::{Line, Timetable};
 use super::{Plan, Term};
-use crate::emulator::Shot;
-use std::ops::Range;
 use std::sync::Arc;
 
 /// What a shot exposes the pixels to, ready to be run over chunks of them.
 pub(super) struct Schedule {
-    /// Of the shot's slide and of those that follow.
+    /// Of the slides that are seen, as the timetable counts them.
     tables: Vec<Arc<Table>>,
     /// What their light does by way of other surfaces; none where the plan leaves it out.
     indirect: Vec<Indirect>,
     when: Timetable,
 }
 
-/// Which of a shot's slides each pixel sees, and for how long.
-pub(super) struct Timetable {
-    /// Pixels that are exposed alike: a row of them, or all.
-    pub(super) width: usize,
-    pub(super) lines: Vec<Line>,
-    pub(super) parts: Vec<Part>,
-}
-
-/// Pixels that are exposed alike.
-pub(super) struct Line {
-    pub(super) parts: Range<usize>,
-    /// The exposure in seconds times the mean over it of the pulse of what flickers, where
-    /// something does.
-    pub(super) swing: Option<f32>,
-}
-
-/// One slide in the exposure of a line.
-pub(super) struct Part {
-    pub(super) table: usize,
-    /// Seconds that it is shown, and the projector's light relative to full.
-    pub(super) exposure: [f32; 2],
-}
-
-impl Timetable {
-    /// Of a shot and an image of so many columns and rows.
-    pub(super) fn new(
-        shot: &Shot,
-        plan: &Plan,
-        flicker: Option<Flicker>,
-        [columns, rows]: [usize; 2],
-    ) -> Self {
-        let seconds = |ns: u64| (ns as f64 * 1e-9) as f32;
-        // Forced in where nothing flickers, it swings by nothing.
-        let swing = |start_ns: u64| {
-            plan.has(Term::Flicker).then(|| {
-                let swing = flicker.map_or(0.0, |f| f.swing(start_ns, shot.exposure_ns));
-                swing as f32 * seconds(shot.exposure_ns)
-            })
-        };
-        let power = |place: usize| {
-            let (slide, light) = match place {
-                0 => (&shot.slide, shot.light),
-                _ => (&shot.then[place - 1].slide, shot.then[place - 1].light),
-            };
-            if slide.is_some() { light as f32 } else { 0.0 }
-        };
-        let mut when = Self {
-            width: columns,
-            lines: Vec::new(),
-            parts: Vec::new(),
-        };
-        if !plan.has(Term::RollingShutter) {
-            when.width = columns * rows;
-            when.parts.push(Part {
-                table: 0,
-                exposure: [seconds(shot.exposure_ns), power(0)],
-            });
-            when.lines.push(Line {
-                parts: 0..1,
-                swing: swing(shot.start_ns),
-            });
-            return when;
-        }
-        for row in 0..rows {
-            let start_ns = shot.row_start_ns(row as u32);
-            let first = when.parts.len();
-            when.parts
-                .extend(shot.seen(start_ns).map(|(table, ns)| Part {
-                    table,
-                    exposure: [seconds(ns), power(table)],
-                }));
-            when.lines.push(Line {
-                parts: first..when.parts.len(),
-                swing: swing(start_ns),
-            });
-        }
-        when
-    }
-}
-
 impl Schedule {
-    /// Schedules a shot whose slides have these tables.
+    /// Schedules what a timetable has, whose slides have these tables.
     pub(super) fn new(
-        shot: &Shot,
+        when: Timetable,
         tables: Vec<Arc<Table>>,
         plan: &Plan,
-        flicker: Option<Flicker>,
         map: &GeometryBuffer,
     ) -> Self {
         let indirect = match plan.has(Term::Interreflection) {
@@ -119,7 +36,7 @@ impl Schedule {
         Self {
             tables,
             indirect,
-            when: Timetable::new(shot, plan, flicker, [map.width, map.height]),
+            when,
         }
     }
 

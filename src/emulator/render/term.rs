@@ -62,6 +62,9 @@ pub enum Term {
     /// Rows start one after the other: each has its own place in the mains' period and in the
     /// sequence of slides.
     RollingShutter,
+    /// Patterns are shown for a part of an exposure, and their light rises and fades: an exposure
+    /// sees what is shown while it lasts.
+    PatternTiming,
     /// Veiling glare: light scattered over the whole image.
     Glare,
     /// Electrons that gather without light.
@@ -92,7 +95,7 @@ pub(super) struct Needs<'a> {
 
 impl Term {
     /// All terms in the order of the passes.
-    pub const ALL: [Self; 25] = [
+    pub const ALL: [Self; 26] = [
         Self::CameraDistortion,
         Self::ProjectorDistortion,
         Self::CameraVignetting,
@@ -112,6 +115,7 @@ impl Term {
         Self::Motion,
         Self::Flicker,
         Self::RollingShutter,
+        Self::PatternTiming,
         Self::Glare,
         Self::DarkCurrent,
         Self::FixedPattern,
@@ -142,6 +146,7 @@ impl Term {
             | Self::Motion
             | Self::Flicker
             | Self::RollingShutter
+            | Self::PatternTiming
             | Self::Glare => Pass::Exposure,
             Self::DarkCurrent
             | Self::FixedPattern
@@ -263,6 +268,11 @@ impl Needs<'_> {
                 self.profile.camera.line_time_ns() > 0,
                 "camera.line_time_us is above 0",
                 "camera.line_time_us is 0: the shutter is global",
+            ),
+            Term::PatternTiming => choose(
+                self.profile.projector.timing.is_some() || self.profile.projector.led.is_some(),
+                "projector.timing or projector.led is given",
+                "neither projector.timing nor projector.led: patterns are shown at once, evenly",
             ),
             Term::Glare => choose(
                 self.profile.camera.glare.is_some_and(|g| g.percent > 0.0),

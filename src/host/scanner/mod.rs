@@ -9,10 +9,12 @@ mod run;
 
 pub use free::scan_free_running;
 
+use super::control::{Control, RECOVERIES, both};
 use super::{Camera, Captured, CommandPort, Instrument};
 use crate::error::{Error, Result};
 use crate::geometry::Rig;
 use crate::pattern::Manifest;
+use crate::protocol::dialect::Dialect;
 use device::check_size;
 use std::time::Duration;
 
@@ -39,16 +41,18 @@ pub enum Progress<'a> {
         /// Frames of the sequence.
         of: usize,
     },
-    /// A run failed for this reason, and a second one starts.
+    /// A run failed for this reason, and another one starts.
     Retry(&'a str),
 }
 
 /// A device that scans.
 pub struct Scanner<C, P> {
     camera: C,
-    instrument: Instrument<P>,
-    /// `TRIGger:SOURce` as it was found.
-    source: String,
+    control: Control<P>,
+    /// The trigger source as it was found, where the device says so.
+    source: Option<String>,
+    /// Who the device is, once it has said so.
+    idn: Option<String>,
     /// A calibration in place of the device's own, and where it came from.
     given: Option<(String, Rig)>,
 }
@@ -57,8 +61,21 @@ pub struct Scanner<C, P> {
 enum Fault {
     /// A frame is missing, repeated, foreign or damaged: another run may do better.
     Frames(String),
+    /// The device at the control port is silent, has gone, or does not stay as it was set: once it
+    /// is found again, another run may do better.
+    Port(Error),
     /// Anything else.
     Fatal(Error),
+}
+
+impl Fault {
+    /// What the control port's failure means: a mistake of the user's stays one.
+    fn port(error: Error) -> Self {
+        match error {
+            Error::Input { .. } => Self::Fatal(error),
+            error => Self::Port(error),
+        }
+    }
 }
 
 impl From<Error> for Fault {
@@ -75,33 +92,20 @@ fn twice<T>(
 ) -> Result<T> {
     let first = match run(progress) {
         Ok(done) => return Ok(done),
-        Err(Fault::Fatal(error)) => return Err(error),
+        Err(Fault::Fatal(error) | Fault::Port(error)) => return Err(error),
         Err(Fault::Frames(first)) => first,
     };
     progress(Progress::Retry(&first));
     run(progress).map_err(|fault| match fault {
-        Fault::Fatal(error) => error,
-        Fault::Frames(second) => Error::device(format!(
-            "{place}: two runs failed; first: {first}; then: {second}"
-        )),
+        Fault::Fatal(error) | Fault::Port(error) => error,
+        Fault::Frames(second) => two_failed(place, &first, &second),
     })
 }
 
-/// Makes a device expose nothing but what it is triggered to.
-///
-/// # Errors
-/// What the device refuses.
-fn quiet<P: CommandPort>(instrument: &mut Instrument<P>) -> Result<()> {
-    instrument.order("INIT:CONT OFF;:ABOR;:TRIG:SOUR BUS;MODE SEQ")
-}
-
-/// Leaves the trigger source as it was found.
-fn restore<P: CommandPort>(instrument: &mut Instrument<P>, source: &str) -> Result<()> {
-    // It came from the device, but it is not sent back unread.
-    if !source.is_empty() && source.chars().all(|c| c.is_ascii_alphanumeric()) {
-        instrument.order(&format!("ABOR;:TRIG:SOUR {source}"))?;
-    }
-    Ok(())
+fn two_failed(place: &str, first: &str, second: &str) -> Error {
+    Error::device(format!(
+        "{place}: two runs failed; first: {first}; then: {second}"
+    ))
 }
 
 impl<C: Camera, P: CommandPort> Scanner<C, P> {
@@ -115,21 +119,37 @@ impl<C: Camera, P: CommandPort> Scanner<C, P> {
         timeout: Duration,
         open_camera: impl FnOnce() -> Result<C>,
     ) -> Result<Self> {
-        let mut instrument = Instrument::open(port, timeout)?;
-        let source = instrument.query("TRIG:SOUR?")?;
-        quiet(&mut instrument)?;
+        Self::with_dialect(port, None, timeout, open_camera)
+    }
+
+    /// [`Self::new`] for a device that speaks another dialect than SCPI.
+    ///
+    /// # Errors
+    /// As for [`Self::new`].
+    pub fn with_dialect(
+        port: P,
+        dialect: Option<Dialect>,
+        timeout: Duration,
+        open_camera: impl FnOnce() -> Result<C>,
+    ) -> Result<Self> {
+        let mut control = Control::open(port, dialect, timeout)?;
+        let source = control.persist(Control::source)?;
+        control.persist(Control::quiet)?;
         let camera = match open_camera() {
             Ok(camera) => camera,
             Err(error) => {
-                // The camera's error is the one to tell.
-                let _ = restore(&mut instrument, &source);
+                if let Some(source) = &source {
+                    // The camera's error is the one to tell.
+                    let _ = control.restore(source);
+                }
                 return Err(error);
             }
         };
         Ok(Self {
             camera,
-            instrument,
+            control,
             source,
+            idn: None,
             given: None,
         })
     }
@@ -149,42 +169,86 @@ impl<C: Camera, P: CommandPort> Scanner<C, P> {
     /// What the port or the device refuses.
     pub fn finish(mut self) -> Result<()> {
         drop(self.camera);
-        restore(&mut self.instrument, &self.source)
+        match &self.source {
+            Some(source) => self.control.persist(|control| control.restore(source)),
+            None => Ok(()),
+        }
     }
 
-    /// The device's control port, to set what a scan leaves alone: exposure, gain, light.
-    pub fn instrument(&mut self) -> &mut Instrument<P> {
-        &mut self.instrument
+    /// The device's control port where it speaks SCPI, to set what a scan leaves alone: exposure,
+    /// gain, light.
+    pub fn instrument(&mut self) -> Option<&mut Instrument<P>> {
+        self.control.instrument()
     }
 
-    /// Captures a sequence. A run with a missing, repeated, foreign or damaged frame is
-    /// repeated once.
+    /// Captures a sequence. A run with a missing, repeated, foreign or damaged frame is repeated
+    /// once; one in which the control port failed, or after which the device is not as it was set,
+    /// twice, once the device has been found again.
     ///
     /// # Errors
-    /// A device that refuses, is silent, says what cannot be understood, or fails twice; each with
-    /// what was waited for and how long.
+    /// A device that refuses, is silent, says what cannot be understood, or goes on failing; each
+    /// with what was waited for and how long.
     pub fn scan(
         &mut self,
         options: &ScanOptions,
         progress: &mut dyn FnMut(Progress<'_>),
     ) -> Result<Captured> {
-        let idn = self.identify()?;
-        progress(Progress::Identified(&idn));
-        quiet(&mut self.instrument)?;
-        self.instrument.order("PROJ:POW ON")?;
-        if let Some(name) = &options.sequence {
-            self.select(name)?;
+        let mut sequence = options.sequence.clone();
+        let mut first: Option<String> = None;
+        let mut recoveries = 0;
+        loop {
+            match self.attempt(options, &mut sequence, progress) {
+                Ok(captured) => return Ok(captured),
+                Err(Fault::Fatal(error)) => return Err(error),
+                Err(Fault::Frames(why)) => {
+                    if let Some(first) = first {
+                        return Err(two_failed(self.camera.info(), &first, &why));
+                    }
+                    progress(Progress::Retry(&why));
+                    first = Some(why);
+                }
+                Err(Fault::Port(error)) if recoveries == RECOVERIES => return Err(error),
+                Err(Fault::Port(error)) => {
+                    recoveries += 1;
+                    let found = self.control.recover();
+                    found.map_err(|then| both(&error, &then))?;
+                    progress(Progress::Retry(&error.to_string()));
+                }
+            }
         }
-        let manifest = self.manifest(options)?;
-        let calibration = self.calibration()?;
+    }
+
+    /// One run from the first setting on. `sequence` is the one to select: where none is wanted, the
+    /// one that was found selected, for a device that was reset has forgotten it.
+    fn attempt(
+        &mut self,
+        options: &ScanOptions,
+        sequence: &mut Option<String>,
+        progress: &mut dyn FnMut(Progress<'_>),
+    ) -> Result<Captured, Fault> {
+        let idn = self.control.identify().map_err(Fault::port)?;
+        match &self.idn {
+            None => progress(Progress::Identified(&idn)),
+            Some(before) if *before != idn => {
+                return Err(Fault::Fatal(Error::device(format!(
+                    "another device answers at the control port: {idn:?}, and {before:?} before"
+                ))));
+            }
+            Some(_) => {}
+        }
+        self.idn = Some(idn.clone());
+        let settings = self.control.prepare(sequence.as_deref());
+        let settings = settings.map_err(Fault::port)?;
+        if sequence.is_none() {
+            *sequence = self.control.selected(&settings);
+        }
+        let manifest = self.manifest(options).map_err(Fault::port)?;
+        let calibration = self.calibration().map_err(Fault::port)?;
         if let (Some((place, given)), Some(own)) = (&self.given, &calibration) {
             check_size(place, given, own)?;
         }
         let size = calibration.map(|rig| (rig.camera.lens.width_px, rig.camera.lens.height_px));
-        let place = self.camera.info().to_owned();
-        let frames = twice(&place, progress, |progress| {
-            self.run(&manifest, size, options.frame_timeout, progress)
-        })?;
+        let frames = self.run(&manifest, &settings, size, options.frame_timeout, progress)?;
         let noise = calibration.and_then(|own| own.noise);
         let given = self.given.as_ref().map(|(_, given)| Rig {
             noise: given.noise.or(noise),

@@ -1,10 +1,11 @@
 //! One run: the frames of a sequence after its trigger, each in its place.
 
 use super::judge::{judge, judge_counted};
-use super::{Fault, Progress, Scanner, quiet};
+use super::{Fault, Progress, Scanner};
 use crate::error::{Error, Result};
 use crate::host::clock::monotonic_ns;
 use crate::host::consistency;
+use crate::host::control::Settings;
 use crate::host::{Camera, CommandPort};
 use crate::pattern::Manifest;
 use crate::protocol::Frame;
@@ -36,10 +37,11 @@ pub(super) struct Wanted {
 }
 
 impl<C: Camera, P: CommandPort> Scanner<C, P> {
-    /// Arms, triggers and captures.
+    /// Arms, triggers and captures; `settings` are those of the run, and have to be so after it.
     pub(super) fn run(
         &mut self,
         manifest: &Manifest,
+        settings: &Settings,
         size: Option<(u32, u32)>,
         timeout: Duration,
         progress: &mut dyn FnMut(Progress<'_>),
@@ -53,13 +55,12 @@ impl<C: Camera, P: CommandPort> Scanner<C, P> {
                 u64::from(width) * u64::from(height),
             )?;
         }
-        quiet(&mut self.instrument)?;
         // Answered when the last frame of an earlier run has left the device.
-        self.instrument.query("*OPC?")?;
+        self.control.settle().map_err(Fault::port)?;
         let stale = drain(&mut self.camera, timeout)?;
-        self.instrument.order("INIT")?;
+        self.control.arm().map_err(Fault::port)?;
         let since_ns = monotonic_ns();
-        self.instrument.tell("*TRG")?;
+        self.control.trigger().map_err(Fault::port)?;
         let wanted = Wanted {
             count,
             size,
@@ -69,12 +70,14 @@ impl<C: Camera, P: CommandPort> Scanner<C, P> {
             free: false,
         };
         let frames = collect(&mut self.camera, &wanted, progress);
-        if let Err(Fault::Frames(_)) = frames {
-            // The device may know why.
-            self.instrument.check("INIT;*TRG")?;
+        if let Err(Fault::Fatal(error)) = frames {
+            return Err(Fault::Fatal(error));
         }
+        // Frames that came and those that did not are the run's only if the device was what it was
+        // set to be all the time; and it may know why some did not come.
+        self.control.confirm(settings).map_err(Fault::port)?;
+        self.control.complaints().map_err(Fault::port)?;
         let frames = frames?;
-        self.instrument.check("INIT;*TRG")?;
         if !self.camera.identifies() {
             if let Some(frame) = next_frame(&mut self.camera, QUIET)? {
                 return Err(Fault::Frames(format!(

@@ -1,11 +1,11 @@
 //! The exposure pass on the GPU: mean electrons of all pixels from the maps of the geometry pass.
-//! Twin of `schedule.rs` and of `light`.
+//! Twin of `schedule.rs`, `timetable.rs` and of `light`.
 
 use super::engine::Commands;
 use super::tables::{Head, Tables};
 use super::{Engine, Stage, grid};
 use crate::emulator::render::light::{Bell, Table};
-use crate::emulator::render::schedule::Timetable;
+use crate::emulator::render::timetable::Timetable;
 use crate::emulator::render::{Plan, Term};
 use crate::error::Result;
 use std::sync::Arc;
@@ -24,7 +24,7 @@ pub(in crate::emulator::render) struct Exposure {
 pub(in crate::emulator::render) struct Shown<'a> {
     pub(in crate::emulator::render) plan: &'a Plan,
     pub(in crate::emulator::render) when: &'a Timetable,
-    /// Of the shot's slide and of those that follow, as the timetable counts them.
+    /// Of the slides that are seen, as the timetable counts them.
     pub(in crate::emulator::render) tables: &'a [Arc<Table>],
     /// Pixels of the image.
     pub(in crate::emulator::render) pixels: usize,

@@ -8,10 +8,11 @@ use crate::emulator::render::buffer::GeometryBuffer;
 use crate::emulator::render::geometry::{self, Rays};
 use crate::emulator::render::light::{Spread, Table};
 use crate::emulator::render::renderer::ideal_points;
-use crate::emulator::render::schedule::{Schedule, Timetable};
+use crate::emulator::render::schedule::Schedule;
 use crate::emulator::render::shade::Optics;
 use crate::emulator::render::skin::Mixture;
 use crate::emulator::render::term::Needs;
+use crate::emulator::render::timetable::Timetable;
 use crate::emulator::render::world::World;
 use crate::emulator::render::worlds::Worlds;
 use crate::emulator::render::{Options, Plan, Term};
@@ -126,12 +127,17 @@ impl Setup {
     fn on_cpu(&self, shot: &Shot, tables: &[Arc<Table>]) -> Vec<f32> {
         let tables = tables.to_vec();
         let mut electrons = vec![0.0; self.map.x.len()];
-        Schedule::new(shot, tables, &self.plan, self.optics.flicker, &self.map).run(
+        Schedule::new(self.when(shot), tables, &self.plan, &self.map).run(
             &self.map,
             0,
             &mut electrons,
         );
         electrons
+    }
+
+    fn when(&self, shot: &Shot) -> Timetable {
+        let size = [self.map.width, self.map.height];
+        Timetable::new(shot, &self.plan, self.optics.flicker, size)
     }
 
     fn upload(&self, engine: &mut Engine) {
@@ -185,8 +191,7 @@ impl Setup {
         tables: &[Arc<Table>],
         times: usize,
     ) -> Vec<f32> {
-        let size = [self.map.width, self.map.height];
-        let when = Timetable::new(shot, &self.plan, self.optics.flicker, size);
+        let when = self.when(shot);
         for i in 0..times {
             let shown = Shown {
                 plan: &self.plan,

@@ -7,7 +7,7 @@ use crate::emulator::Shot;
 use crate::emulator::Slide;
 use crate::emulator::render::buffer::{GeometryBuffer, Mixed};
 use crate::emulator::render::light::{self, Table};
-use crate::emulator::render::schedule::Timetable;
+use crate::emulator::render::timetable::Timetable;
 use crate::emulator::render::{Plan, Term};
 use crate::pattern::Axis;
 use crate::profile::{Profile, Projector, Response};

@@ -4,7 +4,6 @@ use super::{Passes, Renderer};
 use crate::emulator::Shot;
 use crate::emulator::render::Backend;
 use crate::emulator::render::gpu::{self, Adapter, Gpu, PassTime, Shown, Ticket, View};
-use crate::emulator::render::schedule::Timetable;
 use crate::error::{Error, Result};
 use crate::protocol::Frame;
 use std::collections::BTreeMap;
@@ -169,13 +168,11 @@ impl Renderer {
             if let Some(moment) = &moment {
                 self.go_to(moment);
             }
-            let tables = self.slides(&part);
+            let (when, tables) = self.slides(&part);
             gpu.look(&self.view())?;
-            let camera = &self.profile.camera;
-            let size = [camera.width_px, camera.height_px].map(|side| side as usize);
             gpu.expose(&Shown {
                 plan: &self.plan,
-                when: &Timetable::new(&part, &self.plan, self.optics.flicker, size),
+                when: &when,
                 tables: &tables,
                 pixels: self.pixel_count(),
                 adds,

@@ -1,0 +1,116 @@
+//! Means over a step of products of exponentials, without cancellation.
+//!
+//! With `a` and `b` the lengths of a step in two time constants, these are divided differences of
+//! the exponential function at 0, -a, -b and -(a + b) (Higham: "Functions of Matrices", 2008,
+//! section 10.7.4), written as sums of positive terms. Two functions of one argument are enough.
+//! Relative errors of all are below 16 units of 2^-53 (measured: see `tests/led.rs` for what is made
+//! of them).
+
+/// Where the closed forms begin to lose digits and series take over.
+const SERIES_BELOW: f64 = 1.0;
+/// The same of [`both_gone`].
+const BOTH_BELOW: f64 = 0.25;
+
+/// How far a step goes on the scale of one time constant.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Decay {
+    /// The step over the time constant.
+    length: f64,
+    /// exp(-length).
+    pub(super) left: f64,
+    /// 1 - exp(-length).
+    pub(super) gone: f64,
+}
+
+impl Decay {
+    /// Of a step of 0 or more, and a time constant above 0.
+    pub(super) fn new(step: f64, constant: f64) -> Self {
+        let length = step / constant;
+        if length > 800.0 {
+            // Less than the smallest number is left.
+            return Self {
+                length: length.min(1e300),
+                left: 0.0,
+                gone: 1.0,
+            };
+        }
+        // The quotient's own rounding would cost exp as many units as it is long.
+        let rest = (-length).mul_add(constant, step) / constant;
+        Self {
+            length,
+            left: (-length).exp() * (1.0 - rest),
+            gone: -(-length).exp_m1(),
+        }
+    }
+
+    /// Mean over the step of exp(-a s), s from 0 to 1.
+    pub(super) fn mean_left(&self) -> f64 {
+        match self.length {
+            0.0 => 1.0,
+            a => self.gone / a,
+        }
+    }
+
+    /// Mean of 1 - exp(-a s).
+    pub(super) fn mean_gone(&self) -> f64 {
+        let a = self.length;
+        if a >= SERIES_BELOW {
+            return (a - self.gone) / a;
+        }
+        // a/2! - a^2/3! + a^3/4! ...
+        0.5 * a
+            * (3..=20)
+                .rev()
+                .fold(1.0, |sum, n| 1.0 - a / f64::from(n) * sum)
+    }
+
+    /// Mean of exp(-a s) - exp(-a).
+    fn mean_above_end(&self) -> f64 {
+        let a = self.length;
+        if a >= SERIES_BELOW {
+            return (self.gone - a * self.left) / a;
+        }
+        // exp(-a) (a/2! + a^2/3! + a^3/4! ...)
+        let sum = (3..=20)
+            .rev()
+            .fold(1.0, |sum, n| 1.0 + a / f64::from(n) * sum);
+        0.5 * a * self.left * sum
+    }
+}
+
+/// Mean of exp(-a s) exp(-b s).
+pub(super) fn both_left(a: &Decay, b: &Decay) -> f64 {
+    match a.length + b.length {
+        0.0 => 1.0,
+        length => (a.gone + a.left * b.gone) / length,
+    }
+}
+
+/// Mean of exp(-a s) (1 - exp(-b s)).
+pub(super) fn left_and_gone(a: &Decay, b: &Decay) -> f64 {
+    match a.length + b.length {
+        0.0 => 0.0,
+        length => b.length / length * (a.mean_above_end() + a.left * b.mean_gone()),
+    }
+}
+
+/// Mean of (1 - exp(-a s)) (1 - exp(-b s)).
+pub(super) fn both_gone(a: &Decay, b: &Decay) -> f64 {
+    let (long, short) = if a.length > b.length { (a, b) } else { (b, a) };
+    if long.length >= BOTH_BELOW {
+        // Of this difference a sixth is left at least.
+        return short.mean_gone() - left_and_gone(long, short);
+    }
+    // The sum over i, j from 1 of (-a)^i (-b)^j / (i! j! (i + j + 1)).
+    let mut sum = 0.0;
+    let mut of_a = 1.0;
+    for i in 1..=12 {
+        of_a *= -a.length / f64::from(i);
+        let mut of_both = of_a;
+        for j in 1..=12 {
+            of_both *= -b.length / f64::from(j);
+            sum += of_both / f64::from(i + j + 1);
+        }
+    }
+    sum
+}

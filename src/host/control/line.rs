@@ -1,0 +1,255 @@
+//! Questions in a dialect from a file, one at a time, on a line that may fail.
+
+use crate::error::{Error, Result};
+use crate::host::CommandPort;
+use crate::host::patience::Patience;
+use crate::protocol::dialect::{Cut, Cutter, Dialect, Direction, Event, Reply, Value};
+use crate::protocol::printable;
+use std::time::Duration;
+
+/// How often a question is asked that is not answered, or refused; silence shares the timeout.
+const ATTEMPTS: u32 = 3;
+/// How long to wait for an answer behind something that is none.
+const GRACE: Duration = Duration::from_millis(250);
+/// How long a device that refuses or is busy is left alone; longer each time.
+const PAUSE: Duration = Duration::from_millis(20);
+/// How long the line is silent when nothing is under way any more.
+const QUIET: Duration = Duration::from_millis(50);
+/// Bytes that are taken while one answer is waited for.
+const MAX_BYTES: usize = 16 << 20;
+
+/// Values of an answer by their names in the file.
+pub(super) type Values = Vec<(String, Value)>;
+
+/// What came of a question.
+enum Outcome {
+    Done(Values),
+    /// The device's words.
+    Refused(String),
+    /// What was wrong with the answer.
+    Damaged(String),
+    Silent,
+}
+
+/// A line to a device that speaks a dialect.
+pub(super) struct Line<P> {
+    port: P,
+    dialect: Dialect,
+    cutter: Cutter,
+    timeout: Duration,
+    /// The number of the last question.
+    sequence: u8,
+    /// Answers may still come to questions that are over, and cannot be told from others.
+    pub(super) stray: bool,
+    /// The device has said that it has started anew.
+    pub(super) booted: bool,
+    /// The port has failed.
+    gone: bool,
+}
+
+impl<P: CommandPort> Line<P> {
+    pub(super) fn new(port: P, dialect: Dialect, timeout: Duration) -> Self {
+        Self {
+            cutter: dialect.cutter(Direction::ToHost),
+            port,
+            timeout,
+            sequence: 0,
+            stray: !dialect.has_sequence(),
+            booted: false,
+            gone: false,
+            dialect,
+        }
+    }
+
+    pub(super) fn dialect(&self) -> &Dialect {
+        &self.dialect
+    }
+
+    pub(super) fn info(&self) -> &str {
+        self.port.info()
+    }
+
+    /// What messages call a command.
+    pub(super) fn place(&self, command: &str) -> String {
+        format!("{}: {command} ({})", self.info(), self.dialect.name())
+    }
+
+    /// Opens the port anew if it has failed.
+    pub(super) fn reopen(&mut self) -> Result<()> {
+        if std::mem::take(&mut self.gone) {
+            self.port.reopen(self.timeout)?;
+        }
+        self.cutter.reset();
+        self.stray = !self.dialect.has_sequence();
+        Ok(())
+    }
+
+    /// Asks, and asks again where no answer comes, a damaged one, or a refusal: a device may be busy
+    /// or have misread the question. What is asked may have been done more than once.
+    ///
+    /// # Errors
+    /// A port that has gone, silence within the timeout, and the device's own words.
+    pub(super) fn ask(&mut self, command: &str, args: &[(&str, Value)]) -> Result<Values> {
+        let mut asked = Vec::new();
+        let mut error = self.silence(command);
+        for attempt in 1..=ATTEMPTS {
+            self.pass(Duration::ZERO)?;
+            self.send(command, args)?;
+            if !self.dialect.is_answered(command) {
+                return Ok(Vec::new());
+            }
+            asked.push(self.sequence);
+            let outcome = self.answer(command, &asked)?;
+            // Where nothing numbers the answers, another one may follow.
+            self.stray |= !self.dialect.has_sequence()
+                && (attempt > 1 || matches!(outcome, Outcome::Damaged(_) | Outcome::Silent));
+            error = match outcome {
+                Outcome::Done(values) => return Ok(values),
+                Outcome::Refused(words) => {
+                    self.pass(PAUSE * attempt)?;
+                    Error::device(format!(
+                        "{}: the device refuses: {words}",
+                        self.place(command)
+                    ))
+                }
+                Outcome::Damaged(what) => {
+                    self.cutter.reset();
+                    Error::device(format!("{}: {what}", self.place(command)))
+                }
+                Outcome::Silent => {
+                    self.cutter.reset();
+                    self.silence(command)
+                }
+            };
+        }
+        Err(error)
+    }
+
+    fn silence(&self, command: &str) -> Error {
+        Error::device(format!(
+            "{}: no answer to {command} within {} s: does the device speak {}?",
+            self.info(),
+            self.timeout.as_secs_f64(),
+            self.dialect.name()
+        ))
+    }
+
+    /// Sends a command once, without waiting for anything.
+    ///
+    /// # Errors
+    /// A port that has gone, and what the dialect cannot say.
+    pub(super) fn send(&mut self, command: &str, args: &[(&str, Value)]) -> Result<()> {
+        self.sequence = self.sequence.wrapping_add(1);
+        let request = self.dialect.request(command, args, self.sequence);
+        let place = self.place(command);
+        let request = request.map_err(|e| Error::device(format!("{place}: {e}")))?;
+        let sent = self.port.send(&request, self.timeout);
+        self.gone |= sent.is_err();
+        sent
+    }
+
+    /// Waits for the answer to a question that was asked with any of these numbers.
+    fn answer(&mut self, command: &str, asked: &[u8]) -> Result<Outcome> {
+        let mut patience = Patience::new(self.timeout / ATTEMPTS);
+        let mut values = Values::new();
+        let mut damaged = None;
+        let mut bytes = 0;
+        loop {
+            let messages = self.receive(&mut patience)?;
+            let Some((messages, len)) = messages else {
+                break;
+            };
+            bytes += len;
+            let mut outcome = None;
+            for cut in messages {
+                let reply = match cut {
+                    Cut::Message(message) => self.understand(command, &message, asked),
+                    Cut::Dropped(why) => Reply::Bad(printable(&why.to_string())),
+                };
+                match reply {
+                    // Whatever is behind an answer is not another one.
+                    _ if outcome.is_some() => {}
+                    Reply::More(more) => values.extend(more),
+                    Reply::Done(last) => {
+                        values.extend(last);
+                        outcome = Some(Outcome::Done(std::mem::take(&mut values)));
+                    }
+                    Reply::Refused { number, text } => {
+                        let words = format!("{number} {}", printable(&text));
+                        outcome = Some(Outcome::Refused(words.trim_end().to_owned()));
+                    }
+                    Reply::Bad(why) => {
+                        patience.shorten(GRACE);
+                        damaged = Some(why);
+                    }
+                    Reply::Event(_) | Reply::Other => {}
+                }
+            }
+            if let Some(outcome) = outcome {
+                return Ok(outcome);
+            }
+            if bytes > MAX_BYTES {
+                damaged = Some("bytes without an end".to_owned());
+                break;
+            }
+        }
+        Ok(damaged.map_or(Outcome::Silent, Outcome::Damaged))
+    }
+
+    /// What a message means to whoever has asked with one of these numbers.
+    fn understand(&mut self, command: &str, message: &[u8], asked: &[u8]) -> Reply {
+        for sequence in asked.iter().rev() {
+            match self.dialect.reply(command, message, *sequence) {
+                Reply::Other => {}
+                Reply::Event(Event::Booted) => {
+                    self.booted = true;
+                    return Reply::Event(Event::Booted);
+                }
+                reply => return reply,
+            }
+        }
+        Reply::Other
+    }
+
+    /// Messages that come within what is left, and their bytes; `None` when nothing comes any more.
+    fn receive(&mut self, patience: &mut Patience) -> Result<Option<(Vec<Cut>, usize)>> {
+        let mut buffer = [0; 4096];
+        let received = patience.receive(&mut self.port, &mut buffer);
+        self.gone |= received.is_err();
+        let len = received?;
+        let mut cuts = Vec::new();
+        self.cutter.push(&buffer[..len], &mut |cut| cuts.push(cut));
+        Ok((len > 0).then_some((cuts, len)))
+    }
+
+    /// Lets time pass, and what comes meanwhile.
+    ///
+    /// # Errors
+    /// A port that has gone.
+    pub(super) fn pass(&mut self, time: Duration) -> Result<()> {
+        let mut patience = Patience::new(time);
+        let mut bytes = 0;
+        while let Some((cuts, len)) = self.receive(&mut patience)? {
+            bytes += len;
+            for cut in cuts {
+                if let Cut::Message(message) = cut {
+                    self.understand("", &message, &[self.sequence]);
+                }
+            }
+            if bytes > MAX_BYTES {
+                break;
+            }
+        }
+        Ok(())
+    }
+
+    /// Waits until nothing comes any more.
+    ///
+    /// # Errors
+    /// A port that has gone.
+    pub(super) fn hush(&mut self) -> Result<()> {
+        self.pass(QUIET)?;
+        self.cutter.reset();
+        Ok(())
+    }
+}

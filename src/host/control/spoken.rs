@@ -1,0 +1,315 @@
+//! The scanner's operations in a dialect from a file. What the file lacks, the scan does without.
+
+use super::line::{Line, Values};
+use super::{Settings, TRIES, agreed};
+use crate::error::{Error, Result};
+use crate::host::CommandPort;
+use crate::protocol::dialect::{Dialect, Gather, Step, Value};
+use crate::protocol::printable;
+use std::time::Duration;
+
+/// Pieces of a long answer.
+const MAX_PIECES: u32 = 1 << 16;
+/// What decides what a run shows, in the order in which it is asked.
+const SETTINGS: [&str; 3] = [SELECTED, "source", MARKED];
+const SELECTED: &str = "selected";
+/// Whether the device still knows what it was told last: it forgets that when it is switched off.
+const MARKED: &str = "marked";
+/// Whether the device has said that it has started anew.
+const STARTED: &str = "started anew";
+
+/// A device that speaks a dialect from a file.
+pub(in crate::host) struct Spoken<P> {
+    line: Line<P>,
+    /// What the device was last told to remember.
+    mark: u8,
+}
+
+impl<P: CommandPort> Spoken<P> {
+    pub(super) fn open(port: P, dialect: Dialect, timeout: Duration) -> Result<Self> {
+        let mut spoken = Self {
+            line: Line::new(port, dialect, timeout),
+            mark: 0,
+        };
+        // What an earlier client has left on its way is no answer.
+        spoken.step()?;
+        Ok(spoken)
+    }
+
+    pub(super) fn info(&self) -> &str {
+        self.line.info()
+    }
+
+    /// Where an operation's answer comes from, for messages.
+    pub(super) fn place(&self, operation: &str) -> String {
+        let steps = self.line.dialect().host().get(operation);
+        let command = steps.and_then(|operation| operation.steps.last());
+        self.line
+            .place(command.map_or(operation, |step| step.command.as_str()))
+    }
+
+    fn has(&self, operation: &str) -> bool {
+        self.line.dialect().host().get(operation).is_some()
+    }
+
+    pub(super) fn recover(&mut self) -> Result<()> {
+        self.line.reopen()?;
+        if self.line.hush().is_err() {
+            self.line.reopen()?;
+        }
+        self.step()
+    }
+
+    /// Gets in step again with a device whose answers bear no numbers: it is told to remember a
+    /// number and asked for it, and whatever comes before that one answers something else.
+    fn step(&mut self) -> Result<()> {
+        if !self.line.stray {
+            return Ok(());
+        }
+        self.line.stray = false;
+        self.line.hush()?;
+        if !self.has("mark") || !self.has(MARKED) {
+            return Ok(());
+        }
+        for _ in 0..TRIES {
+            self.set_mark()?;
+            let word = self.perform(MARKED, &[])?;
+            if word.as_ref().and_then(Value::number) == Some(f64::from(self.mark)) {
+                self.line.stray = false;
+                return Ok(());
+            }
+            self.line.hush()?;
+        }
+        Err(Error::device(format!(
+            "{}: the device does not say what it was told to remember",
+            self.place(MARKED)
+        )))
+    }
+
+    fn set_mark(&mut self) -> Result<()> {
+        self.mark = self.mark % 250 + 1;
+        let mark = Value::Number(f64::from(self.mark));
+        self.perform("mark", &[("mark", mark)]).map(drop)
+    }
+
+    /// Does an operation that the dialect has, in step; `None` where it has no result, or the
+    /// dialect lacks it.
+    fn operate(&mut self, operation: &str, inputs: &[(&str, Value)]) -> Result<Option<Value>> {
+        self.step()?;
+        self.perform(operation, inputs)
+    }
+
+    fn perform(&mut self, operation: &str, inputs: &[(&str, Value)]) -> Result<Option<Value>> {
+        let Some(operation) = self.line.dialect().host().get(operation).cloned() else {
+            return Ok(None);
+        };
+        let mut values = Values::new();
+        for step in &operation.steps {
+            values.extend(self.ask(step, inputs)?);
+        }
+        Ok(operation.result(&values))
+    }
+
+    fn ask(&mut self, step: &Step, inputs: &[(&str, Value)]) -> Result<Values> {
+        let args = step.args(inputs)?;
+        let Some(chunk) = self.line.dialect().chunk(&step.command).cloned() else {
+            return self.line.ask(&step.command, &args);
+        };
+        let place = self.line.place(&step.command);
+        let mut read = || {
+            let mut last = String::new();
+            for _ in 0..TRIES {
+                let mut gather = Gather::new(&chunk);
+                for _ in 0..MAX_PIECES {
+                    let mut args = args.clone();
+                    args.retain(|(name, _)| *name != chunk.offset);
+                    args.push(gather.ask());
+                    match gather.take(&self.line.ask(&step.command, &args)?) {
+                        Ok(Some(bytes)) => return Ok(bytes),
+                        Ok(None) => {}
+                        Err(why) => {
+                            last = why;
+                            break;
+                        }
+                    }
+                }
+                // Pieces of another question's answer, or damaged ones.
+                self.line.hush()?;
+            }
+            Err(Error::device(format!("{place}: {}", printable(&last))))
+        };
+        let bytes = match &chunk.check {
+            Some(_) => read()?,
+            None => agreed(&place, read)?,
+        };
+        Ok(vec![(chunk.data.clone(), Value::Bytes(bytes))])
+    }
+
+    /// An operation's result as text, which no control character makes worse; `None` where the
+    /// dialect lacks it.
+    fn word(&mut self, operation: &str) -> Result<Option<String>> {
+        let value = self.operate(operation, &[])?;
+        Ok(value.map(|value| printable(&value.to_string())))
+    }
+
+    /// An operation's result, when two readings agree.
+    fn sure(&mut self, operation: &str) -> Result<Option<String>> {
+        if !self.has(operation) {
+            return Ok(None);
+        }
+        agreed(self.place(operation), || self.word(operation))
+    }
+
+    /// From here on a device that is switched off and on is found out.
+    pub(super) fn begin(&mut self) -> Result<()> {
+        self.step()?;
+        self.line.pass(Duration::ZERO)?;
+        self.line.booted = false;
+        self.set_mark()
+    }
+
+    pub(super) fn identify(&mut self) -> Result<String> {
+        self.sure("identify").map(Option::unwrap_or_default)
+    }
+
+    pub(super) fn source(&mut self) -> Result<Option<String>> {
+        self.sure("source")
+    }
+
+    pub(super) fn quiet(&mut self) -> Result<()> {
+        self.operate("quiet", &[]).map(drop)
+    }
+
+    pub(super) fn restore(&mut self, source: &str) -> Result<()> {
+        let source = [("source", Value::from(source))];
+        self.operate("restore", &source).map(drop)
+    }
+
+    pub(super) fn light_on(&mut self) -> Result<()> {
+        self.operate("light_on", &[]).map(drop)
+    }
+
+    pub(super) fn select(&mut self, name: &str) -> Result<()> {
+        if !self.has("select") {
+            return Err(Error::input(
+                format!("--sequence {name}"),
+                format!(
+                    "nothing to say it with in dialect {}",
+                    self.line.dialect().name()
+                ),
+                "no --sequence: the one that is selected",
+            ));
+        }
+        self.operate("select", &[("name", Value::from(name))])
+            .map(drop)
+    }
+
+    pub(super) fn list(&mut self) -> Result<Option<Vec<String>>> {
+        let list = self.word("list")?;
+        Ok(list.map(|list| {
+            let names = list.split(',');
+            names.map(|name| name.trim().to_owned()).collect()
+        }))
+    }
+
+    /// Asks back what was ordered.
+    pub(super) fn ready(&mut self, sequence: Option<&str>) -> Result<Settings> {
+        let mut tries = 1;
+        loop {
+            let settings = self.settings()?;
+            let wrong = settings.0.iter().find(|(what, word)| match what.as_str() {
+                SELECTED => sequence.is_some_and(|name| word != name),
+                MARKED => word != "true",
+                STARTED => word != "false",
+                _ => false,
+            });
+            match wrong {
+                None => return Ok(settings),
+                Some((what, word)) if tries == TRIES => {
+                    return Err(Error::device(format!(
+                        "{} says {word:?}, which is not what was ordered: the device was reset, or \
+                         somebody else gives it orders",
+                        self.place(what)
+                    )));
+                }
+                Some(_) => tries += 1,
+            }
+        }
+    }
+
+    pub(super) fn settings(&mut self) -> Result<Settings> {
+        let mut settings = Vec::new();
+        for what in SETTINGS {
+            if let Some(mut word) = self.word(what)? {
+                if what == MARKED {
+                    word = (word == self.mark.to_string()).to_string();
+                }
+                settings.push((what.to_owned(), word));
+            }
+        }
+        settings.push((STARTED.to_owned(), self.line.booted.to_string()));
+        Ok(Settings(settings))
+    }
+
+    pub(super) fn selected(&self, settings: &Settings) -> Option<String> {
+        let (_, name) = settings.0.iter().find(|(what, _)| what == SELECTED)?;
+        Some(name.clone())
+    }
+
+    fn text(&mut self, operation: &str) -> Result<Option<String>> {
+        let place = self.place(operation);
+        let not_text = || Error::device(format!("{place}: the answer is no text"));
+        let value = self.operate(operation, &[])?;
+        let text = value.map(|value| value.text().map(str::to_owned).ok_or_else(not_text));
+        text.transpose()
+    }
+
+    /// A text on which numbers depend: the dialect's checksum guards it, or two readings agree.
+    fn document(&mut self, operation: &str) -> Result<Option<String>> {
+        let host = self.line.dialect().host().get(operation).cloned();
+        let in_pieces = host.is_some_and(|operation| {
+            let dialect = self.line.dialect();
+            let mut steps = operation.steps.iter();
+            steps.any(|step| dialect.chunk(&step.command).is_some())
+        });
+        match in_pieces {
+            true => self.text(operation),
+            false => agreed(self.place(operation), || self.text(operation)),
+        }
+    }
+
+    pub(super) fn manifest(&mut self) -> Result<Option<String>> {
+        self.document("manifest")
+    }
+
+    pub(super) fn calibration(&mut self) -> Result<Option<String>> {
+        self.document("calibration")
+    }
+
+    pub(super) fn settle(&mut self) -> Result<()> {
+        self.operate("complete", &[]).map(drop)
+    }
+
+    pub(super) fn arm(&mut self) -> Result<()> {
+        self.operate("arm", &[]).map(drop)
+    }
+
+    pub(super) fn trigger(&mut self) -> Result<()> {
+        self.step()?;
+        let trigger = self.line.dialect().host().get("trigger").cloned();
+        for step in trigger.iter().flat_map(|operation| &operation.steps) {
+            self.line.send(&step.command, &step.args(&[])?)?;
+        }
+        Ok(())
+    }
+
+    pub(super) fn complaints(&mut self) -> Result<()> {
+        match self.word("errors")? {
+            Some(words) if !words.is_empty() => Err(Error::device(format!(
+                "{} says {words}",
+                self.place("errors")
+            ))),
+            _ => Ok(()),
+        }
+    }
+}

@@ -1,0 +1,223 @@
+//! The operations in SCPI over a line that fails, with a device that is a list of settings.
+
+use super::*;
+use crate::host::MemoryPort;
+use std::cell::RefCell;
+use std::rc::Rc;
+
+const SHORT: Duration = Duration::from_millis(3);
+const MANIFEST: &str = "period = 16\nphase = 1.25\n";
+
+/// What a device has been set to.
+struct Device {
+    selected: String,
+    source: String,
+    lamp: bool,
+    events: u8,
+    /// Questions for which an answer was due.
+    asked: u32,
+}
+
+impl Device {
+    fn on() -> Self {
+        Self {
+            selected: "a".into(),
+            source: "INT".into(),
+            lamp: true,
+            events: 128,
+            asked: 0,
+        }
+    }
+
+    /// One message, as a parser of IEEE 488.2 takes it: the answers, or what stood before an error.
+    fn message(&mut self, message: &str) -> Option<String> {
+        let mut answers = Vec::new();
+        for unit in message.split(';') {
+            let answer = match unit.trim().trim_start_matches(':') {
+                "*ESE 0" | "INIT:CONT OFF" | "ABOR" | "MODE SEQ" | "" => continue,
+                "*CLS" => {
+                    self.events = 0;
+                    continue;
+                }
+                "TRIG:SOUR BUS" => {
+                    self.source = "BUS".into();
+                    continue;
+                }
+                "PROJ:POW ON" => {
+                    self.lamp = true;
+                    continue;
+                }
+                "SEQ:SEL \"a\"" | "SEQ:SEL \"c\"" => {
+                    self.selected = unit.chars().rev().nth(1)?.into();
+                    continue;
+                }
+                "*ESE?" => {
+                    let asked = message.rsplit("*ESE ").next()?;
+                    let number = message.split("*ESE ").nth(answers.len() + 1);
+                    number.unwrap_or(asked).split(';').next()?.to_owned()
+                }
+                "*IDN?" => "maker,model,1,2".into(),
+                "SEQ:SEL?" => format!("\"{}\"", self.selected),
+                "SEQ:LIST?" => "\"a\",\"c\"".into(),
+                "TRIG:SOUR?" => self.source.clone(),
+                "TRIG:MODE?" => "SEQ".into(),
+                "INIT:CONT?" => "0".into(),
+                "PROJ:POW?" => u8::from(self.lamp).to_string(),
+                "*ESR?" => std::mem::take(&mut self.events).to_string(),
+                "SYST:ERR?" => "0,\"No error\"".into(),
+                "SEQ:DATA?" => format!("#2{}{MANIFEST}", MANIFEST.len()),
+                number if number.starts_with("*ESE ") => continue,
+                _ => break,
+            };
+            answers.push(answer);
+        }
+        (!answers.is_empty()).then(|| answers.join(";") + "\n")
+    }
+
+    fn receive(&mut self, bytes: &[u8]) -> Vec<u8> {
+        let text = String::from_utf8_lossy(bytes);
+        let replies: String = text.lines().filter_map(|line| self.message(line)).collect();
+        self.asked += u32::from(!replies.is_empty());
+        replies.into_bytes()
+    }
+}
+
+type Shared = Rc<RefCell<Device>>;
+
+/// A device behind a line: `to` and `from` change what goes either way, and count it.
+fn behind(
+    to: impl Fn(&[u8], &Shared) -> Vec<u8>,
+    from: impl Fn(Vec<u8>, u32) -> Vec<u8>,
+) -> (Control<MemoryPort<impl FnMut(&[u8]) -> Vec<u8>>>, Shared) {
+    let device = Rc::new(RefCell::new(Device::on()));
+    let inside = device.clone();
+    let port = MemoryPort::new(move |bytes: &[u8]| {
+        let bytes = to(bytes, &inside);
+        let mut device = inside.borrow_mut();
+        let replies = device.receive(&bytes);
+        from(replies, device.asked)
+    });
+    (Control::open(port, None, SHORT).unwrap(), device)
+}
+
+fn good(bytes: &[u8], _: &Shared) -> Vec<u8> {
+    bytes.to_vec()
+}
+
+#[test]
+fn no_flipped_bit_of_a_reply_changes_the_manifest() {
+    let (mut whole, _) = behind(good, |reply, _| reply);
+    assert_eq!(whole.manifest().unwrap().unwrap().0, MANIFEST);
+    // The second answer is the first reading of the manifest.
+    let len = format!("1;#226{MANIFEST}\n").len();
+    for bit in 0..8 * len {
+        let (mut control, device) = behind(good, move |mut reply, n| {
+            if n == 2 {
+                reply[bit / 8] ^= 1 << (bit % 8);
+            }
+            reply
+        });
+        let (manifest, _) = control.manifest().unwrap().unwrap();
+        assert_eq!(manifest, MANIFEST, "bit {bit}");
+        assert!(device.borrow().asked >= 3);
+    }
+}
+
+#[test]
+fn readings_that_never_agree_are_reported() {
+    let (mut control, _) = behind(good, |mut reply, n| {
+        let last = reply.len() - 2;
+        if n > 1 {
+            reply[last] ^= n as u8;
+        }
+        reply
+    });
+    let message = control.manifest().unwrap_err().to_string();
+    assert!(message.contains("no two of them agree"), "{message}");
+}
+
+/// Every bit of every byte that prepares a run, on its way to the device and back.
+#[test]
+fn no_flipped_bit_prepares_another_run() {
+    for to_device in [true, false] {
+        for nth in 2..6 {
+            for bit in 0..8 * 60 {
+                let struck = Rc::new(RefCell::new(0));
+                let count = struck.clone();
+                let flip = move |bytes: &mut Vec<u8>| {
+                    *count.borrow_mut() += 1;
+                    if *count.borrow() == nth
+                        && let Some(byte) = bytes.get_mut(bit / 8)
+                    {
+                        *byte ^= 1 << (bit % 8);
+                    }
+                };
+                let (mut control, device) = behind(
+                    {
+                        let flip = flip.clone();
+                        move |bytes, _| {
+                            let mut bytes = bytes.to_vec();
+                            if to_device {
+                                flip(&mut bytes);
+                            }
+                            bytes
+                        }
+                    },
+                    move |mut reply, _| {
+                        if !to_device {
+                            flip(&mut reply);
+                        }
+                        reply
+                    },
+                );
+                let prepared = control.persist(|control| control.prepare(Some("c")));
+                // Given up is no harm; something else is.
+                if let Ok(settings) = prepared {
+                    let device = device.borrow();
+                    assert_eq!(device.selected, "c", "{to_device} {nth} {bit}");
+                    assert_eq!(device.source, "BUS", "{to_device} {nth} {bit}");
+                    assert_eq!(control.selected(&settings).unwrap(), "c");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn a_device_that_was_reset_is_found_out() {
+    let (mut control, device) = behind(good, |reply, _| reply);
+    let settings = control.prepare(Some("c")).unwrap();
+    control.confirm(&settings).unwrap();
+    *device.borrow_mut() = Device::on();
+    let message = control.confirm(&settings).unwrap_err().to_string();
+    assert!(message.contains("was reset"), "{message}");
+    assert!(message.contains("SEQ:SEL?"), "{message}");
+    // One whose settings survive still tells that it was switched off.
+    let settings = control.prepare(Some("c")).unwrap();
+    device.borrow_mut().events = 128;
+    assert!(control.confirm(&settings).is_err());
+    // And while it is being prepared.
+    let (mut control, _) = behind(
+        |bytes, device| {
+            if bytes.ends_with(b"SEQ:SEL \"c\";:SYST:ERR?\n") {
+                let asked = device.borrow().asked;
+                *device.borrow_mut() = Device {
+                    asked,
+                    ..Device::on()
+                };
+            }
+            bytes.to_vec()
+        },
+        |reply, _| reply,
+    );
+    let message = control.prepare(Some("c")).unwrap_err().to_string();
+    assert!(message.contains("not what was ordered"), "{message}");
+}
+
+#[test]
+fn a_sequence_that_is_not_there_is_the_user_s_mistake() {
+    let (mut control, _) = behind(good, |reply, _| reply);
+    let error = control.prepare(Some("z")).unwrap_err();
+    assert_eq!(error.exit_code(), 2, "{error}");
+    assert!(error.to_string().ends_with("allowed: a, c"), "{error}");
+}

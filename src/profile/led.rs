@@ -1,0 +1,117 @@
+//! The light source of a projector: how fast it rises, and how it fades as it warms.
+
+use super::check::Check;
+use crate::error::Result;
+use serde::{Deserialize, Serialize};
+
+/// A light source that follows its current with a delay and loses light with its own heat. Data
+/// sheets give both: rise and fall time, and relative flux over the junction's temperature.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Led {
+    /// Time of the rise from 10 to 90 per cent, and of the fall back, in microseconds: 2.2 time
+    /// constants.
+    pub rise_us: f64,
+    /// What warms: junction, board, heat sink, each with its own time. At most
+    /// [`Self::MAX_DROOPS`].
+    #[serde(default)]
+    pub droop: Vec<Droop>,
+}
+
+/// Light lost as one part of the source warms.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Droop {
+    /// Thermal time constant in seconds.
+    pub time_constant_s: f64,
+    /// Share of the light that is lost when this part is as warm as full current makes it.
+    pub fraction: f64,
+}
+
+impl Led {
+    /// Most entries of `droop`.
+    pub const MAX_DROOPS: usize = 8;
+    /// Most light that may be lost: a source without any would be a lamp that is off.
+    pub const MOST_LOST: f64 = 0.9;
+}
+
+pub(super) fn check(led: &Led, check: &Check<'_>) -> Result<()> {
+    check.within("projector.led.rise_us", led.rise_us, 1e-3..=1e6)?;
+    check.that(
+        led.droop.len() <= Led::MAX_DROOPS,
+        "projector.led.droop",
+        format!("{} entries", led.droop.len()),
+        format!("at most {}", Led::MAX_DROOPS),
+    )?;
+    for (i, droop) in led.droop.iter().enumerate() {
+        let field = |name| format!("projector.led.droop[{i}].{name}");
+        let (time, share) = (droop.time_constant_s, droop.fraction);
+        check.within(&field("time_constant_s"), time, 1e-6..=1e6)?;
+        check.within(&field("fraction"), share, 0.0..=Led::MOST_LOST)?;
+    }
+    let lost: f64 = led.droop.iter().map(|droop| droop.fraction).sum();
+    check.that(
+        lost <= Led::MOST_LOST,
+        "projector.led.droop",
+        format!("fractions that sum to {lost}"),
+        format!("at most {}", Led::MOST_LOST),
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::profile::Profile;
+
+    fn parse(led: &str) -> crate::Result<Profile> {
+        let text = include_str!("../../device-profiles/webcam-grey.toml");
+        let mut at = text.find("[projector]").unwrap();
+        at += text[at + 1..].find("\n[").unwrap() + 1;
+        Profile::parse(&format!("{}\n{led}\n{}", &text[..at], &text[at..]), "p")
+    }
+
+    #[test]
+    fn sources_are_read_and_impossible_ones_refused() {
+        let droop = |time: &str, share: &str| {
+            format!("[[projector.led.droop]]\ntime_constant_s = {time}\nfraction = {share}\n")
+        };
+        let led = |rise: &str| format!("[projector.led]\nrise_us = {rise}\n");
+        let good = format!(
+            "{}{}{}",
+            led("3.5"),
+            droop("0.4", "0.05"),
+            droop("90", "0.1")
+        );
+        let read = parse(&good).unwrap().projector.led.unwrap();
+        assert_eq!((read.rise_us, read.droop.len()), (3.5, 2));
+        assert_eq!(parse("").unwrap().projector.led, None);
+        for (text, words) in [
+            (
+                led("0"),
+                "projector.led.rise_us: found 0; allowed: 0.001 to 1000000",
+            ),
+            (led("nan"), "projector.led.rise_us"),
+            (
+                led("5") + &droop("0", "0.1"),
+                "droop[0].time_constant_s: found 0",
+            ),
+            (
+                led("5") + &droop("9", "-0.1"),
+                "droop[0].fraction: found -0.1",
+            ),
+            (
+                led("5") + &droop("9", "0.5").repeat(2),
+                "fractions that sum to 1;",
+            ),
+            (
+                led("5") + &droop("9", "0.01").repeat(9),
+                "9 entries; allowed: at most 8",
+            ),
+            ("[projector.led]\n".to_owned(), "rise_us"),
+            (led("5") + "fall_us = 2", "fall_us"),
+        ] {
+            let e = parse(&text).unwrap_err();
+            assert_eq!(e.exit_code(), 2);
+            assert!(e.to_string().contains(words), "{e}");
+        }
+    }
+}

@@ -1,0 +1,236 @@
+//! Light that rises, fades and is shown for a part of an exposure, in frames against closed forms.
+
+use phasma::emulator::led::{Model, Source};
+use phasma::emulator::render::{Renderer, Term};
+use phasma::emulator::{Bench, Firmware, MemorySink, Shot, Showing, Shutter, Slide};
+use phasma::pattern::{Axis, Pattern};
+use phasma::profile::{Droop, Led, Profile, Scene};
+use phasma::protocol::Frame;
+use std::sync::Arc;
+
+const MS: u64 = 1_000_000;
+
+const LIT: &str = "name = \"lit\"\ndescription = \"\"\nambient = { irradiance_w_m2 = 0.05 }\n[[object]]\nshape = { kind = \"plane\" }\n\
+    position_mm = [0, 0, 1000]\nalbedo = 0.7\n";
+
+fn led(rise_us: f64, droop: &[(f64, f64)]) -> Led {
+    let droop = droop.iter().map(|&(time_constant_s, fraction)| Droop {
+        time_constant_s,
+        fraction,
+    });
+    Led {
+        rise_us,
+        droop: droop.collect(),
+    }
+}
+
+/// A small camera without noise, data line or source of its own.
+fn small(source: Option<Led>) -> Profile {
+    let mut profile = Profile::load("webcam-grey").unwrap();
+    let camera = &mut profile.camera;
+    camera.sensor_width_mm /= 4.0;
+    (camera.width_px, camera.height_px) = (160, 120);
+    camera.data_line = false;
+    camera.sensor.noiseless = true;
+    profile.projector.led = source;
+    profile
+}
+
+fn fringe(profile: &Profile, axis: Axis) -> Arc<Slide> {
+    let pattern = Pattern::Fringe {
+        axis,
+        period_px: 24.0,
+        phase_rad: 0.4,
+    };
+    Arc::new(Slide::new(&pattern, &profile.projector, &|_| unreachable!()).unwrap())
+}
+
+/// Signal of a plane lit by white, over that at full light, of some rows.
+fn light(renderer: &mut Renderer, shot: &Shot, row: usize) -> f64 {
+    let mut pixel = |light: Option<f64>| {
+        let shot = match light {
+            None => shot.clone(),
+            Some(light) => Shot {
+                light,
+                then: Vec::new(),
+                emission: None,
+                ..shot.clone()
+            },
+        };
+        f64::from(renderer.expected_dn(&shot)[row * 160 + 80])
+    };
+    let [dark, full] = [0.0, 0.5].map(|light| pixel(Some(light)));
+    0.5 * (pixel(None) - dark) / (full - dark)
+}
+
+#[test]
+fn a_frame_is_the_mean_of_what_is_shown_while_it_lasts() {
+    let profile = small(Some(led(1.0, &[])));
+    let scene = Scene::load("sphere").unwrap();
+    let mut renderer = Renderer::new(&profile, &scene, 1).unwrap();
+    assert!(renderer.plan().has(Term::PatternTiming));
+    let start_ns = 7_000 * MS;
+    let show = |at_ms, slide, light| Showing {
+        from_ns: start_ns + at_ms * MS,
+        slide,
+        light,
+    };
+    let [x, y] = [Axis::X, Axis::Y].map(|axis| fringe(&profile, axis));
+    let shot = Shot {
+        light: 1.0,
+        then: vec![
+            show(1, Some(x.clone()), 0.9),
+            show(4, None, 1.0),
+            show(5, Some(y.clone()), 0.5),
+            show(9, None, 1.0),
+        ],
+        start_ns,
+        exposure_ns: 10 * MS,
+        ..Shot::default()
+    };
+    let found = renderer.expected_dn(&shot);
+    let mut alone = |slide: Option<&Arc<Slide>>, light| {
+        renderer.expected_dn(&Shot {
+            slide: slide.cloned(),
+            light,
+            then: Vec::new(),
+            ..shot.clone()
+        })
+    };
+    let parts = [
+        (0.3, alone(None, 1.0)),
+        (0.3, alone(Some(&x), 0.9)),
+        (0.4, alone(Some(&y), 0.5)),
+    ];
+    for (i, &dn) in found.iter().enumerate() {
+        let exact: f64 = parts.iter().map(|(w, dn)| w * f64::from(dn[i])).sum();
+        assert!(
+            exact < 254.0 && (f64::from(dn) - exact).abs() < 1e-3,
+            "{i}: {dn} {exact}"
+        );
+    }
+    // What is shown elsewhere in time is not seen.
+    let later = Shot {
+        start_ns: start_ns + 20 * MS,
+        ..shot.clone()
+    };
+    assert!(renderer.expected_dn(&later) == parts[0].1);
+    // Left out, only the first slide is.
+    renderer.force(Term::PatternTiming, false);
+    assert!(renderer.expected_dn(&shot) == parts[0].1);
+}
+
+#[test]
+fn frames_see_the_source_rise_and_fade() {
+    let source = led(2000.0, &[(0.05, 0.2), (3.0, 0.3)]);
+    let mut profile = small(Some(source.clone()));
+    profile.camera.line_time_us = 100.0;
+    let mut renderer = Renderer::new(&profile, &Scene::parse(LIT, "lit").unwrap(), 1).unwrap();
+    let mut driven = Source::new(Model::new(&source));
+    driven.drive(10 * MS, 1.0);
+    driven.drive(14 * MS, 0.3);
+    let emission = driven.emission(0);
+    for (start_ms, line_time_ns) in [(8, 0), (11, 0), (8, 100_000), (5000, 100_000)] {
+        let shot = Shot {
+            slide: Some(Arc::new(Slide::Uniform(255))),
+            light: 1.0,
+            emission: Some(emission.clone()),
+            start_ns: start_ms * MS,
+            exposure_ns: 4 * MS,
+            shutter: Shutter {
+                line_time_ns,
+                first_row: 0,
+                rows: 120,
+            },
+            ..Shot::default()
+        };
+        for row in [0, 7, 60, 119] {
+            let from = shot.row_start_ns(row as u32);
+            let exact = emission.mean(from, from + 4 * MS);
+            let found = light(&mut renderer, &shot, row);
+            assert!(
+                (found - exact).abs() < 2e-5,
+                "{start_ms} ms, {row}: {found} {exact}"
+            );
+        }
+    }
+}
+
+/// Frames of a device that is told these lines at these milliseconds, until some time.
+fn frames(profile: &Profile, lines: &[(u64, &str)], end_ms: u64) -> Vec<Frame> {
+    let mut bench = Bench::new(
+        Firmware::new(profile, &[]).unwrap(),
+        Renderer::new(profile, &Scene::parse(LIT, "lit").unwrap(), 1).unwrap(),
+        MemorySink::default(),
+    );
+    for (at_ms, line) in lines {
+        bench.run_until(at_ms * MS);
+        let now_ns = bench.now_ns();
+        bench
+            .machine()
+            .receive(format!("{line}\n").as_bytes(), now_ns);
+        bench.run_until(now_ns);
+    }
+    bench.run_until(end_ms * MS);
+    let now_ns = bench.now_ns();
+    assert_eq!(bench.machine().take_output(now_ns), b"");
+    bench.sink.frames.iter().map(|f| (**f).clone()).collect()
+}
+
+fn brightness(frame: &Frame) -> f64 {
+    let sum: f64 = frame.data.iter().map(|&dn| f64::from(dn)).sum();
+    sum / frame.data.len() as f64
+}
+
+/// A source that neither takes time nor warms changes no byte.
+#[test]
+fn an_ideal_source_is_none() {
+    let lines = [
+        (0, "TRIG:SOUR BUS;:INIT"),
+        (100, "*TRG"),
+        (2000, "INIT;*TRG"),
+    ];
+    let plain = frames(&small(None), &lines, 4000);
+    assert!(plain.len() > 20);
+    assert!(frames(&small(Some(led(1.0, &[(10.0, 0.0)]))), &lines, 4000) == plain);
+}
+
+/// Lamp, current and what they did before decide, in device time alone.
+#[test]
+fn commands_drive_the_source() {
+    let source = led(5.0, &[(20.0, 0.3)]);
+    let white = "TRIG:SOUR BUS;MODE STEP;:INIT:CONT ON";
+    // Twenty seconds on, in the middle of an exposure off, on again after ten more.
+    let lines = [
+        (0, white),
+        (1, "*TRG"),
+        (20_000, "ABOR;*TRG"),
+        (30_000, "ABOR;*TRG"),
+        (30_006, "PROJ:POW OFF"),
+        (40_000, "PROJ:POW ON;:ABOR;*TRG"),
+    ];
+    let found = frames(&small(Some(source.clone())), &lines, 41_000);
+    assert!(found == frames(&small(Some(source.clone())), &lines, 41_000));
+    let full = frames(&small(None), &lines[..3], 41_000);
+    let dark = frames(
+        &small(None),
+        &[(0, "PROJ:POW OFF"), (1, white), (2, "*TRG")],
+        41_000,
+    );
+    let (full, dark) = (brightness(&full[0]), brightness(&dark[0]));
+    let exposure_ns = 12 * MS;
+    let mut driven = Source::new(Model::new(&source));
+    driven.drive(0, 1.0);
+    driven.drive(30_006 * MS, 0.0);
+    driven.drive(40_000 * MS, 1.0);
+    let emission = driven.emission(0);
+    assert_eq!(found.len(), 4);
+    for frame in &found {
+        let start_ns = frame.exposure_start_ns;
+        let exact = emission.mean(start_ns, start_ns + exposure_ns);
+        let found = (brightness(frame) - dark) / (full - dark);
+        assert!((found - exact).abs() < 0.006, "{start_ns}: {found} {exact}");
+    }
+    let light: Vec<f64> = found.iter().map(brightness).collect();
+    assert!(light[0] > light[1] && light[3] > light[1] && light[2] < light[1]);
+}

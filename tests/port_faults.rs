@@ -1,0 +1,266 @@
+//! Bad days on the control port: whatever happens to one message or its reply, a scan gives the
+//! frames, manifest and calibration that it gives on a good day, or says what is wrong.
+
+use phasma::emulator::{Bench, Firmware, FrameSink, Renderer};
+use phasma::error::Error;
+use phasma::host::{Camera, Captured, CommandPort, MemoryCamera, Progress, ScanOptions, Scanner};
+use phasma::profile::{Profile, Scene};
+use phasma::protocol::Frame;
+use std::collections::VecDeque;
+use std::io::Read;
+use std::sync::Arc;
+use std::time::Duration;
+
+const SHORT: Duration = Duration::from_millis(5);
+/// A scan's messages: the last ones come after its frames.
+const MESSAGES: u32 = 20;
+
+#[derive(Clone, Copy, Debug)]
+enum Fault {
+    None,
+    /// The reply is lost.
+    Lost,
+    /// The reply comes with the next one.
+    Late,
+    Twice,
+    GarbageBefore,
+    GarbageInside,
+    /// A bit of the reply.
+    Reply(usize),
+    /// A bit of the message.
+    Message(usize),
+    /// The cable is pulled before the message, and the port has to be opened anew.
+    Gone,
+    /// The device is switched off and on before the message.
+    Reset,
+    /// And after it, half of the frames that it made having come.
+    ResetAfter,
+}
+
+struct Sink(MemoryCamera);
+
+impl FrameSink for Sink {
+    fn attended(&self) -> bool {
+        true
+    }
+
+    fn put(&mut self, frame: Arc<Frame>) {
+        self.0.put((*frame).clone());
+    }
+}
+
+fn profile() -> Profile {
+    let mut profile = Profile::load("webcam-grey").unwrap();
+    (profile.camera.width_px, profile.camera.height_px) = (64, 48);
+    profile
+}
+
+fn bench(camera: &MemoryCamera) -> Bench<Sink> {
+    let profile = profile();
+    Bench::new(
+        Firmware::new(&profile, &[]).unwrap(),
+        Renderer::new(&profile, &Scene::load("plane").unwrap(), 1).unwrap(),
+        Sink(camera.clone()),
+    )
+}
+
+/// A line on which one message meets a fault.
+struct Port {
+    bench: Bench<Sink>,
+    camera: MemoryCamera,
+    fault: Fault,
+    nth: u32,
+    count: u32,
+    gone: bool,
+    late: Vec<u8>,
+    replies: VecDeque<u8>,
+}
+
+impl Port {
+    fn reset(&mut self) {
+        self.bench = bench(&self.camera);
+        self.replies.clear();
+    }
+
+    /// Takes away all but so many of the frames that wait.
+    fn keep(&mut self, frames: usize) {
+        let mut kept = Vec::new();
+        while let Some(frame) = self.camera.next_frame(Duration::ZERO).unwrap() {
+            kept.push(frame);
+        }
+        kept.truncate(frames);
+        kept.into_iter().for_each(|frame| self.camera.put(frame));
+    }
+}
+
+impl CommandPort for Port {
+    fn info(&self) -> &str {
+        "bad line"
+    }
+
+    fn send(&mut self, bytes: &[u8], _timeout: Duration) -> Result<(), Error> {
+        self.count += 1;
+        let now = self.count == self.nth;
+        let mut bytes = bytes.to_vec();
+        match self.fault {
+            Fault::Gone if now => self.gone = true,
+            Fault::Reset if now => self.reset(),
+            Fault::Message(bit) if now => {
+                if let Some(byte) = bytes.get_mut(bit / 8) {
+                    *byte ^= 1 << (bit % 8);
+                }
+            }
+            _ => {}
+        }
+        if self.gone {
+            return Err(Error::device("bad line: the device has gone"));
+        }
+        let mut reply = self.bench.control(&bytes);
+        let late = std::mem::take(&mut self.late);
+        match self.fault {
+            _ if !now => {}
+            Fault::Lost => reply.clear(),
+            Fault::Late => self.late = std::mem::take(&mut reply),
+            Fault::Twice => reply = [reply.clone(), reply].concat(),
+            Fault::GarbageBefore => reply = [&b"\xfe#3\x00;9"[..], &reply].concat(),
+            Fault::GarbageInside => {
+                let half = reply.len() / 2;
+                reply.splice(half..half, *b"\x80\x07~");
+            }
+            Fault::Reply(bit) => {
+                if let Some(byte) = reply.get_mut(bit / 8) {
+                    *byte ^= 1 << (bit % 8);
+                }
+            }
+            Fault::ResetAfter => {
+                self.keep(6);
+                self.reset();
+            }
+            _ => {}
+        }
+        self.replies.extend(late);
+        self.replies.extend(reply);
+        Ok(())
+    }
+
+    fn receive(&mut self, buffer: &mut [u8], _timeout: Duration) -> Result<usize, Error> {
+        if self.gone {
+            return Err(Error::device("bad line: the device has gone"));
+        }
+        self.replies
+            .read(buffer)
+            .map_err(|e| Error::io("bad line", e))
+    }
+
+    fn reopen(&mut self, _timeout: Duration) -> Result<(), Error> {
+        self.gone = false;
+        self.bench.machine().hang_up();
+        self.replies.clear();
+        Ok(())
+    }
+}
+
+fn scan(fault: Fault, nth: u32) -> (Result<Captured, Error>, Vec<String>) {
+    let camera = MemoryCamera::default();
+    let port = Port {
+        bench: bench(&camera),
+        camera: camera.clone(),
+        fault,
+        nth,
+        count: 0,
+        gone: false,
+        late: Vec::new(),
+        replies: VecDeque::new(),
+    };
+    let options = ScanOptions {
+        sequence: Some("quick-4-xy".into()),
+        manifest: None,
+        frame_timeout: SHORT,
+    };
+    let mut retries = Vec::new();
+    let captured = Scanner::new(port, SHORT, || Ok(camera)).and_then(|mut scanner| {
+        let captured = scanner.scan(&options, &mut |progress| {
+            if let Progress::Retry(why) = progress {
+                retries.push(why.to_owned());
+            }
+        });
+        scanner.finish().and(captured)
+    });
+    (captured, retries)
+}
+
+/// Whether two captures show the same: noise differs from run to run.
+fn same(one: &Captured, other: &Captured) -> bool {
+    let alike = |(a, b): (&Frame, &Frame)| {
+        let differences = a.data.iter().zip(&b.data).map(|(a, b)| a.abs_diff(*b));
+        let sum: u32 = differences.map(u32::from).sum();
+        a.pattern_index == b.pattern_index
+            && a.data.len() == b.data.len()
+            && sum < 2 * a.data.len() as u32
+    };
+    one.idn == other.idn
+        && one.manifest == other.manifest
+        && one.calibration == other.calibration
+        && one.frames.len() == other.frames.len()
+        && one.frames.iter().zip(&other.frames).all(alike)
+}
+
+/// Scans with a fault at each message; all have to come out as on a good day.
+fn recovered(fault: Fault) -> usize {
+    let good = scan(Fault::None, 0).0.unwrap();
+    let mut retries = 0;
+    for nth in 1..=MESSAGES {
+        let (captured, why) = scan(fault, nth);
+        let captured = captured.unwrap_or_else(|e| panic!("{fault:?} at {nth}: {e}"));
+        assert!(same(&captured, &good), "{fault:?} at {nth}: {why:?}");
+        retries += why.len();
+    }
+    retries
+}
+
+#[test]
+fn lost_late_and_doubled_replies_cost_no_run() {
+    for fault in [Fault::None, Fault::Twice, Fault::Late, Fault::Lost] {
+        assert_eq!(recovered(fault), 0, "{fault:?}");
+    }
+}
+
+#[test]
+fn garbage_costs_no_run() {
+    for fault in [Fault::GarbageBefore, Fault::GarbageInside] {
+        assert_eq!(recovered(fault), 0, "{fault:?}");
+    }
+}
+
+#[test]
+fn a_cable_that_is_pulled_and_put_back_costs_a_run_at_most() {
+    assert!(recovered(Fault::Gone) <= MESSAGES as usize);
+}
+
+#[test]
+fn a_device_that_is_reset_is_set_up_anew() {
+    assert!(recovered(Fault::Reset) > 0);
+    assert!(recovered(Fault::ResetAfter) > 0);
+}
+
+/// Some bits of each message and each reply; those of all are in the unit tests of the host.
+#[test]
+fn flipped_bits_never_give_another_cloud() {
+    let good = scan(Fault::None, 0).0.unwrap();
+    let mut reported = 0;
+    for bit in (0..400).step_by(13) {
+        for nth in 1..=MESSAGES {
+            for fault in [Fault::Reply(bit), Fault::Message(bit)] {
+                let (captured, why) = scan(fault, nth);
+                match captured {
+                    Ok(captured) => {
+                        assert!(same(&captured, &good), "{fault:?} at {nth}: {why:?}");
+                    }
+                    Err(_) => reported += 1,
+                }
+            }
+        }
+    }
+    // One bit is put right where it is seen at all.
+    assert_eq!(reported, 0);
+}
