@@ -63,11 +63,6 @@ impl TomlSource {
         })
     }
 
-    /// Whether the document has a key at its top; not where it is no document.
-    pub fn has(&self, key: &str) -> bool {
-        DeTable::parse(&self.text).is_ok_and(|root| root.get_ref().contains_key(key))
-    }
-
     /// An error about the value at `path`, such as `frame[3].pattern.period_px`, with the line
     /// that it (or the nearest table around it) stands on.
     pub fn violation(&self, path: &str, found: impl Display, allowed: impl Display) -> Error {
