@@ -2,8 +2,9 @@
 
 use crate::decode::Plan;
 use crate::error::Result;
-use crate::profile::{Configuration, Profile, Scene, Station, TomlSource};
-use crate::profile::{profile_names, station_names};
+use crate::profile::{
+    Configuration, Profile, Scene, Station, TomlSource, profile_names, station_names,
+};
 use crate::protocol::dialect::Dialect;
 use std::path::Path;
 
@@ -116,8 +117,7 @@ fn describe(profile: &Profile) {
 
 /// Whether a name or a file is a dialect's; of a file its `framing` says so.
 pub(super) fn names_dialect(file: &str) -> Result<bool> {
-    let mut others = profile_names().chain(station_names());
-    if others.any(|name| name == file) {
+    if profile_names().any(|name| name == file) {
         return Ok(false);
     }
     let shipped = Dialect::names().any(|name| name == file);

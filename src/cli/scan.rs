@@ -191,9 +191,8 @@ fn tape(args: &Args, path: &Path, address: &str, start: Instant) -> Result<Tape>
     Ok(Tape::new(recorder, now_ns))
 }
 
-/// Captures a sequence, with progress on a terminal, from a device that speaks SCPI or another
-/// dialect; a calibration from a file takes the
-/// place of the device's own.
+/// Captures a sequence, with progress on a terminal, from a device that speaks SCPI or a dialect; a
+/// calibration from a file takes the place of the device's own.
 ///
 /// # Errors
 /// See [`Scanner::scan`].

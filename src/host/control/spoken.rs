@@ -145,10 +145,27 @@ impl<P: CommandPort> Spoken<P> {
         Ok(vec![(chunk.data.clone(), Value::Bytes(bytes))])
     }
 
-    /// An operation's result as text, which no control character makes worse; `None` where the
-    /// dialect lacks it.
+    /// An operation's result; `None` where the dialect lacks it. An answer of several lines of which
+    /// one is missing has none, and is asked for again.
+    fn value(&mut self, operation: &str) -> Result<Option<Value>> {
+        if !self.has(operation) {
+            return Ok(None);
+        }
+        for _ in 0..TRIES {
+            if let Some(value) = self.operate(operation, &[])? {
+                return Ok(Some(value));
+            }
+            self.line.hush()?;
+        }
+        Err(Error::device(format!(
+            "{}: the answer is not whole",
+            self.place(operation)
+        )))
+    }
+
+    /// An operation's result as text, of which no character steers a terminal.
     fn word(&mut self, operation: &str) -> Result<Option<String>> {
-        let value = self.operate(operation, &[])?;
+        let value = self.value(operation)?;
         Ok(value.map(|value| printable(&value.to_string())))
     }
 
@@ -259,7 +276,7 @@ impl<P: CommandPort> Spoken<P> {
     fn text(&mut self, operation: &str) -> Result<Option<String>> {
         let place = self.place(operation);
         let not_text = || Error::device(format!("{place}: the answer is no text"));
-        let value = self.operate(operation, &[])?;
+        let value = self.value(operation)?;
         let text = value.map(|value| value.text().map(str::to_owned).ok_or_else(not_text));
         text.transpose()
     }
