@@ -2,7 +2,11 @@
 
 use crate::decode::Plan;
 use crate::error::Result;
-use crate::profile::{Configuration, Profile, Scene, Station, profile_names, station_names};
+use crate::profile::{
+    Configuration, Profile, Scene, Station, TomlSource, profile_names, station_names,
+};
+use crate::protocol::dialect::Dialect;
+use std::path::Path;
 
 /// List or check device profiles.
 #[derive(Debug, clap::Args)]
@@ -15,7 +19,8 @@ pub struct Args {
 enum Action {
     /// List the built-in profiles and stations.
     List,
-    /// Check the file of a profile or a station (or what is built in) and say what it describes.
+    /// Check the file of a profile, a station or a dialect (or what is built in) and say what it
+    /// describes.
     Check {
         /// Path of a TOML file, or a built-in name.
         file: String,
@@ -32,6 +37,9 @@ pub(super) fn run(args: &Args) -> Result<()> {
                 };
                 println!("{name:<16}{description}");
             }
+        }
+        Action::Check { file } if names_dialect(file)? => {
+            super::dialect::check(file, Dialect::load(file)?)?;
         }
         Action::Check { file } => match Configuration::load(file)? {
             Configuration::Device(profile) => {
@@ -105,4 +113,14 @@ fn describe(profile: &Profile) {
             println!("              cannot be decoded: {why}");
         }
     }
+}
+
+/// Whether a name or a file is a dialect's; of a file its `framing` says so.
+pub(super) fn names_dialect(file: &str) -> Result<bool> {
+    if profile_names().any(|name| name == file) {
+        return Ok(false);
+    }
+    let shipped = Dialect::names().any(|name| name == file);
+    let path = Path::new(file);
+    Ok(shipped || path.is_file() && TomlSource::read(path)?.has("framing"))
 }
