@@ -173,6 +173,7 @@ mod tests {
             profile: None,
             scene: None,
             seed: None,
+            monotonic_ns: None,
         };
         let recorder = Recorder::start(file, "rec", about, 0, Limits::default(), |_| {}).unwrap();
         let time = AtomicU64::new(0);

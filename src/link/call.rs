@@ -16,6 +16,8 @@ use tokio::sync::oneshot;
 const IN_TRANSIT: Duration = Duration::from_millis(2);
 
 type Sender = oneshot::Sender<Answer>;
+/// The truth when the optics have it.
+type Truthful = oneshot::Receiver<Result<Truth>>;
 
 impl Server {
     /// Does what a client of the service channel asks; the answer may come later.
@@ -85,10 +87,7 @@ impl Server {
     }
 
     /// The truth behind a frame, to be asked of the optics, and what is known without them.
-    fn truth_of_frame(
-        &mut self,
-        id: u64,
-    ) -> Result<(TruthJob, Reply, oneshot::Receiver<Result<Truth>>), String> {
+    fn truth_of_frame(&mut self, id: u64) -> Result<(TruthJob, Reply, Truthful), String> {
         let _ = self.follow();
         let taken = self.history.find(id)?;
         let time_ns = taken.middle_ns();
@@ -116,7 +115,7 @@ impl Server {
     }
 
     /// Answers with the truth once it is there, and with what is known already.
-    fn answer_truth(&self, truth: oneshot::Receiver<Result<Truth>>, about: Reply, reply: Sender) {
+    fn answer_truth(&self, truth: Truthful, about: Reply, reply: Sender) {
         let render_us = self.optics.render_us();
         tokio::spawn(async move {
             let answer = match truth.await {

@@ -1,22 +1,5 @@
 //! A station: several devices that look at one scene. What `phasma serve --profile` takes is a
 //! station's file where it lists `[[device]]`, and a device's profile otherwise.
-//!
-//! ```toml
-//! name = "two-pods"
-//! description = "Two scanners that look at one torso"
-//! scene = "torso"                      # a built-in name, or a file relative to this one
-//!
-//! [[device]]
-//! name = "left"                        # of its run directory
-//! profile = "webcam-grey"              # a built-in name, or a file relative to this one
-//! position_mm = [0.0, -500.0, 50.0]    # where its rig stands in the scene, in place of the
-//! rotation_deg = [-27.8, 0.0, 0.0]     # scene's [rig]
-//! seed = 1                             # of its noise
-//! dialect = "scpi"                     # of its control port, in place of the profile's
-//! ```
-//!
-//! Devices of a station share scene and clock. The light of a projector is seen by the cameras of
-//! its own device only: devices that are to expose at a time are taken to tell their light apart.
 
 use super::check::{Check, name};
 use super::placing::{POSITION_MM, ROTATION_DEG};
@@ -29,7 +12,24 @@ use std::path::{Path, PathBuf};
 /// Most devices of a station, and of a server.
 pub const MAX_DEVICES: usize = 64;
 
-/// Several devices.
+/// Several devices that look at one scene, as `phasma serve --profile` takes them:
+///
+/// ```toml
+/// name = "two-pods"
+/// description = "Two scanners that look at one torso"
+/// scene = "torso"                      # a built-in name, or a file relative to this one
+///
+/// [[device]]
+/// name = "left"                        # of its run directory
+/// profile = "webcam-grey"              # a built-in name, or a file relative to this one
+/// position_mm = [0.0, -500.0, 50.0]    # where its rig stands in the scene, in place of the
+/// rotation_deg = [-27.8, 0.0, 0.0]     # scene's [rig]
+/// seed = 1                             # of its noise
+/// dialect = "scpi"                     # of its control port, in place of the profile's
+/// ```
+///
+/// Devices of a station share scene and clock. The light of a projector is seen by the cameras of
+/// its own device only: devices that are to expose at a time are taken to tell their light apart.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Station {

@@ -66,10 +66,7 @@ impl Unit {
             let profile = &asked.label;
             eprintln!("phasma: {profile}: rendering on a GPU, {kind}: {name} ({driver})");
         }
-        let port = match profile.control.dialect.as_str() {
-            "scpi" => Port::default(),
-            _ => Port::new(Arc::new(profile.control.load_dialect(&profile.folder)?))?,
-        };
+        let dialect = profile.control.load_dialect(&profile.folder)?;
         let schedule = match &args.faults {
             Some(file) => Schedule::read(file)?,
             None => Schedule::default(),
@@ -77,7 +74,7 @@ impl Unit {
         let device = Device {
             machine: Machine::new(
                 Firmware::new(profile, &user)?,
-                port,
+                Port::new(Arc::new(dialect))?,
                 SerialLine::new(&profile.control),
                 Faults::new(&schedule, &asked.name),
             ),

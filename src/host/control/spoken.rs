@@ -225,7 +225,7 @@ impl<P: CommandPort> Spoken<P> {
         let list = self.word("list")?;
         Ok(list.map(|list| {
             let names = list.split(',');
-            names.map(|name| name.trim().to_owned()).collect()
+            names.map(|name| unquoted(name.trim())).collect()
         }))
     }
 
@@ -258,8 +258,10 @@ impl<P: CommandPort> Spoken<P> {
         let mut settings = Vec::new();
         for what in SETTINGS {
             if let Some(mut word) = self.word(what)? {
-                if what == MARKED {
-                    word = (word == self.mark.to_string()).to_string();
+                match what {
+                    SELECTED => word = unquoted(&word),
+                    MARKED => word = (word == self.mark.to_string()).to_string(),
+                    _ => {}
                 }
                 settings.push((what.to_owned(), word));
             }
@@ -329,4 +331,10 @@ impl<P: CommandPort> Spoken<P> {
             _ => Ok(()),
         }
     }
+}
+
+/// A name as it is selected by: dialects that hand on what the device says hand on its quotes.
+fn unquoted(name: &str) -> String {
+    let inside = name.strip_prefix('"').and_then(|n| n.strip_suffix('"'));
+    inside.map_or_else(|| name.to_owned(), |inside| inside.replace("\"\"", "\""))
 }

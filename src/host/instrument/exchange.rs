@@ -11,7 +11,7 @@ use crate::protocol::scpi::{self, BlockPrefix, MAX_BLOCK_BYTES, MAX_LINE_BYTES};
 use std::time::Duration;
 
 /// How often a question is asked while nothing comes; they share the timeout.
-const ATTEMPTS: u32 = 3;
+pub(super) const ATTEMPTS: u32 = 3;
 /// How long to wait for an answer behind a line that is none.
 const GRACE: Duration = Duration::from_millis(250);
 
@@ -52,6 +52,7 @@ impl<P: CommandPort> Instrument<P> {
     /// # Errors
     /// A port that has gone, and a device that sends without an end.
     pub(super) fn exchange(&mut self, body: &[u8]) -> Result<Option<Answer>> {
+        self.junk.clear();
         let mut asked = Vec::new();
         let mut buffer = [0; 16 << 10];
         for attempt in 0..ATTEMPTS {
@@ -127,7 +128,11 @@ impl<P: CommandPort> Instrument<P> {
             line.pop();
         }
         Ok(match start {
-            None => Come::Junk,
+            None => {
+                line.truncate(40);
+                self.junk = line;
+                Come::Junk
+            }
             Some(at) if at >= line.len() => Come::Answer(Answer::Void),
             Some(at) => Come::Answer(Answer::Said(line.split_off(at + 1))),
         })

@@ -95,7 +95,7 @@ impl Dialect {
         let mut data = packet.data;
         let mut args = Vec::with_capacity(command.args.len());
         for field in &command.args {
-            let value = field.from_packet(&mut data).map_err(failed)?;
+            let value = field.read_packet(&mut data).map_err(failed)?;
             args.push((field.name.clone(), value));
         }
         if layout.length.is_some() && !data.is_empty() {
@@ -277,7 +277,7 @@ pub(super) fn values_of_line(
     let value = |(name, wire): &(&str, &[u8])| {
         let field = fields.iter().find(|field| field.name == *name);
         let field = field.ok_or_else(|| ErrorCode::SystemError.with(name))?;
-        Ok((field.name.clone(), field.from_line(wire)?))
+        Ok((field.name.clone(), field.read_line(wire)?))
     };
     parts.iter().map(value).collect()
 }
@@ -309,7 +309,7 @@ fn taken(command: &Command, answers: &[Vec<u8>]) -> Result<Vec<(String, Value)>,
         };
         for (name, raw) in Template::split(template, answer, true).ok_or_else(wrong)? {
             let field = command.value(name).ok_or_else(wrong)?;
-            values.push((name.to_owned(), field.from_scpi(raw)?));
+            values.push((name.to_owned(), field.read_scpi(raw)?));
         }
     }
     Ok(values)

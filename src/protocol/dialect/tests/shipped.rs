@@ -108,7 +108,7 @@ fn a_word_is_no_message() {
     let dialect = Dialect::parse(&any_word, "words").unwrap();
     let fine = dialect.asked(b"mode SEQ").unwrap();
     assert_eq!(dialect.runs(&fine), ["TRIG:MODE SEQ"]);
-    let error = dialect.asked(b"mode SEQ;*RST").unwrap_err();
+    let error = dialect.asked(b"mode SEQ:*RST").unwrap_err();
     assert_eq!(dialect.nack(&error), b"error 20 out of range\r\n");
     let scpi = load("scpi");
     assert!(
