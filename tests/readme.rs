@@ -22,6 +22,11 @@ fn every_command_runs() {
         .find(|block| block.contains("[[object]]"))
         .unwrap();
     std::fs::write(folder.path().join("mine.toml"), scene).unwrap();
+    let faults = blocks(readme, "toml")
+        .into_iter()
+        .find(|block| block.contains("[[fault]]"))
+        .unwrap();
+    std::fs::write(folder.path().join("bad-day.toml"), faults).unwrap();
     let shell = blocks(readme, "sh");
     assert!(shell.len() >= 6);
     // `cargo run --release --` is the program that cargo has built for this test.
@@ -51,6 +56,9 @@ fn every_command_runs() {
         "phasma-demo/overview.png",
         "scan/frame_00.png",
         "scan/cloud.ply",
+        "rec-scan/cloud.ply",
+        "replay-scan/cloud.ply",
+        "room-left/cloud.ply",
         "decoded/projector_x.npy",
         "decoded/cloud.ply",
         "mine/summary.json",
@@ -99,6 +107,10 @@ fn the_manifest_in_the_readme_reads() {
         .unwrap()
         .usb;
     assert_ne!(usb, phasma::profile::Usb::default());
+    let profile = format!("{bench}\n{}\n{}", of("[control]"), of("[projector.led]"));
+    let profile = phasma::profile::Profile::parse(&profile, "README").unwrap();
+    assert_eq!(profile.control.dialect, "okline");
+    assert_eq!(profile.projector.led.unwrap().droop.len(), 2);
 }
 
 #[test]
