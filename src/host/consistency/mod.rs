@@ -31,6 +31,7 @@
 //! built-in profile's) exchanged steps of a set of three may pass, for the noise then leaves
 //! more than half of what the fault does.
 
+mod each;
 mod fringes;
 mod gray;
 mod grid;
@@ -80,7 +81,8 @@ pub fn check(manifest: &Manifest, frames: &[Frame]) -> Result<(), String> {
         let found = levels::check(&plan, axis, &grid)
             .and_then(|()| fringes::check(axis, &grid))
             .and_then(|()| gray::check(axis, &grid))
-            .and_then(|()| shifts::check(manifest, axis, &grid));
+            .and_then(|()| shifts::check(manifest, axis, &grid))
+            .and_then(|()| each::check(manifest, axis, &grid));
         found.map_err(|what| format!("the frames do not follow the sequence: {what}"))?;
     }
     Ok(())

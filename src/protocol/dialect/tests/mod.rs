@@ -12,7 +12,9 @@ use std::sync::LazyLock;
 /// The shipped dialects and two with checksums.
 static DIALECTS: LazyLock<Vec<Dialect>> = LazyLock::new(|| {
     let shipped = Dialect::names().map(|name| Dialect::load(name).unwrap());
-    shipped.chain(["sum8", "crc16-ccitt"].map(checked)).collect()
+    shipped
+        .chain(["sum8", "crc16-ccitt"].map(checked))
+        .collect()
 });
 
 /// A packet dialect of any length with start bytes and a checksum.
