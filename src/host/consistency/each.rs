@@ -4,7 +4,8 @@
 //! patterns have at one coordinate. A frame that was dark, lit too short, of another pattern or torn
 //! leaves much unexplained that the others without it do not. Defocus, response curves and light
 //! from elsewhere leave something too, but no single frame's lack makes most of that go. A torn
-//! frame is wrong below its tear only, hence the parts.
+//! frame is wrong below its tear only, hence the parts. Which frame it is cannot always be told: of
+//! a Gray code, the lack of another bit may explain as much.
 
 use super::grid::{Grid, Line};
 use super::shifts::Levels;
@@ -44,7 +45,9 @@ pub(super) fn check(manifest: &Manifest, axis: &AxisPlan, grid: &Grid) -> Result
         (left < DISTINCT * asked).then_some(frame)
     });
     match bad.min() {
-        Some(frame) => Err(format!("frame {frame} does not show its pattern")),
+        Some(frame) => Err(format!(
+            "one of them does not show its pattern; without frame {frame} they fit best"
+        )),
         None => Ok(()),
     }
 }

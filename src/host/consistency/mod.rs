@@ -14,9 +14,11 @@
 //! - `shifts`: all frames of an axis are what the patterns have at one coordinate, offset and
 //!   scaled; the list with one frame lost, repeated or exchanged with its neighbour would leave
 //!   less than half, or explain as much with fewer jumps between neighbouring pixels. This ties
-//!   sets of three steps, references and Gray code together.
+//!   sets of three steps, references and Gray code together;
+//! - `each`: without a frame that was dark, lit too short, torn or of another pattern the others fit
+//!   far better, in some part of the image.
 //!
-//! The last three compare the order that was asked for with others on the same pixels, so what
+//! The last four compare the order that was asked for with others on the same pixels, so what
 //! disturbs a scene disturbs both sides. Pixels at the camera's full scale are left out, and frames
 //! in which hardly any others vary are called saturated.
 //!
