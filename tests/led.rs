@@ -163,15 +163,23 @@ fn frames(profile: &Profile, lines: &[(u64, &str)], end_ms: u64) -> Vec<Frame> {
         Renderer::new(profile, &Scene::parse(LIT, "lit").unwrap(), 1).unwrap(),
         MemorySink::default(),
     );
+    bench.firmware().set_streaming(true, 0);
+    // A camera that is left alone for more than a second skips frames.
+    let wait = |bench: &mut Bench<MemorySink>, until_ms: u64| {
+        while bench.now_ns() < until_ms * MS {
+            let next_ns = bench.now_ns() + 500 * MS;
+            bench.run_until(next_ns.min(until_ms * MS));
+        }
+    };
     for (at_ms, line) in lines {
-        bench.run_until(at_ms * MS);
+        wait(&mut bench, *at_ms);
         let now_ns = bench.now_ns();
         bench
             .machine()
             .receive(format!("{line}\n").as_bytes(), now_ns);
         bench.run_until(now_ns);
     }
-    bench.run_until(end_ms * MS);
+    wait(&mut bench, end_ms);
     let now_ns = bench.now_ns();
     assert_eq!(bench.machine().take_output(now_ns), b"");
     bench.sink.frames.iter().map(|f| (**f).clone()).collect()
@@ -195,42 +203,79 @@ fn an_ideal_source_is_none() {
     assert!(frames(&small(Some(led(1.0, &[(10.0, 0.0)]))), &lines, 4000) == plain);
 }
 
-/// Lamp, current and what they did before decide, in device time alone.
+/// Lamp, current and what they did before decide, in device time alone: a camera that runs free.
 #[test]
 fn commands_drive_the_source() {
-    let source = led(5.0, &[(20.0, 0.3)]);
-    let white = "TRIG:SOUR BUS;MODE STEP;:INIT:CONT ON";
-    // Twenty seconds on, in the middle of an exposure off, on again after ten more.
+    let source = led(5.0, &[(1.5, 0.3)]);
     let lines = [
-        (0, white),
-        (1, "*TRG"),
-        (20_000, "ABOR;*TRG"),
-        (30_000, "ABOR;*TRG"),
-        (30_006, "PROJ:POW OFF"),
-        (40_000, "PROJ:POW ON;:ABOR;*TRG"),
+        (2006, "PROJ:POW OFF"),
+        (2600, "PROJ:POW ON"),
+        (3010, "PROJ:CURR 0.5"),
     ];
-    let found = frames(&small(Some(source.clone())), &lines, 41_000);
-    assert!(found == frames(&small(Some(source.clone())), &lines, 41_000));
-    let full = frames(&small(None), &lines[..3], 41_000);
-    let dark = frames(
-        &small(None),
-        &[(0, "PROJ:POW OFF"), (1, white), (2, "*TRG")],
-        41_000,
-    );
-    let (full, dark) = (brightness(&full[0]), brightness(&dark[0]));
-    let exposure_ns = 12 * MS;
+    let found = frames(&small(Some(source.clone())), &lines, 3500);
+    assert!(found == frames(&small(Some(source.clone())), &lines, 3500));
+    let full = brightness(&frames(&small(None), &[], 100)[0]);
+    let dark = brightness(&frames(&small(None), &[(0, "PROJ:POW OFF")], 100)[0]);
+    assert!(full > dark + 60.0 && full < 250.0, "{full} {dark}");
+    let mut driven = Source::new(Model::new(&source));
+    for (at_ms, level) in [(0, 1.0), (2006, 0.0), (2600, 1.0), (3010, 0.5)] {
+        driven.drive(at_ms * MS, level);
+    }
+    let emission = driven.emission(0);
+    assert!(found.len() > 90);
+    let mut partly = 0;
+    for frame in &found {
+        let (start_ns, end_ns) = (frame.exposure_start_ns, frame.exposure_end_ns);
+        let exact = emission.mean(start_ns, end_ns);
+        let found = (brightness(frame) - dark) / (full - dark);
+        assert!((found - exact).abs() < 0.008, "{start_ns}: {found} {exact}");
+        partly += u32::from(start_ns < 2006 * MS && end_ns > 2006 * MS && found > 0.1);
+    }
+    assert_eq!(partly, 1, "one sees the lamp go off");
+}
+
+/// A projector that has a time lights its source while it shows patterns: it stays cooler than one
+/// that is always on, and each frame sees what it gives.
+#[test]
+fn patterns_light_the_source() {
+    let source = led(30.0, &[(0.2, 0.4)]);
+    let mut profile = Profile::load("dlp-evm").unwrap();
+    profile.camera.data_line = false;
+    profile.camera.sensor.noiseless = true;
+    let scan = [(0, "TRIG:SOUR BUS;:INIT"), (3000, "*TRG")];
+    let plain = frames(&profile, &scan, 9000);
+    profile.projector.led = Some(source.clone());
+    let faded = frames(&profile, &scan, 9000);
+    assert_eq!(plain.len(), profile.sequence[0].frame.len());
+    assert_eq!(faded.len(), plain.len());
+    let timing = profile.projector.timing.clone().unwrap();
+    let ns = |us: f64| (us * 1e3).round() as u64;
+    let period_ns = ns(profile.sequence[0].period_us);
     let mut driven = Source::new(Model::new(&source));
     driven.drive(0, 1.0);
-    driven.drive(30_006 * MS, 0.0);
-    driven.drive(40_000 * MS, 1.0);
-    let emission = driven.emission(0);
-    assert_eq!(found.len(), 4);
-    for frame in &found {
-        let start_ns = frame.exposure_start_ns;
-        let exact = emission.mean(start_ns, start_ns + exposure_ns);
-        let found = (brightness(frame) - dark) / (full - dark);
-        assert!((found - exact).abs() < 0.006, "{start_ns}: {found} {exact}");
+    let first_ns = plain[0].exposure_start_ns;
+    let delay_ns = ns(timing.camera_delay_us.unwrap_or(timing.dark_before_us));
+    for i in 0..plain.len() as u64 {
+        let begins_ns = first_ns - delay_ns + i * period_ns;
+        let lit_ns = begins_ns + ns(timing.dark_before_us);
+        driven.open(begins_ns, false);
+        driven.open(lit_ns, true);
+        driven.open(lit_ns + ns(timing.exposure_us.unwrap()), false);
     }
-    let light: Vec<f64> = found.iter().map(brightness).collect();
-    assert!(light[0] > light[1] && light[3] > light[1] && light[2] < light[1]);
+    let emission = driven.emission(0);
+    let mut last = 0.0;
+    let black = plain.last().unwrap();
+    for (plain, faded) in plain.iter().zip(&faded) {
+        let start_ns = plain.exposure_start_ns;
+        assert_eq!(faded.exposure_start_ns, start_ns);
+        let lit_ns = start_ns - delay_ns + ns(timing.dark_before_us);
+        let exact = emission.mean(lit_ns, lit_ns + ns(timing.exposure_us.unwrap()));
+        assert!(exact > last && exact < 0.9, "cools in the dark: {exact}");
+        last = exact;
+        let bright = |frame: &Frame| brightness(frame) - brightness(black);
+        if bright(plain) > 20.0 {
+            let found = bright(faded) / bright(plain);
+            assert!((found - exact).abs() < 0.03, "{found} {exact}");
+        }
+    }
 }

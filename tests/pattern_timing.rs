@@ -2,8 +2,9 @@
 //! one sees.
 
 use phasma::decode::{Decoded, Decoder, FrameStack, Options, Samples, Verdict};
-use phasma::emulator::{Bench, Firmware, MemorySink, Renderer, Truth};
+use phasma::emulator::{Bench, Firmware, MemorySink, Renderer, Shot, Truth};
 use phasma::profile::{Profile, Scene};
+use std::sync::Arc;
 
 const EVM: &str = include_str!("../device-profiles/dlp-evm.toml");
 
@@ -129,6 +130,13 @@ struct Seen {
     truth: Truth,
 }
 
+/// The built-in module; its frames without the line that says which they are.
+fn evm() -> Profile {
+    let mut profile = Profile::load("dlp-evm").unwrap();
+    profile.camera.data_line = false;
+    profile
+}
+
 /// Scans the plane with the profile's first sequence.
 fn scan(profile: &Profile, commands: &str) -> Seen {
     let scene = Scene::load("plane").unwrap();
@@ -167,4 +175,68 @@ fn error_px(seen: &Seen) -> (f64, f64) {
         f64::from(good) / f64::from(all),
         (sum / f64::from(good)).sqrt(),
     )
+}
+
+#[test]
+fn a_scan_decodes_as_well_as_its_noise_allows() {
+    let seen = scan(&evm(), "SEQ:SEL 'evm-4'");
+    let (coverage, error) = error_px(&seen);
+    assert!(coverage > 0.97, "{coverage}");
+    assert!(error < 0.05, "{error} px");
+}
+
+/// Half of a pattern's time shows the lower seven bits and hardly any of the highest. The frame is
+/// the sum of theirs, each by its share of the exposure: bit k lasts 2^k / 255 of the pattern.
+#[test]
+fn half_of_a_pattern_is_the_sum_of_the_bits_in_it() {
+    let mut profile = evm();
+    profile.camera.sensor.noiseless = true;
+    let mut renderer = Renderer::new(&profile, &Scene::load("plane").unwrap(), 1).unwrap();
+    let mut firmware = Firmware::new(&profile, &[]).unwrap();
+    let mut shots = |exposure: &str| {
+        firmware.receive(format!("CAM:EXP {exposure}\n").as_bytes(), 0);
+        let sequence = firmware.selected_sequence();
+        [0, 11, 12].map(|place| sequence[place].1.clone())
+    };
+    let whole = shots("8500us");
+    let half = shots("4250us");
+    assert!(whole.iter().all(|shot| shot.then.is_empty()));
+    let black = renderer.expected_dn(&half[2]);
+    // A white pattern is white from its first moment on, and half of it is half as bright.
+    let (white, all_white) = (
+        renderer.expected_dn(&half[1]),
+        renderer.expected_dn(&whole[1]),
+    );
+    for i in (0..white.len()).step_by(97) {
+        let (part, all) = (white[i] - black[i], all_white[i] - black[i]);
+        assert!((part - all / 2.0).abs() < 1e-3, "{part} of {all}");
+    }
+    let fringe = whole[0].slide.clone().unwrap();
+    let mut expected = black.clone();
+    for bit in 0..8 {
+        let lasts_us = f64::from(1 << bit) / 255.0 * 8500.0;
+        let begins_us = f64::from((1 << bit) - 1) / 255.0 * 8500.0;
+        let share = ((begins_us + lasts_us).min(4250.0) - begins_us) / 4250.0;
+        let plane = Shot {
+            slide: Some(Arc::new(fringe.plane(bit, 8))),
+            then: Vec::new(),
+            ..half[0].clone()
+        };
+        let alone = renderer.expected_dn(&plane);
+        for (sum, (alone, black)) in expected.iter_mut().zip(alone.iter().zip(&black)) {
+            *sum += share as f32 * (alone - black);
+        }
+    }
+    let seen = renderer.expected_dn(&half[0]);
+    let worst = seen.iter().zip(&expected).map(|(a, b)| (a - b).abs());
+    let worst = worst.fold(0.0, f32::max);
+    // Bits start at whole nanoseconds, 2e-7 of the exposure.
+    assert!(worst < 2e-3, "{worst} DN");
+    // The host cannot make fringes of that.
+    let (_, well) = error_px(&scan(&evm(), "CAM:EXP 8500us"));
+    let (coverage, badly) = error_px(&scan(&evm(), "CAM:EXP 4250us"));
+    assert!(
+        coverage < 0.5 || badly > 5.0 * well,
+        "{coverage} {badly} {well}"
+    );
 }

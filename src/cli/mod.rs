@@ -26,6 +26,7 @@ mod compare;
 mod decode;
 #[cfg(target_os = "linux")]
 mod demo;
+mod dialect;
 #[cfg(target_os = "linux")]
 mod doctor;
 mod faults;
@@ -73,6 +74,7 @@ enum Command {
     Calibrate(calibrate::Args),
     Compare(compare::Args),
     Profile(profile::Args),
+    Dialect(dialect::Args),
     Scene(scene::Args),
     Plan(plan::Args),
     Bench(bench::Args),
@@ -122,6 +124,7 @@ fn dispatch(command: Command) -> Result<()> {
         Command::Calibrate(args) => calibrate::run(&args),
         Command::Compare(args) => compare::run(&args),
         Command::Profile(args) => profile::run(&args),
+        Command::Dialect(args) => dialect::run(&args),
         Command::Scene(args) => scene::run(&args),
         Command::Plan(args) => plan::run(&args),
         Command::Bench(args) => bench::run(&args),

@@ -2,7 +2,11 @@
 
 use crate::decode::Plan;
 use crate::error::Result;
-use crate::profile::{Profile, profile_names};
+use crate::profile::{
+    Configuration, Profile, Scene, Station, TomlSource, profile_names, station_names,
+};
+use crate::protocol::dialect::Dialect;
+use std::path::Path;
 
 /// List or check device profiles.
 #[derive(Debug, clap::Args)]
@@ -13,9 +17,10 @@ pub struct Args {
 
 #[derive(Debug, clap::Subcommand)]
 enum Action {
-    /// List the built-in profiles.
+    /// List the built-in profiles and stations.
     List,
-    /// Check a profile file (or a built-in profile) and say what it describes.
+    /// Check the file of a profile, a station or a dialect (or what is built in) and say what it
+    /// describes.
     Check {
         /// Path of a TOML file, or a built-in name.
         file: String,
@@ -25,44 +30,97 @@ enum Action {
 pub(super) fn run(args: &Args) -> Result<()> {
     match &args.action {
         Action::List => {
-            for name in profile_names() {
-                println!("{name:<16}{}", Profile::load(name)?.description);
+            for name in profile_names().chain(station_names()) {
+                let description = match Configuration::load(name)? {
+                    Configuration::Device(profile) => profile.description,
+                    Configuration::Station(station) => station.description,
+                };
+                println!("{name:<16}{description}");
             }
         }
-        Action::Check { file } => {
-            let profile = Profile::load(file)?;
-            let Profile {
-                camera, projector, ..
-            } = &profile;
-            println!("{file}: ok");
-            println!("  name        {}", profile.name);
-            println!(
-                "  camera      {} x {}, focal length {:.2} px, {}",
-                camera.width_px,
-                camera.height_px,
-                camera.view().lens.focal_px.x,
-                String::from_utf8_lossy(&camera.format.fourcc()),
-            );
-            println!(
-                "  projector   {} x {}, focal length {:.2} px, baseline {:.1} mm",
-                projector.width_px,
-                projector.height_px,
-                projector.view().lens.focal_px.x,
-                projector.view().center().length(),
-            );
-            for sequence in &profile.sequence {
-                println!(
-                    "  sequence    {}: {} frames, one every {} us",
-                    sequence.name,
-                    sequence.frame.len(),
-                    sequence.period_us
-                );
-                // A sequence may be meant for something else than decoding: no mistake.
-                if let Err(why) = Plan::new(&profile.manifest(sequence)) {
-                    println!("              cannot be decoded: {why}");
-                }
-            }
+        Action::Check { file } if names_dialect(file)? => {
+            super::dialect::check(file, Dialect::load(file)?)?;
         }
+        Action::Check { file } => match Configuration::load(file)? {
+            Configuration::Device(profile) => {
+                println!("{file}: ok");
+                describe(&profile);
+            }
+            Configuration::Station(station) => check_station(file, &station)?,
+        },
     }
     Ok(())
+}
+
+/// Its devices and its scene have to be whole too.
+fn check_station(file: &str, station: &Station) -> Result<()> {
+    let profiles: Vec<Profile> = station
+        .device
+        .iter()
+        .map(|device| Profile::load(&station.profile(device)))
+        .collect::<Result<_>>()?;
+    let scene = station.scene();
+    if let Some(scene) = &scene {
+        Scene::load(scene)?;
+    }
+    println!("{file}: ok");
+    println!("  name        {}", station.name);
+    println!(
+        "  scene       {}",
+        scene.as_deref().unwrap_or("of the command line")
+    );
+    for (device, profile) in station.device.iter().zip(&profiles) {
+        let place = match device.rig() {
+            Some(rig) => format!(
+                "at {:?} mm, turned {:?} degrees",
+                rig.position_mm, rig.rotation_deg
+            ),
+            None => "where the scene says".to_owned(),
+        };
+        println!("  device      {}: {}, {place}", device.name, profile.name);
+    }
+    Ok(())
+}
+
+fn describe(profile: &Profile) {
+    let Profile {
+        camera, projector, ..
+    } = profile;
+    println!("  name        {}", profile.name);
+    println!(
+        "  camera      {} x {}, focal length {:.2} px, {}",
+        camera.width_px,
+        camera.height_px,
+        camera.view().lens.focal_px.x,
+        String::from_utf8_lossy(&camera.format.fourcc()),
+    );
+    println!(
+        "  projector   {} x {}, focal length {:.2} px, baseline {:.1} mm",
+        projector.width_px,
+        projector.height_px,
+        projector.view().lens.focal_px.x,
+        projector.view().center().length(),
+    );
+    for sequence in &profile.sequence {
+        println!(
+            "  sequence    {}: {} frames, one every {} us",
+            sequence.name,
+            sequence.frame.len(),
+            sequence.period_us
+        );
+        // A sequence may be meant for something else than decoding: no mistake.
+        if let Err(why) = Plan::new(&profile.manifest(sequence)) {
+            println!("              cannot be decoded: {why}");
+        }
+    }
+}
+
+/// Whether a name or a file is a dialect's; of a file its `framing` says so.
+pub(super) fn names_dialect(file: &str) -> Result<bool> {
+    if profile_names().any(|name| name == file) {
+        return Ok(false);
+    }
+    let shipped = Dialect::names().any(|name| name == file);
+    let path = Path::new(file);
+    Ok(shipped || path.is_file() && TomlSource::read(path)?.has("framing"))
 }

@@ -3,6 +3,7 @@
 use super::record;
 use super::serve::{Shutdown, default_run_dir, runtime};
 use crate::error::{Error, Result};
+use crate::host::monotonic_ns;
 use crate::link::{Outcome, Replay, RunDir, replay};
 use crate::protocol::Endpoints;
 use std::io::Write;
@@ -47,7 +48,9 @@ pub(super) fn run(args: &Args) -> Result<()> {
         Some(dir) => std::path::absolute(dir).map_err(|e| Error::io(dir, e))?,
         None => default_run_dir("replay"),
     };
+    let start = Instant::now();
     let what = Replay {
+        monotonic_ns: monotonic_ns(),
         reader,
         about,
         fast: args.clock == Pace::Fast,
@@ -58,7 +61,6 @@ pub(super) fn run(args: &Args) -> Result<()> {
         // Before anything is made that would have to be removed.
         let mut shutdown = Shutdown::watch(args.while_stdin)?;
         let run_dir = RunDir::claim(&run_dir)?;
-        let start = Instant::now();
         let ready = |endpoints: &Endpoints| announce(args, endpoints);
         replay(
             what,

@@ -9,7 +9,7 @@ use crate::geometry::Rig;
 use crate::host::usb::{UsbAddress, UsbCamera, UsbDevice, UsbPort};
 use crate::host::{
     Camera, Capture, Captured, CommandPort, Intake, Progress, RecordedCamera, RecordedPort,
-    ScanOptions, Scanner, SerialPort, Tape, open_camera, scan_free_running,
+    ScanOptions, Scanner, SerialPort, Tape, monotonic_ns, open_camera, scan_free_running,
 };
 use crate::pattern::Manifest;
 use crate::protocol::dialect::Dialect;
@@ -172,6 +172,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
 /// Starts the recording of `--record`; its times count from `start`.
 fn tape(args: &Args, path: &Path, address: &str, start: Instant) -> Result<Tape> {
     let control = args.control.as_deref().unwrap_or_default();
+    let now_ns = move || u64::try_from(start.elapsed().as_nanos()).unwrap_or(u64::MAX);
     let about = About {
         side: Side::Host,
         program: concat!("phasma ", env!("CARGO_PKG_VERSION")).into(),
@@ -182,18 +183,17 @@ fn tape(args: &Args, path: &Path, address: &str, start: Instant) -> Result<Tape>
         profile: None,
         scene: None,
         seed: None,
+        monotonic_ns: Some(monotonic_ns().saturating_sub(now_ns())),
     };
     let file = create(path, "--record", args.force)?;
     let place = path.display().to_string();
     let notice = |text: &str| eprintln!("phasma: {text}");
     let recorder = Recorder::start(file, &place, about, 0, Limits::default(), notice)?;
-    let now_ns = move || u64::try_from(start.elapsed().as_nanos()).unwrap_or(u64::MAX);
     Ok(Tape::new(recorder, now_ns))
 }
 
-/// Captures a sequence, with progress on a terminal, from a device that speaks SCPI or another
-/// dialect; a calibration from a file takes the
-/// place of the device's own.
+/// Captures a sequence, with progress on a terminal, from a device that speaks SCPI or a dialect; a
+/// calibration from a file takes the place of the device's own.
 ///
 /// # Errors
 /// See [`Scanner::scan`].

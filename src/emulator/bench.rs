@@ -3,9 +3,8 @@
 
 use super::faults::Faults;
 use super::port::Port;
-use super::{Clock, Firmware, FrameSink, Machine, Renderer, SerialLine, State, VirtualClock};
+use super::{Firmware, FrameSink, Machine, Renderer, SerialLine, State, VirtualClock};
 use std::sync::Arc;
-use std::time::Duration;
 
 /// A device on the bench: no port, no socket, no thread, no waiting.
 pub struct Bench<S> {
@@ -63,7 +62,7 @@ impl<S: FrameSink> Bench<S> {
 
     /// Lets time pass until `ns` of device time.
     pub fn run_until(&mut self, ns: u64) {
-        self.clock.wait(ns, Duration::ZERO);
+        self.clock.wait(ns);
         let now = self.now_ns();
         self.machine.advance(now);
         self.render();
@@ -71,7 +70,7 @@ impl<S: FrameSink> Bench<S> {
 
     /// Device time.
     pub fn now_ns(&mut self) -> u64 {
-        self.clock.now_ns(Duration::ZERO)
+        self.clock.now_ns()
     }
 
     /// The firmware, to look at.

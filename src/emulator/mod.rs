@@ -20,7 +20,7 @@ mod truth;
 mod truth_maps;
 
 pub use bench::Bench;
-pub use clock::{Clock, PacedClock, VirtualClock};
+pub use clock::VirtualClock;
 pub use firmware::{CameraControls, Firmware, State, UserSequence};
 pub use line::SerialLine;
 pub use machine::Machine;

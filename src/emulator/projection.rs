@@ -285,7 +285,7 @@ mod tests {
         for row in [0, 1, 45, 100, 299] {
             let start = shot.row_start_ns(row);
             for (level, mean) in mean(&shot, start).into_iter().enumerate() {
-                let white_ns = 255_000 - start;
+                let white_ns = 255_000u64.saturating_sub(start);
                 let ramp_ns = on_ns(level as u64, 0, (start + 255_000).saturating_sub(300_000));
                 let expected = match &*white {
                     // A uniform slide has one level, that of column 0.

@@ -23,6 +23,7 @@ pub mod usb;
 pub use camera::explain_device;
 pub use camera::{Camera, Capture, Intake, MemoryCamera, SocketCamera, open_camera};
 pub use captured::{CALIBRATION_FILE, Captured, MANIFEST_FILE, write_png};
+pub use clock::monotonic_ns;
 pub use consistency::check as check_sequence;
 pub use instrument::Instrument;
 pub use port::{CommandPort, MemoryPort, SerialPort};

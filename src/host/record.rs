@@ -134,9 +134,12 @@ impl<P: CommandPort> CommandPort for RecordedPort<P> {
 
     fn reopen(&mut self, timeout: Duration) -> Result<()> {
         self.put(|| Event::Left);
-        self.port.reopen(timeout)?;
-        self.put(|| Event::Opened);
-        Ok(())
+        let reopened = self.port.reopen(timeout);
+        match &reopened {
+            Ok(()) => self.put(|| Event::Opened),
+            Err(error) => self.put(|| Event::Note(error.to_string())),
+        }
+        reopened
     }
 }
 
@@ -170,6 +173,7 @@ mod tests {
             profile: None,
             scene: None,
             seed: None,
+            monotonic_ns: None,
         };
         let recorder = Recorder::start(file, "rec", about, 0, Limits::default(), |_| {}).unwrap();
         let time = AtomicU64::new(0);

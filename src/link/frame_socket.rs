@@ -38,10 +38,10 @@ struct Packet {
 }
 
 impl Packet {
-    fn new(frame: Arc<Frame>, held: &Arc<AtomicUsize>) -> Self {
+    fn new(header: [u8; wire::HEADER_LEN], frame: Arc<Frame>, held: &Arc<AtomicUsize>) -> Self {
         held.fetch_add(frame.data.len(), Ordering::Relaxed);
         Self {
-            header: wire::encode_header(&frame),
+            header,
             frame,
             held: held.clone(),
         }
@@ -156,6 +156,14 @@ impl FrameSocket {
         self.held.load(Ordering::Relaxed)
     }
 
+    /// Clients that are there.
+    pub(super) fn readers(&self) -> usize {
+        let clients = self.clients.iter();
+        clients
+            .filter(|client| client.queue.strong_count() > 0)
+            .count()
+    }
+
     /// Waits until clients may have come or gone.
     pub(super) async fn changed(&mut self) -> std::io::Result<()> {
         let tcp = async {
@@ -195,6 +203,23 @@ impl FrameSocket {
                 && let Ok(stream) = tokio::net::TcpStream::from_std(stream)
             {
                 self.add(stream, first_id);
+            }
+        }
+    }
+
+    /// Takes a frame that does not say which it is.
+    pub(super) fn put_counted(&mut self, frame: Arc<Frame>) {
+        self.hand_on(wire::encode_counted_header(&frame), frame);
+    }
+
+    fn hand_on(&mut self, header: [u8; wire::HEADER_LEN], frame: Arc<Frame>) {
+        self.make_room(frame.data.len());
+        let packet = Arc::new(Packet::new(header, frame, &self.held));
+        for client in &self.clients {
+            if packet.frame.id >= client.first_id
+                && let Some(queue) = client.queue.upgrade()
+            {
+                queue.put(packet.clone());
             }
         }
     }
@@ -245,15 +270,7 @@ impl FrameSink for FrameSocket {
     }
 
     fn put(&mut self, frame: Arc<Frame>) {
-        self.make_room(frame.data.len());
-        let packet = Arc::new(Packet::new(frame, &self.held));
-        for client in &self.clients {
-            if packet.frame.id >= client.first_id
-                && let Some(queue) = client.queue.upgrade()
-            {
-                queue.put(packet.clone());
-            }
-        }
+        self.hand_on(wire::encode_header(&frame), frame);
     }
 }
 

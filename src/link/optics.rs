@@ -18,10 +18,21 @@ use tokio::sync::oneshot;
 
 enum Job {
     Expose(Box<Exposure>),
-    /// Of a sequence, at a device time or in its middle.
-    Truth(Vec<(Pattern, Shot)>, Option<u64>, oneshot::Sender<Truth>),
+    Truth(Box<TruthJob>),
     /// An object goes elsewhere.
     Place(Placement, oneshot::Sender<Result<()>>),
+}
+
+/// Truth that is asked for.
+pub(super) struct TruthJob {
+    /// The sequence whose fringes it speaks of.
+    pub(super) sequence: Vec<(Pattern, Shot)>,
+    /// Device time in nanoseconds; the sequence's middle when absent.
+    pub(super) time_ns: Option<u64>,
+    /// Where objects were then, and where they are to be again afterwards.
+    pub(super) back: (Vec<Placement>, Vec<Placement>),
+    /// Takes the answer.
+    pub(super) reply: oneshot::Sender<Result<Truth>>,
 }
 
 /// Frames that wait to be handed on; the optics stand still beyond that.
@@ -80,29 +91,37 @@ impl<W: Fn() -> Duration> Work<W> {
                 self.account(start);
                 self.under_way.push_back((exposure, pending));
             }
-            Job::Truth(sequence, time_ns, reply) => {
+            Job::Truth(job) => {
                 self.finish_all();
-                let truth = match time_ns {
-                    Some(time_ns) => self.renderer.truth_at(&sequence, time_ns),
-                    None => self.renderer.truth(&sequence),
-                };
-                let _ = reply.send(truth);
+                let (then, now) = &job.back;
+                let truth = self.place_all(then).map(|()| match job.time_ns {
+                    Some(time_ns) => self.renderer.truth_at(&job.sequence, time_ns),
+                    None => self.renderer.truth(&job.sequence),
+                });
+                let back = self.place_all(now);
+                // The client may have left meanwhile.
+                let _ = job.reply.send(truth.and_then(|truth| back.map(|()| truth)));
             }
             Job::Place(placement, reply) => {
                 // They see the scene as it was when they were begun.
                 self.finish_all();
-                let Placement {
-                    object,
-                    position_mm,
-                    rotation_deg,
-                } = placement;
-                let placed = self
-                    .renderer
-                    .place(object as usize, position_mm, rotation_deg);
+                let placed = self.place_all(&[placement]);
                 // The client may have left meanwhile.
                 let _ = reply.send(placed);
             }
         }
+    }
+
+    fn place_all(&mut self, placements: &[Placement]) -> Result<()> {
+        placements.iter().try_for_each(|placement| {
+            let Placement {
+                object,
+                position_mm,
+                rotation_deg,
+            } = *placement;
+            let object = object as usize;
+            self.renderer.place(object, position_mm, rotation_deg)
+        })
     }
 
     fn finish_all(&mut self) {
@@ -200,14 +219,9 @@ impl Optics {
         self.submit(Job::Expose(Box::new(exposure)));
     }
 
-    /// Asks for the truth behind a sequence, at a device time in nanoseconds or in its middle.
-    pub(super) fn truth(
-        &self,
-        sequence: Vec<(Pattern, Shot)>,
-        time_ns: Option<u64>,
-        reply: oneshot::Sender<Truth>,
-    ) {
-        self.submit(Job::Truth(sequence, time_ns, reply));
+    /// Asks for the truth.
+    pub(super) fn truth(&self, job: TruthJob) {
+        self.submit(Job::Truth(Box::new(job)));
     }
 
     /// Takes an object elsewhere, after the exposures that were handed over before.

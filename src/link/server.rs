@@ -1,22 +1,26 @@
 //! The loop that serves a device: commands in, replies and frames out, device time in between.
 //! One thread runs it, the optics have their own.
 
+use super::device::point;
 use super::frame_socket::FrameSocket;
+use super::history::History;
 use super::optics::Optics;
 use super::pace::Pace;
 use super::pty::{Event, Pty};
-use super::run_dir::{CAMERA, CONTROL, RunDir, SERVICE};
-use super::service::{Call, ServiceSocket};
-use super::tap::{Recording, Tap};
-use super::usb::{Binding, Nodes, PortEvent};
+use super::run_dir::CAMERA;
+use super::service::ServiceSocket;
+use super::stage::Stage;
+use super::tap::Tap;
+use super::timeline::{Seat, Wait};
+use super::usb::{Binding, PortEvent};
 use super::video::{Put, VideoOutput};
-use crate::emulator::{Clock, FrameSink, Machine, Renderer, State};
+use crate::emulator::{FrameSink, Machine, State};
 use crate::error::{Error, Result};
+use crate::profile::RigPlace;
+use crate::protocol::Frame;
 use crate::protocol::record::Channel;
-use crate::protocol::service::{Action, Item, Reply, Request};
-use crate::protocol::{Endpoints, Frame};
 use std::future::Future;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::pin::pin;
 use std::sync::Arc;
 use std::time::Duration;
@@ -29,168 +33,62 @@ const MAX_BACKLOG: usize = 8192;
 const MAX_FREE_BACKLOG: usize = 2;
 /// A block that stops coming for so long will not come.
 const STALL: Duration = Duration::from_secs(1);
+/// What is overdue for longer than this is worked off at once, as it is when a machine has slept.
+const MAX_LAG_NS: u64 = 1_000_000_000;
 
-/// What is served.
-pub struct Device {
-    /// All of it but the optics.
-    pub machine: Machine,
-    /// The optics.
-    pub renderer: Renderer,
-    /// How device time passes.
-    pub clock: Box<dyn Clock + Send>,
-    /// `*IDN?` of the device, for `device.json`.
-    pub name: String,
-    /// Profile as it was chosen, for `device.json`.
-    pub profile: String,
-    /// Scene as it was chosen, for `device.json`.
-    pub scene: String,
-    /// Seed of the noise, for `device.json`.
-    pub seed: u64,
-    /// Port on the loopback interface for frames; 0 picks a free one.
-    pub tcp: Option<u16>,
-    /// The camera as a V4L2 node, ready for the firmware's stream; the frame socket is there too.
-    pub video: Option<VideoOutput>,
-    /// Camera and port as a USB device; pty and frame socket are there too.
-    pub usb: Option<UsbLink>,
-    /// Where what passes between it and its clients is recorded.
-    pub recording: Option<Recording>,
-    /// Takes what whoever looks after the device should know.
-    pub notice: fn(&str),
-}
-
-/// A device's USB side.
-pub struct UsbLink {
-    /// What its server serves.
-    pub binding: Binding,
-    /// Where it can be taken: `usb:HOST:PORT/BUSID`.
-    pub address: String,
-    /// What this machine's kernel has made of it.
-    pub nodes: Nodes,
-}
-
-/// Serves a device from a run directory until `shutdown` is done, in a tokio runtime. `wall` tells
-/// for how long the device has been on; `ready` is called once everything can be reached.
-///
-/// # Errors
-/// Ports and sockets that the system refuses, or optics that have died.
-pub async fn serve(
-    mut device: Device,
-    mut run_dir: RunDir,
-    wall: impl Fn() -> Duration + Clone + Send + 'static,
-    ready: impl FnOnce(&Endpoints),
-    shutdown: impl Future<Output = ()>,
-) -> Result<()> {
-    let pty = Pty::open()?;
-    let control = run_dir.file(CONTROL);
-    point(&control, &pty)?;
-    let camera_path = run_dir.file(CAMERA);
-    let camera = FrameSocket::open(&camera_path, device.tcp)?;
-    let service_path = run_dir.file(SERVICE);
-    let service = ServiceSocket::open(&service_path)?;
-    let camera_socket = format!("socket:{}", camera_path.display());
-    let (usb_address, nodes) = match &device.usb {
-        Some(usb) => (Some(usb.address.clone()), usb.nodes.clone()),
-        None => (None, Nodes::default()),
-    };
-    let node = nodes.camera.map(|path| path.display().to_string());
-    let endpoints = Endpoints {
-        name: device.name,
-        pid: std::process::id(),
-        profile: device.profile,
-        scene: device.scene,
-        seed: device.seed,
-        control: control.clone(),
-        control_usb: nodes.tty,
-        camera: match &device.video {
-            Some(video) => video.address(),
-            None => node
-                .or_else(|| usb_address.clone())
-                .unwrap_or_else(|| camera_socket.clone()),
-        },
-        camera_socket,
-        camera_tcp: camera.tcp_address().map(|address| format!("tcp:{address}")),
-        usb: usb_address,
-        service: service_path,
-    };
-    let optics = Optics::start(device.renderer, wall.clone(), device.notice)
-        .map_err(|e| Error::io("optics", e))?;
-    if let Some(video) = &device.video {
-        device
-            .machine
-            .firmware_mut()
-            .attach(Box::new(video.clone()));
-    }
-    if let Some(usb) = &device.usb {
-        let gate = usb.binding.gate(device.machine.firmware().stream());
-        device.machine.firmware_mut().attach(Box::new(gate));
-    }
-    let now = device.clock.now_ns(wall());
-    let tap = Tap::start(device.recording, &endpoints, now, device.notice)?;
-    run_dir.publish(&endpoints)?;
-    ready(&endpoints);
-    let server = Server {
-        machine: device.machine,
-        clock: device.clock,
-        optics,
-        pty: Some(pty),
-        control,
-        camera,
-        video: device.video,
-        usb: device.usb.map(|usb| usb.binding),
-        reply_to_usb: false,
-        pace: Pace::default(),
-        notice: device.notice,
-        lost: 0,
-        usb_lost: false,
-        service,
-        tap,
-        stall: None,
-        stalled_at: 0,
-    };
-    server.run(wall, shutdown).await
-}
-
-struct Server {
-    machine: Machine,
-    clock: Box<dyn Clock + Send>,
-    optics: Optics,
+/// What serves a device.
+pub(super) struct Server {
+    pub(super) machine: Machine,
+    pub(super) seat: Seat,
+    /// When the last thing was due that has been worked off.
+    pub(super) handled_ns: u64,
+    pub(super) stage: Stage,
+    /// Version of the scene that the optics see.
+    pub(super) version: u64,
+    pub(super) rig: RigPlace,
+    pub(super) history: History,
+    /// `*IDN?`.
+    pub(super) name: String,
+    /// Bytes that came over the control port, and that went out.
+    pub(super) bytes: (u64, u64),
+    pub(super) optics: Optics,
     /// `None` while the port is gone, as when a cable is pulled.
-    pty: Option<Pty>,
+    pub(super) pty: Option<Pty>,
     /// What points to the pty.
-    control: PathBuf,
-    camera: FrameSocket,
-    video: Option<VideoOutput>,
-    usb: Option<Binding>,
+    pub(super) control: PathBuf,
+    pub(super) camera: FrameSocket,
+    pub(super) video: Option<VideoOutput>,
+    pub(super) usb: Option<Binding>,
     /// The last command came over USB, and so the replies go there; the end of a connection of the
     /// port's other end is none of that one's business.
-    reply_to_usb: bool,
-    pace: Pace,
-    notice: fn(&str),
+    pub(super) reply_to_usb: bool,
+    pub(super) pace: Pace,
+    pub(super) notice: fn(&str),
     /// Frames that the V4L2 node did not take.
-    lost: u64,
+    pub(super) lost: u64,
     /// A USB host has missed frames.
-    usb_lost: bool,
-    service: ServiceSocket,
+    pub(super) usb_lost: bool,
+    pub(super) service: ServiceSocket,
     /// Records what passes.
-    tap: Tap,
+    pub(super) tap: Tap,
     /// When to give up on a block.
-    stall: Option<Instant>,
+    pub(super) stall: Option<Instant>,
     /// Bytes that the device had taken in when the block last went on.
-    stalled_at: u64,
+    pub(super) stalled_at: u64,
 }
 
 impl Server {
-    async fn run(
+    /// Serves until `shutdown` is done; `wall` tells for how long the device has been on.
+    pub(super) async fn run(
         mut self,
         wall: impl Fn() -> Duration,
         shutdown: impl Future<Output = ()>,
     ) -> Result<()> {
         let mut shutdown = pin!(shutdown);
         loop {
-            let now = self.clock.now_ns(wall());
+            let now = self.now();
             let attended = self.attended();
             self.machine.firmware_mut().set_streaming(attended, now);
-            self.machine.advance(now);
             self.plug(now)?;
             self.tap.faults(self.machine.faults());
             self.hand_on(now, wall())?;
@@ -204,37 +102,37 @@ impl Server {
             let free = matches!(self.machine.firmware().state(), State::Free { .. });
             // The optics' next frame wakes the loop in these cases.
             let behind = crowded || free && self.optics.backlog() >= MAX_FREE_BACKLOG;
-            let next = self.machine.next_event_ns(behind);
-            let delay = next.map(|next| self.clock.wait(next, wall()));
+            let wait = Wait {
+                next_ns: self.machine.next_event_ns(behind),
+                limit_ns: self.machine.next_event_ns(false).filter(|_| behind),
+                settled: self.optics.backlog() == 0 && !self.pace.holds(),
+            };
             tokio::select! {
                 biased;
                 () = &mut shutdown => return Ok(()),
                 frame = self.optics.next(), if !self.pace.holds() => {
                     let frame = frame?;
-                    let now = self.clock.now_ns(wall());
+                    let now = self.now();
                     self.machine.rendered(Some(frame), now);
                 }
                 frame = self.pace.due() => self.deliver(&frame, wall())?,
                 changed = self.camera.changed() => {
                     changed.map_err(|e| Error::io(CAMERA, e))?;
                     self.camera.accept(self.machine.firmware().next_id());
-                    self.tap.cameras(self.camera.counts(), self.clock.now_ns(wall()));
-                }
-                (request, reply) = self.service.next() => {
-                    let now = self.clock.now_ns(wall());
-                    self.serve_call((request, reply), now);
+                    self.tap.cameras(self.camera.counts(), self.seat.now_ns());
                 }
                 event = next_of(self.pty.as_mut()), if !full => {
                     // Who connected before the command was sent gets the frames that it causes,
                     // whichever of the two this loop noticed first.
                     self.camera.accept(self.machine.firmware().next_id());
-                    let now = self.clock.now_ns(wall());
+                    let now = self.now();
                     self.tap.cameras(self.camera.counts(), now);
                     let attended = self.attended();
                     self.machine.firmware_mut().set_streaming(attended, now);
                     match event? {
                         Event::Data(bytes) => {
                             self.reply_to_usb = false;
+                            self.bytes.0 += bytes.len() as u64;
                             self.tap.sent(Channel::Control, &bytes, now);
                             self.machine.receive(&bytes, now);
                         }
@@ -246,16 +144,53 @@ impl Server {
                     }
                 }
                 () = changed(self.usb.as_ref()), if !full => {
-                    let now = self.clock.now_ns(wall());
+                    let now = self.now();
                     self.work_off_usb(now);
                 }
-                () = sleep(delay) => {}
+                // After the ports: what was sent there before is older than what is asked here.
+                call = self.service.next() => {
+                    let now = self.now();
+                    self.serve_call(call, now);
+                }
+                () = self.seat.wait(wait) => {}
                 () = sleep_until(self.stall) => {
                     self.stall = None;
                     self.machine.input_stalled();
                 }
             }
         }
+    }
+
+    /// Device time, up to which what was due has been worked off, each at its own time.
+    fn now(&mut self) -> u64 {
+        let now_ns = self.seat.now_ns();
+        while let Some(due_ns) = self.machine.next_event_ns(false)
+            && due_ns <= now_ns
+            // What takes more than time to go on does so elsewhere.
+            && due_ns > self.handled_ns
+        {
+            self.seat.handled(due_ns);
+            self.handled_ns = due_ns;
+            if now_ns - due_ns > MAX_LAG_NS {
+                break;
+            }
+            self.machine.advance(due_ns);
+        }
+        self.machine.advance(now_ns);
+        now_ns
+    }
+
+    /// Takes over what has been placed since the last time. What comes back tells when the optics
+    /// have done so, or why they have not.
+    pub(super) fn follow(&mut self) -> Option<oneshot::Receiver<Result<()>>> {
+        let (placements, version) = self.stage.since(self.version);
+        self.version = version;
+        let place = |placement| {
+            let (sender, placed) = oneshot::channel();
+            self.optics.place(placement, sender);
+            placed
+        };
+        placements.into_iter().map(place).last()
     }
 
     /// Takes the port away, or puts it back, as the device's faults have it: a client sees that the
@@ -302,6 +237,7 @@ impl Server {
             match event {
                 PortEvent::Data(bytes) => {
                     self.reply_to_usb = true;
+                    self.bytes.0 += bytes.len() as u64;
                     self.tap.sent(Channel::Usb, &bytes, now_ns);
                     let streaming = self.attended();
                     self.machine.firmware_mut().set_streaming(streaming, now_ns);
@@ -345,7 +281,7 @@ impl Server {
 
     /// Hands a frame to all who read.
     fn deliver(&mut self, frame: &Arc<Frame>, wall: Duration) -> Result<()> {
-        self.tap.frame(frame, self.clock.now_ns(wall));
+        self.tap.frame(frame, self.seat.now_ns());
         if let Some(usb) = &self.usb {
             usb.put(frame, wall);
             if usb.lost() > 0 && !self.usb_lost {
@@ -374,7 +310,11 @@ impl Server {
 
     /// Hands exposures to the optics and replies to the port.
     fn dispatch(&mut self, now_ns: u64, wall: Duration) {
+        // A place that the optics refuse is told where it was asked for.
+        let _ = self.follow();
         for exposure in self.machine.take_exposures(now_ns) {
+            let (firmware, version) = (self.machine.firmware(), self.version);
+            self.history.push(&exposure.shot, firmware, version);
             let free = exposure.shot.pattern_index.is_none();
             let wanted = if free {
                 self.keeps_up() && self.optics.backlog() < MAX_FREE_BACKLOG
@@ -391,6 +331,7 @@ impl Server {
             self.machine.frames_left();
         }
         let output = self.machine.take_output(now_ns);
+        self.bytes.1 += output.len() as u64;
         if !output.is_empty() {
             let channel = match self.reply_to_usb {
                 true => Channel::Usb,
@@ -407,59 +348,6 @@ impl Server {
             self.machine.firmware_mut().reply_lost();
         }
     }
-
-    fn serve_call(&mut self, (request, reply): Call, now_ns: u64) {
-        match request {
-            Request::Get(Item::Truth) | Request::TruthAt(_) => {
-                let time_ns = match request {
-                    Request::TruthAt(time_ns) => Some(time_ns),
-                    _ => None,
-                };
-                let (sender, truth) = oneshot::channel();
-                let sequence = self.machine.firmware().selected_sequence();
-                self.optics.truth(sequence, time_ns, sender);
-                let render_us = self.optics.render_us();
-                tokio::spawn(async move {
-                    let answer = match truth.await {
-                        Ok(truth) => {
-                            let (reply, payload) = truth.to_maps().encode();
-                            (Reply { render_us, ..reply }, payload)
-                        }
-                        Err(_) => (Reply::refusal("the device is going away"), Vec::new()),
-                    };
-                    // The client may have left meanwhile.
-                    let _ = reply.send(answer);
-                });
-            }
-            Request::Place(placement) => {
-                let (sender, placed) = oneshot::channel();
-                self.optics.place(placement, sender);
-                let render_us = self.optics.render_us();
-                tokio::spawn(async move {
-                    let answer = match placed.await {
-                        Ok(Ok(())) => Reply {
-                            render_us,
-                            ..Reply::default()
-                        },
-                        Ok(Err(why)) => Reply::refusal(why),
-                        Err(_) => Reply::refusal("the device is going away"),
-                    };
-                    // The client may have left meanwhile.
-                    let _ = reply.send((answer, Vec::new()));
-                });
-            }
-            Request::Do(Action::Trigger) => {
-                self.machine.firmware_mut().external_trigger(now_ns);
-                self.machine.advance(now_ns);
-                let _ = reply.send((Reply::default(), Vec::new()));
-            }
-        }
-    }
-}
-
-/// Puts a link to a pty.
-fn point(control: &Path, pty: &Pty) -> Result<()> {
-    std::os::unix::fs::symlink(pty.path(), control).map_err(|e| Error::io(control, e))
 }
 
 pub(super) async fn next_of(pty: Option<&mut Pty>) -> Result<Event> {

@@ -1,5 +1,8 @@
-//! The service socket, `0600`: ground truth and what happens to the device from outside. The wire
-//! format is in [`crate::protocol::service`].
+//! The service socket: ground truth and what happens to the device from outside. The wire format is in
+//! [`crate::protocol::service`].
+//!
+//! It is its owner's alone: its mode is `0600` in a directory of `0700`, and whoever comes as another
+//! user all the same, root included, is told so and turned away.
 
 use crate::error::{Error, Result};
 use crate::protocol::service::{MAX_LINE, Reply, Request};
@@ -25,6 +28,8 @@ pub(super) type Call = (Request, oneshot::Sender<Answer>);
 /// The listener.
 pub(super) struct ServiceSocket {
     listener: UnixListener,
+    /// The user whose it is.
+    owner: u32,
     calls: mpsc::Receiver<Call>,
     caller: mpsc::Sender<Call>,
     places: Arc<Semaphore>,
@@ -38,10 +43,16 @@ impl ServiceSocket {
         let (caller, calls) = mpsc::channel(1);
         Ok(Self {
             listener,
+            owner: rustix::process::geteuid().as_raw(),
             calls,
             caller,
             places: Arc::new(Semaphore::new(MAX_CLIENTS)),
         })
+    }
+
+    /// Connections.
+    pub(super) fn clients(&self) -> usize {
+        MAX_CLIENTS - self.places.available_permits()
     }
 
     /// The next request of any client.
@@ -53,9 +64,13 @@ impl ServiceSocket {
                         // A client above the limit finds its connection closed.
                         if let Ok(place) = self.places.clone().try_acquire_owned() {
                             let caller = self.caller.clone();
+                            let owner = self.owner;
                             tokio::spawn(async move {
                                 // A client that breaks off is no concern of the device.
-                                let _ = converse(stream, caller).await;
+                                let _ = match foreign(&stream, owner) {
+                                    Some(why) => turn_away(stream, &why).await,
+                                    None => converse(stream, caller).await,
+                                };
                                 drop(place);
                             });
                         }
@@ -68,6 +83,25 @@ impl ServiceSocket {
             }
         }
     }
+}
+
+/// Why a client is not the owner: by the credentials that the system attached when it connected
+/// (`SO_PEERCRED`, unix(7)).
+fn foreign(stream: &UnixStream, owner: u32) -> Option<String> {
+    let whose = match stream.peer_cred() {
+        Ok(cred) if cred.uid() == owner => return None,
+        Ok(cred) => format!("user {}", cred.uid()),
+        Err(_) => "a user that the system does not tell".to_owned(),
+    };
+    Some(format!(
+        "service channel: {whose}; allowed: its owner, user {owner}"
+    ))
+}
+
+async fn turn_away(mut stream: UnixStream, why: &str) -> std::io::Result<()> {
+    let refusal = Reply::refusal(why).to_line();
+    let write = stream.write_all(refusal.as_bytes());
+    tokio::time::timeout(MAX_WRITE, write).await?
 }
 
 async fn converse(stream: UnixStream, caller: mpsc::Sender<Call>) -> std::io::Result<()> {

@@ -54,6 +54,7 @@ impl Tap {
             profile: Some(endpoints.profile.clone()),
             scene: Some(endpoints.scene.clone()),
             seed: Some(endpoints.seed),
+            monotonic_ns: None,
         };
         let place = recording.path.display().to_string();
         let limits = Limits::default();

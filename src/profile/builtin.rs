@@ -1,4 +1,4 @@
-//! Profiles and scenes that ship inside the program.
+//! Profiles, stations and scenes that ship inside the program.
 
 use super::TomlSource;
 use crate::error::{Error, Result};
@@ -23,6 +23,12 @@ const PROFILES: [(&str, &str); 4] = [
         include_str!("../../device-profiles/webcam-grey.toml"),
     ),
 ];
+
+/// Name and text of each station.
+const STATIONS: [(&str, &str); 1] = [(
+    "two-pods",
+    include_str!("../../device-profiles/stations/two-pods.toml"),
+)];
 
 /// Name and text of each scene.
 const SCENES: [(&str, &str); 6] = [
@@ -57,6 +63,11 @@ pub fn profile_names() -> impl Iterator<Item = &'static str> {
     PROFILES.iter().map(|(name, _)| *name)
 }
 
+/// Names of the built-in stations.
+pub fn station_names() -> impl Iterator<Item = &'static str> {
+    STATIONS.iter().map(|(name, _)| *name)
+}
+
 /// Names of the built-in scenes.
 pub fn scene_names() -> impl Iterator<Item = &'static str> {
     SCENES.iter().map(|(name, _)| *name)
@@ -64,6 +75,12 @@ pub fn scene_names() -> impl Iterator<Item = &'static str> {
 
 pub(super) fn profile_source(name_or_path: &str) -> Result<(TomlSource, PathBuf)> {
     source(name_or_path, &PROFILES, "profile")
+}
+
+/// A profile or a station.
+pub(super) fn configuration_source(name_or_path: &str) -> Result<(TomlSource, PathBuf)> {
+    let shipped = [&PROFILES[..], &STATIONS].concat();
+    source(name_or_path, &shipped, "profile")
 }
 
 pub(super) fn scene_source(name_or_path: &str) -> Result<(TomlSource, PathBuf)> {

@@ -73,7 +73,7 @@ impl Profile {
         Self::from_source(&TomlSource::new(text, place))
     }
 
-    fn from_source(source: &TomlSource) -> Result<Self> {
+    pub(super) fn from_source(source: &TomlSource) -> Result<Self> {
         let profile: Self = source.deserialize()?;
         check(&profile, &Check::new(source))?;
         Ok(profile)

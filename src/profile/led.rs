@@ -87,17 +87,14 @@ mod tests {
         for (text, words) in [
             (
                 led("0"),
-                "projector.led.rise_us: found 0; allowed: 0.001 to 1000000",
+                "projector.led.rise_us: 0; allowed: 0.001 to 1000000",
             ),
             (led("nan"), "projector.led.rise_us"),
             (
                 led("5") + &droop("0", "0.1"),
-                "droop[0].time_constant_s: found 0",
+                "droop[0].time_constant_s: 0;",
             ),
-            (
-                led("5") + &droop("9", "-0.1"),
-                "droop[0].fraction: found -0.1",
-            ),
+            (led("5") + &droop("9", "-0.1"), "droop[0].fraction: -0.1;"),
             (
                 led("5") + &droop("9", "0.5").repeat(2),
                 "fractions that sum to 1;",

@@ -42,6 +42,11 @@ impl TomlSource {
         &self.place
     }
 
+    /// Whether the document has a value of this name at its top; not where it is no document.
+    pub fn has(&self, key: &str) -> bool {
+        DeTable::parse(&self.text).is_ok_and(|root| root.get_ref().contains_key(key))
+    }
+
     /// Reads the document into a type.
     ///
     /// # Errors

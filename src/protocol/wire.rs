@@ -15,9 +15,12 @@
 //! | 40 | 8 | end of the exposure, nanoseconds of device time |
 //! | 48 | 8 | length of the payload: width * height * bytes per pixel |
 //! | 56 | 4 | CRC-32 (IEEE 802.3) of the payload |
-//! | 60 | 4 | flags, 0 |
+//! | 60 | 4 | flags: 1 in the replay of a camera whose frames do not say which they are, else 0 |
 //! | 64 | 4 | reserved, 0 |
 //! | 68 | 4 | CRC-32 of the 68 bytes before |
+//!
+//! With flag 1 the id only counts, there is no pattern index, and both times are the driver's time of
+//! the frame, on the system's monotonic clock for most drivers. A device never sends such a frame.
 //!
 //! A reader checks the header before it makes room for the payload, and the payload before it
 //! hands the frame on.
@@ -34,6 +37,9 @@ pub const MAX_PAYLOAD: u64 = 128 << 20;
 const MAGIC: [u8; 4] = *b"PHFR";
 const VERSION: u16 = 1;
 const NO_PATTERN: u32 = u32::MAX;
+const COUNTED: u32 = 1;
+/// Where the checksum of a header stands.
+const CRC_AT: usize = HEADER_LEN - 4;
 
 /// The header of a frame.
 ///
@@ -58,8 +64,17 @@ pub fn encode_header(frame: &Frame) -> [u8; HEADER_LEN] {
     put(&frame.exposure_end_ns.to_le_bytes());
     put(&(frame.data.len() as u64).to_le_bytes());
     put(&crc32fast::hash(&frame.data).to_le_bytes());
-    let crc = crc32fast::hash(&header[..HEADER_LEN - 4]);
-    header[HEADER_LEN - 4..].copy_from_slice(&crc.to_le_bytes());
+    let crc = crc32fast::hash(&header[..CRC_AT]);
+    header[CRC_AT..].copy_from_slice(&crc.to_le_bytes());
+    header
+}
+
+/// The header of a frame that does not say which it is.
+pub fn encode_counted_header(frame: &Frame) -> [u8; HEADER_LEN] {
+    let mut header = encode_header(frame);
+    header[60..64].copy_from_slice(&COUNTED.to_le_bytes());
+    let crc = crc32fast::hash(&header[..CRC_AT]);
+    header[CRC_AT..].copy_from_slice(&crc.to_le_bytes());
     header
 }
 
@@ -73,6 +88,7 @@ pub struct FrameHeader {
     format: PixelFormat,
     exposure_ns: (u64, u64),
     payload_crc: u32,
+    counted: bool,
 }
 
 impl FrameHeader {
@@ -91,7 +107,7 @@ impl FrameHeader {
                 bytes[..4].escape_ascii()
             ));
         }
-        if crc32fast::hash(&bytes[..HEADER_LEN - 4]) != u32_at(HEADER_LEN - 4) {
+        if crc32fast::hash(&bytes[..CRC_AT]) != u32_at(CRC_AT) {
             return bad("its checksum does not match".into());
         }
         if (u16_at(4), usize::from(u16_at(6))) != (VERSION, HEADER_LEN) {
@@ -131,7 +147,8 @@ impl FrameHeader {
         if exposure_ns.0 > exposure_ns.1 {
             return bad("the exposure ends before it starts".into());
         }
-        if (u32_at(60), u32_at(64)) != (0, 0) {
+        let flags = u32_at(60);
+        if ![0, COUNTED].contains(&flags) || u32_at(64) != 0 {
             return bad("flags or reserved bytes that version 1 does not have".into());
         }
         Ok(Self {
@@ -142,6 +159,7 @@ impl FrameHeader {
             format,
             exposure_ns,
             payload_crc: u32_at(56),
+            counted: flags == COUNTED,
         })
     }
 
@@ -181,6 +199,7 @@ pub struct FrameDecoder {
     /// Header or payload, as far as it has come: `filled` bytes of it.
     buffer: Vec<u8>,
     filled: usize,
+    counted: bool,
 }
 
 impl Default for FrameDecoder {
@@ -189,6 +208,7 @@ impl Default for FrameDecoder {
             header: None,
             buffer: vec![0; HEADER_LEN],
             filled: 0,
+            counted: false,
         }
     }
 }
@@ -221,9 +241,15 @@ impl FrameDecoder {
             Some(header) => {
                 let data = std::mem::replace(&mut self.buffer, vec![0; HEADER_LEN]);
                 self.filled = 0;
+                self.counted = header.counted;
                 header.with_payload(data).map(Some)
             }
         }
+    }
+
+    /// Whether the last frame does not say which it is.
+    pub fn counted(&self) -> bool {
+        self.counted
     }
 
     /// Whether more can be read after an error: a damaged payload ends where its header says, and
@@ -325,7 +351,7 @@ mod tests {
             (28, b'X', "pixel format"),
             (48, 13, "13 bytes of payload, 4 x 3 pixels of Grey have 12"),
             (47, 0xff, ""),
-            (60, 1, "flags"),
+            (60, 2, "flags"),
         ] {
             let mut header = encode_header(&frame);
             header[at] = value;

@@ -13,7 +13,7 @@ fn run(args: &[&str], file: &Path) -> Output {
 fn a_file_that_is_there_is_kept_unless_forced() {
     let base = tempfile::tempdir().unwrap();
     let file = base.path().join("thesis.tex");
-    fs::write(&file, "years of work").unwrap();
+    fs::write(&file, "years of work and toil").unwrap();
     let run_dir = base.path().join("run");
     let refused = serve()
         .args(["--record", file.to_str().unwrap(), "--run-dir"])
@@ -31,13 +31,14 @@ fn a_file_that_is_there_is_kept_unless_forced() {
         .unwrap();
     assert_eq!(scan.status.code(), Some(2), "{}", text(&scan));
     assert!(text(&scan).contains("--force"), "{}", text(&scan));
-    assert_eq!(fs::read(&file).unwrap(), b"years of work");
+    assert_eq!(fs::read(&file).unwrap(), b"years of work and toil");
     for command in [&["replay"][..], &["record", "info"]] {
         let refused = run(command, &file);
         assert_eq!(refused.status.code(), Some(2), "{}", text(&refused));
         assert!(text(&refused).contains("years of"), "{}", text(&refused));
     }
     let served = Served::start(&["--force", "--record", file.to_str().unwrap()]);
+    assert_eq!(served.instrument().query("*TST?").unwrap(), "0");
     served.stop(rustix::process::Signal::TERM);
     let info = run(&["record", "info"], &file);
     assert!(

@@ -2,10 +2,13 @@
 //! misbehave.
 
 mod clients;
+mod clock;
 mod directory;
 mod place;
 mod scan;
 mod served;
+mod service;
 mod several;
+mod station;
 mod stream;
 mod usb;

@@ -1,6 +1,7 @@
 //! What is said once a device can be reached.
 
 use crate::protocol::Endpoints;
+use crate::protocol::service::Late;
 use std::io::Write;
 
 /// `about` says what the camera is, or why it is no other.
@@ -39,6 +40,22 @@ pub(super) fn announce(endpoints: &Endpoints, about: &str) {
 /// After the last device has been announced.
 pub(super) fn announce_end() {
     say("Ctrl-C ends it.\n");
+}
+
+/// After the end, on the wall's time: how late the devices were.
+pub(super) fn announce_lateness(late: Option<Late>) {
+    let Some(late) = late.filter(|late| late.events > 0) else {
+        return;
+    };
+    let ms = |ns: u64| ns as f64 * 1e-6;
+    say(&format!(
+        "device time: {} events handled {:.3} ms late on average, 99 % of them up to {:.3} ms, all up \
+         to {:.3} ms\n",
+        late.events,
+        ms(late.mean_ns),
+        ms(late.percentile_99_ns),
+        ms(late.max_ns),
+    ));
 }
 
 fn say(text: &str) {

@@ -1,6 +1,7 @@
 //! `phasma serve`: puts devices on the desk that are not there.
 
 mod announce;
+mod asked;
 mod run_dirs;
 mod shutdown;
 mod unit;
@@ -12,33 +13,33 @@ pub(super) use shutdown::Shutdown;
 pub(super) use unit::runtime;
 
 use super::backend::Choice;
-use crate::error::{Error, Result};
-use crate::link::RunDir;
-use crate::profile::{Profile, Scene};
+use crate::error::Result;
+use crate::link::{RunDir, Stage, Timeline};
 use crate::protocol::dialect::Dialect;
+use crate::protocol::service::ClockPace;
+use asked::Asked;
 use std::ffi::OsStr;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
+use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
 use tokio::sync::{mpsc, watch};
 use unit::{News, Unit};
 use usb::UsbHow;
 
-/// Devices of one server; hosts have 127 on a bus.
-const MAX_DEVICES: usize = 64;
-
 /// Serve an emulated scanner, or several, until Ctrl-C or TERM.
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
-    /// Device profile: a built-in name or a TOML file. Repeated, it serves a device each.
+    /// Device profile, or a station, which lists several devices: a built-in name or a TOML file.
+    /// Repeated, it serves a device each.
     #[arg(long, default_value = "pmp-bench")]
     profile: Vec<String>,
-    /// What stands before it: a built-in name or a TOML file. Of several devices one for all, or
-    /// repeated, one each.
-    #[arg(long, default_value = "torso")]
+    /// What stands before it: a built-in name or a TOML file; the station's scene, or else torso,
+    /// when absent. Of several devices one for all, which they share, or repeated, one each.
+    #[arg(long)]
     scene: Vec<String>,
     /// Where its endpoints are kept; a directory of its own under XDG_RUNTIME_DIR or the temporary
-    /// directory when absent. Of several devices each has a directory in it, named by its profile.
+    /// directory when absent. Of several devices each has a directory in it, named by its station or its profile.
     #[arg(long, value_name = "DIR")]
     run_dir: Option<PathBuf>,
     /// Where frames go besides the frame socket: a node of v4l2loopback by its path (/dev/video10);
@@ -92,7 +93,7 @@ pub(super) struct Args {
     /// End when standard input does: for programs that start a device and may be killed.
     #[arg(long)]
     while_stdin: bool,
-    /// How device time passes.
+    /// How device time passes, which all devices share.
     #[arg(long, value_enum, default_value_t = Pace::Real)]
     clock: Pace,
     /// Record every byte and frame with its time, for phasma replay and phasma record info. Of
@@ -110,37 +111,52 @@ enum Pace {
     Real,
     /// It jumps to what happens next.
     Fast,
+    /// It goes on where the service channel says so.
+    Stepped,
+}
+
+impl From<Pace> for ClockPace {
+    fn from(pace: Pace) -> Self {
+        match pace {
+            Pace::Real => Self::Real,
+            Pace::Fast => Self::Fast,
+            Pace::Stepped => Self::Stepped,
+        }
+    }
 }
 
 pub(super) fn run(args: &Args) -> Result<()> {
-    check(args)?;
-    let mut profiles: Vec<_> = args
-        .profile
-        .iter()
-        .map(|name| Profile::load(name))
-        .collect::<Result<_>>()?;
-    for profile in &mut profiles {
-        profile.camera.sensor.noiseless = args.no_noise;
+    let (mut devices, scenes) = asked::asked(args)?;
+    for device in &mut devices {
+        device.profile.camera.sensor.noiseless = args.no_noise;
         if let Some(dialect) = &args.dialect {
             // A path of the command line is relative to where it was given, not to the profile.
-            profile.control.dialect = from_here(dialect);
+            device.profile.control.dialect = from_here(dialect);
         }
     }
     if args.usb.is_some() {
-        usb::check(&profiles)?;
+        usb::check(devices.iter().map(|device| &device.profile))?;
     }
-    let scenes: Vec<_> = args
-        .scene
+    let power = Power::default();
+    let on = power.clone();
+    let timeline = Timeline::new(args.clock.into(), move || on.elapsed());
+    let stages: Vec<_> = scenes.iter().map(|(_, scene)| Stage::new(scene)).collect();
+    let units: Vec<_> = devices
         .iter()
-        .map(|name| Scene::load(name))
-        .collect::<Result<_>>()?;
-    let units: Vec<_> = profiles
-        .iter()
-        .enumerate()
-        .map(|(number, profile)| Unit::new(args, number, profile, &scenes[number % scenes.len()]))
+        .map(|device| {
+            let stage = stages[device.scene].clone();
+            Unit::new(
+                args,
+                device,
+                &scenes[device.scene],
+                (timeline.seat(), stage),
+            )
+        })
         .collect::<Result<_>>()?;
     let runtime = unit::runtime()?;
-    runtime.block_on(serve(args, &profiles, units))
+    let served = runtime.block_on(serve(args, &devices, units, power));
+    announce::announce_lateness(timeline.about().late);
+    served
 }
 
 /// A path that means the same wherever it is taken from; a name stays what it is.
@@ -153,53 +169,41 @@ fn from_here(name_or_path: &str) -> String {
         .unwrap_or_else(|| name_or_path.to_owned())
 }
 
-/// Refuses options that do not go together.
-fn check(args: &Args) -> Result<()> {
-    let (devices, scenes) = (args.profile.len(), args.scene.len());
-    if devices > MAX_DEVICES {
-        let allowed = format!("up to {MAX_DEVICES} devices");
-        return Err(Error::input(
-            "--profile",
-            format!("{devices} of them"),
-            allowed,
-        ));
+/// When the devices were switched on.
+#[derive(Clone, Default)]
+struct Power(Arc<OnceLock<Instant>>);
+
+impl Power {
+    fn on(&self) {
+        self.0.get_or_init(Instant::now);
     }
-    if scenes != 1 && scenes != devices {
-        return Err(Error::input(
-            "--scene",
-            format!("{scenes} of them for {devices} devices"),
-            "one for all, or one for each --profile",
-        ));
+
+    /// For how long they have been on.
+    fn elapsed(&self) -> Duration {
+        self.0.get().map_or(Duration::ZERO, Instant::elapsed)
     }
-    if let Some(port) = args.tcp.filter(|&port| port != 0 && devices > 1) {
-        return Err(Error::input(
-            format!("--tcp {port}"),
-            format!("one port for {devices} devices"),
-            "--tcp 0, a free port for each",
-        ));
-    }
-    video::check(args)
 }
 
-async fn serve(args: &Args, profiles: &[Profile], mut units: Vec<Unit>) -> Result<()> {
+async fn serve(args: &Args, devices: &[Asked], mut units: Vec<Unit>, power: Power) -> Result<()> {
     // Before anything is made that would have to be removed.
     let mut shutdown = Shutdown::watch(args.while_stdin)?;
-    let dirs = run_dirs::run_dirs(args, profiles)?;
+    let dirs = run_dirs::run_dirs(args, devices)?;
     let _holder = run_dirs::Holder::make(&dirs, args.run_dir.is_some())?;
     let dirs: Vec<_> = dirs
         .iter()
         .map(|dir| RunDir::claim(dir))
         .collect::<Result<_>>()?;
-    let start = Instant::now();
+    power.on();
     let power_on = video::monotonic();
-    let clock = move || start.elapsed();
-    for (unit, profile) in units.iter_mut().zip(profiles) {
-        unit.open_video(args, profile, power_on)?;
+    let clock = move || power.elapsed();
+    for (unit, device) in units.iter_mut().zip(devices) {
+        unit.open_video(args, &device.profile, power_on)?;
     }
     if let Some(how) = args.usb {
-        let devices = profiles.iter().zip(units.iter().map(Unit::firmware));
+        let profiles = devices.iter().map(|device| &device.profile);
+        let firmware = profiles.zip(units.iter().map(Unit::firmware));
         let links = tokio::select! {
-            links = usb::serve_usb(how, args.usb_listen, devices, clock) => links?,
+            links = usb::serve_usb(how, args.usb_listen, firmware, clock.clone()) => links?,
             () = shutdown.wait() => return Ok(()),
         };
         for (unit, link) in units.iter_mut().zip(links) {

@@ -1,14 +1,14 @@
 //! Where the endpoints of devices are kept.
 
 use super::Args;
+use super::asked::Asked;
 use crate::error::{Error, Result};
-use crate::profile::Profile;
 use std::path::{Path, PathBuf};
 
 /// A directory for each device: of its own under [`run_parent`], the one that was asked for, or for
 /// several devices one each in it.
-pub(super) fn run_dirs(args: &Args, profiles: &[Profile]) -> Result<Vec<PathBuf>> {
-    let names = names(profiles);
+pub(super) fn run_dirs(args: &Args, devices: &[Asked]) -> Result<Vec<PathBuf>> {
+    let names: Vec<&str> = devices.iter().map(|device| device.name.as_str()).collect();
     match &args.run_dir {
         // device.json is read from anywhere.
         Some(dir) => {
@@ -20,19 +20,6 @@ pub(super) fn run_dirs(args: &Args, profiles: &[Profile]) -> Result<Vec<PathBuf>
         }
         None => Ok(names.iter().map(|name| default_run_dir(name)).collect()),
     }
-}
-
-/// The profiles' names, those that come again with a number.
-fn names(profiles: &[Profile]) -> Vec<String> {
-    let name = |at: usize| &profiles[at].name;
-    (0..profiles.len())
-        .map(
-            |at| match (0..at).filter(|&other| name(other) == name(at)).count() {
-                0 => name(at).clone(),
-                before => format!("{}-{}", name(at), before + 1),
-            },
-        )
-        .collect()
 }
 
 /// `$XDG_RUNTIME_DIR/phasma-NAME`, or `/tmp/phasma-UID-NAME`.
@@ -88,23 +75,5 @@ impl Drop for Holder {
             // Whoever has put something there meanwhile keeps it.
             let _ = std::fs::remove_dir(path);
         }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn names_that_come_again_have_a_number() {
-        let profile = |name: &str| Profile::load(name).unwrap();
-        let profiles = [
-            profile("pmp-bench"),
-            profile("webcam-grey"),
-            profile("pmp-bench"),
-            profile("pmp-bench"),
-        ];
-        let want = ["pmp-bench", "webcam-grey", "pmp-bench-2", "pmp-bench-3"];
-        assert_eq!(names(&profiles), want);
     }
 }

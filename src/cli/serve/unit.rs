@@ -1,16 +1,15 @@
 //! One of the devices that are served.
 
+use super::Args;
+use super::asked::Asked;
 use super::video::open_video;
-use super::{Args, Pace};
 use crate::cli::record::unix_s;
 use crate::emulator::faults::Faults;
 use crate::emulator::port::Port;
 use crate::emulator::render::Options;
-use crate::emulator::{
-    Clock, Firmware, Machine, PacedClock, Renderer, SerialLine, UserSequence, VirtualClock,
-};
+use crate::emulator::{Firmware, Machine, Renderer, SerialLine, UserSequence};
 use crate::error::{Error, Result};
-use crate::link::{Device, Recording, RunDir, UsbLink, serve};
+use crate::link::{Device, Recording, RunDir, Seat, Stage, UsbLink, serve};
 use crate::profile::faults::Schedule;
 use crate::profile::{Profile, Scene};
 use crate::protocol::Endpoints;
@@ -36,42 +35,38 @@ pub(super) enum News {
 }
 
 impl Unit {
-    /// The device of a number, from 0, of those that the command asks for.
+    /// One of the devices that the command asks for, with its scene as it was chosen, and its part
+    /// in the time and the scene that devices share.
     pub(super) fn new(
         args: &Args,
-        number: usize,
-        profile: &Profile,
-        scene: &Scene,
+        asked: &Asked,
+        (label, scene): &(String, Scene),
+        (seat, stage): (Seat, Stage),
     ) -> Result<Self> {
+        let profile = &asked.profile;
         let user: Vec<_> = args
             .sequence
             .iter()
             .map(|path| UserSequence::read(path))
             .collect::<Result<_>>()?;
-        let clock: Box<dyn Clock + Send> = match args.clock {
-            Pace::Real => Box::new(PacedClock),
-            Pace::Fast => Box::new(VirtualClock::default()),
-        };
         let id = &profile.identity;
-        let seed = args.seed.wrapping_add(number as u64);
+        let mut scene = scene.clone();
+        scene.rig = asked.rig.unwrap_or(scene.rig);
         let options = Options {
             samples: args.samples,
             time_samples: args.time_samples,
             backend: args.backend.into(),
         };
-        let mut renderer = Renderer::with_options(profile, scene, seed, options)?;
+        let mut renderer = Renderer::with_options(profile, &scene, asked.seed, options)?;
         if let Some(news) = renderer.news()? {
-            eprintln!("phasma: {}: {news}", args.profile[number]);
+            eprintln!("phasma: {}: {news}", asked.label);
         }
         if let Some(adapter) = renderer.adapter() {
             let (name, kind, driver) = (&adapter.name, adapter.kind, &adapter.driver);
-            let profile = &args.profile[number];
+            let profile = &asked.label;
             eprintln!("phasma: {profile}: rendering on a GPU, {kind}: {name} ({driver})");
         }
-        let port = match profile.control.dialect.as_str() {
-            "scpi" => Port::default(),
-            _ => Port::new(Arc::new(profile.control.load_dialect(&profile.folder)?))?,
-        };
+        let dialect = profile.control.load_dialect(&profile.folder)?;
         let schedule = match &args.faults {
             Some(file) => Schedule::read(file)?,
             None => Schedule::default(),
@@ -79,19 +74,21 @@ impl Unit {
         let device = Device {
             machine: Machine::new(
                 Firmware::new(profile, &user)?,
-                port,
+                Port::new(Arc::new(dialect))?,
                 SerialLine::new(&profile.control),
-                Faults::new(&schedule, &profile.name),
+                Faults::new(&schedule, &asked.name),
             ),
             renderer,
-            clock,
+            seat,
+            stage,
+            rig: scene.rig,
             name: format!(
                 "{},{},{},{}",
                 id.manufacturer, id.model, id.serial, id.firmware
             ),
-            profile: args.profile[number].clone(),
-            scene: args.scene[number % args.scene.len()].clone(),
-            seed,
+            profile: asked.label.clone(),
+            scene: label.clone(),
+            seed: asked.seed,
             tcp: args.tcp,
             video: None,
             usb: None,

@@ -29,13 +29,14 @@ const NODES: Duration = Duration::from_secs(5);
 const POLL: Duration = Duration::from_millis(20);
 
 /// Refuses devices that a host could not tell apart.
-pub(super) fn check(profiles: &[Profile]) -> Result<()> {
+pub(super) fn check<'a>(profiles: impl Iterator<Item = &'a Profile>) -> Result<()> {
+    let profiles: Vec<_> = profiles.collect();
     // What the nodes that udev makes by id are named after.
-    let id = |profile: &'_ Profile| {
+    let id = |profile: &Profile| {
         let identity = &profile.identity;
         [&identity.manufacturer, &identity.model, &identity.serial].map(Clone::clone)
     };
-    for (at, profile) in profiles.iter().enumerate() {
+    for (at, &profile) in profiles.iter().enumerate() {
         if let Some(twin) = profiles[..at].iter().find(|other| id(other) == id(profile)) {
             let found = match twin.name == profile.name {
                 true => "the same profile twice".to_owned(),

@@ -192,6 +192,10 @@ impl Memory {
         &self.sequences[0]
     }
 
+    pub(super) fn sequences(&self) -> impl Iterator<Item = &Arc<Stored>> {
+        self.sequences.iter()
+    }
+
     pub(super) fn names(&self) -> impl Iterator<Item = &str> {
         self.sequences.iter().map(|stored| stored.name.as_str())
     }

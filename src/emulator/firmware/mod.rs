@@ -15,6 +15,7 @@ mod memory;
 mod messages;
 mod settings;
 mod shining;
+mod shown;
 mod status;
 mod table;
 #[cfg(test)]
@@ -188,6 +189,8 @@ impl Firmware {
         }
         self.events.clear();
         self.completion_asked = false;
+        // What is selected is loaded while the device starts.
+        (self.missed, self.loaded_ns, self.free_from_ns) = (0, 0, 0);
         self.status = Status::power_on();
         self.run();
     }

@@ -95,7 +95,7 @@ impl Interpreter {
         if self.requests.len() >= MAX_REQUESTS {
             let error = ErrorCode::InputBufferOverrun.with("too much waits to be done");
             let bytes = self.dialect.refusal(&asked, &error);
-            return self.say(bytes, &asked, to);
+            return self.say(bytes, to);
         }
         let left: VecDeque<_> = self.dialect.runs(&asked).into();
         let urgent = left.iter().all(|m| Firmware::acts_at_once(m.as_bytes()));
@@ -114,19 +114,17 @@ impl Interpreter {
         let bytes = self.dialect.nack(error);
         if !bytes.is_empty() {
             self.said.push(Message {
-                busy: bytes.clone(),
                 bytes,
                 to: Some(to),
             });
         }
     }
 
-    fn say(&mut self, bytes: Vec<u8>, asked: &Asked, to: String) {
+    fn say(&mut self, bytes: Vec<u8>, to: String) {
         if !bytes.is_empty() {
             self.said.push(Message {
                 bytes,
                 to: Some(to),
-                busy: self.dialect.busy(asked),
             });
         }
     }
@@ -174,7 +172,7 @@ impl Interpreter {
         };
         if let Some(Request { asked, to, .. }) = self.requests.remove(index) {
             let bytes = self.dialect.refusal(&asked, error);
-            self.say(bytes, &asked, to);
+            self.say(bytes, to);
         }
     }
 
@@ -184,6 +182,6 @@ impl Interpreter {
             .dialect
             .answer(asked, &request.answers)
             .unwrap_or_else(|error| self.dialect.refusal(asked, &error));
-        self.say(bytes, asked, request.to);
+        self.say(bytes, request.to);
     }
 }

@@ -24,8 +24,6 @@ pub struct Message {
     /// What it answers: the line as it came, or of a packet its command's name; `None` where nobody
     /// asked.
     pub to: Option<String>,
-    /// What a device that has no time would say instead; empty where the dialect has no such reply.
-    pub busy: Vec<u8>,
 }
 
 /// The device's side of a dialect. The default speaks SCPI and says nothing unasked.
@@ -112,7 +110,6 @@ impl Port {
                 said.extend(answered.map(|answered| Message {
                     bytes: answered.bytes,
                     to: Some(answered.to),
-                    busy: Vec::new(),
                 }));
             }
         }

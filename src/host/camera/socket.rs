@@ -133,6 +133,10 @@ impl Camera for SocketCamera {
     fn has_skipped(&self) -> bool {
         self.skipped
     }
+
+    fn identifies(&self) -> bool {
+        !self.decoder.counted()
+    }
 }
 
 #[cfg(test)]
@@ -225,6 +229,21 @@ mod tests {
         for _ in 0..2 {
             assert!(camera.next_frame(short).is_err());
             assert!(!camera.has_skipped());
+        }
+    }
+
+    #[test]
+    fn frames_that_only_count_are_told_apart() {
+        let (here, mut device) = std::os::unix::net::UnixStream::pair().unwrap();
+        let mut camera = SocketCamera::new(Stream::Unix(here), "socket:test");
+        for (header, identifies) in [
+            (wire::encode_counted_header(&frame(1)), false),
+            (wire::encode_header(&frame(1)), true),
+        ] {
+            device.write_all(&header).unwrap();
+            device.write_all(&frame(1).data).unwrap();
+            let next = camera.next_frame(Duration::from_secs(1)).unwrap();
+            assert_eq!((next, camera.identifies()), (Some(frame(1)), identifies));
         }
     }
 

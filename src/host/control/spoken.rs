@@ -145,10 +145,27 @@ impl<P: CommandPort> Spoken<P> {
         Ok(vec![(chunk.data.clone(), Value::Bytes(bytes))])
     }
 
-    /// An operation's result as text, which no control character makes worse; `None` where the
-    /// dialect lacks it.
+    /// An operation's result; `None` where the dialect lacks it. An answer of several lines of which
+    /// one is missing has none, and is asked for again.
+    fn value(&mut self, operation: &str) -> Result<Option<Value>> {
+        if !self.has(operation) {
+            return Ok(None);
+        }
+        for _ in 0..TRIES {
+            if let Some(value) = self.operate(operation, &[])? {
+                return Ok(Some(value));
+            }
+            self.line.hush()?;
+        }
+        Err(Error::device(format!(
+            "{}: the answer is not whole",
+            self.place(operation)
+        )))
+    }
+
+    /// An operation's result as text, of which no character steers a terminal.
     fn word(&mut self, operation: &str) -> Result<Option<String>> {
-        let value = self.operate(operation, &[])?;
+        let value = self.value(operation)?;
         Ok(value.map(|value| printable(&value.to_string())))
     }
 
@@ -208,7 +225,7 @@ impl<P: CommandPort> Spoken<P> {
         let list = self.word("list")?;
         Ok(list.map(|list| {
             let names = list.split(',');
-            names.map(|name| name.trim().to_owned()).collect()
+            names.map(|name| unquoted(name.trim())).collect()
         }))
     }
 
@@ -241,8 +258,10 @@ impl<P: CommandPort> Spoken<P> {
         let mut settings = Vec::new();
         for what in SETTINGS {
             if let Some(mut word) = self.word(what)? {
-                if what == MARKED {
-                    word = (word == self.mark.to_string()).to_string();
+                match what {
+                    SELECTED => word = unquoted(&word),
+                    MARKED => word = (word == self.mark.to_string()).to_string(),
+                    _ => {}
                 }
                 settings.push((what.to_owned(), word));
             }
@@ -259,7 +278,7 @@ impl<P: CommandPort> Spoken<P> {
     fn text(&mut self, operation: &str) -> Result<Option<String>> {
         let place = self.place(operation);
         let not_text = || Error::device(format!("{place}: the answer is no text"));
-        let value = self.operate(operation, &[])?;
+        let value = self.value(operation)?;
         let text = value.map(|value| value.text().map(str::to_owned).ok_or_else(not_text));
         text.transpose()
     }
@@ -312,4 +331,10 @@ impl<P: CommandPort> Spoken<P> {
             _ => Ok(()),
         }
     }
+}
+
+/// A name as it is selected by: dialects that hand on what the device says hand on its quotes.
+fn unquoted(name: &str) -> String {
+    let inside = name.strip_prefix('"').and_then(|n| n.strip_suffix('"'));
+    inside.map_or_else(|| name.to_owned(), |inside| inside.replace("\"\"", "\""))
 }

@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::host::MemoryPort;
+use crate::protocol::dialect::{Cut, Direction};
 use std::cell::RefCell;
 use std::rc::Rc;
 
@@ -14,6 +15,7 @@ struct Device {
     source: String,
     lamp: bool,
     events: u8,
+    enabled: u8,
     /// Questions for which an answer was due.
     asked: u32,
 }
@@ -25,6 +27,7 @@ impl Device {
             source: "INT".into(),
             lamp: true,
             events: 128,
+            enabled: 0,
             asked: 0,
         }
     }
@@ -33,8 +36,13 @@ impl Device {
     fn message(&mut self, message: &str) -> Option<String> {
         let mut answers = Vec::new();
         for unit in message.split(';') {
-            let answer = match unit.trim().trim_start_matches(':') {
-                "*ESE 0" | "INIT:CONT OFF" | "ABOR" | "MODE SEQ" | "" => continue,
+            let unit = unit.trim().trim_start_matches(':');
+            if let Some(number) = unit.strip_prefix("*ESE ") {
+                self.enabled = number.parse().ok()?;
+                continue;
+            }
+            let answer = match unit {
+                "INIT:CONT OFF" | "ABOR" | "MODE SEQ" | "TRIG:MODE SEQ" | "" => continue,
                 "*CLS" => {
                     self.events = 0;
                     continue;
@@ -43,7 +51,7 @@ impl Device {
                     self.source = "BUS".into();
                     continue;
                 }
-                "PROJ:POW ON" => {
+                "PROJ:POW ON" | "PROJ:POW 1" => {
                     self.lamp = true;
                     continue;
                 }
@@ -51,11 +59,7 @@ impl Device {
                     self.selected = unit.chars().rev().nth(1)?.into();
                     continue;
                 }
-                "*ESE?" => {
-                    let asked = message.rsplit("*ESE ").next()?;
-                    let number = message.split("*ESE ").nth(answers.len() + 1);
-                    number.unwrap_or(asked).split(';').next()?.to_owned()
-                }
+                "*ESE?" => self.enabled.to_string(),
                 "*IDN?" => "maker,model,1,2".into(),
                 "SEQ:SEL?" => format!("\"{}\"", self.selected),
                 "SEQ:LIST?" => "\"a\",\"c\"".into(),
@@ -66,7 +70,6 @@ impl Device {
                 "*ESR?" => std::mem::take(&mut self.events).to_string(),
                 "SYST:ERR?" => "0,\"No error\"".into(),
                 "SEQ:DATA?" => format!("#2{}{MANIFEST}", MANIFEST.len()),
-                number if number.starts_with("*ESE ") => continue,
                 _ => break,
             };
             answers.push(answer);
@@ -80,6 +83,40 @@ impl Device {
         self.asked += u32::from(!replies.is_empty());
         replies.into_bytes()
     }
+}
+
+/// The device behind a dialect.
+fn behind_dialect(
+    dialect: &Dialect,
+    from: impl Fn(Vec<u8>, u32) -> Vec<u8>,
+) -> (Control<MemoryPort<impl FnMut(&[u8]) -> Vec<u8>>>, Shared) {
+    let device = Rc::new(RefCell::new(Device::on()));
+    let (inside, spoken) = (device.clone(), dialect.clone());
+    let mut cutter = dialect.cutter(Direction::ToDevice);
+    let port = MemoryPort::new(move |bytes: &[u8]| {
+        let mut device = inside.borrow_mut();
+        let mut replies = Vec::new();
+        cutter.push(bytes, &mut |cut| {
+            let Cut::Message(message) = cut else { return };
+            replies.extend(match spoken.asked(&message) {
+                Err(wrong) => spoken.nack(&wrong),
+                Ok(asked) => {
+                    let runs = spoken.runs(&asked);
+                    let answers: Vec<_> = runs
+                        .iter()
+                        .map(|run| device.message(run).unwrap_or_default())
+                        .map(|answer| answer.strip_suffix('\n').unwrap_or("").as_bytes().to_vec())
+                        .collect();
+                    let refused = |e| spoken.refusal(&asked, &e);
+                    spoken.answer(&asked, &answers).unwrap_or_else(refused)
+                }
+            });
+        });
+        device.asked += 1;
+        from(replies, device.asked)
+    });
+    let control = Control::open(port, Some(dialect.clone()), SHORT).unwrap();
+    (control, device)
 }
 
 type Shared = Rc<RefCell<Device>>;
@@ -220,4 +257,90 @@ fn a_sequence_that_is_not_there_is_the_user_s_mistake() {
     let error = control.prepare(Some("z")).unwrap_err();
     assert_eq!(error.exit_code(), 2, "{error}");
     assert!(error.to_string().ends_with("allowed: a, c"), "{error}");
+}
+
+const DIALECTS: [&str; 2] = ["okline", "dlpc350"];
+
+/// Everything that is asked before a run and after it.
+fn talk<P: CommandPort>(control: &mut Control<P>) -> Result<()> {
+    assert_eq!(control.identify()?, "maker,model,1,2");
+    let settings = control.prepare(Some("c"))?;
+    assert_eq!(control.selected(&settings).unwrap(), "c");
+    assert_eq!(control.manifest()?.unwrap().0, MANIFEST);
+    control.confirm(&settings)
+}
+
+#[test]
+fn dialects_do_as_scpi_does() {
+    for name in DIALECTS {
+        let dialect = Dialect::load(name).unwrap();
+        let (mut control, device) = behind_dialect(&dialect, |reply, _| reply);
+        assert_eq!(control.source().unwrap().unwrap(), "INT", "{name}");
+        talk(&mut control).unwrap();
+        assert_eq!(device.borrow().source, "BUS", "{name}");
+        assert_eq!(device.borrow().selected, "c", "{name}");
+        let settings = control.prepare(None).unwrap();
+        assert_eq!(control.selected(&settings).unwrap(), "c", "{name}");
+        *device.borrow_mut() = Device::on();
+        let message = control.confirm(&settings).unwrap_err().to_string();
+        assert!(message.contains("was reset"), "{name}: {message}");
+        let error = control.prepare(Some("z")).unwrap_err();
+        assert!(!matches!(error, Error::Io { .. }), "{name}: {error}");
+    }
+}
+
+#[test]
+fn bad_lines_do_not_fool_dialects() {
+    type Line = Box<dyn Fn(Vec<u8>, u32, u32) -> Vec<u8>>;
+    let bad: Vec<(&str, Line)> = vec![
+        (
+            "lost",
+            Box::new(|r, n, nth| if n == nth { Vec::new() } else { r }),
+        ),
+        (
+            "twice",
+            Box::new(|r, n, nth| if n == nth { [r.clone(), r].concat() } else { r }),
+        ),
+        ("all twice", Box::new(|r, _, _| [r.clone(), r].concat())),
+        (
+            "garbage before",
+            Box::new(|r, n, nth| {
+                if n == nth {
+                    [&b"\xff#9\r\n"[..], &r].concat()
+                } else {
+                    r
+                }
+            }),
+        ),
+        (
+            "half",
+            Box::new(|mut r, n, nth| {
+                if n == nth {
+                    r.truncate(r.len() / 2);
+                }
+                r
+            }),
+        ),
+        (
+            "a flipped bit",
+            Box::new(|mut r, n, nth| {
+                if n == nth && r.len() > 8 {
+                    r[nth as usize % 9] ^= 1 << (nth % 7);
+                }
+                r
+            }),
+        ),
+    ];
+    for name in DIALECTS {
+        let dialect = Dialect::load(name).unwrap();
+        for (what, line) in &bad {
+            for nth in 1..30 {
+                let line = |reply, n| line(reply, n, nth);
+                let (mut control, device) = behind_dialect(&dialect, line);
+                let talked = control.persist(talk);
+                talked.unwrap_or_else(|e| panic!("{name} {what} at {nth}: {e}"));
+                assert_eq!(device.borrow().source, "BUS", "{name} {what} at {nth}");
+            }
+        }
+    }
 }

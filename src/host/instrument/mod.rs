@@ -11,15 +11,15 @@ use super::patience::Patience;
 use crate::error::{Error, Result};
 use crate::protocol::printable;
 use crate::protocol::scpi;
-use exchange::Answer;
+use exchange::{ATTEMPTS, Answer};
 use std::time::{Duration, Instant};
 
 /// What `*ESE` is set to and asked for when a conversation starts: any instrument of IEEE 488.2
 /// answers `85;0`, and nothing else does. Each further attempt has the next number.
 const FIRST_MARK: u8 = 85;
 const LAST_MARK: u8 = 125;
-/// How long an attempt may take: longer than a device waits for the rest of a block that an earlier
-/// client broke off, in which the first attempt is lost.
+/// How long an attempt may take, a third of the timeout at most: longer than a device waits for the
+/// rest of a block that an earlier client broke off, in which the first attempt is lost.
 const ASK_AGAIN: Duration = Duration::from_millis(1500);
 /// Errors that are read from a device before it is told to forget the rest.
 const MAX_ERRORS: usize = 64;
@@ -43,6 +43,8 @@ pub struct Instrument<P> {
     tag: u8,
     /// The port has failed.
     gone: bool,
+    /// The start of the last line that was no answer.
+    junk: Vec<u8>,
 }
 
 impl<P: CommandPort> Instrument<P> {
@@ -65,6 +67,7 @@ impl<P: CommandPort> Instrument<P> {
             received: Vec::new(),
             tag: 0,
             gone: false,
+            junk: Vec::new(),
         }
     }
 
@@ -98,7 +101,7 @@ impl<P: CommandPort> Instrument<P> {
             self.send(format!("{first}{query}").as_bytes())?;
             let answer = format!("{mark};0");
             let begin = Instant::now();
-            let again = left.min(ASK_AGAIN);
+            let again = left.min(ASK_AGAIN).min(self.timeout / ATTEMPTS);
             let mut patience = Patience::new(again);
             loop {
                 let len = self.receive(&mut patience, &mut buffer)?;
@@ -115,7 +118,8 @@ impl<P: CommandPort> Instrument<P> {
                 }
             }
             left = left.saturating_sub(again);
-            if left.is_zero() {
+            // Thirds do not always make a whole.
+            if left < self.timeout / 100 {
                 break;
             }
         }
@@ -235,8 +239,15 @@ impl<P: CommandPort> Instrument<P> {
     }
 
     fn silence(&self, query: &str) -> Error {
+        let came = match &self.junk[..] {
+            [] => String::new(),
+            junk => format!(
+                " (what came is no answer to it: \"{}\")",
+                junk.escape_ascii()
+            ),
+        };
         self.failure(format!(
-            "no answer to {query} within {} s",
+            "no answer to {query} within {} s{came}",
             self.timeout.as_secs_f64()
         ))
     }

@@ -11,13 +11,14 @@ use super::pty::{Event, Pty};
 use super::run_dir::{CAMERA, CONTROL, RunDir};
 use crate::emulator::FrameSink;
 use crate::error::{Error, Result};
-use crate::protocol::Endpoints;
 use crate::protocol::record::{About, Reader};
+use crate::protocol::{Endpoints, Frame};
 use player::{Output, Player};
 use std::future::Future;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::pin::pin;
+use std::sync::Arc;
 use std::time::Duration;
 
 /// Bytes of frames that may wait for readers while no delays hold the next ones back.
@@ -31,6 +32,9 @@ pub struct Replay<R> {
     pub reader: Reader<R>,
     /// What it says of itself.
     pub about: About,
+    /// The system's monotonic clock when the time is 0, in nanoseconds: the times of frames that do
+    /// not say which they are count by it.
+    pub monotonic_ns: u64,
     /// Without the recorded delays.
     pub fast: bool,
     /// Port on the loopback interface for frames; 0 picks a free one.
@@ -75,7 +79,7 @@ pub async fn replay<R: Read>(
     };
     run_dir.publish(&endpoints)?;
     ready(&endpoints);
-    let mut player = Player::new(replay.reader, replay.fast);
+    let mut player = Player::new(replay.reader, replay.fast, about.monotonic_ns);
     // A reply for which the port has no room yet.
     let mut held = None;
     let mut shutdown = pin!(shutdown);
@@ -103,6 +107,15 @@ pub async fn replay<R: Read>(
                     point(&control, pty.as_ref())?;
                 }
                 Output::Frame(frame) => camera.put(frame),
+                Output::Counted(frame, taken_ns) => {
+                    // None is taken after it has come.
+                    let taken_ns = replay.monotonic_ns.saturating_add(taken_ns.min(now_ns));
+                    camera.put_counted(Arc::new(Frame {
+                        exposure_start_ns: taken_ns,
+                        exposure_end_ns: taken_ns,
+                        ..Frame::clone(&frame)
+                    }));
+                }
             }
         }
         if held.take_if(|bytes| send(&mut pty, bytes)).is_some() {

@@ -8,7 +8,7 @@
 
 use super::departure::{Departure, Said};
 use crate::protocol::Frame;
-use crate::protocol::record::{Event, Reader, Record};
+use crate::protocol::record::{Channel, Event, Reader, Record};
 use std::collections::VecDeque;
 use std::io::Read;
 use std::sync::Arc;
@@ -17,6 +17,8 @@ use std::sync::Arc;
 const MAX_AHEAD: (usize, usize) = (256, 64 << 20);
 /// Bytes of a client that may wait until they are compared.
 const MAX_INPUT: usize = 64 << 10;
+/// A frame that came so long after its time was timed by another clock.
+const PLAUSIBLE_NS: u64 = 10_000_000_000;
 
 /// What the device does.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -25,6 +27,8 @@ pub(super) enum Output {
     Bytes(Vec<u8>),
     /// Has a frame.
     Frame(Arc<Frame>),
+    /// Has a frame that does not say which it is, taken at a time of the replay.
+    Counted(Arc<Frame>, u64),
     /// Takes its end of the control port away; false puts it back.
     Unplug(bool),
 }
@@ -33,7 +37,7 @@ impl Output {
     fn len(&self) -> usize {
         match self {
             Self::Bytes(bytes) => bytes.len(),
-            Self::Frame(frame) => frame.data.len(),
+            Self::Frame(frame) | Self::Counted(frame, _) => frame.data.len(),
             Self::Unplug(_) => 0,
         }
     }
@@ -96,6 +100,8 @@ pub(super) struct Player<R> {
     stop: Stop,
     /// Whether everything happens at once.
     fast: bool,
+    /// See [`crate::protocol::record::About`].
+    monotonic_ns: Option<u64>,
     /// The client of this session has said something,
     spoke: bool,
     /// has left its path and gets no answers,
@@ -124,11 +130,13 @@ pub(super) struct Player<R> {
 
 impl<R: Read> Player<R> {
     /// Stands at the beginning of a recording; `fast` leaves the recorded delays out.
-    pub(super) fn new(reader: Reader<R>, fast: bool) -> Self {
+    /// `monotonic_ns` is the clock of frames that only count at the recording's time 0.
+    pub(super) fn new(reader: Reader<R>, fast: bool, monotonic_ns: Option<u64>) -> Self {
         Self {
             reader,
             stop: Stop::Full,
             fast,
+            monotonic_ns,
             spoke: false,
             astray: false,
             gone: false,
@@ -330,6 +338,10 @@ impl<R: Read> Player<R> {
             }
             match event {
                 Event::Received(bytes) => self.put(time_ns, Output::Bytes(bytes), now_ns),
+                Event::Frame(frame) if channel == Channel::Counted => {
+                    let taken_ns = self.taken(&frame, time_ns);
+                    self.put(time_ns, Output::Counted(frame, taken_ns), now_ns);
+                }
                 Event::Frame(frame) => self.put(time_ns, Output::Frame(frame), now_ns),
                 Event::Sent(bytes) if !bytes.is_empty() => {
                     self.recorded_spoke = true;
@@ -360,6 +372,17 @@ impl<R: Read> Player<R> {
                 _ => {}
             }
         }
+    }
+
+    /// When a frame that only counts was taken, in the replay's time: as long before or after what
+    /// the client sent as then. Where the driver's clock is not known, when it came.
+    fn taken(&self, frame: &Frame, time_ns: u64) -> u64 {
+        let since = |zero_ns: u64| frame.exposure_end_ns.checked_sub(zero_ns);
+        let taken_ns = self.monotonic_ns.and_then(since);
+        let taken_ns = taken_ns.filter(|taken_ns| taken_ns.abs_diff(time_ns) < PLAUSIBLE_NS);
+        let (recorded_ns, replay_ns) = self.anchor.unwrap_or((time_ns, 0));
+        let taken_ns = taken_ns.unwrap_or(time_ns);
+        (replay_ns.saturating_add(taken_ns)).saturating_sub(recorded_ns)
     }
 
     /// Puts what the device does in its place.

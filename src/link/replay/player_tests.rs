@@ -37,7 +37,7 @@ fn file(events: &[(u64, Event)]) -> Vec<u8> {
 
 fn player(events: &[(u64, Event)]) -> Player<std::io::Cursor<Vec<u8>>> {
     let bytes = std::io::Cursor::new(file(events));
-    Player::new(Reader::new(bytes, "rec").unwrap(), false)
+    Player::new(Reader::new(bytes, "rec").unwrap(), false, None)
 }
 
 /// Two clients, the first of which scans.
@@ -65,6 +65,7 @@ fn outputs<R: Read>(player: &mut Player<R>, now_ns: u64) -> Vec<String> {
         .map(|output| match output {
             Output::Bytes(bytes) => String::from_utf8(bytes).unwrap(),
             Output::Frame(frame) => format!("frame {}", frame.id),
+            Output::Counted(frame, taken_ns) => format!("frame {} of {taken_ns}", frame.id),
             Output::Unplug(true) => "gone".to_owned(),
             Output::Unplug(false) => "back".to_owned(),
         })
@@ -126,7 +127,7 @@ fn a_client_that_sends_ahead_gets_all_in_order() {
 #[test]
 fn fast_means_at_once() {
     let bytes = std::io::Cursor::new(file(&two_sessions()));
-    let mut player = Player::new(Reader::new(bytes, "rec").unwrap(), true);
+    let mut player = Player::new(Reader::new(bytes, "rec").unwrap(), true, None);
     player.receive(b"*IDN?\n", 7);
     assert_eq!(outputs(&mut player, 7), ["a,b\n"]);
 }
@@ -199,7 +200,7 @@ fn damage_and_cuts_are_told_and_what_is_before_them_is_played() {
     let mut bytes = file(&two_sessions()[..3]);
     bytes.truncate(bytes.len() - 1);
     let cursor = std::io::Cursor::new(bytes);
-    let mut player = Player::new(Reader::new(cursor, "rec").unwrap(), false);
+    let mut player = Player::new(Reader::new(cursor, "rec").unwrap(), false, None);
     player.receive(b"*IDN?\n", 0);
     let said = player.news().unwrap();
     assert!(
@@ -262,4 +263,31 @@ fn a_port_that_went_goes_and_comes_back() {
     player.receive(b"q", 103);
     assert_eq!(player.news().map(|_| ()), Some(()));
     assert_eq!(outputs(&mut player, 112), ["back"]);
+}
+
+#[test]
+fn frames_that_only_count_keep_their_distance_from_what_was_sent() {
+    let counted = |id: u64, taken_ns: u64| {
+        let frame = Frame {
+            exposure_end_ns: taken_ns,
+            ..Frame::clone(&frame(id))
+        };
+        Event::Frame(Arc::new(frame))
+    };
+    let events = [
+        (100, PORT, sent("x")),
+        (130, Channel::Counted, counted(1, 5090)),
+        (140, Channel::Counted, counted(2, 5125)),
+        (150, Channel::Counted, counted(3, 7)),
+    ];
+    let mut bytes = encode_head().to_vec();
+    for ((time_ns, channel, event), number) in events.iter().zip(0..) {
+        bytes.extend(encode_record(number, *time_ns, *channel, event));
+    }
+    let reader = Reader::new(std::io::Cursor::new(bytes), "rec").unwrap();
+    let mut player = Player::new(reader, false, Some(5000));
+    player.receive(b"x", 1000);
+    // Taken before the client spoke, after it, and at a time that says nothing.
+    let want = ["frame 1 of 990", "frame 2 of 1025", "frame 3 of 1050"];
+    assert_eq!(outputs(&mut player, 1050), want);
 }

@@ -29,17 +29,17 @@ pub enum Cut {
 }
 
 /// The state of one stream. Its memory is bounded by the longest message.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct Cutter(State);
 
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 enum State {
     Scpi(Framer),
     Lines(Lines),
     Packets(Packets),
 }
 
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 struct Lines {
     ends: Arc<LineEnds>,
     end: u8,
@@ -48,7 +48,7 @@ struct Lines {
     skips: bool,
 }
 
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 struct Packets {
     layout: Arc<Layout>,
     direction: Direction,

@@ -45,7 +45,8 @@ impl Dialect {
             let Some(parts) = command.line.split(line, ends.any_case) else {
                 continue;
             };
-            match values_of_line(&command.args, &parts) {
+            let args = values_of_line(&command.args, &parts);
+            match args.and_then(|args| filled(command, &args).map(|_| args)) {
                 Ok(args) => {
                     return Ok(Asked {
                         command: command.name.clone(),
@@ -94,13 +95,14 @@ impl Dialect {
         let mut data = packet.data;
         let mut args = Vec::with_capacity(command.args.len());
         for field in &command.args {
-            let value = field.from_packet(&mut data).map_err(failed)?;
+            let value = field.read_packet(&mut data).map_err(failed)?;
             args.push((field.name.clone(), value));
         }
         if layout.length.is_some() && !data.is_empty() {
             let what = format!("{} bytes too many", data.len());
             return Err(failed(ErrorCode::ParameterNotAllowed.with(what)));
         }
+        filled(command, &args).map_err(failed)?;
         Ok(Asked {
             command: command.name.clone(),
             args,
@@ -109,25 +111,13 @@ impl Dialect {
         })
     }
 
-    /// The firmware's own (SCPI) messages that a command stands for, in order. A text that the
-    /// firmware could not read as one parameter becomes an empty string.
+    /// The firmware's own (SCPI) messages that a command stands for, in order.
     pub fn runs(&self, asked: &Asked) -> Vec<String> {
-        let Some(command) = self.command(&asked.command) else {
-            return Vec::new();
-        };
-        let runs = command.runs.iter();
-        runs.map(|run| {
-            let filled = run.fill(|name| {
-                let value = asked.args.iter().find(|(arg, _)| arg == name);
-                let (Some((_, value)), Some(field)) = (value, command.arg(name)) else {
-                    return Err(Unfit::from(format!("no {name}")));
-                };
-                Ok(field.to_scpi(value)?.into_bytes())
-            });
-            let bytes = filled.unwrap_or_default();
-            String::from_utf8(bytes).unwrap_or_default()
+        let command = self.command(&asked.command);
+        // What could not be said has been refused when it was asked.
+        command.map_or_else(Vec::new, |command| {
+            filled(command, &asked.args).unwrap_or_default()
         })
-        .collect()
     }
 
     /// The reply with its end, made of the firmware's answers: one for each message of
@@ -263,6 +253,22 @@ impl Dialect {
     }
 }
 
+/// The messages of a command for the firmware.
+fn filled(command: &Command, args: &[(String, Value)]) -> Result<Vec<String>, DeviceError> {
+    let run = |run: &Template| {
+        let message = run.fill(|name| {
+            let value = args.iter().find(|(arg, _)| arg == name);
+            let (Some((_, value)), Some(field)) = (value, command.arg(name)) else {
+                return Err(Unfit::from(format!("no {name}")));
+            };
+            Ok(field.to_scpi(value)?.into_bytes())
+        });
+        let message = message.map_err(|unfit| unfit.0)?;
+        String::from_utf8(message).map_err(|error| ErrorCode::SystemError.with(error))
+    };
+    command.runs.iter().map(run).collect()
+}
+
 /// The values of the parts of a line.
 pub(super) fn values_of_line(
     fields: &[Field],
@@ -271,7 +277,7 @@ pub(super) fn values_of_line(
     let value = |(name, wire): &(&str, &[u8])| {
         let field = fields.iter().find(|field| field.name == *name);
         let field = field.ok_or_else(|| ErrorCode::SystemError.with(name))?;
-        Ok((field.name.clone(), field.from_line(wire)?))
+        Ok((field.name.clone(), field.read_line(wire)?))
     };
     parts.iter().map(value).collect()
 }
@@ -303,7 +309,7 @@ fn taken(command: &Command, answers: &[Vec<u8>]) -> Result<Vec<(String, Value)>,
         };
         for (name, raw) in Template::split(template, answer, true).ok_or_else(wrong)? {
             let field = command.value(name).ok_or_else(wrong)?;
-            values.push((name.to_owned(), field.from_scpi(raw)?));
+            values.push((name.to_owned(), field.read_scpi(raw)?));
         }
     }
     Ok(values)

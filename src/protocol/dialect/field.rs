@@ -299,7 +299,7 @@ impl Field {
     }
 
     /// Out of a line.
-    pub(super) fn from_line(&self, wire: &[u8]) -> Outcome<Value> {
+    pub(super) fn read_line(&self, wire: &[u8]) -> Outcome<Value> {
         let none = || {
             self.wrong(
                 ErrorCode::DataTypeError,
@@ -376,7 +376,7 @@ impl Field {
     }
 
     /// Takes it off a packet's data.
-    pub(super) fn from_packet(&self, data: &mut &[u8]) -> Outcome<Value> {
+    pub(super) fn read_packet(&self, data: &mut &[u8]) -> Outcome<Value> {
         let len = self.kind.width().or(self.bytes).unwrap_or(data.len());
         let Some((wire, rest)) = data.split_at_checked(len) else {
             return Err(ErrorCode::MissingParameter.with(&self.name));
@@ -436,7 +436,7 @@ impl Field {
     }
 
     /// Out of the firmware's answer.
-    pub(super) fn from_scpi(&self, raw: &[u8]) -> Outcome<Value> {
+    pub(super) fn read_scpi(&self, raw: &[u8]) -> Outcome<Value> {
         let wrong = || {
             let start = &raw[..raw.len().min(40)];
             let what = format!("{}: the answer \"{}\"", self.name, start.escape_ascii());

@@ -180,7 +180,7 @@ impl Dialect {
                     big: layout.big,
                     ..Field::int("number")
                 };
-                field.from_packet(&mut data).ok()?.number()
+                field.read_packet(&mut data).ok()?.number()
             });
             let number = number.unwrap_or(0.0) as i64;
             let text = errors.map_or("", |errors| errors.text(number)).to_owned();
@@ -188,7 +188,7 @@ impl Dialect {
         }
         let mut values = Vec::with_capacity(command.values.len());
         for field in &command.values {
-            match field.from_packet(&mut data) {
+            match field.read_packet(&mut data) {
                 Ok(value) => values.push((field.name.clone(), value)),
                 Err(error) => return Reply::Bad(error.detail),
             }

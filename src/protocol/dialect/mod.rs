@@ -110,6 +110,18 @@ impl Dialect {
         matches!(self.framing, Framing::Scpi(_))
     }
 
+    /// How messages are told from each other, in words.
+    pub fn framing(&self) -> String {
+        match &self.framing {
+            Framing::Scpi(_) => "SCPI".to_owned(),
+            Framing::Line(ends) => format!("lines of up to {} bytes", ends.max),
+            Framing::Packet(layout) => match layout.size {
+                Some(size) => format!("packets of {size} bytes"),
+                None => format!("packets of up to {} bytes", layout.max),
+            },
+        }
+    }
+
     /// Whether messages have a number that a reply repeats.
     pub fn has_sequence(&self) -> bool {
         matches!(&self.framing, Framing::Packet(layout) if layout.sequence.is_some())

@@ -58,6 +58,18 @@ impl HostUse {
     pub fn get(&self, operation: &str) -> Option<&Operation> {
         self.operations.get(operation)
     }
+
+    /// Names of the operations that the dialect has.
+    pub fn names(&self) -> impl Iterator<Item = &'static str> {
+        let all = OPERATIONS.iter().map(|(name, _)| *name);
+        all.filter(|name| self.operations.contains_key(*name))
+    }
+
+    /// Names of those that it lacks.
+    pub fn missing(&self) -> impl Iterator<Item = &'static str> {
+        let all = OPERATIONS.iter().map(|(name, _)| *name);
+        all.filter(|name| !self.operations.contains_key(*name))
+    }
 }
 
 /// The steps of an operation, in order, each a question whose answer is awaited.

@@ -120,6 +120,10 @@ pub struct About {
     /// Seed of the noise, where the device is emulated.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub seed: Option<u64>,
+    /// The system's monotonic clock at time 0 of the recording, in nanoseconds, on a host's side: by
+    /// it most drivers time their frames.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub monotonic_ns: Option<u64>,
 }
 
 /// What a record belongs to.

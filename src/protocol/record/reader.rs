@@ -44,7 +44,7 @@ pub struct Reader<R> {
 
 /// What stands at a place of the file.
 enum Step {
-    Known(Record),
+    Known(Box<Record>),
     /// A record of a kind or channel that is not known.
     Unknown,
     End,
@@ -106,7 +106,7 @@ impl<R: Read> Reader<R> {
             // Behind damage or the end there is nothing more.
             self.ended = !matches!(read, Ok(Step::Known(_) | Step::Unknown));
             match read {
-                Ok(Step::Known(record)) => return Ok(Some(record)),
+                Ok(Step::Known(record)) => return Ok(Some(*record)),
                 Ok(Step::Unknown) => {}
                 Ok(Step::End) => return Ok(None),
                 Err(what) => {
@@ -148,13 +148,13 @@ impl<R: Read> Reader<R> {
         let Some((event, channel)) = event.zip(Channel::from_code(head.channel)) else {
             return Ok(Step::Unknown);
         };
-        Ok(Step::Known(Record {
+        Ok(Step::Known(Box::new(Record {
             number,
             offset,
             time_ns: head.time_ns,
             channel,
             event,
-        }))
+        })))
     }
 
     fn head(&self, bytes: &[u8]) -> Result<Head, String> {

@@ -18,6 +18,7 @@ fn about() -> About {
         profile: Some("p".into()),
         scene: None,
         seed: Some(7),
+        monotonic_ns: None,
     }
 }
 

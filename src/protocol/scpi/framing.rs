@@ -31,7 +31,7 @@ enum Mode {
 }
 
 /// The state of one stream. Memory grows with the bytes received, up to [`MAX_BLOCK_BYTES`].
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct Framer {
     buffer: Vec<u8>,
     /// Bytes of `buffer` that are block content.

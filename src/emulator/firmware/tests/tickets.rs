@@ -24,7 +24,7 @@ fn answers_and_errors_come_back_with_the_ticket() {
     assert_eq!(done.len(), 1);
     assert_eq!((done[0].ticket, &done[0].answers), (7, &answers));
     assert!(done[0].errors.is_empty());
-    let done = submit(&mut port, 8, "CAM:GAIN 1000;:*TST?;:NONSENSE 1;:*TST?");
+    let done = submit(&mut port, 8, "CAM:GAIN 1000;*TST?;:NONSENSE 1;*TST?");
     assert_eq!(codes(&done[0]), [-222, -113]);
     assert_eq!(done[0].answers, [b"0".to_vec()]);
     let done = submit(&mut port, 9, "*TST? ,");
@@ -97,6 +97,7 @@ fn events_tell_of_exposures_the_end_and_missed_pulses() {
     expected.push(Event::SequenceDone);
     assert_eq!(port.firmware.take_events(), expected);
     // A camera that runs free tells nothing.
+    assert_eq!(port.error(), -211);
     port.firmware.set_streaming(true, port.now_ns);
     port.tell("TRIG:SOUR INT");
     port.at(20_000 * MS);
@@ -108,7 +109,7 @@ fn events_tell_of_exposures_the_end_and_missed_pulses() {
 fn power_goes_and_only_the_ids_go_on() {
     let mut port = Port::new();
     port.tell("*CLS");
-    port.tell("CAM:GAIN 3;ROI 0,0,320,200;:PROJ:POW OFF;:*ESE 5;*SRE 4");
+    port.tell("CAM:GAIN 3;ROI 0,0,320,200;:PROJ:POW OFF;*ESE 5;*SRE 4");
     port.tell("TRIG:SOUR BUS;DEL 10ms");
     let manifest = port.ask("SEQ:DATA?");
     let end = manifest.len();

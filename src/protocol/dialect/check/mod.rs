@@ -10,7 +10,7 @@ use super::Dialect;
 use super::command::{Command, Framing};
 use super::field::Field;
 use super::file::File;
-use super::overlap::overlap;
+use super::overlap::{Fielded, overlap};
 use super::template::Template;
 use crate::error::{Error, Result};
 use crate::profile::TomlSource;
@@ -129,7 +129,7 @@ fn told_apart(check: &Check<'_>, dialect: &Dialect) -> Result<()> {
     let Framing::Line(ends) = &dialect.framing else {
         return Ok(());
     };
-    let both = |a: (&Template, &[Field]), b: (&Template, &[Field])| overlap(a, b, ends.any_case);
+    let both = |a: Fielded<'_>, b: Fielded<'_>| overlap(a, b, ends.any_case);
     for (at, command) in dialect.commands.iter().enumerate() {
         for other in &dialect.commands[..at] {
             let clash = both((&command.line, &command.args), (&other.line, &other.args));
@@ -162,7 +162,7 @@ fn replies_apart(
     check: &Check<'_>,
     dialect: &Dialect,
     (at, command): (usize, &Command),
-    both: &dyn Fn((&Template, &[Field]), (&Template, &[Field])) -> bool,
+    both: &dyn Fn(Fielded<'_>, Fielded<'_>) -> bool,
 ) -> Result<()> {
     let numbers = ["index", "id", "number"].map(Field::int);
     let events = dialect.events.iter().map(|(_, template)| template);

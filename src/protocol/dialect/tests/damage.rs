@@ -105,7 +105,10 @@ fn packets_without_a_checksum_are_in_step_after_garbage() {
         let noise: Vec<u8> = (0..garbage).map(|i| 0xFF - (i % 5) as u8).collect();
         let stream = [&noise[..], &packet].concat();
         let passed = messages(&dialect, Direction::ToDevice, &stream, 64);
-        assert_eq!(passed, [packet.clone()], "{garbage} bytes of garbage");
+        assert!(
+            passed == std::slice::from_ref(&packet),
+            "{garbage} bytes of garbage"
+        );
     }
     // What only a checksum would find: another argument.
     let args = [("exposure", Value::Number(0.008))];

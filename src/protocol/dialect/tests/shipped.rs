@@ -98,6 +98,25 @@ fn refusals_have_the_dialect_s_own_numbers() {
     assert_eq!(error.error.code, ErrorCode::ParameterNotAllowed);
 }
 
+/// A word goes to the firmware as it is, so it may not be more than a word.
+#[test]
+fn a_word_is_no_message() {
+    let text = Dialect::text("okline").unwrap();
+    let old = "choices = { all = \"SEQ\", step = \"STEP\" }";
+    let any_word = text.replace(&format!(", {old}"), "");
+    assert_ne!(any_word, text);
+    let dialect = Dialect::parse(&any_word, "words").unwrap();
+    let fine = dialect.asked(b"mode SEQ").unwrap();
+    assert_eq!(dialect.runs(&fine), ["TRIG:MODE SEQ"]);
+    let error = dialect.asked(b"mode SEQ:*RST").unwrap_err();
+    assert_eq!(dialect.nack(&error), b"error 20 out of range\r\n");
+    let scpi = load("scpi");
+    assert!(
+        scpi.request("restore", &[("source", "INT;*RST".into())], 0)
+            .is_err()
+    );
+}
+
 #[test]
 fn long_answers_come_in_pieces() {
     let toml: Vec<u8> = (0..3000u32).map(|i| (i * i % 251) as u8).collect();

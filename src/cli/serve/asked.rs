@@ -1,0 +1,196 @@
+//! The devices that the command line asks for: profiles, stations and scenes, taken apart.
+
+use super::Args;
+use crate::error::{Error, Result};
+use crate::profile::{Configuration, MAX_DEVICES, Profile, RigPlace, Scene};
+use std::collections::HashMap;
+
+/// What is looked at where nothing else is said.
+const SCENE: &str = "torso";
+
+/// A device that is asked for.
+pub(super) struct Asked {
+    /// Its name among those of the server: of its station, or its profile's; names that come again
+    /// have a number.
+    pub(super) name: String,
+    /// Its profile as it was chosen.
+    pub(super) label: String,
+    /// Its profile.
+    pub(super) profile: Profile,
+    /// Which of the scenes it looks at.
+    pub(super) scene: usize,
+    /// Where its rig stands, if not where the scene says.
+    pub(super) rig: Option<RigPlace>,
+    /// Seed of its noise.
+    pub(super) seed: u64,
+}
+
+/// A scene with its name as it was chosen.
+pub(super) type Chosen = (String, Scene);
+
+/// A device before its number is known.
+struct Draft {
+    name: String,
+    label: String,
+    profile: Profile,
+    scene: Option<String>,
+    rig: Option<RigPlace>,
+    seed: Option<u64>,
+}
+
+/// Devices, and the scenes that they look at as they were chosen. Devices of one scene share it.
+///
+/// # Errors
+/// Profiles, stations and scenes that cannot be read, and options that do not go together.
+pub(super) fn asked(args: &Args) -> Result<(Vec<Asked>, Vec<Chosen>)> {
+    let mut drafts = Vec::new();
+    for label in &args.profile {
+        take(label, &mut drafts)?;
+    }
+    check(args, drafts.len())?;
+    // Those of the command line are for all, or one each even where they are the same.
+    let mut names = args.scene.clone();
+    let mut devices: Vec<Asked> = Vec::new();
+    let mut seen: HashMap<String, u64> = HashMap::new();
+    for (at, draft) in drafts.into_iter().enumerate() {
+        let scene = match args.scene.len() {
+            0 => {
+                let wanted = draft.scene.as_deref().unwrap_or(SCENE);
+                let known = names.iter().position(|name| name == wanted);
+                known.unwrap_or_else(|| {
+                    names.push(wanted.to_owned());
+                    names.len() - 1
+                })
+            }
+            count => at % count,
+        };
+        let times = seen.entry(draft.name.clone()).or_default();
+        *times += 1;
+        devices.push(Asked {
+            name: match *times {
+                1 => draft.name,
+                again => format!("{}-{again}", draft.name),
+            },
+            label: draft.label,
+            profile: draft.profile,
+            scene,
+            rig: draft.rig,
+            seed: args.seed.wrapping_add(draft.seed.unwrap_or(at as u64)),
+        });
+    }
+    let load = |name: String| Scene::load(&name).map(|scene| (name, scene));
+    let scenes = names.into_iter().map(load).collect::<Result<_>>()?;
+    Ok((devices, scenes))
+}
+
+/// The device of a profile, or those of a station.
+fn take(label: &str, drafts: &mut Vec<Draft>) -> Result<()> {
+    match Configuration::load(label)? {
+        Configuration::Device(profile) => drafts.push(Draft {
+            name: profile.name.clone(),
+            label: label.to_owned(),
+            profile: *profile,
+            scene: None,
+            rig: None,
+            seed: None,
+        }),
+        Configuration::Station(station) => {
+            for device in &station.device {
+                let label = station.profile(device);
+                let mut profile = Profile::load(&label)?;
+                if let Some(dialect) = station.dialect(device) {
+                    profile.control.dialect = super::from_here(&dialect);
+                }
+                drafts.push(Draft {
+                    name: device.name.clone(),
+                    profile,
+                    label,
+                    scene: station.scene(),
+                    rig: device.rig(),
+                    seed: device.seed,
+                });
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Refuses options that do not go with so many devices.
+fn check(args: &Args, devices: usize) -> Result<()> {
+    let scenes = args.scene.len();
+    if devices > MAX_DEVICES {
+        let allowed = format!("up to {MAX_DEVICES} devices");
+        let found = format!("{devices} of them");
+        return Err(Error::input("--profile", found, allowed));
+    }
+    if scenes > 1 && scenes != devices {
+        return Err(Error::input(
+            "--scene",
+            format!("{scenes} of them for {devices} devices"),
+            "one for all, or one for each device",
+        ));
+    }
+    if let Some(port) = args.tcp.filter(|&port| port != 0 && devices > 1) {
+        return Err(Error::input(
+            format!("--tcp {port}"),
+            format!("one port for {devices} devices"),
+            "--tcp 0, a free port for each",
+        ));
+    }
+    super::video::check(args, devices)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::Parser;
+
+    #[derive(Parser)]
+    struct Line {
+        #[command(flatten)]
+        args: Args,
+    }
+
+    fn devices(line: &[&str]) -> Result<(Vec<Asked>, Vec<Chosen>)> {
+        let line = Line::parse_from([&["serve"], line].concat());
+        asked(&line.args)
+    }
+
+    #[test]
+    fn names_that_come_again_have_a_number() {
+        let profiles = ["pmp-bench", "webcam-grey", "pmp-bench", "pmp-bench"];
+        let line = profiles.map(|profile| ["--profile", profile]).concat();
+        let (devices, scenes) = devices(&line).unwrap();
+        let names: Vec<_> = devices.iter().map(|device| device.name.as_str()).collect();
+        let want = ["pmp-bench", "webcam-grey", "pmp-bench-2", "pmp-bench-3"];
+        assert_eq!(names, want);
+        assert!(devices.iter().all(|device| device.scene == 0));
+        assert_eq!((scenes.len(), scenes[0].0.as_str()), (1, SCENE));
+    }
+
+    #[test]
+    fn a_station_brings_its_devices_and_its_scene() {
+        let line = [
+            "--profile",
+            "two-pods",
+            "--profile",
+            "webcam-grey",
+            "--seed",
+            "10",
+        ];
+        let (found, scenes) = devices(&line).unwrap();
+        let names: Vec<_> = found.iter().map(|device| device.name.as_str()).collect();
+        assert_eq!(names, ["left", "right", "webcam-grey"]);
+        let seeds: Vec<_> = found.iter().map(|device| device.seed).collect();
+        assert_eq!(seeds, [11, 12, 12]);
+        assert!(found[0].rig.is_some() && found[2].rig.is_none());
+        assert_eq!((scenes.len(), scenes[0].0.as_str()), (1, "torso"));
+        let (found, scenes) = devices(&[&line[..], &["--scene", "plane"]].concat()).unwrap();
+        assert!(found.iter().all(|device| device.scene == 0) && scenes[0].0 == "plane");
+        // One each, and not shared.
+        let each = ["--scene", "plane"].repeat(3);
+        let (found, scenes) = devices(&[&line[..], &each].concat()).unwrap();
+        assert_eq!((found[2].scene, scenes.len()), (2, 3));
+        assert!(devices(&[&line[..], &each[2..]].concat()).is_err());
+    }
+}

@@ -1,0 +1,281 @@
+//! A station: several devices that look at one scene. What `phasma serve --profile` takes is a
+//! station's file where it lists `[[device]]`, and a device's profile otherwise.
+
+use super::check::{Check, name};
+use super::placing::{POSITION_MM, ROTATION_DEG};
+use super::{Profile, RigPlace, TomlSource, builtin, profile_names, scene_names};
+use crate::error::Result;
+use crate::protocol::dialect::Dialect;
+use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
+
+/// Most devices of a station, and of a server.
+pub const MAX_DEVICES: usize = 64;
+
+/// Several devices that look at one scene, as `phasma serve --profile` takes them:
+///
+/// ```toml
+/// name = "two-pods"
+/// description = "Two scanners that look at one torso"
+/// scene = "torso"                      # a built-in name, or a file relative to this one
+///
+/// [[device]]
+/// name = "left"                        # of its run directory
+/// profile = "webcam-grey"              # a built-in name, or a file relative to this one
+/// position_mm = [0.0, -500.0, 50.0]    # where its rig stands in the scene, in place of the
+/// rotation_deg = [-27.8, 0.0, 0.0]     # scene's [rig]
+/// seed = 1                             # of its noise
+/// dialect = "scpi"                     # of its control port, in place of the profile's
+/// ```
+///
+/// Devices of a station share scene and clock. The light of a projector is seen by the cameras of
+/// its own device only: devices that are to expose at a time are taken to tell their light apart.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Station {
+    /// Name by which it is chosen.
+    pub name: String,
+    /// One line for listings.
+    pub description: String,
+    /// What they look at: a built-in scene's name, or a file relative to this one.
+    #[serde(default)]
+    pub scene: Option<String>,
+    /// The devices.
+    pub device: Vec<StationDevice>,
+    /// Folder that files are relative to; the station file's own.
+    #[serde(skip)]
+    pub folder: PathBuf,
+}
+
+/// A device of a station.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct StationDevice {
+    /// Its name, which no other of the station has.
+    pub name: String,
+    /// Its profile: a built-in name, or a file relative to the station's.
+    pub profile: String,
+    /// Camera's pupil in the scene's frame in millimetres; as the scene says where this and the
+    /// rotation are absent.
+    #[serde(default)]
+    pub position_mm: Option<[f64; 3]>,
+    /// Rotation in degrees about the scene's fixed x, then y, then z axis.
+    #[serde(default)]
+    pub rotation_deg: Option<[f64; 3]>,
+    /// Dialect of its control port instead of the profile's: a built-in name, or a file relative to
+    /// the station's.
+    #[serde(default)]
+    pub dialect: Option<String>,
+    /// Seed of its noise, to which that of the command line is added; one that goes by its place in
+    /// the list when absent.
+    #[serde(default)]
+    pub seed: Option<u64>,
+}
+
+/// What a name or a file may stand for.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Configuration {
+    /// One device.
+    Device(Box<Profile>),
+    /// Several.
+    Station(Station),
+}
+
+impl Configuration {
+    /// Loads what is built in by its name, or else a file by its path.
+    ///
+    /// # Errors
+    /// A name that is neither, unreadable files, and all that [`Profile::parse`] and
+    /// [`Station::parse`] refuse.
+    pub fn load(name_or_path: &str) -> Result<Self> {
+        let (source, folder) = builtin::configuration_source(name_or_path)?;
+        Ok(if source.has("device") {
+            Self::Station(Station {
+                folder,
+                ..Station::from_source(&source)?
+            })
+        } else {
+            Self::Device(Box::new(Profile {
+                folder,
+                ..Profile::from_source(&source)?
+            }))
+        })
+    }
+}
+
+impl Station {
+    /// Reads and checks a station from text; `place` stands for the file in messages.
+    ///
+    /// # Errors
+    /// Syntax, unknown fields, wrong types and impossible values, each with its line.
+    pub fn parse(text: &str, place: &str) -> Result<Self> {
+        Self::from_source(&TomlSource::new(text, place))
+    }
+
+    fn from_source(source: &TomlSource) -> Result<Self> {
+        let station: Self = source.deserialize()?;
+        check(&station, &Check::new(source))?;
+        Ok(station)
+    }
+
+    /// The scene as [`Scene::load`](super::Scene::load) takes it.
+    pub fn scene(&self) -> Option<String> {
+        let scene = self.scene.as_deref()?;
+        let built_in = scene_names().any(|name| name == scene);
+        Some(self.resolve(scene, built_in))
+    }
+
+    /// A device's profile as [`Profile::load`] takes it.
+    pub fn profile(&self, device: &StationDevice) -> String {
+        let built_in = profile_names().any(|name| name == device.profile);
+        self.resolve(&device.profile, built_in)
+    }
+
+    /// A device's dialect, if it says so.
+    pub fn dialect(&self, device: &StationDevice) -> Option<String> {
+        let dialect = device.dialect.as_deref()?;
+        let built_in = Dialect::names().any(|name| name == dialect);
+        Some(self.resolve(dialect, built_in))
+    }
+
+    fn resolve(&self, name_or_path: &str, built_in: bool) -> String {
+        match built_in || Path::new(name_or_path).is_absolute() {
+            true => name_or_path.to_owned(),
+            false => self.folder.join(name_or_path).display().to_string(),
+        }
+    }
+}
+
+impl StationDevice {
+    /// Where its rig stands in the scene, if it says so.
+    pub fn rig(&self) -> Option<RigPlace> {
+        (self.position_mm.is_some() || self.rotation_deg.is_some()).then(|| RigPlace {
+            position_mm: self.position_mm.unwrap_or_default(),
+            rotation_deg: self.rotation_deg.unwrap_or_default(),
+        })
+    }
+}
+
+fn check(s: &Station, check: &Check<'_>) -> Result<()> {
+    name(&s.name, "name", check)?;
+    check.that(
+        (1..=MAX_DEVICES).contains(&s.device.len()),
+        "device",
+        format!("{} devices", s.device.len()),
+        format!("1 to {MAX_DEVICES} devices"),
+    )?;
+    for (i, device) in s.device.iter().enumerate() {
+        let field = |name: &str| format!("device[{i}].{name}");
+        name(&device.name, &field("name"), check)?;
+        // They are names of directories.
+        check.that(
+            !device.name.starts_with('.'),
+            &field("name"),
+            format!("{:?}", device.name),
+            "a name that does not begin with '.'",
+        )?;
+        let first = s.device.iter().position(|other| other.name == device.name);
+        check.that(
+            first == Some(i),
+            &field("name"),
+            format!("{:?} a second time", device.name),
+            "a name of its own",
+        )?;
+        let (position, rotation) = (device.position_mm, device.rotation_deg);
+        check.all_within(
+            &field("position_mm"),
+            &position.unwrap_or_default(),
+            POSITION_MM,
+        )?;
+        check.all_within(
+            &field("rotation_deg"),
+            &rotation.unwrap_or_default(),
+            ROTATION_DEG,
+        )?;
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::profile::{Scene, station_names};
+
+    const TEXT: &str = "name = \"s\"\ndescription = \"\"\nscene = \"mine.toml\"\n\
+        [[device]]\nname = \"a\"\nprofile = \"webcam-grey\"\nseed = 7\n\
+        [[device]]\nname = \"b\"\nprofile = \"pods/b.toml\"\nrotation_deg = [0.0, 9.0, 0.0]\n";
+
+    #[test]
+    fn built_in_ones_are_whole() {
+        for name in station_names() {
+            let Configuration::Station(station) = Configuration::load(name).unwrap() else {
+                panic!("{name} is a device");
+            };
+            assert_eq!(station.name, name);
+            Scene::load(&station.scene().unwrap()).unwrap();
+            for device in &station.device {
+                Profile::load(&station.profile(device)).unwrap();
+            }
+        }
+        for name in profile_names() {
+            let Configuration::Device(profile) = Configuration::load(name).unwrap() else {
+                panic!("{name} is a station");
+            };
+            assert_eq!(*profile, Profile::load(name).unwrap());
+        }
+        let unknown = Configuration::load("no-such").unwrap_err().to_string();
+        assert!(
+            unknown.contains("webcam-grey, two-pods or the path"),
+            "{unknown}"
+        );
+    }
+
+    #[test]
+    fn files_are_found_beside_it_and_rigs_stand_where_it_says() {
+        let mut station = Station::parse(TEXT, "test").unwrap();
+        station.folder = PathBuf::from("/desk");
+        assert_eq!(station.scene().as_deref(), Some("/desk/mine.toml"));
+        let [a, b] = &station.device[..] else {
+            panic!("two devices");
+        };
+        assert_eq!(station.profile(a), "webcam-grey");
+        assert_eq!(station.profile(b), "/desk/pods/b.toml");
+        assert_eq!((a.rig(), a.seed), (None, Some(7)));
+        assert_eq!(b.rig().unwrap().rotation_deg, [0.0, 9.0, 0.0]);
+    }
+
+    #[test]
+    fn impossible_stations_are_refused_with_line_and_range() {
+        for (from, to, needles) in [
+            (
+                "name = \"b\"",
+                "name = \"a\"",
+                ["test:9: device[1].name", "a second time"],
+            ),
+            (
+                "name = \"b\"",
+                "name = \"..\"",
+                ["device[1].name", "begin with '.'"],
+            ),
+            (
+                "name = \"b\"",
+                "name = \"b/c\"",
+                ["device[1].name", "letters"],
+            ),
+            ("9.0", "400.0", ["device[1].rotation_deg", "-360 to 360"]),
+            ("seed = 7", "speed = 7", ["test:7", "unknown field `speed`"]),
+            (
+                "profile = \"webcam-grey\"",
+                "",
+                ["test:4", "missing field `profile`"],
+            ),
+        ] {
+            let text = TEXT.replacen(from, to, 1);
+            let words = Station::parse(&text, "test").unwrap_err().to_string();
+            assert!(needles.iter().all(|n| words.contains(n)), "{words}");
+        }
+        let empty = "name = \"s\"\ndescription = \"\"\ndevice = []\n";
+        let words = Station::parse(empty, "test").unwrap_err().to_string();
+        assert!(words.contains("0 devices, allowed: 1 to 64") || words.contains("1 to 64"));
+    }
+}

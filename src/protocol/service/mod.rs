@@ -1,0 +1,23 @@
+#![doc = include_str!("requests.md")]
+
+mod about;
+mod maps;
+mod reply;
+mod request;
+
+pub use about::{
+    Clock, ClockPace, DeviceAbout, FaultsAbout, FrameAbout, Late, MAX_STRUCK, ObjectAbout, Objects,
+    PlaceAbout, Shown, StandingFault,
+};
+pub use maps::{Maps, ask, call};
+pub use reply::Reply;
+pub use request::{Action, Every, Item, Placement, Request, Step, Which};
+
+/// Longest request line in bytes.
+pub const MAX_LINE: usize = 4096;
+/// Longest reply line in bytes.
+pub const MAX_REPLY_LINE: usize = 4 << 20;
+/// Largest payload in bytes.
+pub const MAX_PAYLOAD: u64 = 2 << 30;
+/// Most maps in a reply.
+const MAX_MAPS: usize = 64;

@@ -1,0 +1,113 @@
+//! The line that answers a request.
+
+use super::about::{Clock, DeviceAbout, FaultsAbout, FrameAbout, Objects};
+use super::{MAX_MAPS, MAX_PAYLOAD};
+use crate::error::{Error, Result};
+use crate::pattern::manifest::MAX_SIDE_PX;
+use serde::{Deserialize, Serialize};
+
+/// The line that answers.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct Reply {
+    /// Why there is no answer.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub error: Option<String>,
+    /// Columns of each map.
+    #[serde(default)]
+    pub width: u32,
+    /// Rows of each map.
+    #[serde(default)]
+    pub height: u32,
+    /// The maps of f32 in order.
+    #[serde(default)]
+    pub maps: Vec<String>,
+    /// Whether a map of bytes follows them.
+    #[serde(default)]
+    pub flags: bool,
+    /// Microseconds that the device has spent on rendering frames since power-on.
+    #[serde(default)]
+    pub render_us: u64,
+    /// Bytes that follow the line.
+    #[serde(default)]
+    pub bytes: u64,
+    /// The clock, of requests about it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub clock: Option<Clock>,
+    /// The frame that was asked about.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub frame: Option<FrameAbout>,
+    /// The scene.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub scene: Option<Objects>,
+    /// The device.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub device: Option<DeviceAbout>,
+    /// The number of a fault that was added.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub fault: Option<u64>,
+    /// What goes wrong.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub faults: Option<FaultsAbout>,
+}
+
+impl Reply {
+    /// The answer that there is none.
+    pub fn refusal(why: impl std::fmt::Display) -> Self {
+        Self {
+            error: Some(why.to_string().chars().take(1000).collect()),
+            ..Self::default()
+        }
+    }
+
+    /// The line with its newline.
+    pub fn to_line(&self) -> String {
+        let mut line = serde_json::to_string(self).expect("numbers and strings");
+        line.push('\n');
+        line
+    }
+
+    /// Reads and checks a line.
+    ///
+    /// # Errors
+    /// What is not a reply, contradicts itself or is beyond any bound.
+    pub fn parse(line: &[u8]) -> Result<Self> {
+        let bad = |what: String| Error::device(format!("service reply: {what}"));
+        let reply: Self = serde_json::from_slice(line).map_err(|e| bad(e.to_string()))?;
+        if reply.width > MAX_SIDE_PX || reply.height > MAX_SIDE_PX || reply.maps.len() > MAX_MAPS {
+            return Err(bad(format!(
+                "{} maps of {} x {}, want up to {MAX_MAPS} of up to {MAX_SIDE_PX} each",
+                reply.maps.len(),
+                reply.width,
+                reply.height
+            )));
+        }
+        let want = u64::from(reply.width) * u64::from(reply.height) * reply.bytes_per_pixel();
+        if reply.bytes != want || want > MAX_PAYLOAD {
+            return Err(bad(format!(
+                "{} bytes, want {want} and at most {MAX_PAYLOAD}",
+                reply.bytes
+            )));
+        }
+        Ok(reply)
+    }
+
+    fn bytes_per_pixel(&self) -> u64 {
+        4 * self.maps.len() as u64 + u64::from(self.flags)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_reply_may_not_promise_the_moon() {
+        for bad in [
+            "{\"width\":99999999,\"height\":1,\"maps\":[\"a\"],\"bytes\":399999996}",
+            "{\"width\":2,\"height\":1,\"maps\":[\"a\"],\"bytes\":9}",
+            "{\"width\":32768,\"height\":32768,\"maps\":[\"a\",\"b\"],\"bytes\":8589934592}",
+        ] {
+            assert!(Reply::parse(bad.as_bytes()).is_err(), "{bad}");
+        }
+    }
+}

@@ -1,0 +1,129 @@
+//! Device time: stepped from outside, to the nanosecond, and on the wall's time with its lateness.
+
+use crate::served::{LONG, Served, serve};
+use phasma::host::{Capture, open_camera};
+use phasma::protocol::service::{Clock, ClockPace, DeviceAbout, Item, Reply, Request, Step, call};
+use rustix::process::Signal;
+use std::io::Read;
+use std::os::unix::net::UnixStream;
+use std::process::Stdio;
+use std::time::Duration;
+
+pub fn service(served: &Served) -> UnixStream {
+    let stream = UnixStream::connect(&served.at.service).unwrap();
+    stream.set_read_timeout(Some(4 * LONG)).unwrap();
+    stream
+}
+
+pub fn ask(stream: &mut UnixStream, request: Request) -> Reply {
+    call(stream, &request).unwrap().0
+}
+
+pub fn refused(stream: &mut UnixStream, request: Request) -> String {
+    call(stream, &request).unwrap_err().to_string()
+}
+
+fn clock(stream: &mut UnixStream, request: Request) -> Clock {
+    ask(stream, request).clock.unwrap()
+}
+
+pub fn device(stream: &mut UnixStream) -> DeviceAbout {
+    ask(stream, Request::Get(Item::Device)).device.unwrap()
+}
+
+#[test]
+fn a_step_exposes_what_falls_into_it() {
+    let served = Served::spawn_as_it_is(serve().args(["--clock", "stepped"]));
+    let mut stream = service(&served);
+    let mut instrument = served.instrument();
+    // Before somebody reads, as the camera would run free.
+    instrument.order("TRIG:SOUR BUS").unwrap();
+    let mut camera = open_camera(&served.at.camera, Capture::Auto, LONG).unwrap();
+    instrument.order("INIT;*TRG").unwrap();
+    let about = clock(&mut stream, Request::Get(Item::Clock));
+    assert_eq!((about.pace, about.now_ns), (ClockPace::Stepped, 0));
+    assert_eq!(device(&mut stream).state, "running");
+    // Exposures of 12 ms, one every 16 ms: nothing is complete a nanosecond before the first ends.
+    let to = |stream: &mut UnixStream, ns| {
+        let about = clock(stream, Request::Clock(Step::RunUntilNs(ns)));
+        assert_eq!(about.now_ns, ns);
+        device(stream).frames
+    };
+    assert_eq!(to(&mut stream, 11_999_999), 0);
+    assert_eq!(to(&mut stream, 12_000_000), 1);
+    assert_eq!(to(&mut stream, 27_999_999), 1);
+    let step = Request::Clock(Step::StepNs(1));
+    assert_eq!(clock(&mut stream, step).now_ns, 28_000_000);
+    assert_eq!(device(&mut stream).frames, 2);
+    assert_eq!(to(&mut stream, 1_000_000_000), 13);
+    // All of them have been rendered and handed on when the step is answered.
+    let idle = device(&mut stream);
+    assert_eq!((idle.in_flight, idle.backlog), (0, 0));
+    assert_eq!((idle.state.as_str(), idle.camera_clients), ("idle", 1));
+    for id in 0..13 {
+        let frame = camera.next_frame(LONG).unwrap().unwrap();
+        assert_eq!((frame.id, frame.pattern_index), (id, Some(id as u32)));
+        assert_eq!(frame.exposure_start_ns, id * 16_000_000);
+        assert_eq!(frame.exposure_end_ns, id * 16_000_000 + 12_000_000);
+    }
+    let words = refused(&mut stream, Request::Clock(Step::RunUntilNs(999_999_999)));
+    assert!(words.contains("1000000000 to"), "{words}");
+    served.stop(Signal::TERM);
+}
+
+#[test]
+fn only_a_stepped_clock_is_stepped() {
+    let served = Served::start(&[]);
+    let mut stream = service(&served);
+    let words = refused(&mut stream, Request::Clock(Step::StepNs(1)));
+    assert!(words.contains("--clock stepped"), "{words}");
+    let about = clock(&mut stream, Request::Get(Item::Clock));
+    assert_eq!((about.pace, about.late), (ClockPace::Fast, None));
+    served.stop(Signal::TERM);
+}
+
+#[test]
+fn on_the_wall_s_time_lateness_is_measured_and_told() {
+    let mut command = serve();
+    command.args(["--clock", "real", "--camera", "socket"]);
+    let base = tempfile::tempdir().unwrap();
+    let dir = base.path().join("run");
+    let mut child = command
+        .arg("--run-dir")
+        .arg(&dir)
+        .stdout(Stdio::piped())
+        .spawn()
+        .unwrap();
+    while !dir.join("device.json").exists() {
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    let at = phasma::protocol::Endpoints::read(&dir).unwrap();
+    let port = phasma::host::SerialPort::open(at.control.to_str().unwrap()).unwrap();
+    let mut instrument = phasma::host::Instrument::open(port, LONG).unwrap();
+    instrument.order("TRIG:SOUR BUS;:INIT;*TRG").unwrap();
+    assert_eq!(instrument.query("*OPC?").unwrap(), "1");
+    let mut stream = UnixStream::connect(&at.service).unwrap();
+    let about = clock(&mut stream, Request::Get(Item::Clock));
+    let late = about.late.unwrap();
+    assert!(late.events >= 13 && about.now_ns > 204_000_000, "{about:?}");
+    assert!(
+        late.mean_ns <= late.max_ns && late.percentile_99_ns <= late.max_ns,
+        "{late:?}"
+    );
+    assert!(late.max_ns > 0, "{late:?}");
+    let pid = rustix::process::Pid::from_child(&child);
+    rustix::process::kill_process(pid, Signal::TERM).unwrap();
+    assert_eq!(child.wait().unwrap().code(), Some(0));
+    let mut said = String::new();
+    child
+        .stdout
+        .take()
+        .unwrap()
+        .read_to_string(&mut said)
+        .unwrap();
+    let line = said.lines().last().unwrap();
+    assert!(
+        line.starts_with("device time: ") && line.contains("99 % of them"),
+        "{said}"
+    );
+}
