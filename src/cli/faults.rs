@@ -1,10 +1,11 @@
-//! `phasma faults`: the kinds of faults, and schedules of them.
+//! `phasma faults`: the kinds of faults, schedules of them, and what the host makes of each.
 
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::profile::faults::{Kind, Schedule, Side};
-use std::path::PathBuf;
+use crate::study::faults::{Table, markdown, tables};
+use std::path::{Path, PathBuf};
 
-/// List the faults that can be injected, and check schedules of them
+/// List the faults that can be injected, check schedules of them, and try each on the host
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
     #[command(subcommand)]
@@ -20,6 +21,16 @@ enum Action {
         /// A TOML file, as `phasma serve --faults` takes it.
         file: PathBuf,
     },
+    /// Try every fault on the host, in memory and in virtual time: does it recover, report, or go on
+    /// with a wrong cloud? Exit status 1 if it ever does the last.
+    Matrix {
+        /// Write the tables as Markdown.
+        #[arg(long, value_name = "FILE")]
+        out: Option<PathBuf>,
+        /// Print the tables as JSON.
+        #[arg(long)]
+        json: bool,
+    },
 }
 
 pub(super) fn run(args: &Args) -> Result<()> {
@@ -34,8 +45,32 @@ pub(super) fn run(args: &Args) -> Result<()> {
                 println!("  {number:<4}  {words}");
             }
         }
+        Action::Matrix { out, json } => return matrix(out.as_deref(), *json),
     }
     Ok(())
+}
+
+fn matrix(out: Option<&Path>, json: bool) -> Result<()> {
+    let tables = tables(&|what| super::step(what))?;
+    let text = markdown(&tables);
+    if let Some(path) = out {
+        std::fs::write(path, &text).map_err(|e| Error::io(path, e))?;
+    }
+    match json {
+        true => println!("{}", serde_json::json!({ "tables": tables })),
+        false => print!("{text}"),
+    }
+    let (scans, wrong) = tables.iter().fold((0, 0), |(scans, wrong), table| {
+        (scans + table.scans(), wrong + table.wrong())
+    });
+    if wrong == 0 {
+        return Ok(());
+    }
+    let first = tables.iter().flat_map(Table::wrongs).next();
+    Err(Error::device(format!(
+        "{wrong} of {scans} scans gave a wrong cloud and nobody said so; the first: {}",
+        first.unwrap_or_default()
+    )))
 }
 
 fn list() {

@@ -14,9 +14,11 @@
 //! - `shifts`: all frames of an axis are what the patterns have at one coordinate, offset and
 //!   scaled; the list with one frame lost, repeated or exchanged with its neighbour would leave
 //!   less than half, or explain as much with fewer jumps between neighbouring pixels. This ties
-//!   sets of three steps, references and Gray code together.
+//!   sets of three steps, references and Gray code together;
+//! - `each`: without a frame that was dark, lit too short, torn or of another pattern the others fit
+//!   far better, in some part of the image.
 //!
-//! The last three compare the order that was asked for with others on the same pixels, so what
+//! The last four compare the order that was asked for with others on the same pixels, so what
 //! disturbs a scene disturbs both sides. Pixels at the camera's full scale are left out, and frames
 //! in which hardly any others vary are called saturated.
 //!
@@ -31,6 +33,7 @@
 //! built-in profile's) exchanged steps of a set of three may pass, for the noise then leaves
 //! more than half of what the fault does.
 
+mod each;
 mod fringes;
 mod gray;
 mod grid;
@@ -80,7 +83,8 @@ pub fn check(manifest: &Manifest, frames: &[Frame]) -> Result<(), String> {
         let found = levels::check(&plan, axis, &grid)
             .and_then(|()| fringes::check(axis, &grid))
             .and_then(|()| gray::check(axis, &grid))
-            .and_then(|()| shifts::check(manifest, axis, &grid));
+            .and_then(|()| shifts::check(manifest, axis, &grid))
+            .and_then(|()| each::check(manifest, axis, &grid));
         found.map_err(|what| format!("the frames do not follow the sequence: {what}"))?;
     }
     Ok(())

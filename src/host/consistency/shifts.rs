@@ -45,8 +45,8 @@ struct List {
 }
 
 /// What a list explains: the mean misfit and the coordinate of each pixel.
-struct Fit {
-    misfit: f64,
+pub(super) struct Fit {
+    pub(super) misfit: f64,
     /// Whether the list is a shifted one. Exchanged bits are told by `gray`.
     shifted: bool,
     coordinates: Vec<f64>,
@@ -138,7 +138,7 @@ fn pairs(grid: &Grid) -> Vec<&[f32]> {
 }
 
 /// What each pattern has at each coordinate that is tried.
-struct Levels {
+pub(super) struct Levels {
     /// By pattern; `None` for pictures, patterns of the other axis and such as a camera may blur.
     rows: Vec<Option<Vec<f32>>>,
     step_px: f64,
@@ -147,7 +147,7 @@ struct Levels {
 }
 
 impl Levels {
-    fn new(manifest: &Manifest, axis: &AxisPlan) -> Self {
+    pub(super) fn new(manifest: &Manifest, axis: &AxisPlan) -> Self {
         let patterns = || manifest.frame.iter().map(|frame| &frame.pattern);
         let own = |pattern: &&Pattern| pattern.axis() == Some(axis.axis);
         let finest = patterns()
@@ -174,7 +174,7 @@ impl Levels {
     }
 
     /// `None` where a list leaves nothing to check.
-    fn fit(&self, shows: &[Option<usize>], pixels: &[&[f32]]) -> Option<Fit> {
+    pub(super) fn fit(&self, shows: &[Option<usize>], pixels: &[&[f32]]) -> Option<Fit> {
         let known: Vec<(usize, &[f32])> = shows
             .iter()
             .enumerate()

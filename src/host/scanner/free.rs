@@ -47,9 +47,7 @@ pub fn scan_free_running<C: Camera>(
             free: true,
         };
         let frames = collect(camera, &wanted, progress)?;
-        if !camera.identifies() {
-            consistency::check(manifest, &frames).map_err(Fault::Frames)?;
-        }
+        consistency::check(manifest, &frames).map_err(Fault::Frames)?;
         Ok(frames)
     })?;
     Ok(Captured {

@@ -85,8 +85,9 @@ impl<C: Camera, P: CommandPort> Scanner<C, P> {
                     frame.id
                 )));
             }
-            consistency::check(manifest, &frames).map_err(Fault::Frames)?;
         }
+        // Which frame it is does not tell whether it is a good one.
+        consistency::check(manifest, &frames).map_err(Fault::Frames)?;
         Ok(frames)
     }
 }

@@ -1,0 +1,79 @@
+//! Each frame against all the others, one part of the image at a time.
+//!
+//! As in `shifts`, all frames that vary along an axis are one offset and one contrast times what the
+//! patterns have at one coordinate. A frame that was dark, lit too short, of another pattern or torn
+//! leaves much unexplained that the others without it do not. Defocus, response curves and light
+//! from elsewhere leave something too, but no single frame's lack makes most of that go. A torn
+//! frame is wrong below its tear only, hence the parts. Which frame it is cannot always be told: of
+//! a Gray code, the lack of another bit may explain as much.
+
+use super::grid::{Grid, Line};
+use super::shifts::Levels;
+use crate::decode::AxisPlan;
+use crate::pattern::{Axis, Manifest};
+use rayon::prelude::*;
+
+/// Parts, from the top of the image to its bottom.
+const BANDS: usize = 6;
+/// Pixels that are looked at in each, at most,
+const PIXELS: usize = 64;
+/// and at least.
+const LEAST_PIXELS: usize = 12;
+/// Misfit below which nothing is doubted.
+const GOOD: f64 = 2e-3;
+/// Without one frame less than this part of the misfit has to be left.
+const DISTINCT: f64 = 0.4;
+
+/// Whether the frames without one of them fit distinctly better anywhere.
+pub(super) fn check(manifest: &Manifest, axis: &AxisPlan, grid: &Grid) -> Result<(), String> {
+    let levels = Levels::new(manifest, axis);
+    let n = manifest.frame.len();
+    let all: Vec<Option<usize>> = (0..n).map(Some).collect();
+    let bad = bands(grid, axis.axis).into_par_iter().filter_map(|pixels| {
+        let asked = levels.fit(&all, &pixels)?.misfit;
+        if asked <= GOOD {
+            return None;
+        }
+        let without = |lacking: usize| {
+            let mut shows = all.clone();
+            shows[lacking] = None;
+            Some((lacking, levels.fit(&shows, &pixels)?.misfit))
+        };
+        let (frame, left) = (0..n)
+            .filter_map(without)
+            .min_by(|a, b| a.1.total_cmp(&b.1))?;
+        (left < DISTINCT * asked).then_some(frame)
+    });
+    match bad.min() {
+        Some(frame) => Err(format!(
+            "one of them does not show its pattern; without frame {frame} they fit best"
+        )),
+        None => Ok(()),
+    }
+}
+
+/// Pixels that vary, by the part of the image that they lie in.
+fn bands(grid: &Grid, axis: Axis) -> Vec<Vec<&[f32]>> {
+    let mut bands: Vec<Vec<&[f32]>> = vec![Vec::new(); BANDS];
+    let count = grid.lines.len();
+    for (n, line) in grid.lines.iter().enumerate() {
+        for (i, pixel) in varying(line) {
+            let band = match axis {
+                Axis::X => n * BANDS / count,
+                Axis::Y => i * BANDS / line.len(),
+            };
+            bands[band].push(pixel);
+        }
+    }
+    for band in &mut bands {
+        let stride = band.len().div_ceil(PIXELS).max(1);
+        *band = band.iter().copied().step_by(stride).collect();
+    }
+    bands.retain(|band| band.len() >= LEAST_PIXELS);
+    bands
+}
+
+fn varying(line: &Line) -> impl Iterator<Item = (usize, &[f32])> {
+    let indices = (0..line.len()).filter(|i| line.varies[*i]);
+    indices.map(|i| (i, line.pixel(i)))
+}

@@ -1,0 +1,156 @@
+//! The bad days that a host is tried on: every kind of fault, at every place of a scan.
+
+use crate::profile::faults::{Direction, Fault, Schedule, Side, What, When};
+
+/// A kind of fault with its parameters.
+#[derive(Debug, Clone)]
+pub struct BadDay {
+    /// How it is called in a table.
+    pub name: String,
+    /// What goes wrong, without its when.
+    pub fault: Fault,
+}
+
+/// When it goes wrong.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Place {
+    /// Once, at each frame or message in turn.
+    Each,
+    /// At the same frame or message of every attempt.
+    Always,
+    /// Here and there, to one in twenty.
+    Chance,
+}
+
+impl Place {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::Each, Self::Always, Self::Chance];
+
+    /// How it is called in a table.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Each => "once, at each in turn",
+            Self::Always => "again in every run",
+            Self::Chance => "one in twenty",
+        }
+    }
+}
+
+impl BadDay {
+    fn new(name: &str, what: What, with: impl FnOnce(&mut Fault)) -> Self {
+        let mut fault = Fault::new(what);
+        with(&mut fault);
+        Self {
+            name: name.to_owned(),
+            fault,
+        }
+    }
+
+    /// What may happen to frames.
+    pub fn of_frames() -> Vec<Self> {
+        vec![
+            Self::new("dropped", What::Dropped, |_| {}),
+            Self::new("repeated", What::Repeated, |_| {}),
+            Self::new("late, 100 ms", What::Late, |f| f.by_ms = Some(100.0)),
+            Self::new("late, 1000 ms", What::Late, |f| f.by_ms = Some(1000.0)),
+            Self::new("swapped", What::Swapped, |_| {}),
+            Self::new("torn in the middle", What::Torn, |_| {}),
+            Self::new("torn after the first row", What::Torn, |f| f.row = Some(1)),
+            Self::new("rows missing, 1", What::RowsMissing, |f| f.rows = Some(1)),
+            Self::new("rows missing, 8", What::RowsMissing, |f| f.rows = Some(8)),
+            Self::new("bits flipped, 1", What::BitsFlipped, |f| f.count = Some(1)),
+            Self::new("bits flipped, 64", What::BitsFlipped, |f| {
+                f.count = Some(64);
+            }),
+            Self::new("bits flipped, 4096", What::BitsFlipped, |f| {
+                f.count = Some(4096);
+            }),
+            Self::new("dark", What::Dark, |_| {}),
+            Self::new("wrong pattern, the next", What::WrongPattern, |f| {
+                f.offset = Some(1);
+            }),
+            Self::new("wrong pattern, the one before", What::WrongPattern, |f| {
+                f.offset = Some(-1);
+            }),
+            Self::new("partial exposure, 0.5", What::PartialExposure, |f| {
+                f.fraction = Some(0.5);
+            }),
+            Self::new("partial exposure, 0.9", What::PartialExposure, |f| {
+                f.fraction = Some(0.9);
+            }),
+            Self::new("reset", What::Reset, |_| {}),
+            Self::new("disconnect, 200 ms", What::Disconnect, |f| {
+                f.on = Some(Side::Camera);
+                f.for_ms = Some(200.0);
+            }),
+        ]
+    }
+
+    /// What may happen to messages.
+    pub fn of_messages() -> Vec<Self> {
+        vec![
+            Self::new("no reply", What::NoReply, |_| {}),
+            Self::new("late reply, 100 ms", What::LateReply, |f| {
+                f.by_ms = Some(100.0);
+            }),
+            Self::new("late reply, 3000 ms", What::LateReply, |f| {
+                f.by_ms = Some(3000.0);
+            }),
+            Self::new("reply twice", What::ReplyTwice, |_| {}),
+            Self::new("garbage before", What::GarbageBefore, |_| {}),
+            Self::new("garbage inside", What::GarbageInside, |_| {}),
+            Self::new("bit error to the host", What::BitErrors, |_| {}),
+            Self::new("bit error to the device", What::BitErrors, |f| {
+                f.direction = Some(Direction::ToDevice);
+            }),
+            Self::new("NAK or busy", What::Nak, |_| {}),
+            Self::new("disconnect, 200 ms", What::Disconnect, |f| {
+                f.for_ms = Some(200.0);
+            }),
+            Self::new("disconnect, 10 s", What::Disconnect, |f| {
+                f.for_ms = Some(10_000.0);
+            }),
+            Self::new("reset", What::Reset, |f| f.on = Some(Side::Port)),
+        ]
+    }
+
+    /// The schedules of a place, where a sound scan has so many frames, or messages of the kind.
+    pub fn schedules(&self, place: Place, count: u64) -> Vec<Schedule> {
+        let at = |nth: u64, when: When| {
+            let fault = Fault {
+                when,
+                ..self.fault.clone()
+            };
+            Schedule {
+                seed: nth,
+                fault: vec![fault],
+            }
+        };
+        match place {
+            Place::Each => (1..=count)
+                .map(|nth| {
+                    let when = When {
+                        nth: Some(nth),
+                        ..When::default()
+                    };
+                    at(nth, when)
+                })
+                .collect(),
+            Place::Always => {
+                let when = When {
+                    nth: Some(count / 2),
+                    every: Some(count),
+                    ..When::default()
+                };
+                vec![at(1, when)]
+            }
+            Place::Chance => {
+                let when = || When {
+                    probability: Some(0.05),
+                    ..When::default()
+                };
+                (1..=3).map(|seed| at(seed, when())).collect()
+            }
+        }
+    }
+}

@@ -1,0 +1,181 @@
+//! The matrix: every bad day in every setting, each cell a count of outcomes.
+
+use super::{BadDay, Outcome, Place, Setting, Trial};
+use crate::error::Result;
+use rayon::prelude::*;
+use serde::Serialize;
+use std::fmt::Write;
+
+/// What a host made of one bad day at one kind of place.
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+pub struct Cell {
+    /// Scans that gave the right cloud.
+    pub recovered: u32,
+    /// Scans that ended with an error that says what is wrong.
+    pub reported: u32,
+    /// Scans that gave a wrong cloud and said nothing: none may be.
+    pub wrong: u32,
+    /// Scans in which nothing struck.
+    pub missed: u32,
+    /// What an error said.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub said: Option<String>,
+    /// Which scans were wrong, and how.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub wrongs: Vec<String>,
+}
+
+/// A line of the table.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Row {
+    /// The bad day.
+    pub fault: String,
+    /// When it went wrong.
+    pub place: &'static str,
+    /// By the settings.
+    pub cells: Vec<Cell>,
+}
+
+/// A table: faults by settings.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Table {
+    /// What it is about.
+    pub title: String,
+    /// Names of the settings.
+    pub settings: Vec<String>,
+    /// Its lines.
+    pub rows: Vec<Row>,
+}
+
+impl Table {
+    /// Tries every bad day in every setting.
+    ///
+    /// # Errors
+    /// Settings in which nothing can be scanned even when all is well.
+    pub fn fill(
+        title: &str,
+        settings: &[Setting],
+        days: &[BadDay],
+        step: &(dyn Fn(&str) + Sync),
+    ) -> Result<Self> {
+        let columns: Vec<Vec<Cell>> = settings
+            .par_iter()
+            .map(|setting| column(setting, days, step))
+            .collect::<Result<_>>()?;
+        let keys = days
+            .iter()
+            .flat_map(|day| Place::ALL.map(|place| (day.name.clone(), place.name())));
+        let rows = keys.enumerate().map(|(i, (fault, place))| Row {
+            fault,
+            place,
+            cells: columns.iter().map(|column| column[i].clone()).collect(),
+        });
+        Ok(Self {
+            title: title.to_owned(),
+            settings: settings.iter().map(|s| s.name.clone()).collect(),
+            rows: rows.collect(),
+        })
+    }
+
+    /// Scans with a wrong cloud that nobody complained of.
+    pub fn wrong(&self) -> u32 {
+        let cells = self.rows.iter().flat_map(|row| &row.cells);
+        cells.map(|cell| cell.wrong).sum()
+    }
+
+    /// Scans in all.
+    pub fn scans(&self) -> u32 {
+        let cells = self.rows.iter().flat_map(|row| &row.cells);
+        cells
+            .map(|cell| cell.recovered + cell.reported + cell.wrong + cell.missed)
+            .sum()
+    }
+
+    /// Those scans in words.
+    pub fn wrongs(&self) -> impl Iterator<Item = String> {
+        self.rows.iter().flat_map(|row| {
+            let cells = row.cells.iter().zip(&self.settings);
+            cells.flat_map(move |(cell, setting)| {
+                let words = move |how| format!("{setting}, {}, {}: {how}", row.fault, row.place);
+                cell.wrongs.iter().map(words)
+            })
+        })
+    }
+
+    /// As Markdown.
+    pub fn to_markdown(&self) -> String {
+        let mut text = format!("## {}\n\n| fault | when |", self.title);
+        for setting in &self.settings {
+            let _ = write!(text, " {setting} |");
+        }
+        text.push_str("\n| --- | --- |");
+        text.push_str(&" --- |".repeat(self.settings.len()));
+        text.push('\n');
+        for row in &self.rows {
+            let _ = write!(text, "| {} | {} |", row.fault, row.place);
+            for cell in &row.cells {
+                let _ = write!(text, " {} |", cell.words());
+            }
+            text.push('\n');
+        }
+        text
+    }
+}
+
+/// One setting down all bad days.
+fn column(setting: &Setting, days: &[BadDay], step: &(dyn Fn(&str) + Sync)) -> Result<Vec<Cell>> {
+    let mut trial = Trial::new(setting)?;
+    let mut cells = Vec::new();
+    for day in days {
+        step(&format!("{}: {}", setting.name, day.name));
+        for place in Place::ALL {
+            let count = trial.events(&day.fault);
+            let mut cell = Cell::default();
+            for schedule in day.schedules(place, count) {
+                let tried = trial.scan(&schedule)?;
+                let outcome = trial.judge(&tried);
+                if tried.struck.is_empty() {
+                    cell.missed += 1;
+                    continue;
+                }
+                match outcome {
+                    Outcome::Recovered => cell.recovered += 1,
+                    Outcome::Reported(said) => {
+                        cell.reported += 1;
+                        cell.said.get_or_insert(said);
+                    }
+                    Outcome::Wrong { points, gross } => {
+                        cell.wrong += 1;
+                        let first = &tried.struck[0];
+                        cell.wrongs.push(format!(
+                            "seed {}: {points} points, {gross} gross; struck frame {:?}, command {:?}",
+                            schedule.seed, first.frame, first.command
+                        ));
+                    }
+                }
+            }
+            cells.push(cell);
+        }
+    }
+    Ok(cells)
+}
+
+impl Cell {
+    /// Counts in words; what there is none of is left out.
+    fn words(&self) -> String {
+        let counts = [
+            ("recovered", self.recovered),
+            ("reported", self.reported),
+            ("WRONG", self.wrong),
+        ];
+        let said: Vec<_> = counts
+            .into_iter()
+            .filter(|(_, count)| *count > 0)
+            .map(|(name, count)| format!("{name} {count}"))
+            .collect();
+        match said.is_empty() {
+            true => "did not strike".to_owned(),
+            false => said.join(", "),
+        }
+    }
+}

@@ -1,0 +1,269 @@
+//! One scan of a device that has a bad day, and what came of it.
+
+use super::{Desk, DeskCamera, DeskPort, Link};
+use crate::decode::Options;
+use crate::emulator::port::Port;
+use crate::emulator::{Firmware, Renderer, Truth};
+use crate::error::{Error, Result};
+use crate::host::{Camera, Captured, CommandPort, Intake, Progress, ScanOptions, Scanner};
+use crate::measure::GROSS_MM;
+use crate::profile::faults::{Direction, Fault, Schedule, Side, Struck, What};
+use crate::profile::{Profile, Scene};
+use crate::protocol::dialect::Dialect;
+use std::cell::RefCell;
+use std::rc::Rc;
+use std::sync::Arc;
+use std::time::Duration;
+
+/// How long the host waits for a reply, in virtual time.
+const REPLY_TIMEOUT: Duration = Duration::from_secs(2);
+/// How long it waits for a frame.
+const FRAME_TIMEOUT: Duration = Duration::from_millis(400);
+/// Scans without faults that say what a sound one is like.
+const SOUND: usize = 8;
+/// Part of a sound scan's points that another has at least.
+const LEAST_POINTS: f64 = 0.98;
+
+/// What came of a scan.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Outcome {
+    /// The right cloud: as few gross errors as without faults, and as many points.
+    Recovered,
+    /// An error that says what is wrong.
+    Reported(String),
+    /// A cloud, and nobody says that it is none of the scene.
+    Wrong {
+        /// Points.
+        points: usize,
+        /// Those that are more than 1 mm off, or where there is nothing.
+        gross: usize,
+    },
+}
+
+/// A cloud in two figures.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Cloud {
+    /// Points.
+    pub points: usize,
+    /// Those that are more than 1 mm off, or where there is nothing.
+    pub gross: usize,
+}
+
+/// A device and how the host reaches it.
+#[derive(Debug, Clone)]
+pub struct Setting {
+    /// How it is called in a table.
+    pub name: String,
+    /// The device.
+    pub profile: Profile,
+    /// What stands before it.
+    pub scene: Scene,
+    /// How frames reach the host.
+    pub link: Link,
+    /// What is spoken on the control port: a shipped dialect; SCPI when absent.
+    pub dialect: Option<&'static str>,
+}
+
+/// Where scans are tried: a device before a scene, and how sound scans of it look.
+pub struct Trial {
+    setting: Setting,
+    /// Frames, messages to the device and messages back of a sound scan.
+    counts: [u64; 3],
+    renderer: Option<Renderer>,
+    truth: Truth,
+    /// Fewest points and most gross errors of sound scans.
+    pub sound: Cloud,
+}
+
+/// What a scan gave.
+pub struct Tried {
+    /// The cloud, or what the host says.
+    pub cloud: Result<Cloud>,
+    /// Why a run was thrown away.
+    pub retries: Vec<String>,
+    /// What struck.
+    pub struck: Vec<Struck>,
+}
+
+impl Trial {
+    /// A place with a device of a profile before a scene.
+    ///
+    /// # Errors
+    /// Profiles and scenes that cannot be rendered, and a device that cannot even be scanned when all
+    /// is well.
+    pub fn new(setting: &Setting) -> Result<Self> {
+        let profile = &setting.profile;
+        let mut renderer = Renderer::new(profile, &setting.scene, 1)?;
+        let truth = renderer.truth(&Firmware::new(profile, &[])?.selected_sequence());
+        let mut trial = Self {
+            setting: setting.clone(),
+            counts: [0; 3],
+            renderer: Some(renderer),
+            truth,
+            sound: Cloud {
+                points: usize::MAX,
+                gross: 0,
+            },
+        };
+        let mut clouds = Vec::new();
+        trial
+            .with_desk(&Schedule::default(), |trial, desk| {
+                let mut scanner = trial.scanner(desk)?;
+                for _ in 0..SOUND {
+                    let captured = scanner.scan(&trial.options(), &mut |_| {})?;
+                    clouds.push(trial.cloud(&captured)?);
+                }
+                scanner.finish()
+            })?
+            .0?;
+        for cloud in clouds {
+            trial.sound.points = trial.sound.points.min(cloud.points);
+            trial.sound.gross = trial.sound.gross.max(cloud.gross);
+        }
+        trial.count()?;
+        Ok(trial)
+    }
+
+    /// Counts what a sound scan consists of, by faults that strike everything and change nothing.
+    fn count(&mut self) -> Result<()> {
+        let harmless = [
+            Fault {
+                by_ms: Some(0.0),
+                ..Fault::new(What::Late)
+            },
+            Fault {
+                direction: Some(Direction::ToDevice),
+                rate: Some(0.0),
+                ..Fault::new(What::BitErrors)
+            },
+            Fault {
+                by_ms: Some(0.0),
+                ..Fault::new(What::LateReply)
+            },
+        ];
+        let struck = self.scan(&Schedule {
+            seed: 0,
+            fault: harmless.to_vec(),
+        })?;
+        struck.cloud?;
+        self.counts = [What::Late, What::BitErrors, What::LateReply]
+            .map(|what| struck.struck.iter().filter(|s| s.what == what).count() as u64);
+        Ok(())
+    }
+
+    /// Frames, messages to the device and messages back of a sound scan.
+    pub fn counts(&self) -> [u64; 3] {
+        self.counts
+    }
+
+    /// How many frames or messages of a sound scan a fault could strike.
+    pub fn events(&self, fault: &Fault) -> u64 {
+        let [frames, asked, answered] = self.counts;
+        match (fault.side(), fault.what) {
+            (Side::Camera, _) => frames,
+            (_, What::Nak | What::Disconnect | What::Reset) => asked,
+            (_, What::BitErrors) if fault.direction == Some(Direction::ToDevice) => asked,
+            _ => answered,
+        }
+    }
+
+    /// Does something with a device, and gives what came of it and what struck.
+    fn with_desk<T>(
+        &mut self,
+        schedule: &Schedule,
+        then: impl FnOnce(&Self, &Rc<RefCell<Desk>>) -> T,
+    ) -> Result<(T, Vec<Struck>)> {
+        let Some(renderer) = self.renderer.take() else {
+            return Err(Error::device("the last device was not given back"));
+        };
+        let setting = &self.setting;
+        let port = match setting.dialect {
+            Some(name) => Port::new(Arc::new(Dialect::load(name)?))?,
+            None => Port::default(),
+        };
+        let desk = Desk::new(&setting.profile, renderer, port, setting.link, schedule)?;
+        let desk = Rc::new(RefCell::new(desk));
+        let done = then(self, &desk);
+        let Some(desk) = Rc::into_inner(desk) else {
+            return Err(Error::device("the host has not let go of the device"));
+        };
+        let (struck, renderer) = desk.into_inner().into_parts();
+        self.renderer = Some(renderer);
+        Ok((done, struck))
+    }
+
+    /// Scans while a schedule is in force.
+    ///
+    /// # Errors
+    /// A device that cannot be made. What the host says is in the result.
+    pub fn scan(&mut self, schedule: &Schedule) -> Result<Tried> {
+        let mut retries = Vec::new();
+        let (cloud, struck) = self.with_desk(schedule, |trial, desk| {
+            let mut scanner = trial.scanner(desk)?;
+            let captured = scanner.scan(&trial.options(), &mut |progress| {
+                if let Progress::Retry(why) = progress {
+                    retries.push(why.to_owned());
+                }
+            });
+            let finished = scanner.finish();
+            let captured = captured?;
+            finished?;
+            trial.cloud(&captured)
+        })?;
+        Ok(Tried {
+            cloud,
+            retries,
+            struck,
+        })
+    }
+
+    /// What a scan came to.
+    pub fn judge(&self, tried: &Tried) -> Outcome {
+        match &tried.cloud {
+            Err(error) => Outcome::Reported(error.to_string()),
+            Ok(cloud) if self.is_sound(*cloud) => Outcome::Recovered,
+            Ok(cloud) => Outcome::Wrong {
+                points: cloud.points,
+                gross: cloud.gross,
+            },
+        }
+    }
+
+    fn is_sound(&self, cloud: Cloud) -> bool {
+        cloud.gross <= self.sound.gross
+            && cloud.points as f64 >= LEAST_POINTS * self.sound.points as f64
+    }
+
+    fn options(&self) -> ScanOptions {
+        ScanOptions {
+            sequence: Some(self.setting.profile.sequence[0].name.clone()),
+            manifest: None,
+            frame_timeout: FRAME_TIMEOUT,
+        }
+    }
+
+    fn scanner(&self, desk: &Rc<RefCell<Desk>>) -> Result<Scanner<impl Camera, impl CommandPort>> {
+        let open = || Ok(Intake::new(DeskCamera::open(desk)));
+        let dialect = self.setting.dialect.map(Dialect::load).transpose()?;
+        Scanner::with_dialect(DeskPort::open(desk), dialect, REPLY_TIMEOUT, open)
+    }
+
+    /// Decodes a capture, as any application does, and holds its points against the truth.
+    fn cloud(&self, captured: &Captured) -> Result<Cloud> {
+        captured.check_modulation()?;
+        let (_, decoded) = captured.decode(Options::default())?;
+        let mut cloud = Cloud {
+            points: 0,
+            gross: 0,
+        };
+        for (measured, exact) in decoded.depth.iter().zip(&self.truth.depth_mm) {
+            if measured.is_finite() {
+                cloud.points += 1;
+                // NaN, where there is nothing, is no small error.
+                let small = f64::from(measured - exact).abs() <= GROSS_MM;
+                cloud.gross += usize::from(!small);
+            }
+        }
+        Ok(cloud)
+    }
+}

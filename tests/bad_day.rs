@@ -1,0 +1,19 @@
+//! The schedule that is shipped as an example.
+
+use phasma::profile::faults::{Schedule, What};
+use std::path::Path;
+
+#[test]
+fn the_example_is_a_schedule() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let schedule = Schedule::read(&root.join("device-profiles/faults/bad-day.toml")).unwrap();
+    let what: Vec<_> = schedule.fault.iter().map(|fault| fault.what).collect();
+    let wanted = [
+        What::Torn,
+        What::Dropped,
+        What::LateReply,
+        What::Disconnect,
+        What::Reset,
+    ];
+    assert_eq!((schedule.seed, &what[..]), (7, &wanted[..]));
+}
