@@ -66,7 +66,8 @@ pub struct StationDevice {
     /// the station's.
     #[serde(default)]
     pub dialect: Option<String>,
-    /// Seed of its noise; one that goes by its place in the list when absent.
+    /// Seed of its noise, to which that of the command line is added; one that goes by its place in
+    /// the list when absent.
     #[serde(default)]
     pub seed: Option<u64>,
 }

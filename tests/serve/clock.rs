@@ -35,9 +35,11 @@ pub fn device(stream: &mut UnixStream) -> DeviceAbout {
 fn a_step_exposes_what_falls_into_it() {
     let served = Served::spawn_as_it_is(serve().args(["--clock", "stepped"]));
     let mut stream = service(&served);
-    let mut camera = open_camera(&served.at.camera, Capture::Auto, LONG).unwrap();
     let mut instrument = served.instrument();
-    instrument.order("TRIG:SOUR BUS;:INIT;*TRG").unwrap();
+    // Before somebody reads, as the camera would run free.
+    instrument.order("TRIG:SOUR BUS").unwrap();
+    let mut camera = open_camera(&served.at.camera, Capture::Auto, LONG).unwrap();
+    instrument.order("INIT;*TRG").unwrap();
     let about = clock(&mut stream, Request::Get(Item::Clock));
     assert_eq!((about.pace, about.now_ns), (ClockPace::Stepped, 0));
     assert_eq!(device(&mut stream).state, "running");

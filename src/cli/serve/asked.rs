@@ -25,6 +25,9 @@ pub(super) struct Asked {
     pub(super) seed: u64,
 }
 
+/// A scene with its name as it was chosen.
+pub(super) type Chosen = (String, Scene);
+
 /// A device before its number is known.
 struct Draft {
     name: String,
@@ -39,7 +42,7 @@ struct Draft {
 ///
 /// # Errors
 /// Profiles, stations and scenes that cannot be read, and options that do not go together.
-pub(super) fn asked(args: &Args) -> Result<(Vec<Asked>, Vec<(String, Scene)>)> {
+pub(super) fn asked(args: &Args) -> Result<(Vec<Asked>, Vec<Chosen>)> {
     let mut drafts = Vec::new();
     for label in &args.profile {
         take(label, &mut drafts)?;
@@ -148,7 +151,7 @@ mod tests {
         args: Args,
     }
 
-    fn devices(line: &[&str]) -> Result<(Vec<Asked>, Vec<(String, Scene)>)> {
+    fn devices(line: &[&str]) -> Result<(Vec<Asked>, Vec<Chosen>)> {
         let line = Line::parse_from([&["serve"], line].concat());
         asked(&line.args)
     }

@@ -29,6 +29,15 @@ impl FromStr for Choice {
     }
 }
 
+/// The option that asks for a pace.
+fn option(pace: Pace) -> &'static str {
+    match pace {
+        Pace::Real => "--clock real",
+        Pace::Fast => "--clock fast",
+        Pace::Stepped => "--clock stepped",
+    }
+}
+
 /// Refuses what cannot be before anything is made.
 pub(super) fn check(args: &Args, devices: usize) -> Result<()> {
     let Choice::Node(path) = &args.camera else {
@@ -36,10 +45,7 @@ pub(super) fn check(args: &Args, devices: usize) -> Result<()> {
     };
     if args.clock != Pace::Real {
         return Err(Error::input(
-            match args.clock {
-                Pace::Fast => "--clock fast",
-                _ => "--clock stepped",
-            },
+            option(args.clock),
             format!("with --camera {}", path.display()),
             "--clock real: a V4L2 reader cannot hold the device up, so frames would be lost; or \
              --camera socket",
@@ -68,9 +74,10 @@ pub(super) fn open_video(
         // The camera is the USB device's.
         Choice::Auto if args.usb.is_some() => return Ok((None, String::new())),
         Choice::Node(path) => Ok(VideoOutput::open(path, &stream, bits, power_on)?),
-        Choice::Auto if args.clock != Pace::Real => Err("--clock: a V4L2 reader cannot hold the \
-             device up, so frames would be lost"
-            .to_owned()),
+        Choice::Auto if args.clock != Pace::Real => Err(format!(
+            "{}: a V4L2 reader cannot hold the device up, so frames would be lost",
+            option(args.clock)
+        )),
         Choice::Auto => VideoOutput::open_any(&stream, bits, power_on)
             .map_err(|why| format!("{why}; run phasma doctor")),
     };
