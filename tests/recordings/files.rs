@@ -70,7 +70,8 @@ fn others_can_read_a_recording_and_so_can_people() {
     assert!(export.status.success(), "{}", text(&export));
     let lines = fs::read_to_string(at("exported").join("conversation.txt")).unwrap();
     for needle in [
-        "port < \"*IDN?\\n\"",
+        "port < \"",
+        "*IDN?",
         "pattern 12",
         "frame_000012.png",
         "ended in order",

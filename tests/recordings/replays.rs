@@ -151,17 +151,23 @@ fn who_leaves_the_path_is_told_where_and_a_killed_recorder_has_written_all() {
     }
 
     let mut command = replay(&file, &["--clock", "fast", "--tcp"]);
-    let replayed = Served::spawn_as_it_is(command.stderr(Stdio::piped()));
+    let mut replayed = Served::spawn_as_it_is(command.stderr(Stdio::piped()));
     assert!(replayed.at.camera_tcp.is_some());
     let mut port = open(&replayed);
     assert_eq!(ask(&mut port, "*IDN?\n"), name);
     port.get_mut().write_all(b"CAM:EXP?\n").unwrap();
+    // It leaves after it has been heard: what nobody has read yet goes with whoever wrote it.
+    let mut stderr = BufReader::new(replayed.child.stderr.take().unwrap());
+    let mut told = String::new();
+    stderr.read_line(&mut told).unwrap();
     drop(port);
     // The next one is the next one's, and the port has forgotten what the last one asked.
     let mut port = open(&replayed);
     assert_eq!(ask(&mut port, "*TST?\n"), "0\n");
     drop(port);
-    let (status, words) = stop(replayed);
+    let (status, _) = stop(replayed);
+    let mut words = told;
+    stderr.read_to_string(&mut words).unwrap();
     assert_eq!(status, Some(1), "{words}");
     let expected = "expected \"CAM:GAIN?\\n\", but \"CAM:EXP?\\n\", different from byte 4 on";
     assert_eq!(words.matches(expected).count(), 1, "{words}");
