@@ -8,7 +8,7 @@ use crate::error::Result;
 use crate::host::CommandPort;
 use crate::host::patience::Patience;
 use crate::protocol::scpi::{self, BlockPrefix, MAX_BLOCK_BYTES, MAX_LINE_BYTES};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// How often a question is asked while nothing comes; they share the timeout.
 pub(super) const ATTEMPTS: u32 = 3;
@@ -55,6 +55,7 @@ impl<P: CommandPort> Instrument<P> {
         self.junk.clear();
         let mut asked = Vec::new();
         let mut buffer = [0; 16 << 10];
+        let begin = Instant::now();
         for attempt in 0..ATTEMPTS {
             self.tag = self.tag.checked_add(1).unwrap_or(1);
             asked.push(self.tag);
@@ -64,7 +65,8 @@ impl<P: CommandPort> Instrument<P> {
             let mut line = format!("{end}*ESE {tag};*ESE?;", tag = self.tag).into_bytes();
             line.extend_from_slice(body);
             self.send(&line)?;
-            let mut patience = Patience::new(self.timeout / ATTEMPTS);
+            let part = self.timeout / ATTEMPTS;
+            let mut patience = Patience::new(part);
             let mut bytes = 0;
             loop {
                 match self.look(&asked)? {
@@ -81,6 +83,13 @@ impl<P: CommandPort> Instrument<P> {
                     break;
                 }
                 self.received.extend_from_slice(&buffer[..len]);
+                // A long answer on a slow line is no silence, until it has taken too long.
+                if begin.elapsed() > 2 * self.timeout {
+                    break;
+                }
+                if matches!(head(&self.received), Head::Tag(tag, _) if asked.contains(&tag)) {
+                    patience = Patience::new(part);
+                }
             }
         }
         self.received.clear();
