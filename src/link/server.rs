@@ -185,12 +185,13 @@ impl Server {
     pub(super) fn follow(&mut self) -> Option<oneshot::Receiver<Result<()>>> {
         let (placements, version) = self.stage.since(self.version);
         self.version = version;
-        let place = |placement| {
+        let mut last = None;
+        for placement in placements {
             let (sender, placed) = oneshot::channel();
             self.optics.place(placement, sender);
-            placed
-        };
-        placements.into_iter().map(place).last()
+            last = Some(placed);
+        }
+        last
     }
 
     /// Takes the port away, or puts it back, as the device's faults have it: a client sees that the
