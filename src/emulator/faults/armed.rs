@@ -53,10 +53,13 @@ impl Armed {
             return Way::Camera;
         }
         match self.fault.effect() {
-            Effect::Nak | Effect::Disconnect { .. } | Effect::Reset => Way::ToDevice,
-            Effect::BitErrors { direction, .. } if direction == Direction::ToDevice => {
-                Way::ToDevice
-            }
+            Effect::Nak
+            | Effect::Disconnect { .. }
+            | Effect::Reset
+            | Effect::BitErrors {
+                direction: Direction::ToDevice,
+                ..
+            } => Way::ToDevice,
             _ => Way::ToHost,
         }
     }

@@ -62,7 +62,7 @@ impl Draws {
 
     /// A number below `end`; 0 where that is 0. Multiplied and shifted, it is even to 2^-64 end.
     pub(super) fn below(&mut self, end: usize) -> usize {
-        (u128::from(self.bits()) * end as u128 >> 64) as usize
+        ((u128::from(self.bits()) * end as u128) >> 64) as usize
     }
 }
 

@@ -190,11 +190,7 @@ fn ask(faults: &mut Faults, questions: &[&str]) -> Vec<(u64, Vec<u8>)> {
                 Incoming::Bytes(bytes) => (bytes, Some((*question).to_owned())),
                 Incoming::Refused(_) => (b"refused\n".to_vec(), None),
             };
-            let message = Message {
-                bytes,
-                to,
-                ..Message::default()
-            };
+            let message = Message { bytes, to };
             faults.reply(message, now);
         }
         out.extend(faults.replies(now).into_iter().map(|bytes| (now, bytes)));

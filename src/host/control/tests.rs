@@ -86,14 +86,14 @@ impl Device {
 }
 
 /// The device behind a dialect.
-fn behind_dialect(
+fn behind_dialect<'a>(
     dialect: &Dialect,
-    from: impl Fn(Vec<u8>, u32) -> Vec<u8>,
-) -> (Control<MemoryPort<impl FnMut(&[u8]) -> Vec<u8>>>, Shared) {
+    from: impl Fn(Vec<u8>, u32) -> Vec<u8> + 'a,
+) -> (Control<MemoryPort<Reaction<'a>>>, Shared) {
     let device = Rc::new(RefCell::new(Device::on()));
     let (inside, spoken) = (device.clone(), dialect.clone());
     let mut cutter = dialect.cutter(Direction::ToDevice);
-    let port = MemoryPort::new(move |bytes: &[u8]| {
+    let reaction: Reaction<'a> = Box::new(move |bytes: &[u8]| {
         let mut device = inside.borrow_mut();
         let mut replies = Vec::new();
         cutter.push(bytes, &mut |cut| {
@@ -115,25 +115,29 @@ fn behind_dialect(
         device.asked += 1;
         from(replies, device.asked)
     });
+    let port = MemoryPort::new(reaction);
     let control = Control::open(port, Some(dialect.clone()), SHORT).unwrap();
     (control, device)
 }
 
 type Shared = Rc<RefCell<Device>>;
+/// What a device makes of bytes.
+type Reaction<'a> = Box<dyn FnMut(&[u8]) -> Vec<u8> + 'a>;
 
 /// A device behind a line: `to` and `from` change what goes either way, and count it.
-fn behind(
-    to: impl Fn(&[u8], &Shared) -> Vec<u8>,
-    from: impl Fn(Vec<u8>, u32) -> Vec<u8>,
-) -> (Control<MemoryPort<impl FnMut(&[u8]) -> Vec<u8>>>, Shared) {
+fn behind<'a>(
+    to: impl Fn(&[u8], &Shared) -> Vec<u8> + 'a,
+    from: impl Fn(Vec<u8>, u32) -> Vec<u8> + 'a,
+) -> (Control<MemoryPort<Reaction<'a>>>, Shared) {
     let device = Rc::new(RefCell::new(Device::on()));
     let inside = device.clone();
-    let port = MemoryPort::new(move |bytes: &[u8]| {
+    let reaction: Reaction<'a> = Box::new(move |bytes: &[u8]| {
         let bytes = to(bytes, &inside);
         let mut device = inside.borrow_mut();
         let replies = device.receive(&bytes);
         from(replies, device.asked)
     });
+    let port = MemoryPort::new(reaction);
     (Control::open(port, None, SHORT).unwrap(), device)
 }
 

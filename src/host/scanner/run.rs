@@ -78,13 +78,13 @@ impl<C: Camera, P: CommandPort> Scanner<C, P> {
         self.control.confirm(settings).map_err(Fault::port)?;
         self.control.complaints().map_err(Fault::port)?;
         let frames = frames?;
-        if !self.camera.identifies() {
-            if let Some(frame) = next_frame(&mut self.camera, QUIET)? {
-                return Err(Fault::Frames(format!(
-                    "frame {} is foreign: all {count} patterns had come",
-                    frame.id
-                )));
-            }
+        if !self.camera.identifies()
+            && let Some(frame) = next_frame(&mut self.camera, QUIET)?
+        {
+            return Err(Fault::Frames(format!(
+                "frame {} is foreign: all {count} patterns had come",
+                frame.id
+            )));
         }
         // Which frame it is does not tell whether it is a good one.
         consistency::check(manifest, &frames).map_err(Fault::Frames)?;
