@@ -1,11 +1,14 @@
 //! Bad days on the control port: whatever happens to one message or its reply, a scan gives the
 //! frames, manifest and calibration that it gives on a good day, or says what is wrong.
 
-use phasma::emulator::{Bench, Firmware, FrameSink, Renderer};
+use phasma::emulator::faults::Faults;
+use phasma::emulator::port::Port as DevicePort;
+use phasma::emulator::{Bench, Firmware, FrameSink, Machine, Renderer, SerialLine};
 use phasma::error::Error;
 use phasma::host::{Camera, Captured, CommandPort, MemoryCamera, Progress, ScanOptions, Scanner};
 use phasma::profile::{Profile, Scene};
 use phasma::protocol::Frame;
+use phasma::protocol::dialect::Dialect;
 use std::collections::VecDeque;
 use std::io::Read;
 use std::sync::Arc;
@@ -55,10 +58,16 @@ fn profile() -> Profile {
     profile
 }
 
-fn bench(camera: &MemoryCamera) -> Bench<Sink> {
+fn bench(dialect: &Dialect, camera: &MemoryCamera) -> Bench<Sink> {
     let profile = profile();
-    Bench::new(
+    let machine = Machine::new(
         Firmware::new(&profile, &[]).unwrap(),
+        DevicePort::new(Arc::new(dialect.clone())).unwrap(),
+        SerialLine::default(),
+        Faults::default(),
+    );
+    Bench::of(
+        machine,
         Renderer::new(&profile, &Scene::load("plane").unwrap(), 1).unwrap(),
         Sink(camera.clone()),
     )
@@ -66,6 +75,7 @@ fn bench(camera: &MemoryCamera) -> Bench<Sink> {
 
 /// A line on which one message meets a fault.
 struct Port {
+    dialect: Dialect,
     bench: Bench<Sink>,
     camera: MemoryCamera,
     fault: Fault,
@@ -78,7 +88,7 @@ struct Port {
 
 impl Port {
     fn reset(&mut self) {
-        self.bench = bench(&self.camera);
+        self.bench = bench(&self.dialect, &self.camera);
         self.replies.clear();
     }
 
@@ -161,9 +171,15 @@ impl CommandPort for Port {
 }
 
 fn scan(fault: Fault, nth: u32) -> (Result<Captured, Error>, Vec<String>) {
+    scan_in(&Dialect::load("scpi").unwrap(), fault, nth)
+}
+
+/// [`scan`] in a dialect.
+fn scan_in(dialect: &Dialect, fault: Fault, nth: u32) -> (Result<Captured, Error>, Vec<String>) {
     let camera = MemoryCamera::default();
     let port = Port {
-        bench: bench(&camera),
+        dialect: dialect.clone(),
+        bench: bench(dialect, &camera),
         camera: camera.clone(),
         fault,
         nth,
@@ -178,7 +194,8 @@ fn scan(fault: Fault, nth: u32) -> (Result<Captured, Error>, Vec<String>) {
         frame_timeout: SHORT,
     };
     let mut retries = Vec::new();
-    let captured = Scanner::new(port, SHORT, || Ok(camera)).and_then(|mut scanner| {
+    let scanner = Scanner::with_dialect(port, Some(dialect.clone()), SHORT, || Ok(camera));
+    let captured = scanner.and_then(|mut scanner| {
         let captured = scanner.scan(&options, &mut |progress| {
             if let Progress::Retry(why) = progress {
                 retries.push(why.to_owned());
@@ -263,4 +280,35 @@ fn flipped_bits_never_give_another_cloud() {
     }
     // One bit is put right where it is seen at all.
     assert_eq!(reported, [""; 0]);
+}
+
+/// The same scan in every dialect, from the file alone; and with a fault at some message, the same
+/// or an error.
+#[test]
+fn dialects_scan_as_scpi_does() {
+    let good = scan(Fault::None, 0).0.unwrap();
+    for name in ["okline", "dlpc350"] {
+        let dialect = Dialect::load(name).unwrap();
+        let (captured, retries) = scan_in(&dialect, Fault::None, 0);
+        let captured = captured.unwrap_or_else(|e| panic!("{name}: {e}"));
+        assert!(same(&captured, &good), "{name}");
+        assert_eq!(retries, [""; 0], "{name}");
+        let faults = [
+            Fault::Lost,
+            Fault::Twice,
+            Fault::GarbageBefore,
+            Fault::Reply(21),
+            Fault::Message(33),
+            Fault::Gone,
+            Fault::Reset,
+            Fault::ResetAfter,
+        ];
+        for fault in faults {
+            for nth in (1..60).step_by(7) {
+                if let (Ok(captured), why) = scan_in(&dialect, fault, nth) {
+                    assert!(same(&captured, &good), "{name} {fault:?} at {nth}: {why:?}");
+                }
+            }
+        }
+    }
 }

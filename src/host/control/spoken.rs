@@ -32,7 +32,9 @@ impl<P: CommandPort> Spoken<P> {
             mark: 0,
         };
         // What an earlier client has left on its way is no answer.
-        spoken.step()?;
+        if spoken.step().is_err() {
+            spoken.recover()?;
+        }
         Ok(spoken)
     }
 

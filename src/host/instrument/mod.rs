@@ -56,7 +56,7 @@ impl<P: CommandPort> Instrument<P> {
     /// A port that has gone, or one behind which nobody answers as IEEE 488.2 has it.
     pub fn open(port: P, timeout: Duration) -> Result<Self> {
         let mut instrument = Self::new(port, timeout);
-        instrument.greet("\n*CLS\n")?;
+        instrument.find("\n*CLS\n")?;
         Ok(instrument)
     }
 
@@ -79,12 +79,16 @@ impl<P: CommandPort> Instrument<P> {
     /// As for [`Self::open`], and a port that does not come back within the timeout.
     pub fn recover(&mut self) -> Result<()> {
         // Alone on its line it acts even where the device waits for a trigger.
-        const FIRST: &str = "\nABOR\n";
+        self.find("\nABOR\n")
+    }
+
+    /// Greets, and once more on a port that was opened anew where it has gone.
+    fn find(&mut self, first: &str) -> Result<()> {
         self.gone = false;
-        match self.greet(FIRST) {
+        match self.greet(first) {
             Err(_) if self.gone => {
                 self.port.reopen(self.timeout)?;
-                self.greet(FIRST)
+                self.greet(first)
             }
             done => done,
         }
