@@ -59,6 +59,19 @@ const FEW_VARYING: f64 = 2e-2;
 /// # Errors
 /// How the frames depart from the sequence, with the position where they tell it.
 pub fn check(manifest: &Manifest, frames: &[Frame]) -> Result<(), String> {
+    examine(manifest, frames, false)
+}
+
+/// [`check`] for frames that say which they are: those of a saturated camera tell nothing, but they
+/// are the ones that were asked for.
+///
+/// # Errors
+/// As for [`check`].
+pub(super) fn check_identified(manifest: &Manifest, frames: &[Frame]) -> Result<(), String> {
+    examine(manifest, frames, true)
+}
+
+fn examine(manifest: &Manifest, frames: &[Frame], identified: bool) -> Result<(), String> {
     // What cannot be decoded holds nothing that could be checked.
     let Ok(plan) = Plan::new(manifest) else {
         return Ok(());
@@ -69,7 +82,7 @@ pub fn check(manifest: &Manifest, frames: &[Frame]) -> Result<(), String> {
     for axis in &plan.axes {
         let grid = Grid::new(frames, axis.axis);
         let varying = grid.varying();
-        if varying < FEW_VARYING && grid.saturated > varying.max(FEW_VARYING) {
+        if !identified && varying < FEW_VARYING && grid.saturated > varying.max(FEW_VARYING) {
             return Err(format!(
                 "the frames are saturated: {:.0} % of the pixels reach the camera's full scale, and \
                  hardly any others vary; shorten the exposure or dim the projector",

@@ -47,7 +47,11 @@ pub fn scan_free_running<C: Camera>(
             free: true,
         };
         let frames = collect(camera, &wanted, progress)?;
-        consistency::check(manifest, &frames).map_err(Fault::Frames)?;
+        let check = match camera.identifies() {
+            true => consistency::check_identified,
+            false => consistency::check,
+        };
+        check(manifest, &frames).map_err(Fault::Frames)?;
         Ok(frames)
     })?;
     Ok(Captured {

@@ -87,7 +87,11 @@ impl<C: Camera, P: CommandPort> Scanner<C, P> {
             )));
         }
         // Which frame it is does not tell whether it is a good one.
-        consistency::check(manifest, &frames).map_err(Fault::Frames)?;
+        let check = match self.camera.identifies() {
+            true => consistency::check_identified,
+            false => consistency::check,
+        };
+        check(manifest, &frames).map_err(Fault::Frames)?;
         Ok(frames)
     }
 }
