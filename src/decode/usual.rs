@@ -16,9 +16,9 @@ const PIXELS: usize = 4000;
 const FEWEST: usize = 50;
 /// How many times the usual a residual may be. A harmonic's |cos| is at most sqrt 2 of its median;
 /// the rest is for defocus and light that differ over the image.
-const TIMES: f32 = 3.0;
-/// Deviations of noise that come on top.
-const NOISE: f32 = 7.0;
+const TIMES: f32 = 2.0;
+/// Deviations of noise that come on top; of noise alone, twice its median are 1.35 more.
+const NOISE: f32 = 4.5;
 
 /// Medians of the residual of a fringe set over a capture.
 #[derive(Debug, Clone, Copy)]
