@@ -177,8 +177,8 @@ pub fn figures(decoded: &Decoded, axis: Axis, positions: &[[f64; 2]], gross: f64
     }
 }
 
-pub fn counts(decoded: &Decoded) -> [usize; 6] {
-    let mut counts = [0; 6];
+pub fn counts(decoded: &Decoded) -> [usize; Verdict::ALL.len()] {
+    let mut counts = [0; Verdict::ALL.len()];
     for v in &decoded.axes().next().unwrap().1.verdict {
         counts[*v as usize] += 1;
     }
