@@ -21,17 +21,20 @@ pub enum Verdict {
     Mixed,
     /// No neighbour is valid that it could be checked against.
     Stray,
+    /// Its frames contradict each other, as where one of them is damaged.
+    Odd,
 }
 
 impl Verdict {
     /// Every verdict in order.
-    pub const ALL: [Self; 6] = [
+    pub const ALL: [Self; 7] = [
         Self::Valid,
         Self::Saturated,
         Self::Dim,
         Self::Uncertain,
         Self::Mixed,
         Self::Stray,
+        Self::Odd,
     ];
 
     /// The name in tables.
@@ -43,6 +46,7 @@ impl Verdict {
             Self::Uncertain => "uncertain order",
             Self::Mixed => "mixed",
             Self::Stray => "stray",
+            Self::Odd => "contradictory",
         }
     }
 }

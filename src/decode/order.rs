@@ -12,6 +12,9 @@ const GAP: f32 = 25.0;
 const EDGE_CONTRAST: f32 = 0.25;
 /// Part of a period by which a fringe set may contradict the only candidate.
 const MISFIT: f32 = 0.15;
+/// Part of a cell by which a phase may lie beyond its cell's edge, whichever bit is the weakest:
+/// response curves move it so far.
+const OFF_CELL: f32 = 0.0625;
 
 /// Candidates of one or several fringe sets over a range of positions.
 #[derive(Debug, Clone)]
@@ -172,7 +175,10 @@ impl GrayJoin {
             let at_center = x[i] + p * nearest((center - x[i]) / p);
             let at_edge = x[i] + p * nearest((edge - x[i]) / p);
             let (from_center, from_edge) = ((at_center - center).abs(), (at_edge - edge).abs());
-            let strong_ok = from_center <= limit.min(guard);
+            // Beyond its cell's edge, it must be that edge's bit that is the weakest of all.
+            let beyond = (from_center > 0.5 * cell + OFF_CELL * cell)
+                & !(touching & ((at_center > center) == (edge > center)));
+            let strong_ok = (from_center <= limit.min(guard)) & !beyond;
             let same = (at_edge - at_center).abs() < 0.5 * p;
             let sound = half[i] - weak_below > doubt;
             let edge_ok =

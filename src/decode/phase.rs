@@ -36,7 +36,10 @@ impl RowNoise {
 pub(super) struct SetKernel {
     pub(super) period: f32,
     pub(super) frames: Vec<usize>,
-    weights: Vec<[f32; 3]>,
+    /// Of A, C, S and the check; the check's are zero where there is none.
+    weights: Vec<[f32; 4]>,
+    /// Whether there is a check.
+    pub(super) checked: bool,
     gram: [f32; 3],
     skew: [f32; 4],
     /// (period / 2 pi)^2: variance of phase to variance of position.
@@ -48,11 +51,32 @@ impl SetKernel {
         Self {
             period: set.period_px as f32,
             frames: set.frames.clone(),
-            weights: set.weights.iter().map(|w| w.map(|v| v as f32)).collect(),
+            weights: set
+                .weights
+                .iter()
+                .enumerate()
+                .map(|(i, w)| {
+                    let check = set.check.get(i).copied().unwrap_or(0.0);
+                    [w[0], w[1], w[2], check].map(|v| v as f32)
+                })
+                .collect(),
+            checked: !set.check.is_empty(),
             gram: set.gram.map(|v| v as f32),
             skew: set.skew.map(|v| v as f32),
             per_phase: (set.period_px / TAU).powi(2) as f32,
         }
+    }
+
+    /// A, C, S and the check of one pixel, whose sample of a step's frame `sample` gives.
+    pub(super) fn solve(&self, sample: impl Fn(usize) -> f32) -> [f32; 4] {
+        let mut sums = [0.0; 4];
+        for (w, &frame) in self.weights.iter().zip(&self.frames) {
+            let v = sample(frame);
+            for (sum, w) in sums.iter_mut().zip(w) {
+                *sum += w * v;
+            }
+        }
+        sums
     }
 
     /// Variance of position at which the phase's standard deviation is `sigma_rad`.
@@ -72,6 +96,8 @@ pub(super) struct SetRow {
     pub(super) wrapped: Vec<f32>,
     /// Variance of the coordinate in projector pixels squared.
     pub(super) variance: Vec<f32>,
+    /// What no fringe explains, in DN: see [`FringeSet::check`].
+    pub(super) check: Vec<f32>,
 }
 
 impl SetRow {
@@ -81,6 +107,7 @@ impl SetRow {
             &mut self.modulation,
             &mut self.wrapped,
             &mut self.variance,
+            &mut self.check,
         ] {
             v.clear();
             v.resize(n, 0.0);
@@ -96,19 +123,20 @@ impl SetRow {
         samples: &[T],
         top: &mut [f32],
     ) {
-        let [wa, wc, ws] = kernel.weights[step];
+        let [wa, wc, ws, wr] = kernel.weights[step];
         let n = samples.len();
         let (a, c, s) = (
             &mut self.mean[..n],
             &mut self.modulation[..n],
             &mut self.wrapped[..n],
         );
-        let top = &mut top[..n];
+        let (top, check) = (&mut top[..n], &mut self.check[..n]);
         for i in 0..n {
             let v = samples[i].dn();
             a[i] += wa * v;
             c[i] += wc * v;
             s[i] += ws * v;
+            check[i] += wr * v;
             top[i] = top[i].max(v);
         }
     }

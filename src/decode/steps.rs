@@ -26,6 +26,9 @@ pub struct FringeSet {
     /// How shot noise that follows the fringe itself adds to the variance of the phase: the
     /// coefficients of C^3, C^2 S, C S^2, S^3.
     pub skew: [f64; 4],
+    /// A unit vector over the frames that no A, C and S shows in: a sound pixel's sum is noise and
+    /// what a response curve adds. Empty where there are as many unknowns as steps.
+    pub check: Vec<f64>,
 }
 
 impl FringeSet {
@@ -76,6 +79,7 @@ impl FringeSet {
             skew[2] += 2.0 * ws * wc * sin + wc * wc * cos;
             skew[3] -= wc * wc * sin;
         }
+        let check = check(&rows, &weights);
         Ok(Self {
             period_px,
             frames,
@@ -83,6 +87,7 @@ impl FringeSet {
             weights,
             gram,
             skew,
+            check,
         })
     }
 
@@ -106,6 +111,30 @@ impl FringeSet {
             .map(|(t, v)| (v - (a + c * t.cos() - s * t.sin())).powi(2))
             .sum()
     }
+}
+
+/// What is left of +1, -1, +1, ... after the fit, as a unit vector. Each of an even number of equal
+/// steps has the same part in it, and it meets the harmonics of order N / 2 and their odd multiples
+/// alone, the highest that N steps tell.
+fn check(rows: &[Vector3<f64>], weights: &[[f64; 3]]) -> Vec<f64> {
+    if rows.len() < 4 {
+        return Vec::new();
+    }
+    let signs = |i: usize| if i.is_multiple_of(2) { 1.0 } else { -1.0 };
+    let mut fit = Vector3::zeros();
+    for (i, w) in weights.iter().enumerate() {
+        fit += Vector3::from(*w) * signs(i);
+    }
+    let left: Vec<f64> = rows
+        .iter()
+        .enumerate()
+        .map(|(i, row)| signs(i) - row.dot(&fit))
+        .collect();
+    let size = left.iter().map(|v| v * v).sum::<f64>().sqrt();
+    if size < 0.5 {
+        return Vec::new();
+    }
+    left.iter().map(|v| v / size).collect()
 }
 
 #[cfg(test)]

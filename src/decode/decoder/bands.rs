@@ -5,6 +5,7 @@ use crate::decode::maps::{AxisMap, Decoded, Verdict};
 use crate::decode::phase::RowNoise;
 use crate::decode::rows::{AxisOut, Job, Scratch, decode_row};
 use crate::decode::samples::{FrameStack, Sample};
+use crate::decode::usual::Usual;
 use crate::geometry::NoiseModel;
 use rayon::prelude::*;
 
@@ -18,9 +19,18 @@ impl Decoder {
         out: &mut Decoded,
     ) {
         let frames: Vec<&[T]> = stack.typed().expect("checked: all frames are of one type");
+        let usual: Vec<Vec<Usual>> = self
+            .kernels
+            .iter()
+            .map(|kernel| {
+                let of = |set| Usual::of(set, &frames, noise, saturation, &self.options);
+                kernel.sets.iter().map(of).collect()
+            })
+            .collect();
         let job = Job {
             frames: &frames,
             kernels: &self.kernels,
+            usual: &usual,
             references: self.plan.references(),
             noise: RowNoise::new(noise),
             saturation,

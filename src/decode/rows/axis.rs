@@ -7,14 +7,19 @@ use crate::decode::maps::Verdict;
 use crate::decode::order::Ensemble;
 use crate::decode::phase::SetRow;
 use crate::decode::samples::Sample;
+use crate::decode::usual::Usual;
 
 /// How far beyond the projector's pixels a decoded coordinate may lie, in projector pixels.
 const OVERHANG_PX: f32 = 1.0;
+/// By how much a modulation may exceed half of white minus black: the two are lit differently by as
+/// much as a flickering lamp's light changes from frame to frame.
+const ABOVE_WHITE: f32 = 1.5;
 
 #[inline(always)]
 pub(super) fn axis_row<'f, T: Sample>(
     job: &Job<'_, T>,
     kernel: &AxisKernel,
+    usual: &[Usual],
     row: &impl Fn(usize) -> &'f [T],
     scratch: &mut Scratch,
     out: AxisOut<'_>,
@@ -92,11 +97,13 @@ pub(super) fn axis_row<'f, T: Sample>(
             found
         };
     }
-    for (set, k) in sets.iter().zip(&kernel.sets) {
+    for ((set, k), usual) in sets.iter().zip(&kernel.sets).zip(usual) {
         let worst = k.variance_of_phase(job.max_phase_sigma);
         let (b, var, half) = (&set.modulation[..n], &set.variance[..n], &half[..n]);
         let (mean, middle) = (&set.mean[..n], &middle[..n]);
         let has_black = job.references.is_some();
+        let check = &set.check[..n];
+        let usual = *usual;
         for i in 0..n {
             // White may be clipped where the fringes, on which all goes by, are not: their mean is
             // as far from black.
@@ -107,10 +114,19 @@ pub(super) fn axis_row<'f, T: Sample>(
                 .max(job.min_contrast * half[i].max(light));
             let dim = (b[i] < least) | (var[i] > worst);
             let was = verdict[i];
-            verdict[i] = if dim & (was as u8 != Verdict::Saturated as u8) {
-                Verdict::Dim
-            } else {
+            let light = (mean[i] - job.noise.black).max(0.0);
+            // Fringes do not swing further than from black to white.
+            let odd = (check[i].abs() > usual.most(light, b[i], job.noise))
+                | (has_black & (b[i] > ABOVE_WHITE * half[i].max(0.0) + job.min_modulation));
+            let lit = match (dim, odd & (was as u8 == Verdict::Valid as u8)) {
+                (true, _) => Verdict::Dim,
+                (false, true) => Verdict::Odd,
+                (false, false) => was,
+            };
+            verdict[i] = if was as u8 == Verdict::Saturated as u8 {
                 was
+            } else {
+                lit
             };
         }
     }

@@ -14,7 +14,7 @@ const NO_REPEAT: f32 = 1e6;
 pub(in crate::decode) struct AxisKernel {
     pub(super) axis: Axis,
     pub(super) extent: f32,
-    pub(super) sets: Vec<SetKernel>,
+    pub(in crate::decode) sets: Vec<SetKernel>,
     pub(super) ensemble: Option<Ensemble>,
     pub(super) bits: Vec<(GrayBit, Threshold)>,
     pub(super) join: Option<GrayJoin>,

@@ -17,12 +17,15 @@ use super::gray::GrayRow;
 use super::maps::Verdict;
 use super::phase::{RowNoise, SetRow};
 use super::samples::Sample;
+use super::usual::Usual;
 use axis::axis_row;
 
 /// What all rows of a decoding share.
 pub(super) struct Job<'a, T> {
     pub(super) frames: &'a [&'a [T]],
     pub(super) kernels: &'a [AxisKernel],
+    /// What is usual of each kernel's sets in this capture.
+    pub(super) usual: &'a [Vec<Usual>],
     pub(super) references: Option<(usize, usize)>,
     pub(super) noise: RowNoise,
     pub(super) saturation: f32,
@@ -85,8 +88,9 @@ fn decode_body<T: Sample>(
         }
     }
     let mut first = true;
-    for (kernel, out) in job.kernels.iter().zip(matched(job.kernels, outs)) {
-        axis_row(job, kernel, &row, scratch, out);
+    let axes = job.kernels.iter().zip(job.usual);
+    for ((kernel, usual), out) in axes.zip(matched(job.kernels, outs)) {
+        axis_row(job, kernel, usual, &row, scratch, out);
         if first {
             first = false;
             match scratch.sets.first() {

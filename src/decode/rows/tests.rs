@@ -52,6 +52,7 @@ fn both_instruction_sets_give_the_same_bits() {
     let job = Job {
         frames: &frames,
         kernels: &kernels,
+        usual: &[vec![Usual::default(); 2]],
         references: None,
         noise: RowNoise::new(&noise),
         saturation: 255.0,
