@@ -180,6 +180,7 @@ fn what_cameras_and_projectors_do_is_in_the_plan() {
         "footprint-y",
         "motion",
         "flicker",
+        "pattern-timing",
     ];
     assert_eq!(out, wanted);
 }

@@ -15,6 +15,8 @@ use std::io::{BufRead, BufReader, Read, Write};
 use std::os::unix::net::UnixStream;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -127,11 +129,18 @@ impl Device {
         let camera = self.camera();
         // It is the camera's client once another command has been answered.
         assert!(control.query("*IDN?").unwrap().contains("Phasma"));
-        let reader = thread::spawn(move || frames(camera, count));
+        let read = Arc::new(AtomicU64::new(0));
+        let counted = read.clone();
+        let reader = thread::spawn(move || frames(camera, count, &counted));
         let batch = "INIT;*TRG;*WAI;:".repeat(BATCH as usize);
         let line = format!("{}*OPC?", batch.trim_end_matches(':'));
-        for _ in 0..count / BATCH {
+        for batch in 1..=count / BATCH {
             assert_eq!(control.query(&line).unwrap(), "1");
+            // A reader that falls behind by more than a queue loses frames, as it should.
+            let deadline = Instant::now() + PATIENCE;
+            while read.load(Ordering::Relaxed) < batch * BATCH && Instant::now() < deadline {
+                thread::yield_now();
+            }
         }
         control.check("the triggers").unwrap();
         let ids = reader.join().unwrap();
@@ -145,7 +154,7 @@ impl Device {
             match client % 5 {
                 0 => drop(self.camera()),
                 1 => {
-                    let ids = frames(self.camera(), 1);
+                    let ids = frames(self.camera(), 1, &AtomicU64::new(0));
                     assert_eq!(ids.len(), 1);
                 }
                 2 => {
@@ -190,8 +199,8 @@ fn tiny() -> Profile {
     profile
 }
 
-/// Ids of as many frames.
-fn frames(mut camera: UnixStream, count: u64) -> Vec<u64> {
+/// Ids of as many frames; `read` counts them as they come.
+fn frames(mut camera: UnixStream, count: u64, read: &AtomicU64) -> Vec<u64> {
     camera.set_read_timeout(Some(PATIENCE)).unwrap();
     let mut decoder = FrameDecoder::default();
     let mut ids = Vec::new();
@@ -199,6 +208,7 @@ fn frames(mut camera: UnixStream, count: u64) -> Vec<u64> {
         let len = camera.read(decoder.space()).unwrap();
         assert!(len > 0, "closed after {} of {count} frames", ids.len());
         ids.extend(decoder.advance(len).unwrap().map(|frame| frame.id));
+        read.store(ids.len() as u64, Ordering::Relaxed);
     }
     ids
 }

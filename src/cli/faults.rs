@@ -27,6 +27,9 @@ enum Action {
         /// Write the tables as Markdown.
         #[arg(long, value_name = "FILE")]
         out: Option<PathBuf>,
+        /// Strike at each frame and message in turn, not at six of them: minutes.
+        #[arg(long)]
+        each: bool,
         /// Print the tables as JSON.
         #[arg(long)]
         json: bool,
@@ -45,13 +48,13 @@ pub(super) fn run(args: &Args) -> Result<()> {
                 println!("  {number:<4}  {words}");
             }
         }
-        Action::Matrix { out, json } => return matrix(out.as_deref(), *json),
+        Action::Matrix { out, each, json } => return matrix(out.as_deref(), *each, *json),
     }
     Ok(())
 }
 
-fn matrix(out: Option<&Path>, json: bool) -> Result<()> {
-    let tables = tables(&|what| super::step(what))?;
+fn matrix(out: Option<&Path>, each: bool, json: bool) -> Result<()> {
+    let tables = tables(each, &|what| super::step(what))?;
     let text = markdown(&tables);
     if let Some(path) = out {
         std::fs::write(path, &text).map_err(|e| Error::io(path, e))?;

@@ -43,6 +43,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
         }
         Action::Check { file } => match Configuration::load(file)? {
             Configuration::Device(profile) => {
+                profile.control.load_dialect(&profile.folder)?;
                 println!("{file}: ok");
                 describe(&profile);
             }
@@ -70,6 +71,10 @@ fn check_station(file: &str, station: &Station) -> Result<()> {
         scene.as_deref().unwrap_or("of the command line")
     );
     for (device, profile) in station.device.iter().zip(&profiles) {
+        match station.dialect(device) {
+            Some(dialect) => drop(Dialect::load(&dialect)?),
+            None => drop(profile.control.load_dialect(&profile.folder)?),
+        }
         let place = match device.rig() {
             Some(rig) => format!(
                 "at {:?} mm, turned {:?} degrees",
@@ -101,6 +106,29 @@ fn describe(profile: &Profile) {
         projector.view().lens.focal_px.x,
         projector.view().center().length(),
     );
+    let control = &profile.control;
+    let line = match control.baud {
+        Some(baud) => format!("{baud} baud"),
+        None => "a line that takes no time".to_owned(),
+    };
+    println!("  control     {}, {line}", control.dialect);
+    if let Some(timing) = &projector.timing {
+        println!(
+            "  timing      steps of {} us, exposures from {} us ({} bits), {} us shorter than the period or as long",
+            timing.resolution_us,
+            timing.min_exposure_us[projector.bits as usize - 1],
+            projector.bits,
+            timing.margin_us,
+        );
+    }
+    if let Some(led) = &projector.led {
+        let droop: f64 = led.droop.iter().map(|droop| droop.fraction).sum();
+        println!(
+            "  light       rises in {} us, loses {:.0} % as it warms",
+            led.rise_us,
+            100.0 * droop
+        );
+    }
     for sequence in &profile.sequence {
         println!(
             "  sequence    {}: {} frames, one every {} us",

@@ -61,7 +61,8 @@ impl CommandPort for Box<dyn CommandPort> {
 
 /// A serial port, a pty among them, by its path.
 pub struct SerialPort {
-    port: Box<dyn serialport::SerialPort>,
+    /// `None` while it is being opened again.
+    port: Option<Box<dyn serialport::SerialPort>>,
     path: String,
 }
 
@@ -99,15 +100,18 @@ impl SerialPort {
         let port = serialport::new(path, BAUD_RATE).open().map_err(failed)?;
         port.clear(ClearBuffer::Input).map_err(failed)?;
         Ok(Self {
-            port,
+            port: Some(port),
             path: path.to_owned(),
         })
     }
 
-    fn set_timeout(&mut self, timeout: Duration) -> Result<()> {
-        self.port
-            .set_timeout(timeout)
-            .map_err(|e| Error::io(&self.path, e.into()))
+    /// The port, with a timeout.
+    fn waiting(&mut self, timeout: Duration) -> Result<&mut Box<dyn serialport::SerialPort>> {
+        let gone = || Error::device(format!("{}: the device has gone", self.path));
+        let port = self.port.as_mut().ok_or_else(gone)?;
+        let set = port.set_timeout(timeout);
+        set.map_err(|e| Error::io(&self.path, e.into()))?;
+        Ok(port)
     }
 }
 
@@ -117,8 +121,8 @@ impl CommandPort for SerialPort {
     }
 
     fn send(&mut self, bytes: &[u8], timeout: Duration) -> Result<()> {
-        self.set_timeout(timeout)?;
-        self.port.write_all(bytes).map_err(|e| match e.kind() {
+        let written = self.waiting(timeout)?.write_all(bytes);
+        written.map_err(|e| match e.kind() {
             ErrorKind::TimedOut => Error::device(format!(
                 "{}: the device has taken nothing for {} s",
                 self.path,
@@ -129,9 +133,8 @@ impl CommandPort for SerialPort {
     }
 
     fn receive(&mut self, buffer: &mut [u8], timeout: Duration) -> Result<usize> {
-        self.set_timeout(timeout)?;
         loop {
-            match self.port.read(buffer) {
+            match self.waiting(timeout)?.read(buffer) {
                 Ok(0) => {
                     return Err(Error::device(format!("{}: the device has gone", self.path)));
                 }
@@ -145,6 +148,8 @@ impl CommandPort for SerialPort {
 
     fn reopen(&mut self, timeout: Duration) -> Result<()> {
         let begin = Instant::now();
+        // The lock is this one's own, and an adapter that comes back would get another name.
+        self.port = None;
         loop {
             match Self::open(&self.path) {
                 Ok(back) => {

@@ -13,7 +13,7 @@ pub(super) use shutdown::Shutdown;
 pub(super) use unit::runtime;
 
 use super::backend::Choice;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::link::{RunDir, Stage, Timeline};
 use crate::protocol::dialect::Dialect;
 use crate::protocol::service::ClockPace;
@@ -213,7 +213,16 @@ async fn serve(args: &Args, devices: &[Asked], mut units: Vec<Unit>, power: Powe
     if let Some(path) = &args.record {
         let alone = dirs.len() == 1;
         for (unit, dir) in units.iter_mut().zip(&dirs) {
-            unit.record(&recording_path(path, dir.path(), alone), args.force)?;
+            let path = recording_path(path, dir.path(), alone);
+            let inside = std::path::absolute(&path).is_ok_and(|file| file.starts_with(dir.path()));
+            if inside {
+                return Err(Error::input(
+                    format!("--record {}", path.display()),
+                    "a file in the run directory, which goes when the device does",
+                    "a file elsewhere",
+                ));
+            }
+            unit.record(&path, args.force)?;
         }
     }
     let units = units.into_iter().zip(dirs).collect();

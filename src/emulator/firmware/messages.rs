@@ -241,6 +241,6 @@ impl Firmware {
 fn urgent(unit: &Unit) -> bool {
     matches!(
         table::find(unit),
-        Ok(Command::BusTrigger | Command::Trigger | Command::Abort)
+        Ok(Command::BusTrigger | Command::Trigger | Command::Abort | Command::Continuous)
     ) && !unit.query
 }

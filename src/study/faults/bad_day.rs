@@ -2,6 +2,9 @@
 
 use crate::profile::faults::{Direction, Fault, Schedule, Side, What, When};
 
+/// Frames or messages that [`Place::Once`] takes.
+const PLACES: u64 = 6;
+
 /// A kind of fault with its parameters.
 #[derive(Debug, Clone)]
 pub struct BadDay {
@@ -14,6 +17,8 @@ pub struct BadDay {
 /// When it goes wrong.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Place {
+    /// Once, at a frame or message here and there from the first to the last, in turn.
+    Once,
     /// Once, at each frame or message in turn.
     Each,
     /// At the same frame or message of every attempt.
@@ -23,12 +28,19 @@ pub enum Place {
 }
 
 impl Place {
-    /// All of them.
-    pub const ALL: [Self; 3] = [Self::Each, Self::Always, Self::Chance];
+    /// All of them; `each` takes more than minutes.
+    pub fn all(each: bool) -> [Self; 3] {
+        [
+            if each { Self::Each } else { Self::Once },
+            Self::Always,
+            Self::Chance,
+        ]
+    }
 
     /// How it is called in a table.
     pub fn name(self) -> &'static str {
         match self {
+            Self::Once => "once, at six in turn",
             Self::Each => "once, at each in turn",
             Self::Always => "again in every run",
             Self::Chance => "one in twenty",
@@ -127,15 +139,13 @@ impl BadDay {
             }
         };
         match place {
-            Place::Each => (1..=count)
-                .map(|nth| {
-                    let when = When {
-                        nth: Some(nth),
-                        ..When::default()
-                    };
-                    at(nth, when)
-                })
-                .collect(),
+            Place::Each => (1..=count).map(|nth| at(nth, nth_of(nth))).collect(),
+            Place::Once => {
+                let spread = |i: u64| 1 + i * count.saturating_sub(1) / (PLACES - 1);
+                let mut places: Vec<u64> = (0..PLACES).map(spread).collect();
+                places.dedup();
+                places.into_iter().map(|nth| at(nth, nth_of(nth))).collect()
+            }
             Place::Always => {
                 let when = When {
                     nth: Some(count / 2),
@@ -152,5 +162,12 @@ impl BadDay {
                 (1..=3).map(|seed| at(seed, when())).collect()
             }
         }
+    }
+}
+
+fn nth_of(nth: u64) -> When {
+    When {
+        nth: Some(nth),
+        ..When::default()
     }
 }

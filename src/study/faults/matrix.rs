@@ -56,15 +56,16 @@ impl Table {
         title: &str,
         settings: &[Setting],
         days: &[BadDay],
+        places: [Place; 3],
         step: &(dyn Fn(&str) + Sync),
     ) -> Result<Self> {
         let columns: Vec<Vec<Cell>> = settings
             .par_iter()
-            .map(|setting| column(setting, days, step))
+            .map(|setting| column(setting, days, places, step))
             .collect::<Result<_>>()?;
         let keys = days
             .iter()
-            .flat_map(|day| Place::ALL.map(|place| (day.name.clone(), place.name())));
+            .flat_map(|day| places.map(|place| (day.name.clone(), place.name())));
         let rows = keys.enumerate().map(|(i, (fault, place))| Row {
             fault,
             place,
@@ -123,12 +124,17 @@ impl Table {
 }
 
 /// One setting down all bad days.
-fn column(setting: &Setting, days: &[BadDay], step: &(dyn Fn(&str) + Sync)) -> Result<Vec<Cell>> {
+fn column(
+    setting: &Setting,
+    days: &[BadDay],
+    places: [Place; 3],
+    step: &(dyn Fn(&str) + Sync),
+) -> Result<Vec<Cell>> {
     let mut trial = Trial::new(setting)?;
     let mut cells = Vec::new();
     for day in days {
         step(&format!("{}: {}", setting.name, day.name));
-        for place in Place::ALL {
+        for place in places {
             let count = trial.events(&day.fault);
             let mut cell = Cell::default();
             for schedule in day.schedules(place, count) {

@@ -3,8 +3,14 @@
 //!
 //! Each scan is a whole one: an application opens port and camera of a device in memory, selects a
 //! sequence, reads manifest and calibration, captures, decodes and triangulates; its points are held
-//! against the truth. The device is the middle of a built-in profile's camera. A right cloud has at
-//! most as many points more than 1 mm off as sound scans have, and nearly as many points.
+//! against the truth. The device is the middle of a built-in profile's camera. A right cloud has
+//! nearly as many points as sound scans and, beside the edges where those have points more than 1 mm off,
+//! no more such points than their noise makes.
+//!
+//! A cell counts scans: what the host made of the fault. `phasma faults matrix` makes the tables anew,
+//! and a test holds it to them.
+//!
+#![doc = include_str!("matrix.md")]
 
 mod bad_day;
 mod desk;
@@ -20,18 +26,26 @@ pub use trial::{Cloud, Outcome, Setting, Trial, Tried};
 
 use crate::error::Result;
 
-/// All tables; `step` is told what is being tried.
+/// All tables; `each` frame and message in turn, or some of them. `step` is told what is being tried.
 ///
 /// # Errors
 /// A device that cannot be scanned when all is well.
-pub fn tables(step: &(dyn Fn(&str) + Sync)) -> Result<Vec<Table>> {
+pub fn tables(each: bool, step: &(dyn Fn(&str) + Sync)) -> Result<Vec<Table>> {
+    let places = Place::all(each);
     let (by_link, by_dialect) = (frames()?, messages()?);
     Ok(vec![
-        Table::fill("Faults of frames", &by_link, &BadDay::of_frames(), step)?,
+        Table::fill(
+            "Faults of frames",
+            &by_link,
+            &BadDay::of_frames(),
+            places,
+            step,
+        )?,
         Table::fill(
             "Faults of the port",
             &by_dialect,
             &BadDay::of_messages(),
+            places,
             step,
         )?,
     ])

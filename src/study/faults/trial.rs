@@ -19,15 +19,18 @@ use std::time::Duration;
 const REPLY_TIMEOUT: Duration = Duration::from_secs(2);
 /// How long it waits for a frame.
 const FRAME_TIMEOUT: Duration = Duration::from_millis(400);
-/// Scans without faults that say what a sound one is like.
+/// Scans without faults that say where a sound one has gross errors, and as many more that say how
+/// many it has elsewhere.
 const SOUND: usize = 8;
-/// Part of a sound scan's points that another has at least.
-const LEAST_POINTS: f64 = 0.98;
+/// So many more than that are noise.
+const SLACK: usize = 2;
+/// Part of a sound scan's points that another has at least to be called one of the scene.
+const LEAST_POINTS: f64 = 0.9;
 
 /// What came of a scan.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Outcome {
-    /// The right cloud: as few gross errors as without faults, and as many points.
+    /// The right cloud: no more gross errors than noise makes, and hardly fewer points.
     Recovered,
     /// An error that says what is wrong.
     Reported(String),
@@ -35,7 +38,7 @@ pub enum Outcome {
     Wrong {
         /// Points.
         points: usize,
-        /// Those that are more than 1 mm off, or where there is nothing.
+        /// Gross errors where sound scans have none.
         gross: usize,
     },
 }
@@ -45,7 +48,8 @@ pub enum Outcome {
 pub struct Cloud {
     /// Points.
     pub points: usize,
-    /// Those that are more than 1 mm off, or where there is nothing.
+    /// Those that are more than 1 mm off, or where there is nothing, and in no pixel, nor beside one,
+    /// that has been so in a sound scan: edges are seen twice at once and noise decides.
     pub gross: usize,
 }
 
@@ -71,8 +75,12 @@ pub struct Trial {
     counts: [u64; 3],
     renderer: Option<Renderer>,
     truth: Truth,
-    /// Fewest points and most gross errors of sound scans.
-    pub sound: Cloud,
+    /// Fewest points of sound scans.
+    least: usize,
+    /// Most gross errors that noise makes.
+    most: usize,
+    /// Pixels, and those beside them, in which sound scans have had gross errors.
+    fragile: Vec<bool>,
 }
 
 /// What a scan gave.
@@ -99,26 +107,28 @@ impl Trial {
             setting: setting.clone(),
             counts: [0; 3],
             renderer: Some(renderer),
+            fragile: vec![false; truth.depth_mm.len()],
             truth,
-            sound: Cloud {
-                points: usize::MAX,
-                gross: 0,
-            },
+            least: usize::MAX,
+            most: 0,
         };
-        let mut clouds = Vec::new();
+        let mut scans = Vec::new();
         trial
             .with_desk(&Schedule::default(), |trial, desk| {
                 let mut scanner = trial.scanner(desk)?;
-                for _ in 0..SOUND {
+                for _ in 0..2 * SOUND {
                     let captured = scanner.scan(&trial.options(), &mut |_| {})?;
-                    clouds.push(trial.cloud(&captured)?);
+                    scans.push(depth(&captured)?);
                 }
                 scanner.finish()
             })?
             .0?;
-        for cloud in clouds {
-            trial.sound.points = trial.sound.points.min(cloud.points);
-            trial.sound.gross = trial.sound.gross.max(cloud.gross);
+        let (first, others) = scans.split_at(SOUND);
+        trial.fragile = trial.beside(first);
+        for depth in others {
+            let cloud = trial.cloud(depth);
+            trial.least = trial.least.min(cloud.points);
+            trial.most = trial.most.max(cloud.gross + SLACK);
         }
         trial.count()?;
         Ok(trial)
@@ -208,7 +218,7 @@ impl Trial {
             let finished = scanner.finish();
             let captured = captured?;
             finished?;
-            trial.cloud(&captured)
+            Ok(trial.cloud(&depth(&captured)?))
         })?;
         Ok(Tried {
             cloud,
@@ -230,8 +240,7 @@ impl Trial {
     }
 
     fn is_sound(&self, cloud: Cloud) -> bool {
-        cloud.gross <= self.sound.gross
-            && cloud.points as f64 >= LEAST_POINTS * self.sound.points as f64
+        cloud.gross <= self.most && cloud.points as f64 >= LEAST_POINTS * self.least as f64
     }
 
     fn options(&self) -> ScanOptions {
@@ -248,22 +257,48 @@ impl Trial {
         Scanner::with_dialect(DeskPort::open(desk), dialect, REPLY_TIMEOUT, open)
     }
 
-    /// Decodes a capture, as any application does, and holds its points against the truth.
-    fn cloud(&self, captured: &Captured) -> Result<Cloud> {
-        captured.check_modulation()?;
-        let (_, decoded) = captured.decode(Options::default())?;
-        let mut cloud = Cloud {
-            points: 0,
-            gross: 0,
-        };
-        for (measured, exact) in decoded.depth.iter().zip(&self.truth.depth_mm) {
-            if measured.is_finite() {
-                cloud.points += 1;
-                // NaN, where there is nothing, is no small error.
-                let small = f64::from(measured - exact).abs() <= GROSS_MM;
-                cloud.gross += usize::from(!small);
+    /// Whether a measured depth is more than 1 mm off, or where there is nothing.
+    fn is_gross(&self, pixel: usize, measured: f32) -> bool {
+        // NaN, where there is nothing, is no small error.
+        let small = f64::from(measured - self.truth.depth_mm[pixel]).abs() <= GROSS_MM;
+        measured.is_finite() && !small
+    }
+
+    /// Pixels in which scans have gross errors, and those beside them.
+    fn beside(&self, scans: &[Vec<f32>]) -> Vec<bool> {
+        let width = self.setting.profile.camera.width_px as usize;
+        let mut fragile = vec![false; self.truth.depth_mm.len()];
+        for depth in scans {
+            for (pixel, &measured) in depth.iter().enumerate() {
+                if !self.is_gross(pixel, measured) {
+                    continue;
+                }
+                let (x, y) = (pixel % width, pixel / width);
+                for y in y.saturating_sub(1)..=y + 1 {
+                    for x in x.saturating_sub(1)..=(x + 1).min(width - 1) {
+                        if let Some(beside) = fragile.get_mut(y * width + x) {
+                            *beside = true;
+                        }
+                    }
+                }
             }
         }
-        Ok(cloud)
+        fragile
     }
+
+    /// Holds a scan's points against the truth.
+    fn cloud(&self, depth: &[f32]) -> Cloud {
+        let gross = |at: &(usize, &f32)| !self.fragile[at.0] && self.is_gross(at.0, *at.1);
+        Cloud {
+            points: depth.iter().filter(|measured| measured.is_finite()).count(),
+            gross: depth.iter().enumerate().filter(gross).count(),
+        }
+    }
+}
+
+/// Decodes a capture, as any application does; NaN where nothing was measured.
+fn depth(captured: &Captured) -> Result<Vec<f32>> {
+    captured.check_modulation()?;
+    let (_, decoded) = captured.decode(Options::default())?;
+    Ok(decoded.depth)
 }

@@ -2,6 +2,7 @@
 
 use phasma::emulator::Firmware;
 use phasma::profile::Profile;
+use phasma::protocol::dialect::{Cut, Dialect, Direction};
 use phasma::protocol::scpi::{Framer, Framing, parse};
 use std::cell::OnceCell;
 
@@ -74,4 +75,48 @@ pub fn firmware(bytes: &[u8]) -> bool {
     let answer = String::from_utf8_lossy(&answer).into_owned();
     assert!(answer.ends_with("0.1.0\n"), "{answer:?}");
     understood
+}
+
+thread_local! {
+    static DIALECTS: Vec<Dialect> = Dialect::names()
+        .map(|name| Dialect::load(name).expect("is built in"))
+        .collect();
+}
+
+/// Bytes on a line on which one of the shipped dialects is spoken, in either direction: messages are
+/// cut out of them the same in pieces, and understood or refused.
+pub fn dialect_wire(bytes: &[u8]) -> bool {
+    DIALECTS.with(|dialects| {
+        let mut understood = false;
+        for dialect in dialects {
+            for direction in [Direction::ToDevice, Direction::ToHost] {
+                let cut = |pieces: &[&[u8]]| {
+                    let mut cutter = dialect.cutter(direction);
+                    let mut cuts = Vec::new();
+                    for piece in pieces {
+                        cutter.push(piece, &mut |cut| cuts.push(cut));
+                    }
+                    cuts
+                };
+                let cuts = cut(&[bytes]);
+                let (a, b) = bytes.split_at(bytes.len() / 2);
+                assert_eq!(cut(&[a, b]), cuts, "pieces make no difference");
+                for cut in cuts {
+                    let Cut::Message(message) = cut else { continue };
+                    match dialect.asked(&message) {
+                        Ok(asked) => {
+                            understood = true;
+                            dialect.runs(&asked);
+                            dialect.busy(&asked);
+                        }
+                        Err(error) => drop(dialect.nack(&error)),
+                    }
+                    for command in ["identify", "version", "wait"] {
+                        let _ = dialect.reply(command, &message, 0);
+                    }
+                }
+            }
+        }
+        understood
+    })
 }

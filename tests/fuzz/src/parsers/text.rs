@@ -5,7 +5,9 @@ use phasma::emulator::Firmware;
 use phasma::geometry::Rig;
 use phasma::host::usb::UsbAddress;
 use phasma::pattern::Manifest;
-use phasma::profile::{Profile, Scene};
+use phasma::profile::faults::Schedule;
+use phasma::profile::{Profile, Scene, Station, TomlSource};
+use phasma::protocol::dialect::Dialect;
 
 fn text(bytes: &[u8]) -> String {
     String::from_utf8_lossy(bytes).into_owned()
@@ -58,4 +60,28 @@ pub fn usb_address(bytes: &[u8]) -> bool {
     };
     assert!(!address.host.is_empty());
     true
+}
+
+/// A station.
+pub fn station(bytes: &[u8]) -> bool {
+    let Ok(station) = Station::parse(&text(bytes), "fuzz") else {
+        return false;
+    };
+    assert!(!station.device.is_empty());
+    true
+}
+
+/// A dialect's file: what is read can cut bytes and make sense of none.
+pub fn dialect(bytes: &[u8]) -> bool {
+    let Ok(dialect) = Dialect::parse(&text(bytes), "fuzz") else {
+        return false;
+    };
+    let _ = dialect.asked(b"");
+    let _ = dialect.asked(&[0x40; 64]);
+    true
+}
+
+/// A schedule of faults.
+pub fn faults(bytes: &[u8]) -> bool {
+    Schedule::from_source(&TomlSource::new(&text(bytes), "fuzz")).is_ok()
 }
