@@ -240,6 +240,8 @@ impl<C: Camera, P: CommandPort> Scanner<C, P> {
         let settings = self.control.prepare(sequence.as_deref());
         let settings = settings.map_err(Fault::port)?;
         if sequence.is_none() {
+            // Of a name with a wrong letter another sequence might be selected later.
+            self.control.confirm(&settings).map_err(Fault::port)?;
             *sequence = self.control.selected(&settings);
         }
         let manifest = self.manifest(options).map_err(Fault::port)?;
