@@ -18,12 +18,12 @@
 //! | ------ | ------ | ----- |
 //! | ground | [`geometry`] | poses, the lens model, rigs, solids, meshes and their files, ray casting |
 //! | ground | [`pattern`] | what a projector shows; the sequence manifest |
-//! | ground | [`profile`] | devices and scenes as typed, checked structs; the built-in ones |
-//! | ground | [`protocol`] | SCPI, the frame socket's header, the data line, USB and USB/IP, the service channel, `device.json` |
+//! | ground | [`profile`] | devices, scenes, stations and schedules of faults as typed, checked structs; the built-in ones |
+//! | ground | [`protocol`] | SCPI, dialects, the frame socket's header, the data line, USB and USB/IP, recordings, the service channel, `device.json` |
 //! | ground | `v4l2` | nodes and queues of buffers of the kernel's camera interface (Linux only) |
-//! | device | [`emulator`] | clock, firmware, slides, [rendering](emulator::render), ground truth |
-//! | device | `link` | how a device reaches the world: pty, frame socket, V4L2 node, USB device, service socket (Linux only) |
-//! | host   | [`host`] | how an application reaches a device: camera, port, scanner |
+//! | device | [`emulator`] | firmware, control port and line, faults, slides, light source, [rendering](emulator::render), ground truth |
+//! | device | `link` | how a device reaches the world: pty, frame socket, V4L2 node, USB device, service socket, the time and the scene that several devices share, replay (Linux only) |
+//! | host   | [`host`] | how an application reaches a device: camera, port (SCPI or a dialect), scanner |
 //! | host   | [`decode`] | frames to projector coordinates to points |
 //! | host   | [`calibrate`] | boards in pictures, solving for the rig, its files and report; triangulation |
 //! | host   | [`measure`] | distances to the truth, registration, pictures, plots |
@@ -66,6 +66,12 @@
 //! - Noise is keyed by a count of triggered exposures and one of free-running ones, not by the
 //!   frame's id: a V4L2 node does not tell whether somebody reads, so the camera always runs, and a
 //!   sequence has to look the same however long it did.
+//! - The clock is no trait: a bench has a virtual clock, a server one timeline for all its devices,
+//!   which has to know who waits for what before time may go on.
+//! - Between the line and the firmware stands [`emulator::Machine`], which faults wrap: the firmware
+//!   knows commands, whatever the dialect, and nothing of what goes wrong.
+//! - The light source's matrix exponential is not computed by a general algorithm: the lifted
+//!   system's is known in closed form, and as sums of positive terms it loses no digit at any step.
 //! - Frames go to a V4L2 node no faster than they were exposed: a v4l2loopback reader that is more
 //!   than two frames behind loses all but the newest.
 

@@ -6,8 +6,9 @@ use crate::error::{Error, Result};
 use crate::host::monotonic_ns;
 use crate::link::{Outcome, Replay, RunDir, replay};
 use crate::protocol::Endpoints;
+use crate::protocol::record::{About, Event, Reader};
 use std::io::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 /// Serve a recording: a device that behaves as recorded, until Ctrl-C or TERM.
@@ -43,7 +44,7 @@ enum Pace {
 
 pub(super) fn run(args: &Args) -> Result<()> {
     let mut reader = record::open(&args.file)?;
-    let about = record::about(&mut reader, &args.file)?;
+    let about = about(&mut reader, &args.file)?;
     let run_dir = match &args.run_dir {
         Some(dir) => std::path::absolute(dir).map_err(|e| Error::io(dir, e))?,
         None => default_run_dir("replay"),
@@ -105,4 +106,21 @@ fn judge(args: &Args, outcome: &Outcome) -> Result<()> {
              that clients sent in it came again"
         ))),
     }
+}
+
+/// What a recording says of itself in its first record.
+///
+/// # Errors
+/// A recording that does not.
+fn about<R: std::io::Read>(reader: &mut Reader<R>, path: &Path) -> Result<About> {
+    let found = match reader.read() {
+        Ok(Some(record)) => match record.event {
+            Event::About(about) => return Ok(about),
+            _ => "something else in the first record".to_owned(),
+        },
+        Ok(None) => "a recording without records".to_owned(),
+        Err(damage) => damage.to_string(),
+    };
+    let allowed = "a recording whose first record says what was recorded";
+    Err(Error::input(path.display(), found, allowed))
 }

@@ -4,7 +4,7 @@ mod export;
 mod info;
 
 use crate::error::{Error, Result};
-use crate::protocol::record::{About, Event, Reader};
+use crate::protocol::record::Reader;
 use std::fs::File;
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
@@ -55,23 +55,6 @@ pub(super) fn open(path: &Path) -> Result<Reader<BufReader<File>>> {
     crate::file::regular(path)?;
     let file = File::open(path).map_err(|e| Error::io(path, e))?;
     Reader::new(BufReader::new(file), &path.display().to_string())
-}
-
-/// What a recording says of itself in its first record.
-///
-/// # Errors
-/// A recording that does not.
-pub(super) fn about<R: std::io::Read>(reader: &mut Reader<R>, path: &Path) -> Result<About> {
-    let found = match reader.read() {
-        Ok(Some(record)) => match record.event {
-            Event::About(about) => return Ok(about),
-            _ => "something else in the first record".to_owned(),
-        },
-        Ok(None) => "a recording without records".to_owned(),
-        Err(damage) => damage.to_string(),
-    };
-    let allowed = "a recording whose first record says what was recorded";
-    Err(Error::input(path.display(), found, allowed))
 }
 
 /// Seconds since 1970.
