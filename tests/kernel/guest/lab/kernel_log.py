@@ -14,10 +14,12 @@ WORDS = re.compile(
 # What drivers complain of in their own doing, or in ours. EPERM is no answer of a device: it is what
 # a transfer gets that the driver itself has withdrawn. As it stops a stream, uvcvideo withdraws all
 # transfers first and only then waits for its workers, one of which may still hand one back. ENODEV
-# is what a transfer gets in the moment between a device's unplugging and the driver's hearing of it.
+# is what a transfer gets in the moment between a device's unplugging and the driver's hearing of it;
+# a program that opens the port again then, as a scan does that has lost its device, is told so too.
 NO_COMPLAINT = re.compile(
     r"(uvcvideo [-0-9.:]+: Failed to resubmit video URB \(-(1|19)\)\."
-    r"|cdc_acm [-0-9.:]+: acm_\w+ - usb_submit_urb(\(write bulk\))? failed: -(1|19))$")
+    r"|cdc_acm [-0-9.:]+: acm_\w+ - usb_submit_urb(\(write bulk\))? failed: -(1|19)"
+    r"|cdc_acm [-0-9.:]+: acm_port_activate - usb_submit_urb\(ctrl irq\) failed)$")
 
 
 class KernelLog:
