@@ -15,7 +15,7 @@ proptest! {
     })]
     #[test]
     fn random_sequences_come_back(
-        period in 8.0..120.0f64,
+        period in 8.5..120.0f64,
         steps in 3usize..10,
         jitter in proptest::collection::vec(-0.3..0.3f64, 10),
         cell_divisor in 1u32..5,
