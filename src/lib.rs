@@ -88,6 +88,7 @@ pub mod host;
 #[cfg(target_os = "linux")]
 pub mod link;
 pub mod measure;
+mod numbers;
 pub mod pattern;
 pub mod profile;
 pub mod protocol;

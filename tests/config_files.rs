@@ -1,8 +1,10 @@
 //! Profiles, scenes and manifests with mistakes in them: one message that names the line, what was
 //! found and what is allowed; and no text at all that makes a reader panic.
 
+use phasma::geometry::Rig;
 use phasma::pattern::Manifest;
-use phasma::profile::{Profile, Scene, profile_names, scene_names};
+use phasma::profile::faults::Schedule;
+use phasma::profile::{Profile, Scene, Station, TomlSource, profile_names, scene_names};
 use proptest::prelude::*;
 
 const BENCH: &str = include_str!("../device-profiles/pmp-bench.toml");
@@ -510,4 +512,77 @@ fn a_reader_that_leaves_ends_a_list_quietly() {
     assert!(done.status.success(), "{done:?}");
     let said = std::fs::read_to_string(folder.path().join("err.txt")).unwrap();
     assert_eq!(said, "", "nothing to say to nobody");
+}
+
+/// A text, its readers, and the lists of numbers that it holds: all of them have a fixed length.
+fn no_list_may_be_longer_or_shorter(
+    name: &str,
+    text: &str,
+    read: impl Fn(&str) -> phasma::Result<()>,
+) -> usize {
+    read(text).unwrap();
+    let is_list = |inside: &str| {
+        let numbers: Vec<_> = inside.split(',').map(|n| n.trim().parse::<f64>()).collect();
+        numbers.iter().all(Result::is_ok).then_some(numbers.len())
+    };
+    let mut lists = 0;
+    for (start, _) in text.match_indices('[') {
+        let line_start = text[..start].rfind('\n').map_or(0, |at| at + 1);
+        let end = start + text[start..].find(']').unwrap_or(0);
+        let Some(count) = is_list(&text[start + 1..end]) else {
+            continue;
+        };
+        if text[line_start..start].contains('#') {
+            continue;
+        }
+        lists += 1;
+        let line = 1 + text[..start].matches('\n').count();
+        let numbers = &text[start + 1..end];
+        let fewer = numbers.rsplit_once(',').map_or("", |(rest, _)| rest);
+        for (numbers, found) in [
+            (format!("{numbers}, 0"), count + 1),
+            (fewer.into(), count - 1),
+        ] {
+            let other = [&text[..=start], &numbers, &text[end..]].concat();
+            let words = read(&other).unwrap_err().to_string();
+            let plural = if found == 1 { "" } else { "s" };
+            let want =
+                format!("file.toml:{line}: a list of {found} number{plural}; allowed: {count}");
+            assert_eq!(words, want, "{name}");
+        }
+    }
+    lists
+}
+
+#[test]
+fn lists_of_numbers_have_the_length_that_they_have_everywhere() {
+    const AT: &str = "file.toml";
+    let mut lists = 0;
+    let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("device-profiles");
+    for folder in ["", "scenes", "stations", "faults"] {
+        for entry in std::fs::read_dir(root.join(folder)).unwrap() {
+            let path = entry.unwrap().path();
+            if !path.is_file() {
+                continue;
+            }
+            let text = std::fs::read_to_string(&path).unwrap();
+            let name = path.display().to_string();
+            lists += no_list_may_be_longer_or_shorter(&name, &text, |text| match folder {
+                "" => Profile::parse(text, AT).map(drop),
+                "scenes" => Scene::parse(text, AT).map(drop),
+                "stations" => Station::parse(text, AT).map(drop),
+                _ => Schedule::from_source(&TomlSource::new(text, AT)).map(drop),
+            });
+        }
+    }
+    assert!(lists >= 33, "{lists}");
+    let rig = Profile::load("pmp-real").unwrap().nominal_rig().to_toml();
+    let read = |text: &str| Rig::from_toml(text, AT).map(drop);
+    // Those of the rotations' rows among them.
+    assert_eq!(no_list_may_be_longer_or_shorter("rig", &rig, read), 14);
+    let row = rig.find("rotation = [").unwrap();
+    let end = row + rig[row..].find("],").unwrap();
+    let two = [&rig[..row], "rotation = [", rig[end + 2..].trim_start()].concat();
+    let words = read(&two).unwrap_err().to_string();
+    assert!(words.ends_with("a list of 2 rows; allowed: 3"), "{words}");
 }

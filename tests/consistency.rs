@@ -341,3 +341,62 @@ fn a_camera_that_does_not_see_the_projector_is_told_so() {
     assert_eq!(error.exit_code(), 1);
     assert!(error.to_string().contains("no modulation"), "{error}");
 }
+
+/// The frames of a capture, one of which is changed.
+fn changed(captured: &Captured, k: usize, change: impl Fn(&mut Vec<u8>)) -> Vec<Frame> {
+    let mut frames = captured.frames.clone();
+    change(&mut frames[k].data);
+    frames
+}
+
+/// Rows that one fringe frame lacks, and bits of it that are flipped; a plane without shading has
+/// next to nothing to tell a row by.
+#[test]
+fn missing_rows_and_flipped_bits_of_fringes_are_found() {
+    for (name, scene) in [
+        ("webcam-grey", "sphere"),
+        ("webcam-grey", "torso"),
+        ("dlp-evm", "torso"),
+    ] {
+        let captured = scan(&profile(name, 1.0), scene, |frames| frames, 0).unwrap();
+        let (width, pixels) = {
+            let frame = &captured.frames[0];
+            (frame.width as usize, frame.data.len())
+        };
+        for k in 0..4 {
+            for rows in [1, 2, 8] {
+                let frames = changed(&captured, k, |data| {
+                    data.copy_within((1 + rows) * width.., width);
+                    data[pixels - rows * width..].fill(0);
+                });
+                let found = check_sequence(&captured.manifest, &frames);
+                assert!(found.is_err(), "{name}, {scene}, {rows} rows of frame {k}");
+            }
+            let frames = changed(&captured, k, |data| {
+                let mut state = k as u64;
+                for _ in 0..pixels / 50 {
+                    state = state
+                        .wrapping_mul(6364136223846793005)
+                        .wrapping_add(1442695040888963407);
+                    data[(state >> 33) as usize % pixels] ^= 1 << (state >> 30 & 7);
+                }
+            });
+            let found = check_sequence(&captured.manifest, &frames).unwrap_err();
+            assert!(
+                found.contains("frames 0 to 3 contradict"),
+                "{name}, {scene}: {found}"
+            );
+        }
+    }
+}
+
+/// Bit planes that an exposure misses leave steps in the fringes, the same in every frame.
+#[test]
+fn an_exposure_that_does_not_cover_the_patterns_is_named() {
+    let mut short = profile("dlp-evm", 1.0);
+    short.camera.exposure_us = 4000.0;
+    let error = scan(&short, "plane", |frames| frames, 0)
+        .unwrap_err()
+        .to_string();
+    assert!(error.contains("not sinusoidal"), "{error}");
+}

@@ -380,7 +380,7 @@ fn fringes_finer_than_pixels_or_blur_are_unresolved_and_not_valid() {
             if unresolved { 0 } else { lit.len() }
         );
         let map = decoded.x.unwrap();
-        let mut counts = [0; 6];
+        let mut counts = [0; 7];
         for &i in &lit {
             counts[map.verdict[i] as usize] += 1;
         }

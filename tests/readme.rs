@@ -113,6 +113,28 @@ fn the_manifest_in_the_readme_reads() {
     assert_eq!(profile.projector.led.unwrap().droop.len(), 2);
 }
 
+/// A table below `<!-- study NAME -->` is one that `phasma study NAME` has printed, as
+/// `tests/studies/NAME.md` holds it.
+#[test]
+fn tables_are_those_of_the_studies() {
+    let readme = include_str!("../README.md");
+    let studies = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/studies");
+    let mut found = Vec::new();
+    for rest in readme.split("<!-- study ").skip(1) {
+        let (name, rest) = rest.split_once(" -->\n").unwrap();
+        let table: Vec<&str> = rest
+            .lines()
+            .take_while(|line| line.starts_with('|'))
+            .collect();
+        assert!(table.len() > 2, "a table of study {name}");
+        let printed = std::fs::read_to_string(studies.join(format!("{name}.md"))).unwrap();
+        let table = table.join("\n");
+        assert!(printed.contains(&table), "study {name} has no\n{table}");
+        found.push(name);
+    }
+    assert!(!found.is_empty());
+}
+
 #[test]
 fn a_board_is_a_shape() {
     let readme = include_str!("../README.md");

@@ -31,6 +31,9 @@ pub(super) struct Args {
     /// Keep pixels that read two surfaces at once
     #[arg(long)]
     keep_mixed: bool,
+    /// Weigh the steps by their shot noise: less noise of six or more equal steps
+    #[arg(long)]
+    weighted: bool,
     /// How a single period without Gray code is unwrapped
     #[arg(long, value_name = "HOW")]
     unwrap: Option<Unwrap>,
@@ -78,6 +81,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let frames = load_frames(&manifest, &plan, folder)?;
     let options = Options {
         keep_mixed: args.keep_mixed,
+        weighted: args.weighted,
         unwrap_spatial: args.unwrap.is_some(),
         min_modulation_dn: args.min_modulation,
         ..Options::default()

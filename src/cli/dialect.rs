@@ -2,7 +2,10 @@
 
 use crate::emulator::port::Port;
 use crate::error::{Error, Result};
+use crate::profile::{Profile, Station, StationDevice};
 use crate::protocol::dialect::Dialect;
+use crate::protocol::{Endpoints, endpoints};
+use std::path::Path;
 use std::sync::Arc;
 
 /// List, show or check dialects of the control port.
@@ -48,14 +51,81 @@ pub(super) fn run(args: &Args) -> Result<()> {
     Ok(())
 }
 
+/// The control port of a device as its profile has it.
+///
+/// # Errors
+/// A dialect that is none, that does not go with the line, or that the device does not understand.
+pub(super) fn port(profile: &Profile) -> Result<Port> {
+    let dialect = profile.control.load_dialect(&profile.folder)?;
+    Port::new(Arc::new(dialect))
+}
+
+/// A path that means the same wherever it is taken from; a name stays what it is.
+pub(super) fn from_anywhere(name_or_path: &str) -> String {
+    let absolute = std::path::absolute(name_or_path)
+        .ok()
+        .filter(|path| path.is_file() && !Dialect::names().any(|name| name == name_or_path));
+    absolute
+        .and_then(|path| path.to_str().map(str::to_owned))
+        .unwrap_or_else(|| name_or_path.to_owned())
+}
+
+/// What a control port speaks: what is asked for, or what the `device.json` beside it says.
+///
+/// # Errors
+/// What [`Dialect::load`] refuses.
+pub(super) fn spoken(asked: Option<&str>, control: Option<&str>) -> Result<Option<Dialect>> {
+    if let Some(asked) = asked {
+        return Dialect::load(asked)
+            .map(Some)
+            .map_err(|e| e.at("--dialect"));
+    }
+    let Some(control) = control.map(Path::new) else {
+        return Ok(None);
+    };
+    let folder = control.parent().unwrap_or(Path::new(""));
+    let found = Endpoints::read(folder).ok();
+    let own = found.filter(|found| found.control.file_name() == control.file_name());
+    let Some(dialect) = own.and_then(|own| own.dialect) else {
+        return Ok(None);
+    };
+    let place = folder.join(endpoints::FILE_NAME);
+    let loaded = Dialect::load(&dialect).map_err(|e| e.at(place.display()));
+    loaded.map(Some)
+}
+
+/// Has a device speak another dialect than its profile's, a path being relative to where the program
+/// was started; `place` is where that is said.
+pub(super) fn speak(profile: &mut Profile, name_or_path: &str, place: &str) {
+    profile.control.dialect = from_anywhere(name_or_path);
+    profile.control.places.dialect = place.to_owned();
+}
+
+/// The profile of a station's device, with the station's dialect where it names one.
+///
+/// # Errors
+/// As for [`Profile::load`].
+pub(super) fn profile_of(station: &Station, device: &StationDevice) -> Result<Profile> {
+    let mut profile = Profile::load(&station.profile(device))?;
+    if let Some(dialect) = station.dialect(device) {
+        speak(&mut profile, &dialect, &device.dialect_place);
+    }
+    Ok(profile)
+}
+
 /// Checks a dialect's messages against the device, and says what it describes.
 pub(super) fn check(file: &str, dialect: Dialect) -> Result<()> {
     let dialect = Arc::new(dialect);
     // The device knows whether it has the commands that the file names.
     Port::new(dialect.clone())?;
+    println!("{file}: ok");
+    describe(&dialect);
+    Ok(())
+}
+
+fn describe(dialect: &Dialect) {
     let operations: Vec<_> = dialect.host().names().collect();
     let missing: Vec<_> = dialect.host().missing().collect();
-    println!("{file}: ok");
     println!("  name        {}", dialect.name());
     println!("  framing     {}", dialect.framing());
     println!("  commands    {}", dialect.commands().count());
@@ -63,7 +133,10 @@ pub(super) fn check(file: &str, dialect: Dialect) -> Result<()> {
     if !missing.is_empty() {
         println!("  host cannot {}", missing.join(", "));
     }
-    Ok(())
+    let needed: Vec<_> = dialect.host().needed().collect();
+    if !needed.is_empty() {
+        println!("  no scan     without {}", needed.join(", "));
+    }
 }
 
 #[cfg(test)]

@@ -37,18 +37,18 @@ mod profile;
 mod record;
 #[cfg(target_os = "linux")]
 mod replay;
+mod report;
 mod scan;
 mod scene;
 #[cfg(target_os = "linux")]
 mod serve;
 #[cfg(target_os = "linux")]
 mod served;
+mod study;
 #[cfg(not(target_os = "linux"))]
 mod without_link;
 #[cfg(not(target_os = "linux"))]
 use {without_link as demo, without_link as doctor, without_link as replay, without_link as serve};
-
-pub use plan::Timing;
 
 use crate::error::Result;
 use clap::{Parser, Subcommand};
@@ -81,6 +81,8 @@ enum Command {
     Board(board::Args),
     Doctor(doctor::Args),
     Faults(faults::Args),
+    Study(study::Args),
+    Report(report::Args),
 }
 
 /// Standard output cannot be written to.
@@ -131,5 +133,7 @@ fn dispatch(command: Command) -> Result<()> {
         Command::Board(args) => board::run(&args),
         Command::Doctor(args) => doctor::run(&args),
         Command::Faults(args) => faults::run(&args),
+        Command::Study(args) => study::run(&args),
+        Command::Report(args) => report::run(&args),
     }
 }

@@ -3,7 +3,8 @@
 use crate::decode::Plan;
 use crate::error::Result;
 use crate::profile::{
-    Configuration, Profile, Scene, Station, TomlSource, profile_names, station_names,
+    Configuration, Control, Parity, Profile, Scene, Station, TomlSource, profile_names,
+    station_names,
 };
 use crate::protocol::dialect::Dialect;
 use std::path::Path;
@@ -43,7 +44,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
         }
         Action::Check { file } => match Configuration::load(file)? {
             Configuration::Device(profile) => {
-                profile.control.load_dialect(&profile.folder)?;
+                super::dialect::port(&profile)?;
                 println!("{file}: ok");
                 describe(&profile);
             }
@@ -58,7 +59,10 @@ fn check_station(file: &str, station: &Station) -> Result<()> {
     let profiles: Vec<Profile> = station
         .device
         .iter()
-        .map(|device| Profile::load(&station.profile(device)))
+        .map(|device| {
+            let profile = super::dialect::profile_of(station, device)?;
+            super::dialect::port(&profile).map(|_| profile)
+        })
         .collect::<Result<_>>()?;
     let scene = station.scene();
     if let Some(scene) = &scene {
@@ -71,10 +75,6 @@ fn check_station(file: &str, station: &Station) -> Result<()> {
         scene.as_deref().unwrap_or("of the command line")
     );
     for (device, profile) in station.device.iter().zip(&profiles) {
-        match station.dialect(device) {
-            Some(dialect) => drop(Dialect::load(&dialect)?),
-            None => drop(profile.control.load_dialect(&profile.folder)?),
-        }
         let place = match device.rig() {
             Some(rig) => format!(
                 "at {:?} mm, turned {:?} degrees",
@@ -82,7 +82,12 @@ fn check_station(file: &str, station: &Station) -> Result<()> {
             ),
             None => "where the scene says".to_owned(),
         };
-        println!("  device      {}: {}, {place}", device.name, profile.name);
+        println!(
+            "  device      {}: {}, {place}, {}",
+            device.name,
+            profile.name,
+            line(&profile.control)
+        );
     }
     Ok(())
 }
@@ -106,12 +111,13 @@ fn describe(profile: &Profile) {
         projector.view().lens.focal_px.x,
         projector.view().center().length(),
     );
-    let control = &profile.control;
-    let line = match control.baud {
-        Some(baud) => format!("{baud} baud"),
-        None => "a line that takes no time".to_owned(),
-    };
-    println!("  control     {}, {line}", control.dialect);
+    println!("  control     {}", line(&profile.control));
+    if let Some(readout_us) = camera.readout_us {
+        println!("  readout     {readout_us} us of a frame");
+    }
+    if let Some(interval_us) = camera.shortest_interval_us {
+        println!("  frames      no closer than {interval_us} us");
+    }
     if let Some(timing) = &projector.timing {
         println!(
             "  timing      steps of {} us, exposures from {} us ({} bits), {} us shorter than the period or as long",
@@ -140,6 +146,24 @@ fn describe(profile: &Profile) {
         if let Err(why) = Plan::new(&profile.manifest(sequence)) {
             println!("              cannot be decoded: {why}");
         }
+    }
+}
+
+/// What a control port speaks and how fast.
+fn line(control: &Control) -> String {
+    match control.baud {
+        Some(baud) => {
+            let parity = match control.parity {
+                Parity::None => 'N',
+                Parity::Odd => 'O',
+                Parity::Even => 'E',
+                Parity::Mark => 'M',
+                Parity::Space => 'S',
+            };
+            let (bits, stops) = (control.data_bits, control.stop_bits);
+            format!("{} at {baud} baud, {bits}{parity}{stops}", control.dialect)
+        }
+        None => format!("{} on a line that takes no time", control.dialect),
     }
 }
 

@@ -1,5 +1,6 @@
 //! `phasma scan`: captures a sequence from any device that can be reached, and decodes it.
 
+use super::dialect;
 use super::interrupt::Interruptible;
 use super::method::MethodArgs;
 use crate::calibrate::files::read_rig;
@@ -36,8 +37,8 @@ pub(super) struct Args {
     /// and the frames of the free-running camera are taken as they come.
     #[arg(long, value_name = "PATH")]
     control: Option<String>,
-    /// What the control port speaks: scpi (which it is without this), dlpc350, okline, or the file
-    /// of a dialect.
+    /// What the control port speaks: scpi, dlpc350, okline, or the file of a dialect. When absent,
+    /// what the device.json beside the port says, or else scpi.
     #[arg(long, value_name = "NAME|FILE")]
     dialect: Option<String>,
     /// Folder for what is captured.
@@ -61,6 +62,9 @@ pub(super) struct Args {
     /// Keep pixels that read two surfaces at once.
     #[arg(long)]
     keep_mixed: bool,
+    /// Weigh the steps by their shot noise: less noise of six or more equal steps.
+    #[arg(long)]
+    weighted: bool,
     /// Capture only: for sequences that are not meant to be decoded.
     #[arg(long)]
     no_decode: bool,
@@ -130,8 +134,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
         manifest,
         frame_timeout: timeout,
     };
-    let dialect = args.dialect.as_deref().map(Dialect::load).transpose();
-    let dialect = dialect.map_err(|e| e.at("--dialect"))?;
+    let dialect = dialect::spoken(args.dialect.as_deref(), args.control.as_deref())?;
     let start = Instant::now();
     let given = args.calibration.as_deref().zip(calibration);
     let address = args.device.as_deref().or(args.camera.as_deref());
@@ -304,6 +307,7 @@ fn show(bar: &ProgressBar, progress: Progress<'_>) {
 fn decode_captured(captured: &Captured, args: &Args) -> Result<(Summary, f64)> {
     let options = Options {
         keep_mixed: args.keep_mixed,
+        weighted: args.weighted,
         ..Options::default()
     };
     let begin = Instant::now();

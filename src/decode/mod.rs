@@ -34,6 +34,7 @@ mod steps;
 mod turns;
 mod unwrap;
 mod usual;
+mod weighted;
 
 pub use decoder::{Decoder, Options};
 pub use gray::{GrayBit, GrayCode};

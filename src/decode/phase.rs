@@ -4,6 +4,8 @@
 use super::samples::Sample;
 use super::steps::FringeSet;
 use super::turns::turns;
+use super::usual::Usual;
+use super::weighted;
 use crate::geometry::NoiseModel;
 use std::f64::consts::TAU;
 
@@ -44,10 +46,13 @@ pub(super) struct SetKernel {
     skew: [f32; 4],
     /// (period / 2 pi)^2: variance of phase to variance of position.
     per_phase: f32,
+    /// Weights of the frames in the sums of [`weighted`], where shot noise is made use of.
+    higher: Vec<[f32; 4]>,
 }
 
 impl SetKernel {
-    pub(super) fn new(set: &FringeSet) -> Self {
+    /// With the sums that make use of shot noise, where they are wanted and the set has them.
+    pub(super) fn new(set: &FringeSet, weighted: bool) -> Self {
         Self {
             period: set.period_px as f32,
             frames: set.frames.clone(),
@@ -64,6 +69,10 @@ impl SetKernel {
             gram: set.gram.map(|v| v as f32),
             skew: set.skew.map(|v| v as f32),
             per_phase: (set.period_px / TAU).powi(2) as f32,
+            higher: Some(set)
+                .filter(|_| weighted)
+                .and_then(weighted::harmonics)
+                .unwrap_or_default(),
         }
     }
 
@@ -77,6 +86,11 @@ impl SetKernel {
             }
         }
         sums
+    }
+
+    /// Whether shot noise is made use of.
+    pub(super) fn weighs(&self) -> bool {
+        !self.higher.is_empty()
     }
 
     /// Variance of position at which the phase's standard deviation is `sigma_rad`.
@@ -96,12 +110,21 @@ pub(super) struct SetRow {
     pub(super) wrapped: Vec<f32>,
     /// Variance of the coordinate in projector pixels squared.
     pub(super) variance: Vec<f32>,
-    /// What no fringe explains, in DN: see [`FringeSet::check`].
+    /// What no fringe explains, in DN: see [`FringeSet::check`]; after [`Self::finish`] less what is
+    /// usual.
     pub(super) check: Vec<f32>,
+    /// Cosine and sine sums of the second and third harmonic of the steps, in DN; unused where shot
+    /// noise is not made use of.
+    higher: [Vec<f32>; 4],
 }
 
 impl SetRow {
-    pub(super) fn reset(&mut self, n: usize) {
+    /// Empties the sums for a row of `n` pixels.
+    pub(super) fn reset(&mut self, kernel: &SetKernel, n: usize) {
+        let clear = |v: &mut Vec<f32>| {
+            v.clear();
+            v.resize(n, 0.0);
+        };
         for v in [
             &mut self.mean,
             &mut self.modulation,
@@ -109,8 +132,10 @@ impl SetRow {
             &mut self.variance,
             &mut self.check,
         ] {
-            v.clear();
-            v.resize(n, 0.0);
+            clear(v);
+        }
+        if !kernel.higher.is_empty() {
+            self.higher.iter_mut().for_each(clear);
         }
     }
 
@@ -141,29 +166,94 @@ impl SetRow {
         }
     }
 
+    /// Sums the higher harmonics over the samples of all steps, which `row` gives by their frames: a few
+    /// pixels at a time, so that their sums stay in registers.
+    #[inline(always)]
+    pub(super) fn add_higher<'f, T: Sample>(
+        &mut self,
+        kernel: &SetKernel,
+        row: &impl Fn(usize) -> &'f [T],
+    ) {
+        const LANES: usize = 16;
+        let n = self.mean.len();
+        let steps = || kernel.frames.iter().zip(&kernel.higher);
+        let whole = n - n % LANES;
+        for first in (0..whole).step_by(LANES) {
+            let mut sums = [[0.0; LANES]; 4];
+            for (&frame, weights) in steps() {
+                let (samples, _) = row(frame)[first..first + LANES].as_chunks::<LANES>();
+                for i in 0..LANES {
+                    let v = samples[0][i].dn();
+                    for k in 0..4 {
+                        sums[k][i] += weights[k] * v;
+                    }
+                }
+            }
+            for (higher, sums) in self.higher.iter_mut().zip(&sums) {
+                higher[first..first + LANES].copy_from_slice(sums);
+            }
+        }
+        for (&frame, weights) in steps() {
+            let samples = &row(frame)[whole..n];
+            for (higher, weight) in self.higher.iter_mut().zip(weights) {
+                for (sum, sample) in higher[whole..n].iter_mut().zip(samples) {
+                    *sum += weight * sample.dn();
+                }
+            }
+        }
+    }
+
     /// Turns A, C, S into mean, modulation, wrapped coordinate and variance.
     ///
     /// The phase phi = atan2(S, C) has d phi = (C dS - S dC) / B^2. Samples' variances follow the
     /// linear noise model, so that of the phase is
     /// [v(A) (C^2 Gss - 2 C S Gcs + S^2 Gcc) + K (third-order terms of C and S)] / B^4.
     #[inline(always)]
-    pub(super) fn finish(&mut self, kernel: &SetKernel, noise: RowNoise) {
+    pub(super) fn finish(&mut self, kernel: &SetKernel, noise: RowNoise, usual: &Usual) {
         let n = self.mean.len();
         let (mean, m) = (&self.mean[..n], &mut self.modulation[..n]);
         let (w, var) = (&mut self.wrapped[..n], &mut self.variance[..n]);
+        let check = &mut self.check[..n];
         let [gcc, gcs, gss] = kernel.gram;
         let [t0, t1, t2, t3] = kernel.skew.map(|t| t * noise.gain);
+        if kernel.higher.is_empty() {
+            for i in 0..n {
+                let (c, s) = (m[i], w[i]);
+                let b2 = (c * c + s * s).max(1e-12);
+                let even =
+                    noise.variance(mean[i]) * (c * c * gss - 2.0 * c * s * gcs + s * s * gcc);
+                let odd = c * c * (c * t0 + s * t1) + s * s * (c * t2 + s * t3);
+                // A pixel whose mean and modulation contradict the model still has some noise.
+                let sum = (even + odd).max(0.1 * even);
+                var[i] = kernel.per_phase * sum / (b2 * b2);
+                m[i] = b2.sqrt();
+                check[i] -= usual.part(mean[i] - noise.black, c, s, m[i]);
+                let x = kernel.period * turns(s, c);
+                w[i] = if x >= kernel.period { 0.0 } else { x };
+            }
+            return;
+        }
+        // Six or more equal steps: the variance is v Gcc / B^2.
+        let third = kernel.higher.len() > weighted::WITHOUT_THIRD;
+        let [u0, u1, u2, u3] = self.higher.each_ref().map(|sum| &sum[..n]);
+        let per_radian = kernel.per_phase.sqrt();
         for i in 0..n {
             let (c, s) = (m[i], w[i]);
-            let b2 = (c * c + s * s).max(1e-12);
-            let even = noise.variance(mean[i]) * (c * c * gss - 2.0 * c * s * gcs + s * s * gcc);
-            let odd = c * c * (c * t0 + s * t1) + s * s * (c * t2 + s * t3);
-            // A pixel whose mean and modulation contradict the model still has some noise.
-            let sum = (even + odd).max(0.1 * even);
-            var[i] = kernel.per_phase * sum / (b2 * b2);
-            m[i] = b2.sqrt();
-            let x = kernel.period * turns(s, c);
-            w[i] = if x >= kernel.period { 0.0 } else { x };
+            let b = (c * c + s * s).max(1e-12).sqrt();
+            let variance = noise.variance(mean[i]);
+            let sums = [u0[i], u1[i], u2[i], u3[i]];
+            let half_swing = 0.5 * noise.gain * b / variance;
+            let [shift, factor] = weighted::correction([c / b, s / b], b, half_swing, sums, third);
+            var[i] = kernel.per_phase * factor * variance * gcc / (b * b);
+            m[i] = b;
+            check[i] -= usual.part(mean[i] - noise.black, c, s, b);
+            let x = kernel.period * turns(s, c) + per_radian * shift;
+            let x = if x < 0.0 { x + kernel.period } else { x };
+            w[i] = if x >= kernel.period {
+                x - kernel.period
+            } else {
+                x
+            };
         }
     }
 }

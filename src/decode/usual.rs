@@ -1,31 +1,44 @@
 //! How far the steps of a fringe set contradict each other in a capture as a whole.
 //!
 //! Four or more steps leave a residual ([`FringeSet::check`](super::FringeSet::check)). It is not
-//! noise alone: with four steps a response curve puts its second harmonic there, in proportion to
-//! the modulation, and a flickering lamp an error in proportion to the light. Both are everywhere,
-//! and so the medians over a capture know them; a damaged pixel of one frame is not.
+//! noise alone: a flickering lamp leaves a part of the light and of the fringe itself, and with four
+//! steps a response curve its second harmonic. Each is the same part everywhere, so a fit over the
+//! capture knows them, and takes them off; a damaged pixel of one frame is not usual. What is left is
+//! held against the camera's noise, or against what is left of most pixels where that is more.
 
 use super::Options;
 use super::phase::{RowNoise, SetKernel};
 use super::samples::Sample;
 use crate::geometry::NoiseModel;
+use nalgebra::{SMatrix, SVector};
 
 /// Pixels that are looked at.
 const PIXELS: usize = 4000;
 /// Fewest of them that tell what is usual.
 const FEWEST: usize = 50;
-/// How many times the usual a residual may be. A harmonic's |cos| is at most sqrt 2 of its median;
-/// the rest is for defocus and light that differ over the image.
-const TIMES: f32 = 2.0;
-/// Deviations of noise that come on top; of noise alone, twice its median are 1.35 more.
-const NOISE: f32 = 4.5;
+/// Deviations that a residual may have; noise has more in 6 of 100,000 pixels.
+const SIGMAS: f64 = 4.0;
+/// Part of the second harmonic that blur takes away, or leaves, in some part of the image.
+const BLURRED: f64 = 0.75;
+/// Light, both parts of the fringe, both of its second harmonic.
+const TERMS: usize = 5;
+/// Rounds of the robust fit.
+const ROUNDS: usize = 4;
+/// Deviations from which on a pixel weighs less in the fit,
+const BENT: f64 = 2.0;
+/// and from which on it is left out of the deviation.
+const CLIP: f64 = 3.0;
+/// The part of its variance that a normal distribution has within [`CLIP`] deviations.
+const WITHIN: f64 = 0.9733;
 
-/// Medians of the residual of a fringe set over a capture.
+/// What is usual of the residual of a fringe set over a capture.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Usual {
-    /// Of |residual| / (mean - black).
-    light: f32,
-    /// Of |residual| / modulation.
+    /// Parts of the terms.
+    terms: [f32; TERMS],
+    /// Deviations of the camera's noise that are believed.
+    deviations: f32,
+    /// Part of the modulation that is believed on top.
     modulation: f32,
 }
 
@@ -33,14 +46,25 @@ impl Default for Usual {
     /// Nothing is unusual.
     fn default() -> Self {
         Self {
-            light: f32::INFINITY,
-            modulation: f32::INFINITY,
+            terms: [0.0; TERMS],
+            deviations: f32::INFINITY,
+            modulation: 0.0,
         }
     }
 }
 
+/// A pixel that is looked at.
+struct Pixel {
+    terms: SVector<f64, TERMS>,
+    check: f64,
+    /// Deviation of the camera's noise.
+    sigma: f64,
+    /// What the terms leave, in deviations.
+    left: f64,
+}
+
 impl Usual {
-    /// The medians of a set over pixels here and there that have fringes and are not saturated.
+    /// What is usual of a set over pixels here and there that have fringes and are not saturated.
     pub(super) fn of<T: Sample>(
         set: &SetKernel,
         frames: &[&[T]],
@@ -52,41 +76,97 @@ impl Usual {
             return Self::default();
         };
         let row = RowNoise::new(noise);
-        let (mut light, mut modulation) = (Vec::new(), Vec::new());
+        let mut pixels = Vec::new();
         // Odd, so that no column of an image is all there is.
         let stride = (frames[*first].len() / PIXELS) | 1;
         for i in (0..frames[*first].len()).step_by(stride) {
             let [a, c, s, check] = set.solve(|frame| frames[frame][i].dn());
             let b = c.hypot(s);
-            let from_black = a - row.black;
-            let dim = b < options.min_modulation_dn || b < options.min_contrast * from_black;
-            if dim || from_black <= 0.0 || a + b >= saturation {
+            let light = a - row.black;
+            let dim = b < options.min_modulation_dn || b < options.min_contrast * light;
+            if dim || light <= 0.0 || a + b >= saturation {
                 continue;
             }
-            light.push(check.abs() / from_black);
-            modulation.push(check.abs() / b);
+            let sigma = f64::from(row.variance(a).max(1e-6).sqrt());
+            pixels.push(Pixel {
+                terms: terms(light, c, s, b).map(f64::from).into(),
+                check: f64::from(check),
+                sigma,
+                left: f64::from(check) / sigma,
+            });
         }
-        if light.len() < FEWEST {
+        if pixels.len() < FEWEST {
             return Self::default();
         }
+        let mut fitted = SVector::zeros();
+        let mut scale = deviation(&pixels);
+        for _ in 0..ROUNDS {
+            let Some(found) = fit(&pixels, scale) else {
+                break;
+            };
+            fitted = found;
+            for pixel in &mut pixels {
+                pixel.left = (pixel.check - fitted.dot(&pixel.terms)) / pixel.sigma;
+            }
+            scale = deviation(&pixels);
+        }
         Self {
-            light: median(&mut light),
-            modulation: median(&mut modulation),
+            terms: fitted.map(|v| v as f32).into(),
+            deviations: (SIGMAS * scale.max(1.0)) as f32,
+            modulation: (BLURRED * fitted[3].hypot(fitted[4])) as f32,
         }
     }
 
-    /// The largest residual in DN that is believed of a pixel of a mean above black and a
-    /// modulation.
+    /// The part of a pixel's residual that is usual: of a mean above black, both parts of its fringe
+    /// and their modulation, all in DN.
+    #[inline(always)]
+    pub(super) fn part(&self, light: f32, c: f32, s: f32, modulation: f32) -> f32 {
+        let terms = terms(light, c, s, modulation);
+        let mut sum = 0.0;
+        for (part, term) in self.terms.iter().zip(terms) {
+            sum += part * term;
+        }
+        sum
+    }
+
+    /// The largest residual in DN, less the usual part, that is believed of a pixel of a mean above
+    /// black and a modulation.
     #[inline(always)]
     pub(super) fn most(self, light: f32, modulation: f32, noise: RowNoise) -> f32 {
-        let usual = (self.light * light).max(self.modulation * modulation);
-        // Shot noise is that of the brightest sample at most.
-        TIMES * usual + NOISE * noise.variance(noise.black + light + modulation).sqrt()
+        self.deviations * noise.variance(noise.black + light).sqrt() + self.modulation * modulation
     }
 }
 
-/// The middle value; there is one.
-fn median(values: &mut [f32]) -> f32 {
-    let middle = values.len() / 2;
-    *values.select_nth_unstable_by(middle, f32::total_cmp).1
+#[inline(always)]
+fn terms(light: f32, c: f32, s: f32, modulation: f32) -> [f32; TERMS] {
+    let second = [(c * c - s * s) / modulation, 2.0 * c * s / modulation];
+    [light, c, s, second[0], second[1]]
+}
+
+/// Least squares of the terms, where pixels far off by the last round weigh less.
+fn fit(pixels: &[Pixel], scale: f64) -> Option<SVector<f64, TERMS>> {
+    let mut normal = SMatrix::<f64, TERMS, TERMS>::zeros();
+    let mut right = SVector::<f64, TERMS>::zeros();
+    for pixel in pixels {
+        let bent = (BENT * scale / pixel.left.abs().max(1e-9)).min(1.0);
+        let weight = bent / (pixel.sigma * pixel.sigma);
+        normal += pixel.terms * pixel.terms.transpose() * weight;
+        right += pixel.terms * (pixel.check * weight);
+    }
+    normal.cholesky().map(|c| c.solve(&right))
+}
+
+/// The deviation of most pixels, in deviations of the camera's noise.
+fn deviation(pixels: &[Pixel]) -> f64 {
+    let mut sizes: Vec<f64> = pixels.iter().map(|p| p.left.abs()).collect();
+    let middle = sizes.len() / 2;
+    // 0.6745 of a deviation is the median; few whole numbers make it coarse.
+    let median = *sizes.select_nth_unstable_by(middle, f64::total_cmp).1 / 0.6745;
+    let mut deviation = median.max(0.5);
+    for _ in 0..ROUNDS {
+        let kept = sizes.iter().filter(|v| **v < CLIP * deviation);
+        let (sum, n) = kept.fold((0.0, 0.0), |(sum, n), v| (sum + v * v, n + 1.0));
+        deviation = (sum / WITHIN / f64::max(n, 1.0)).sqrt().max(0.5);
+    }
+    deviation
 }

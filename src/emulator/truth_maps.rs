@@ -4,15 +4,28 @@ use super::Truth;
 use crate::error::{Error, Result};
 use crate::protocol::service::Maps;
 
+/// Maps that hang on the device's settings and not on the scene alone.
+const LEVELS: [&str; 2] = ["mean_dn", "modulation_dn"];
+
 impl Truth {
     /// The maps for the service channel.
     pub fn to_maps(&self) -> Maps {
+        self.maps_but(&[])
+    }
+
+    /// Those of them that are the same whatever the device's settings.
+    pub fn to_maps_of_geometry(&self) -> Maps {
+        self.maps_but(&LEVELS)
+    }
+
+    fn maps_but(&self, left_out: &[&str]) -> Maps {
         Maps {
             width: self.width,
             height: self.height,
             maps: self
                 .maps()
                 .into_iter()
+                .filter(|(name, _)| !left_out.contains(name))
                 .map(|(name, map)| (name.to_owned(), map.to_vec()))
                 .collect(),
             flags: self.flags.clone(),
@@ -71,6 +84,13 @@ mod tests {
             modulation_dn: vec![9.0, 10.0],
         };
         assert_eq!(Truth::from_maps(truth.to_maps()).unwrap(), truth);
+        let geometry = truth.to_maps_of_geometry();
+        let names: Vec<_> = geometry
+            .maps
+            .iter()
+            .map(|(name, _)| name.as_str())
+            .collect();
+        assert_eq!(names, ["depth_mm", "projector_x", "projector_y"]);
         let mut maps = truth.to_maps();
         maps.maps.remove(1);
         let message = Truth::from_maps(maps).unwrap_err().to_string();

@@ -24,11 +24,13 @@ pub struct Lens {
     /// Image height in pixels.
     pub height_px: u32,
     /// Focal lengths fx, fy in pixels.
+    #[serde(deserialize_with = "crate::numbers::exactly")]
     pub focal_px: DVec2,
     /// Principal point cx, cy in pixels.
+    #[serde(deserialize_with = "crate::numbers::exactly")]
     pub principal_px: DVec2,
     /// k1, k2, p1, p2, k3.
-    #[serde(default)]
+    #[serde(default, deserialize_with = "crate::numbers::exactly")]
     pub distortion: [f64; 5],
 }
 

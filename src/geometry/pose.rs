@@ -11,6 +11,7 @@ pub struct Pose {
     #[serde(with = "rows")]
     pub rotation: DMat3,
     /// Translation in millimetres: where b's origin lies in a.
+    #[serde(deserialize_with = "crate::numbers::exactly")]
     pub translation_mm: DVec3,
 }
 
@@ -83,14 +84,14 @@ impl std::ops::Mul for Pose {
 
 mod rows {
     use glam::DMat3;
-    use serde::{Deserialize, Deserializer, Serialize, Serializer};
+    use serde::{Deserializer, Serialize, Serializer};
 
     pub fn serialize<S: Serializer>(m: &DMat3, s: S) -> Result<S::Ok, S::Error> {
         m.transpose().to_cols_array_2d().serialize(s)
     }
 
     pub fn deserialize<'de, D: Deserializer<'de>>(d: D) -> Result<DMat3, D::Error> {
-        Ok(DMat3::from_cols_array_2d(&<[[f64; 3]; 3]>::deserialize(d)?).transpose())
+        crate::numbers::exactly(d)
     }
 }
 

@@ -2,7 +2,7 @@
 //! that are wrapped, and otherwise as they were.
 
 use super::{Camera, CommandPort};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::protocol::Frame;
 use crate::protocol::record::{Channel, Event, Recorder};
 use std::sync::Arc;
@@ -90,12 +90,18 @@ impl<C: Camera> Drop for RecordedCamera<C> {
 pub struct RecordedPort<P: CommandPort> {
     port: P,
     tape: Option<Tape>,
+    /// The device's end has gone, and has not been had back.
+    unplugged: bool,
 }
 
 impl<P: CommandPort> RecordedPort<P> {
     /// Wraps a port that has just been opened.
     pub fn new(port: P, tape: Option<Tape>) -> Self {
-        let recorded = Self { port, tape };
+        let recorded = Self {
+            port,
+            tape,
+            unplugged: false,
+        };
         recorded.put(|| Event::Opened);
         recorded
     }
@@ -103,6 +109,13 @@ impl<P: CommandPort> RecordedPort<P> {
     fn put(&self, event: impl FnOnce() -> Event) {
         if let Some(tape) = &self.tape {
             tape.put(Channel::Control, event());
+        }
+    }
+
+    /// Records that the device's end has gone, once.
+    fn unplug(&mut self) {
+        if !std::mem::replace(&mut self.unplugged, true) {
+            self.put(|| Event::Unplugged);
         }
     }
 }
@@ -113,11 +126,22 @@ impl<P: CommandPort> CommandPort for RecordedPort<P> {
     }
 
     fn send(&mut self, bytes: &[u8], timeout: Duration) -> Result<()> {
-        // Before they go: an answer is never recorded before its question.
-        self.put(|| Event::Sent(bytes.to_vec()));
+        // Before they go: an answer is never recorded before its question. What is said to a device
+        // that is known to have gone is no part of the conversation.
+        if !self.unplugged {
+            self.put(|| Event::Sent(bytes.to_vec()));
+        }
         let sent = self.port.send(bytes, timeout);
-        if let Err(error) = &sent {
-            self.put(|| Event::Note(format!("these bytes did not leave: {error}")));
+        match &sent {
+            Ok(()) if self.unplugged => self.put(|| Event::Sent(bytes.to_vec())),
+            Ok(()) => {}
+            Err(error) => {
+                self.put(|| Event::Note(format!("these bytes did not leave: {error}")));
+                // The system's words; a device that takes nothing is still there.
+                if matches!(error, Error::Io { .. }) {
+                    self.unplug();
+                }
+            }
         }
         sent
     }
@@ -127,16 +151,26 @@ impl<P: CommandPort> CommandPort for RecordedPort<P> {
         match &received {
             Ok(0) => {}
             Ok(len) => self.put(|| Event::Received(buffer[..*len].to_vec())),
-            Err(error) => self.put(|| Event::Note(error.to_string())),
+            Err(error) => {
+                self.put(|| Event::Note(error.to_string()));
+                self.unplug();
+            }
         }
         received
     }
 
     fn reopen(&mut self, timeout: Duration) -> Result<()> {
-        self.put(|| Event::Left);
+        if !self.unplugged {
+            self.put(|| Event::Left);
+        }
         let reopened = self.port.reopen(timeout);
         match &reopened {
-            Ok(()) => self.put(|| Event::Opened),
+            Ok(()) => {
+                if std::mem::take(&mut self.unplugged) {
+                    self.put(|| Event::Plugged);
+                }
+                self.put(|| Event::Opened);
+            }
             Err(error) => self.put(|| Event::Note(error.to_string())),
         }
         reopened
@@ -154,15 +188,14 @@ mod tests {
     use super::*;
     use crate::host::{MemoryCamera, MemoryPort};
     use crate::protocol::PixelFormat;
-    use crate::protocol::record::{About, Limits, Reader, Side};
+    use crate::protocol::record::{About, Limits, Reader, Record, Side};
     use std::fs::File;
+    use std::path::Path;
     use std::sync::atomic::{AtomicU64, Ordering};
 
-    #[test]
-    fn camera_and_port_are_on_one_tape() {
-        let dir = tempfile::tempdir().unwrap();
-        let path = dir.path().join("rec");
-        let file = File::create(&path).unwrap();
+    /// A tape in a new file; its clock ticks with each look at it.
+    fn tape(path: &Path) -> Tape {
+        let file = File::create(path).unwrap();
         let about = About {
             side: Side::Host,
             program: "test".into(),
@@ -177,7 +210,19 @@ mod tests {
         };
         let recorder = Recorder::start(file, "rec", about, 0, Limits::default(), |_| {}).unwrap();
         let time = AtomicU64::new(0);
-        let tape = Tape::new(recorder, move || time.fetch_add(1, Ordering::Relaxed) + 1);
+        Tape::new(recorder, move || time.fetch_add(1, Ordering::Relaxed) + 1)
+    }
+
+    fn records(path: &Path) -> Vec<Record> {
+        let mut reader = Reader::new(File::open(path).unwrap(), "rec").unwrap();
+        std::iter::from_fn(|| reader.read().unwrap()).collect()
+    }
+
+    #[test]
+    fn camera_and_port_are_on_one_tape() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("rec");
+        let tape = tape(&path);
         let frame = Frame {
             id: 4,
             pattern_index: Some(1),
@@ -203,11 +248,8 @@ mod tests {
         assert_eq!(camera.next_frame(Duration::ZERO).unwrap(), None);
         drop(camera);
         drop(port);
-        let mut reader = Reader::new(File::open(&path).unwrap(), "rec").unwrap();
-        let mut found = Vec::new();
-        while let Some(record) = reader.read().unwrap() {
-            found.push((record.time_ns, record.channel, record.event));
-        }
+        let found = records(&path).into_iter();
+        let found: Vec<_> = found.map(|r| (r.time_ns, r.channel, r.event)).collect();
         let want = [
             (1, Channel::Control, Event::Opened),
             (2, Channel::Camera, Event::Opened),
@@ -219,5 +261,69 @@ mod tests {
             (7, Channel::Recording, Event::End),
         ];
         assert_eq!(found[1..], want);
+    }
+
+    /// A port that goes while it is spoken to, and comes back.
+    #[derive(Default)]
+    struct Loose {
+        gone: bool,
+    }
+
+    impl CommandPort for Loose {
+        fn info(&self) -> &str {
+            "loose"
+        }
+
+        fn send(&mut self, bytes: &[u8], _: Duration) -> Result<()> {
+            self.gone |= bytes == b"pull\n";
+            match (self.gone, bytes) {
+                (true, _) => Err(Error::io("loose", std::io::ErrorKind::BrokenPipe.into())),
+                (_, b"full\n") => Err(Error::device("nothing is taken")),
+                _ => Ok(()),
+            }
+        }
+
+        fn receive(&mut self, _: &mut [u8], _: Duration) -> Result<usize> {
+            match self.gone {
+                true => Err(Error::device("gone")),
+                false => Ok(0),
+            }
+        }
+
+        fn reopen(&mut self, _: Duration) -> Result<()> {
+            self.gone = false;
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn a_port_that_goes_and_comes_back_is_on_the_tape() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("rec");
+        let mut port = RecordedPort::new(Loose::default(), Some(tape(&path)));
+        assert!(port.send(b"pull\n", Duration::ZERO).is_err());
+        assert!(port.receive(&mut [0; 9], Duration::ZERO).is_err());
+        assert!(port.send(b"hello?\n", Duration::ZERO).is_err());
+        port.reopen(Duration::ZERO).unwrap();
+        // One that takes nothing has not gone.
+        assert!(port.send(b"full\n", Duration::ZERO).is_err());
+        port.reopen(Duration::ZERO).unwrap();
+        drop(port);
+        let said = |text: &str| Event::Sent(text.as_bytes().to_vec());
+        let found = records(&path).into_iter().map(|record| record.event);
+        let events: Vec<_> = found.filter(|e| !matches!(e, Event::Note(_))).collect();
+        let want = [
+            Event::Opened,
+            said("pull\n"),
+            Event::Unplugged,
+            Event::Plugged,
+            Event::Opened,
+            said("full\n"),
+            Event::Left,
+            Event::Opened,
+            Event::Left,
+            Event::End,
+        ];
+        assert_eq!(events[1..], want);
     }
 }

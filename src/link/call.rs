@@ -3,6 +3,7 @@
 use super::optics::TruthJob;
 use super::server::Server;
 use super::service::{Answer, Call};
+use super::timeline::{Stepped, UnderWay};
 use crate::emulator::{State, Truth};
 use crate::error::Result;
 use crate::protocol::service::{
@@ -102,7 +103,8 @@ impl Server {
         let faults = struck.filter(|s| s.frame == Some(id)).cloned().collect();
         let (sender, truth) = oneshot::channel();
         let job = TruthJob {
-            sequence: self.machine.firmware().selected_sequence(),
+            // Levels hang on settings that may have changed since: there are none.
+            sequence: Vec::new(),
             time_ns: Some(time_ns),
             back: (then, now),
             reply: sender,
@@ -120,8 +122,12 @@ impl Server {
         tokio::spawn(async move {
             let answer = match truth.await {
                 Ok(Ok(truth)) => {
-                    let (maps, payload) = truth.to_maps().encode();
                     let frame = about.frame;
+                    let maps = match frame {
+                        Some(_) => truth.to_maps_of_geometry(),
+                        None => truth.to_maps(),
+                    };
+                    let (maps, payload) = maps.encode();
                     let reply = Reply {
                         render_us,
                         frame,
@@ -164,22 +170,37 @@ impl Server {
         });
     }
 
-    /// Lets stepped time go on, and answers when it has.
-    fn step(&self, step: Step, reply: Sender) {
+    /// Lets stepped time go on, and answers when it has; a client that leaves before that takes its
+    /// step back.
+    fn step(&self, step: Step, mut reply: Sender) {
         let timeline = self.seat.timeline().clone();
         tokio::spawn(async move {
-            tokio::time::sleep(IN_TRANSIT).await;
             let stepped = match step {
-                Step::StepNs(ns) => timeline.step(ns),
-                Step::RunUntilNs(ns) => timeline.run_until(ns),
+                Step::Stop => timeline.stop().map(|()| None),
+                Step::StepNs(ns) => {
+                    tokio::time::sleep(IN_TRANSIT).await;
+                    timeline.step(ns).map(Some)
+                }
+                Step::RunUntilNs(ns) => {
+                    tokio::time::sleep(IN_TRANSIT).await;
+                    timeline.run_until(ns).map(Some)
+                }
+            };
+            let now = || Reply {
+                clock: Some(timeline.about()),
+                ..Reply::default()
             };
             let answer = match stepped {
-                Ok(wait) => match wait.await {
-                    Ok(_) => Reply {
-                        clock: Some(timeline.about()),
-                        ..Reply::default()
+                Ok(None) => now(),
+                Ok(Some(UnderWay { number, ended })) => tokio::select! {
+                    ended = ended => match ended {
+                        Ok(Stepped::Done(_)) => now(),
+                        Ok(Stepped::CalledOff(now_ns)) => {
+                            Reply::refusal(format!("clock: called off at {now_ns} ns"))
+                        }
+                        Err(_) => Reply::refusal("the device is going away"),
                     },
-                    Err(_) => Reply::refusal("the device is going away"),
+                    () = reply.closed() => return timeline.give_up(number),
                 },
                 Err(why) => Reply::refusal(why),
             };

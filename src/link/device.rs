@@ -42,6 +42,10 @@ pub struct Device {
     pub scene: String,
     /// Seed of the noise, for `device.json`.
     pub seed: u64,
+    /// Dialect of the control port, its name or the path of its file, for `device.json`.
+    pub dialect: String,
+    /// Bits per second of the control port, for `device.json`.
+    pub baud: Option<u32>,
     /// Port on the loopback interface for frames; 0 picks a free one.
     pub tcp: Option<u16>,
     /// The camera as a V4L2 node, ready for the firmware's stream; the frame socket is there too.
@@ -92,10 +96,13 @@ pub async fn serve(
     let endpoints = Endpoints {
         name: device.name,
         pid: std::process::id(),
-        profile: device.profile,
-        scene: device.scene,
-        seed: device.seed,
+        profile: Some(device.profile),
+        scene: Some(device.scene),
+        seed: Some(device.seed),
+        clock: Some(device.seat.timeline().about().pace),
         control: control.clone(),
+        dialect: Some(device.dialect),
+        baud: device.baud,
         control_usb: nodes.tty,
         camera: match &device.video {
             Some(video) => video.address(),

@@ -51,9 +51,9 @@ impl Tap {
             name: endpoints.name.clone(),
             control: endpoints.control.display().to_string(),
             camera: endpoints.camera.clone(),
-            profile: Some(endpoints.profile.clone()),
-            scene: Some(endpoints.scene.clone()),
-            seed: Some(endpoints.seed),
+            profile: endpoints.profile.clone(),
+            scene: endpoints.scene.clone(),
+            seed: endpoints.seed,
             monotonic_ns: None,
         };
         let place = recording.path.display().to_string();

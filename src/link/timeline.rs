@@ -36,9 +36,35 @@ struct State {
     target_ns: u64,
     seats: BTreeMap<u64, Place>,
     next_seat: u64,
-    /// Who waits for stepped time to get somewhere.
-    steps: Vec<oneshot::Sender<u64>>,
+    /// Steps under way.
+    steps: Vec<Step>,
+    next_step: u64,
     lateness: Lateness,
+}
+
+/// Somebody who waits for stepped time to get somewhere.
+struct Step {
+    number: u64,
+    target_ns: u64,
+    done: oneshot::Sender<Stepped>,
+}
+
+/// How a step has ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Stepped {
+    /// All that was due by then has been handled; the time in nanoseconds.
+    Done(u64),
+    /// It was called off at this time in nanoseconds.
+    CalledOff(u64),
+}
+
+/// A step under way.
+#[derive(Debug)]
+pub struct UnderWay {
+    /// By which it can be given up.
+    pub number: u64,
+    /// Tells how it has ended.
+    pub ended: oneshot::Receiver<Stepped>,
 }
 
 struct Place {
@@ -96,12 +122,12 @@ impl Timeline {
         }
     }
 
-    /// Lets time pass for so long. What comes back tells the time once all that was due by then
-    /// has been handled.
+    /// Lets time pass for so long. What comes back tells when all that was due by then has been
+    /// handled.
     ///
     /// # Errors
     /// A clock that nobody may step, and steps of more than a day.
-    pub fn step(&self, ns: u64) -> Result<oneshot::Receiver<u64>, String> {
+    pub fn step(&self, ns: u64) -> Result<UnderWay, String> {
         let mut state = self.stepped()?;
         let target_ns = state.target_ns.saturating_add(ns);
         self.go_to(&mut state, target_ns)
@@ -111,9 +137,36 @@ impl Timeline {
     ///
     /// # Errors
     /// Those of [`Self::step`], and a time that has passed.
-    pub fn run_until(&self, ns: u64) -> Result<oneshot::Receiver<u64>, String> {
+    pub fn run_until(&self, ns: u64) -> Result<UnderWay, String> {
         let mut state = self.stepped()?;
         self.go_to(&mut state, ns)
+    }
+
+    /// Calls off all steps under way: time stands still where it is.
+    ///
+    /// # Errors
+    /// A clock that nobody may step.
+    pub fn stop(&self) -> Result<(), String> {
+        let mut state = self.stepped()?;
+        state.target_ns = state.now_ns;
+        let now_ns = state.now_ns;
+        for step in state.steps.drain(..) {
+            // Who asked may have left meanwhile.
+            let _ = step.done.send(Stepped::CalledOff(now_ns));
+        }
+        Ok(())
+    }
+
+    /// Takes back a step that nobody waits for any more: time goes no further than others have
+    /// asked for.
+    pub fn give_up(&self, number: u64) {
+        let mut state = self.shared.state();
+        let count = state.steps.len();
+        state.steps.retain(|step| step.number != number);
+        if state.steps.len() < count {
+            let others = state.steps.iter().map(|step| step.target_ns);
+            state.target_ns = others.fold(state.now_ns, u64::max);
+        }
     }
 
     fn stepped(&self) -> Result<MutexGuard<'_, State>, String> {
@@ -129,7 +182,7 @@ impl Timeline {
         }
     }
 
-    fn go_to(&self, state: &mut State, target_ns: u64) -> Result<oneshot::Receiver<u64>, String> {
+    fn go_to(&self, state: &mut State, target_ns: u64) -> Result<UnderWay, String> {
         let from_ns = state.target_ns;
         let to_ns = from_ns.saturating_add(MAX_STEP_NS);
         if !(from_ns..=to_ns).contains(&target_ns) {
@@ -137,11 +190,17 @@ impl Timeline {
                 "clock: to {target_ns} ns; allowed: {from_ns} to {to_ns} ns, a day at a time"
             ));
         }
-        let (done, wait) = oneshot::channel();
+        let (done, ended) = oneshot::channel();
+        let number = state.next_step;
+        state.next_step += 1;
         state.target_ns = target_ns;
-        state.steps.push(done);
+        state.steps.push(Step {
+            number,
+            target_ns,
+            done,
+        });
         state.go_on(self.shared.pace);
-        Ok(wait)
+        Ok(UnderWay { number, ended })
     }
 
     /// The time, how it passes, and on the wall's time how late events were handled.
@@ -202,9 +261,9 @@ impl State {
             }
         } else if stepped {
             self.now_ns = self.target_ns;
-            for done in self.steps.drain(..) {
+            for step in self.steps.drain(..) {
                 // Who asked may have left meanwhile.
-                let _ = done.send(self.now_ns);
+                let _ = step.done.send(Stepped::Done(self.now_ns));
             }
         }
     }
@@ -303,151 +362,5 @@ fn nanoseconds(wall: Duration) -> u64 {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use std::future::Future;
-
-    fn run<T>(future: impl Future<Output = T>) -> T {
-        let runtime = tokio::runtime::Builder::new_current_thread()
-            .enable_time()
-            .build();
-        runtime.unwrap().block_on(future)
-    }
-
-    fn timeline(pace: ClockPace) -> Timeline {
-        Timeline::new(pace, || Duration::ZERO)
-    }
-
-    fn until(next_ns: u64) -> Wait {
-        Wait {
-            next_ns: Some(next_ns),
-            limit_ns: None,
-            settled: true,
-        }
-    }
-
-    const NOTHING: Wait = Wait {
-        next_ns: None,
-        limit_ns: None,
-        settled: true,
-    };
-
-    /// Times at which a device with an event every so often handles them.
-    async fn beat(mut seat: Seat, period_ns: u64, count: u64, log: Arc<Mutex<Vec<(u64, u64)>>>) {
-        for beat in 1..=count {
-            seat.wait(until(beat * period_ns)).await;
-            log.lock().unwrap().push((seat.now_ns(), period_ns));
-        }
-    }
-
-    #[test]
-    fn devices_on_threads_of_their_own_take_turns_by_device_time() {
-        let timeline = timeline(ClockPace::Fast);
-        let log = Arc::new(Mutex::new(Vec::new()));
-        let seats = [(3, 200), (7, 100), (11, 50)].map(|beat| (beat, timeline.seat()));
-        let devices = seats.map(|((period, count), seat)| {
-            let log = log.clone();
-            std::thread::spawn(move || run(beat(seat, period, count, log)))
-        });
-        for device in devices {
-            device.join().unwrap();
-        }
-        let got = log.lock().unwrap().clone();
-        assert_eq!(got.len(), 350);
-        assert!(got.windows(2).all(|pair| pair[0].0 <= pair[1].0), "{got:?}");
-        assert!(got.iter().all(|(now, period)| now % period == 0), "{got:?}");
-        assert_eq!(timeline.now_ns(), 700);
-    }
-
-    #[test]
-    fn nobody_passes_what_another_has_to_wait_for() {
-        let timeline = timeline(ClockPace::Fast);
-        let (mut one, mut two) = (timeline.seat(), timeline.seat());
-        run(async {
-            let held = Wait {
-                limit_ns: Some(50),
-                ..NOTHING
-            };
-            let beyond = tokio::time::timeout(Duration::from_millis(5), async {
-                tokio::join!(one.wait(held), two.wait(until(50)))
-            });
-            assert!(beyond.await.is_err());
-            assert_eq!(timeline.now_ns(), 0);
-            tokio::select! {
-                () = one.wait(held) => panic!("it waits for nothing"),
-                () = two.wait(until(49)) => {}
-            }
-            assert_eq!(timeline.now_ns(), 49);
-            // At work, or gone.
-            let busy = tokio::time::timeout(Duration::from_millis(5), two.wait(until(60)));
-            assert!(busy.await.is_err());
-            drop(one);
-            two.wait(until(60)).await;
-            assert_eq!(timeline.now_ns(), 60);
-        });
-    }
-
-    #[test]
-    fn stepped_time_goes_where_it_is_told_and_says_when_all_is_done() {
-        let timeline = timeline(ClockPace::Stepped);
-        let log = Arc::new(Mutex::new(Vec::new()));
-        let mut seat = timeline.seat();
-        run(async {
-            let mut step = timeline.step(1000).unwrap();
-            for due in [400, 1000] {
-                seat.wait(until(due)).await;
-                log.lock().unwrap().push(timeline.now_ns());
-                assert!(step.try_recv().is_err(), "it is not handled yet");
-            }
-            // Something is under way.
-            let wait = seat.wait(Wait::default());
-            assert!(
-                tokio::time::timeout(Duration::from_millis(5), wait)
-                    .await
-                    .is_err()
-            );
-            assert!(step.try_recv().is_err());
-            tokio::select! {
-                () = seat.wait(until(1001)) => panic!("beyond the step"),
-                now = &mut step => assert_eq!(now, Ok(1000)),
-            }
-            let wait = tokio::time::timeout(Duration::from_millis(5), seat.wait(until(1001)));
-            assert!(wait.await.is_err());
-            assert_eq!(timeline.now_ns(), 1000);
-            // Two that ask at a time both get their time.
-            let mut steps = [
-                timeline.step(10).unwrap(),
-                timeline.run_until(1500).unwrap(),
-            ];
-            seat.wait(until(1001)).await;
-            assert_eq!(timeline.now_ns(), 1001);
-            let wait = tokio::time::timeout(Duration::from_millis(5), seat.wait(NOTHING));
-            assert!(wait.await.is_err());
-            assert!(steps.iter_mut().all(|step| step.try_recv() == Ok(1500)));
-        });
-        assert_eq!(*log.lock().unwrap(), [400, 1000]);
-        let refused = timeline.run_until(1499).unwrap_err();
-        assert!(refused.contains("1500 to 86400000001500"), "{refused}");
-        assert!(timeline.step(MAX_STEP_NS + 1).is_err());
-    }
-
-    #[test]
-    fn only_stepped_time_is_stepped_and_only_real_time_is_late() {
-        let fast = timeline(ClockPace::Fast);
-        assert!(fast.step(1).unwrap_err().contains("--clock stepped"));
-        let late = Duration::from_millis(7);
-        let real = Timeline::new(ClockPace::Real, move || late);
-        assert!(real.run_until(1).unwrap_err().contains("the wall's"));
-        let seat = real.seat();
-        seat.handled(2_000_000);
-        seat.handled(4_000_000);
-        let about = real.about();
-        assert_eq!((about.pace, about.now_ns), (ClockPace::Real, 7_000_000));
-        let late = about.late.unwrap();
-        assert_eq!(
-            (late.events, late.mean_ns, late.max_ns),
-            (2, 4_000_000, 5_000_000)
-        );
-        assert_eq!(fast.about().late, None);
-    }
-}
+#[path = "timeline_tests.rs"]
+mod tests;

@@ -25,10 +25,10 @@ pub struct Camera {
     /// Width of the sensor that the columns divide, in millimetres; pixels are square.
     pub sensor_width_mm: f64,
     /// Principal point in pixels; the image's centre when absent.
-    #[serde(default)]
+    #[serde(default, deserialize_with = "crate::numbers::exactly_if_any")]
     pub principal_point_px: Option<[f64; 2]>,
     /// OpenCV's k1 k2 p1 p2 k3.
-    #[serde(default)]
+    #[serde(default, deserialize_with = "crate::numbers::exactly")]
     pub distortion: [f64; 5],
     /// Working f-number, for the light that reaches the sensor, and for the blur out of focus.
     pub f_number: f64,
@@ -47,6 +47,7 @@ pub struct Camera {
     /// Exposure at power-on in microseconds.
     pub exposure_us: f64,
     /// Shortest and longest exposure in microseconds.
+    #[serde(deserialize_with = "crate::numbers::exactly")]
     pub exposure_range_us: [f64; 2],
     /// Largest gain in decibels above the sensor's base gain; 0 at power-on.
     pub max_gain_db: f64,

@@ -1,5 +1,6 @@
 //! The control port: `[control]` of a profile.
 
+use super::TomlSource;
 use super::check::Check;
 use crate::error::{Error, Result};
 use crate::protocol::dialect::Dialect;
@@ -22,6 +23,38 @@ pub struct Control {
     pub parity: Parity,
     /// Bits that end a byte: 1, 1.5 or 2.
     pub stop_bits: f64,
+    /// Where that stands, for messages.
+    #[serde(skip)]
+    pub places: Places,
+}
+
+/// Where the settings stand that only the dialect's own file can judge.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Places {
+    /// Of the dialect: `FILE:LINE: control.dialect`, or an option.
+    pub dialect: String,
+    /// Of the data bits.
+    pub data_bits: String,
+}
+
+impl Default for Places {
+    fn default() -> Self {
+        Self {
+            dialect: "control.dialect".to_owned(),
+            data_bits: "control.data_bits".to_owned(),
+        }
+    }
+}
+
+impl Places {
+    /// Those of a profile.
+    pub(super) fn of(source: &TomlSource) -> Self {
+        let all = Self::default();
+        Self {
+            dialect: source.place_of(&all.dialect),
+            data_bits: source.place_of(&all.data_bits),
+        }
+    }
 }
 
 impl Default for Control {
@@ -32,6 +65,7 @@ impl Default for Control {
             data_bits: 8,
             parity: Parity::None,
             stop_bits: 1.0,
+            places: Places::default(),
         }
     }
 }
@@ -53,26 +87,32 @@ pub enum Parity {
 }
 
 impl Control {
+    /// The dialect as [`Dialect::load`] takes it: a built-in name, or a file's path, which is
+    /// relative to the profile's folder where it is written.
+    pub fn dialect_path(&self, folder: &Path) -> String {
+        let name = &self.dialect;
+        let built_in = Dialect::names().any(|built_in| built_in == name);
+        // A name that is no file is said as it was written.
+        let path = Some(folder.join(name)).filter(|path| !built_in && path.is_file());
+        let path = path.and_then(|path| path.to_str().map(str::to_owned));
+        path.unwrap_or_else(|| name.clone())
+    }
+
     /// The dialect; a file's path is relative to the profile's folder.
     ///
     /// # Errors
-    /// What [`Dialect::load`] refuses, and packets on a line that carries seven bits of a byte.
+    /// What [`Dialect::load`] refuses, and packets on a line that carries seven bits of a byte, each
+    /// with the place that says so.
     pub fn load_dialect(&self, folder: &Path) -> Result<Dialect> {
-        let name = self.dialect.as_str();
-        let dialect = if Dialect::names().any(|built_in| built_in == name) {
-            Dialect::load(name)?
-        } else {
-            // A name that is no file is said as it was written.
-            let path = folder.join(name);
-            match path.to_str().filter(|_| path.is_file()) {
-                Some(path) => Dialect::load(path)?,
-                None => Dialect::load(name)?,
-            }
-        };
-        if self.data_bits < 8 && dialect.has_sequence() {
+        let dialect = Dialect::load(&self.dialect_path(folder));
+        let dialect = dialect.map_err(|error| error.at(&self.places.dialect))?;
+        if self.data_bits < 8 && dialect.is_binary() {
             return Err(Error::input(
-                "control.data_bits",
-                format!("{} with the packets of dialect {name}", self.data_bits),
+                &self.places.data_bits,
+                format!(
+                    "{} with the packets of dialect {}",
+                    self.data_bits, self.dialect
+                ),
                 "8",
             ));
         }
@@ -139,7 +179,16 @@ mod tests {
 
     #[test]
     fn a_line_has_the_bits_that_it_states() {
-        assert_eq!(with("").unwrap(), Control::default());
+        let line = BENCH.lines().count() + 2;
+        let places = Places {
+            dialect: format!("it:{line}: control.dialect"),
+            data_bits: format!("it:{line}: control.data_bits"),
+        };
+        let none = Control {
+            places,
+            ..Control::default()
+        };
+        assert_eq!(with("").unwrap(), none);
         for (text, half_bits, coding) in [
             ("baud = 9600", 20, (9600, 0, 0, 8)),
             (

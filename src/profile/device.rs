@@ -74,7 +74,8 @@ impl Profile {
     }
 
     pub(super) fn from_source(source: &TomlSource) -> Result<Self> {
-        let profile: Self = source.deserialize()?;
+        let mut profile: Self = source.deserialize()?;
+        profile.control.places = control::Places::of(source);
         check(&profile, &Check::new(source))?;
         Ok(profile)
     }

@@ -26,6 +26,7 @@ pub enum Light {
     /// A lamp that is small against its distance, alike in all directions; it cannot be seen.
     Point {
         /// Place in the scene's frame in millimetres.
+        #[serde(deserialize_with = "crate::numbers::exactly")]
         position_mm: [f64; 3],
         /// Radiant intensity in W/sr at the projector's wavelength.
         intensity_w_sr: f64,
@@ -36,6 +37,7 @@ pub enum Light {
     /// Light from one direction, as the sun's.
     Directional {
         /// Where it goes, in the scene's frame, of any length.
+        #[serde(deserialize_with = "crate::numbers::exactly")]
         direction: [f64; 3],
         /// Irradiance in W/m^2 of a surface that faces it, at the projector's wavelength.
         irradiance_w_m2: f64,

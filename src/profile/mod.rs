@@ -33,7 +33,7 @@ pub use builtin::{profile_names, scene_names, station_names};
 pub use calibration::Calibration;
 pub use camera::Camera;
 pub use camera_response::CameraResponse;
-pub use control::{Control, Parity};
+pub use control::{Control, Parity, Places};
 pub use device::{Identity, Profile};
 pub use focus::Focus;
 pub use glare::Glare;

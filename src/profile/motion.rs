@@ -34,11 +34,11 @@ pub struct Keyframe {
     pub time_s: f64,
     /// Where the object is moved to, along its own axes, in millimetres: before its `rotation_deg`
     /// and `position_mm`, and not scaled.
-    #[serde(default)]
+    #[serde(default, deserialize_with = "crate::numbers::exactly")]
     pub position_mm: [f64; 3],
     /// Its rotation there in degrees about its own x, then y, then z axis, fixed. The way from one
     /// keyframe to the next is the short one.
-    #[serde(default)]
+    #[serde(default, deserialize_with = "crate::numbers::exactly")]
     pub rotation_deg: [f64; 3],
 }
 

@@ -27,7 +27,7 @@ impl Scene {
             ("rotation_deg", rotation_deg, ROTATION_DEG),
         ] {
             if let Some(beyond) = numbers.iter().find(|number| !allowed.contains(number)) {
-                let allowed = format!("{:e} to {:e}", allowed.start(), allowed.end());
+                let allowed = format!("{} to {}", allowed.start(), allowed.end());
                 return Err(Error::input(format!("place.{field}"), beyond, allowed));
             }
         }
@@ -80,15 +80,10 @@ mod tests {
                 0,
                 2e9,
                 0.0,
-                ["place.position_mm: 2000000000", "-1e9 to 1e9"],
+                ["place.position_mm: 2000000000", "-1000000000 to 1000000000"],
             ),
-            (0, f64::NAN, 0.0, ["NaN", "-1e9 to 1e9"]),
-            (
-                0,
-                0.0,
-                361.0,
-                ["place.rotation_deg: 361", "-3.6e2 to 3.6e2"],
-            ),
+            (0, f64::NAN, 0.0, ["NaN", "-1000000000 to 1000000000"]),
+            (0, 0.0, 361.0, ["place.rotation_deg: 361", "-360 to 360"]),
         ] {
             let refused = scene.place(object, [0.0, position, 0.0], [rotation; 3]);
             let words = refused.unwrap_err().to_string();

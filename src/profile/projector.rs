@@ -20,15 +20,16 @@ pub struct Projector {
     /// Distance over picture width; pixels are square.
     pub throw_ratio: f64,
     /// Shift of the principal point from the picture's centre in pixels.
-    #[serde(default)]
+    #[serde(default, deserialize_with = "crate::numbers::exactly")]
     pub lens_shift_px: [f64; 2],
     /// Pupil in the rig's frame in millimetres.
+    #[serde(deserialize_with = "crate::numbers::exactly")]
     pub position_mm: [f64; 3],
     /// Rotation in degrees about the fixed x, then y, then z axis of the rig.
-    #[serde(default)]
+    #[serde(default, deserialize_with = "crate::numbers::exactly")]
     pub rotation_deg: [f64; 3],
     /// OpenCV's k1 k2 p1 p2 k3.
-    #[serde(default)]
+    #[serde(default, deserialize_with = "crate::numbers::exactly")]
     pub distortion: [f64; 5],
     /// Bits of a displayed level, 1 to 8.
     pub bits: u32,

@@ -43,10 +43,10 @@ pub struct Scene {
 #[serde(deny_unknown_fields)]
 pub struct RigPlace {
     /// Camera's pupil in the scene's frame in millimetres.
-    #[serde(default)]
+    #[serde(default, deserialize_with = "crate::numbers::exactly")]
     pub position_mm: [f64; 3],
     /// Rotation in degrees about the scene's fixed x, then y, then z axis.
-    #[serde(default)]
+    #[serde(default, deserialize_with = "crate::numbers::exactly")]
     pub rotation_deg: [f64; 3],
 }
 

@@ -55,19 +55,25 @@ impl TomlSource {
         toml::from_str(&self.text).map_err(|e| {
             let line = e.span().map_or(1, |span| self.line_of(span.start));
             let message = e.message().trim_end().replace('\n', " ");
-            Error::input(
-                format!("{}:{line}", self.place),
-                message,
+            // Some know what is allowed.
+            let (found, allowed) = message.split_once("; allowed: ").unwrap_or((
+                &message,
                 "what the README and the files in device-profiles show",
-            )
+            ));
+            Error::input(format!("{}:{line}", self.place), found, allowed)
         })
     }
 
     /// An error about the value at `path`, such as `frame[3].pattern.period_px`, with the line
     /// that it (or the nearest table around it) stands on.
     pub fn violation(&self, path: &str, found: impl Display, allowed: impl Display) -> Error {
+        Error::input(self.place_of(path), found, allowed)
+    }
+
+    /// Where that value stands, as messages say it: `FILE:LINE: PATH`.
+    pub fn place_of(&self, path: &str) -> String {
         let line = self.line_of(self.offset_of(path).unwrap_or(0));
-        Error::input(format!("{}:{line}: {path}", self.place), found, allowed)
+        format!("{}:{line}: {path}", self.place)
     }
 
     fn line_of(&self, offset: usize) -> usize {

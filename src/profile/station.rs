@@ -57,10 +57,10 @@ pub struct StationDevice {
     pub profile: String,
     /// Camera's pupil in the scene's frame in millimetres; as the scene says where this and the
     /// rotation are absent.
-    #[serde(default)]
+    #[serde(default, deserialize_with = "crate::numbers::exactly_if_any")]
     pub position_mm: Option<[f64; 3]>,
     /// Rotation in degrees about the scene's fixed x, then y, then z axis.
-    #[serde(default)]
+    #[serde(default, deserialize_with = "crate::numbers::exactly_if_any")]
     pub rotation_deg: Option<[f64; 3]>,
     /// Dialect of its control port instead of the profile's: a built-in name, or a file relative to
     /// the station's.
@@ -70,6 +70,9 @@ pub struct StationDevice {
     /// the list when absent.
     #[serde(default)]
     pub seed: Option<u64>,
+    /// Where its dialect stands, for messages.
+    #[serde(skip)]
+    pub dialect_place: String,
 }
 
 /// What a name or a file may stand for.
@@ -113,7 +116,10 @@ impl Station {
     }
 
     fn from_source(source: &TomlSource) -> Result<Self> {
-        let station: Self = source.deserialize()?;
+        let mut station: Self = source.deserialize()?;
+        for (at, device) in station.device.iter_mut().enumerate() {
+            device.dialect_place = source.place_of(&format!("device[{at}].dialect"));
+        }
         check(&station, &Check::new(source))?;
         Ok(station)
     }

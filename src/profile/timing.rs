@@ -34,6 +34,7 @@ pub struct Timing {
     pub resolution_us: f64,
     /// Shortest exposure in microseconds of a pattern of 1, 2, up to 8 bits; as many as the
     /// projector has bits count.
+    #[serde(deserialize_with = "crate::numbers::exactly")]
     pub min_exposure_us: [f64; 8],
     /// How long a pattern is shown after power-on and `*RST`, in microseconds; as long as the period
     /// allows when absent.

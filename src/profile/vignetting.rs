@@ -17,6 +17,7 @@ pub struct Vignetting {
     /// a2, a4, a6 of the factor 1 + a2 r^2 + a4 r^4 + a6 r^6, with r the distance from the
     /// principal point in the undistorted image over half of the image's diagonal (the "pa" model
     /// of the Lensfun data base).
+    #[serde(deserialize_with = "crate::numbers::exactly")]
     pub falloff: [f64; 3],
 }
 

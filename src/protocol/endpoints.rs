@@ -1,5 +1,6 @@
 //! `device.json`: what a device that is served says of itself and of where it can be reached.
 
+use super::service::ClockPace;
 use crate::error::{Error, Result};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -14,14 +15,27 @@ pub struct Endpoints {
     pub name: String,
     /// Process that serves it.
     pub pid: u32,
-    /// Profile as it was chosen.
-    pub profile: String,
-    /// Scene as it was chosen.
-    pub scene: String,
-    /// Seed of its noise.
-    pub seed: u64,
+    /// Profile as it was chosen; absent where a recording does not say.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub profile: Option<String>,
+    /// Scene as it was chosen; absent where a recording does not say.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub scene: Option<String>,
+    /// Seed of its noise; absent where a recording does not say.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub seed: Option<u64>,
+    /// How its time passes, where that is known.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub clock: Option<ClockPace>,
     /// Path of the control port.
     pub control: PathBuf,
+    /// What the control port speaks, where that is known: a built-in dialect's name, or the path of a
+    /// dialect's file.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub dialect: Option<String>,
+    /// Bits per second of the control port; absent where bytes take no time.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub baud: Option<u32>,
     /// Its other end on USB, where this machine's kernel has the device: `/dev/ttyACMN`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub control_usb: Option<PathBuf>,

@@ -1,6 +1,18 @@
-//! What needs both halves: scans scored against the truth, and reports about them.
+//! What needs both halves: scans scored against the truth, reports about them, and the studies
+//! ([`ALL`]) whose tables and plots anyone can make again.
 
+mod all;
 pub mod calibration;
 pub mod faults;
+pub mod lab;
+pub mod noise;
+pub mod paper;
 pub mod report;
+pub mod scanned;
 pub mod score;
+pub mod speed;
+pub mod stability;
+pub mod timing;
+pub mod work_precision;
+
+pub use all::ALL;

@@ -120,31 +120,62 @@ pub fn write_pictures(
     rig: &Rig,
 ) -> Result<()> {
     let (width, height) = (decoded.width as u32, decoded.height as u32);
-    let focal = rig.camera.lens.focal_px.x as f32;
-    let shade = picture::shades(width, height, &decoded.depth, focal);
-    let range = quantiles(&decoded.depth, 0.001, 0.999).unwrap_or((0.0, 1.0));
-    let depth = picture::colour_mapped_relief(width, height, &decoded.depth, &shade, range, "mm");
+    let maps = Maps::new(decoded, truth, rig);
+    let depth =
+        picture::colour_mapped_relief(width, height, &decoded.depth, &maps.shade, maps.range, "mm");
     save(&depth, &folder.join(PICTURES[0]))?;
-    let errors = depth_errors(decoded, truth);
-    let sizes: Vec<f32> = errors.iter().map(|e| e.abs()).collect();
-    // Four out of a hundred go beyond the scale's end, so that the rest is told apart.
-    let limit = quantiles(&sizes, 0.0, 0.96).map_or(1.0, |(_, high)| high.max(1e-4));
-    let error = picture::diverging(width, height, &errors, limit, "mm");
+    let error = picture::diverging(width, height, &maps.errors, maps.limit, "mm");
     save(&error, &folder.join(PICTURES[1]))?;
-    let area = Area::around(&decoded.depth, width, height);
-    let (depth, errors) = (area.cut(&decoded.depth), area.cut(&errors));
-    let depth = picture::colour_mapped_relief(
-        area.width * ZOOM,
-        area.height * ZOOM,
-        &area.enlarge(&depth),
-        &area.enlarge(&area.cut(&shade)),
-        range,
-        "mm",
-    );
-    let wide = (area.width * ZOOM, area.height * ZOOM);
-    let error = picture::diverging(wide.0, wide.1, &area.enlarge(&errors), limit, "mm");
-    let overview = stack(&[area.frame(frame), depth, error]);
+    let overview = maps.overview(frame, decoded);
     save(&overview, &folder.join(PICTURES[2]))
+}
+
+/// What `overview.png` shows: `frame`, what the camera saw, above depth and error, all cut to what
+/// was measured.
+pub fn overview(frame: &GrayImage, decoded: &Decoded, truth: &Truth, rig: &Rig) -> RgbImage {
+    Maps::new(decoded, truth, rig).overview(frame, decoded)
+}
+
+/// What pictures of a scan show, and their scales.
+struct Maps {
+    shade: Vec<f32>,
+    range: (f32, f32),
+    errors: Vec<f32>,
+    limit: f32,
+}
+
+impl Maps {
+    fn new(decoded: &Decoded, truth: &Truth, rig: &Rig) -> Self {
+        let (width, height) = (decoded.width as u32, decoded.height as u32);
+        let focal = rig.camera.lens.focal_px.x as f32;
+        let errors = depth_errors(decoded, truth);
+        let sizes: Vec<f32> = errors.iter().map(|e| e.abs()).collect();
+        Self {
+            shade: picture::shades(width, height, &decoded.depth, focal),
+            range: quantiles(&decoded.depth, 0.001, 0.999).unwrap_or((0.0, 1.0)),
+            errors,
+            // Four out of a hundred go beyond the scale's end, so that the rest is told apart.
+            limit: quantiles(&sizes, 0.0, 0.96).map_or(1.0, |(_, high)| high.max(1e-4)),
+        }
+    }
+
+    fn overview(&self, frame: &GrayImage, decoded: &Decoded) -> RgbImage {
+        let (width, height) = (decoded.width as u32, decoded.height as u32);
+        let area = Area::around(&decoded.depth, width, height);
+        let wide = (area.width * ZOOM, area.height * ZOOM);
+        let enlarged = |values: &[f32]| area.enlarge(&area.cut(values));
+        let depth = picture::colour_mapped_relief(
+            wide.0,
+            wide.1,
+            &enlarged(&decoded.depth),
+            &enlarged(&self.shade),
+            self.range,
+            "mm",
+        );
+        let errors = enlarged(&self.errors);
+        let error = picture::diverging(wide.0, wide.1, &errors, self.limit, "mm");
+        stack(&[area.frame(frame), depth, error])
+    }
 }
 
 /// How many pixels of the overview a pixel of the camera takes, along each side.

@@ -104,6 +104,16 @@ pub fn score(decoded: &Decoded, truth: &Truth, manifest: &Manifest, rig: &Rig) -
     })
 }
 
+/// The least-squares noise bound of the finest fringes by pixels, carried to depth, in millimetres;
+/// NaN where the truth has no modulation. `rig` is the true rig; without its noise model the bound
+/// is of rounding alone.
+pub fn depth_bounds(truth: &Truth, manifest: &Manifest, rig: &Rig) -> Vec<f64> {
+    let noise = Noise::new(manifest, rig, truth);
+    (0..truth.depth_mm.len())
+        .map(|i| noise.bound_mm(i))
+        .collect()
+}
+
 /// Counts and sums over a set of pixels.
 #[derive(Default)]
 struct Tally {
@@ -240,7 +250,7 @@ impl<'a> Noise<'a> {
 }
 
 /// How many projector pixels a point moves on its camera ray for a millimetre of depth.
-fn px_per_mm(rig: &Rig, px: DVec2, depth: f64, axis: Axis) -> f64 {
+pub(super) fn px_per_mm(rig: &Rig, px: DVec2, depth: f64, axis: Axis) -> f64 {
     let ray = rig.camera.ray(px);
     let step = depth * 1e-4;
     let at = |z: f64| project(&rig.projector, ray * z, axis);

@@ -6,19 +6,21 @@
 //!
 //! `cargo bench --bench terms`
 
-use phasma::cli::Timing;
 use phasma::emulator::render::{Pass, Renderer, Term};
 use phasma::emulator::{Firmware, Shot};
-use phasma::profile::{
-    CameraResponse, Flicker, Focus, Glare, Light, Profile, Response, Scene, Specular,
-};
-use std::hint::black_box;
+use phasma::profile::{Profile, Scene};
+use phasma::study::timing::{Stopwatch, Timing};
+use phasma::study::work_precision::{CHECKS, checks, need};
 use std::path::Path;
 use std::time::Instant;
 
 fn main() {
     let folder = tempfile::tempdir().expect("a scratch folder");
-    checks(&folder.path().join("checks.png"));
+    let picture = checks().expect("a picture of 512 pixels");
+    std::fs::write(folder.path().join(CHECKS), picture).expect("a scratch folder");
+    let begin = Instant::now();
+    let clock = || begin.elapsed();
+    let watch = Stopwatch::new(&clock);
     println!(
         "{:<24}{:>10}{:>12}{:>12}{:>12}{:>10}",
         "term, alone", "pass", "ns/px off", "ns/px more", "copy ns/px", "ratio"
@@ -26,13 +28,13 @@ fn main() {
     for term in Term::ALL {
         let (off, on) = (plain(folder.path()), needing(term, folder.path()));
         let pixels = off.0.camera.width_px as usize * off.0.camera.height_px as usize;
-        let [off, on] = costs(term, &off, &on);
+        let [off, on] = costs(watch, term, &off, &on);
         let (pass, bytes) = match term.pass() {
             Pass::Geometry => ("geometry", GEOMETRY_BYTES),
             Pass::Exposure => ("exposure", FRAME_BYTES),
             Pass::Sensor => ("sensor", FRAME_BYTES),
         };
-        let copy = copy_ns(pixels, bytes);
+        let copy = copy_ns(watch, pixels, bytes);
         let (term, more) = (term.to_string(), on - off);
         let ratio = more / copy;
         println!("{term:<24}{pass:>10}{off:>12.2}{more:>12.2}{copy:>12.2}{ratio:>10.1}");
@@ -48,14 +50,14 @@ fn main() {
         ("webcam-grey", "couch"),
     ] {
         let profile = Profile::load(name).expect("built in");
-        plan(&format!("{name}, {scene}"), &profile, scene);
+        plan(watch, &format!("{name}, {scene}"), &profile, scene);
     }
     let (mut profile, mut scene) = plain(folder.path());
     // The pupil's samples would hide all else.
     for term in Term::ALL.into_iter().filter(|t| *t != Term::DepthOfField) {
         need(term, &mut profile, &mut scene);
     }
-    plan("all of a profile, torso", &profile, "torso");
+    plan(watch, "all of a profile, torso", &profile, "torso");
 }
 
 /// What the geometry pass writes a pixel: ten maps.
@@ -64,13 +66,13 @@ const GEOMETRY_BYTES: usize = 45;
 const FRAME_BYTES: usize = 21;
 
 /// A line of the table of plans.
-fn plan(name: &str, profile: &Profile, scene: &str) {
+fn plan(watch: Stopwatch<'_>, name: &str, profile: &Profile, scene: &str) {
     let scene = Scene::load(scene).expect("built in");
     let shots = shots(profile);
     let mut renderer = renderer(profile, &scene, &shots);
     let plan = renderer.plan();
     let terms = Term::ALL.iter().filter(|term| plan.has(**term)).count();
-    let mut timing = Timing::new(&mut renderer, &shots);
+    let mut timing = Timing::new(&mut renderer, &shots, watch);
     let [geometry, frame] =
         [Pass::Geometry, Pass::Exposure].map(|pass| (timing.pass_ns(pass), timing.full_ns(pass)));
     println!(
@@ -94,7 +96,12 @@ fn needing(term: Term, folder: &Path) -> (Profile, Scene) {
 }
 
 /// Nanoseconds a pixel of the pass of a term without and with it.
-fn costs(term: Term, off: &(Profile, Scene), on: &(Profile, Scene)) -> [f64; 2] {
+fn costs(
+    watch: Stopwatch<'_>,
+    term: Term,
+    off: &(Profile, Scene),
+    on: &(Profile, Scene),
+) -> [f64; 2] {
     let [mut off_shots, mut on_shots] = [shots(&off.0), shots(&on.0)];
     if term == Term::Motion {
         // One frame has its geometry to do, as all have.
@@ -102,97 +109,12 @@ fn costs(term: Term, off: &(Profile, Scene), on: &(Profile, Scene)) -> [f64; 2] 
         on_shots.truncate(1);
     }
     let mut without = renderer(&off.0, &off.1, &off_shots);
-    let mut timing = Timing::new(&mut without, &off_shots);
+    let mut timing = Timing::new(&mut without, &off_shots, watch);
     if off == on {
         return timing.term_ns(term);
     }
     let mut with = renderer(&on.0, &on.1, &on_shots);
-    timing.beside_ns(&mut Timing::new(&mut with, &on_shots), term.pass())
-}
-
-/// Gives profile and scene a usual parameter of a term.
-fn need(term: Term, profile: &mut Profile, scene: &mut Scene) {
-    let (camera, projector) = (&mut profile.camera, &mut profile.projector);
-    let flicker = Some(Flicker {
-        frequency_hz: 100,
-        depth: 0.3,
-        phase_deg: 0.0,
-    });
-    match term {
-        Term::CameraDistortion => camera.distortion = [-0.1, 0.03, 5e-4, -3e-4, 0.0],
-        Term::ProjectorDistortion => projector.distortion = [-0.05, 0.02, 3e-4, 4e-4, 0.0],
-        Term::CameraVignetting => camera.vignetting.natural = true,
-        Term::ProjectorVignetting => projector.vignetting.natural = true,
-        Term::ProjectorDefocus => {
-            projector.focus = Some(Focus {
-                distance_mm: 1000.0,
-                aperture_mm: 6.0,
-            });
-        }
-        Term::DepthOfField => {
-            camera.f_number = 4.0;
-            camera.focus_mm = Some(1000.0);
-        }
-        Term::AlbedoMaps => {
-            for object in &mut scene.object {
-                object.texture = Some("checks.png".into());
-                object.texture_size_mm = Some([100.0, 100.0]);
-            }
-        }
-        Term::Specular => {
-            for object in &mut scene.object {
-                object.specular = Some(Specular {
-                    f0: 0.028,
-                    roughness: 0.5,
-                });
-            }
-        }
-        Term::Lights => scene.light.push(Light::Point {
-            position_mm: [-300.0, -500.0, 200.0],
-            intensity_w_sr: 0.1,
-            flicker: None,
-        }),
-        Term::Subsurface => {
-            for object in &mut scene.object {
-                object.skin = Some(toml::from_str("fitzpatrick = 2").expect("a skin"));
-            }
-        }
-        Term::Interreflection => {
-            let bounce = toml::from_str("samples = 64").expect("an interreflection");
-            scene.interreflection = Some(bounce);
-        }
-        // A breath of 10 mm: each frame has the geometry of four instants.
-        Term::Motion => {
-            let motion = "period_s = 4\n[[keyframes]]\ntime_s = 0\n\
-                          [[keyframes]]\ntime_s = 2\nposition_mm = [0, 0, -10]";
-            scene.object[1].motion = Some(toml::from_str(motion).expect("a motion"));
-        }
-        Term::ProjectorResponse => projector.response = Some(Response::Gamma(2.2)),
-        Term::ContrastRatio => projector.contrast_ratio = Some(800.0),
-        Term::Flicker => scene.ambient.flicker = flicker,
-        // Half of the rows see the next slide too.
-        Term::RollingShutter => camera.line_time_us = 8.0,
-        // Patterns that last as long as their exposures: as many passes as before.
-        Term::PatternTiming => {
-            let led = "rise_us = 5\ndroop = [{ time_constant_s = 60, fraction = 0.1 }]";
-            projector.led = Some(toml::from_str(led).expect("a light source"));
-        }
-        Term::Glare => {
-            camera.glare = Some(Glare {
-                percent: 2.0,
-                sigma_px: 40.0,
-            });
-        }
-        Term::DarkCurrent => camera.sensor.dark_current_e_s = 20.0,
-        Term::FixedPattern => {
-            camera.sensor.prnu_percent = 0.5;
-            camera.sensor.dsnu_e = 1.5;
-        }
-        Term::Blooming => camera.sensor.blooming_percent = 5.0,
-        Term::CameraResponse => camera.sensor.response = CameraResponse::Gamma { gamma: 2.2 },
-        // What the bench has already, and what no parameter asks for.
-        _ => {}
-    }
+    timing.beside_ns(&mut Timing::new(&mut with, &on_shots, watch), term.pass())
 }
 
 /// The exposures of the profile's first sequence.
@@ -208,27 +130,7 @@ fn renderer(profile: &Profile, scene: &Scene, shots: &[Shot]) -> Renderer {
     renderer
 }
 
-/// A texture of light and dark squares.
-fn checks(path: &Path) {
-    let square = |u: u32, v: u32| {
-        image::Luma([if (u / 32 + v / 32).is_multiple_of(2) {
-            255
-        } else {
-            90
-        }])
-    };
-    let picture = image::GrayImage::from_fn(512, 512, square);
-    picture.save(path).expect("a picture of 512 pixels");
-}
-
-/// Nanoseconds a pixel of a copy of so many bytes of each, the fastest of some.
-fn copy_ns(pixels: usize, bytes_per_pixel: usize) -> f64 {
-    let from = vec![1u8; pixels * bytes_per_pixel];
-    let mut to = vec![0u8; from.len()];
-    let mut once = || {
-        let begin = Instant::now();
-        black_box(&mut to).copy_from_slice(black_box(&from));
-        begin.elapsed().as_secs_f64() * 1e9
-    };
-    (0..10).map(|_| once()).fold(f64::INFINITY, f64::min) / pixels as f64
+/// Nanoseconds a pixel of a copy of so many bytes of each.
+fn copy_ns(watch: Stopwatch<'_>, pixels: usize, bytes_per_pixel: usize) -> f64 {
+    watch.seconds_a_copy(pixels * bytes_per_pixel) * 1e9 / pixels as f64
 }

@@ -2,9 +2,9 @@
 
 use crate::patterns::*;
 use crate::scene::*;
-use phasma::decode::{Decoder, FrameStack, Options, Samples};
+use phasma::decode::{Decoded, Decoder, FrameStack, Options, Samples};
 use phasma::geometry::NoiseModel;
-use phasma::pattern::{Axis, Pattern};
+use phasma::pattern::{Axis, Manifest, Pattern};
 use std::f64::consts::TAU;
 
 #[test]
@@ -35,18 +35,16 @@ fn phase_noise_sits_on_the_bound() {
     }
 }
 
-#[test]
-fn shot_noise_is_carried_pixel_by_pixel_even_with_three_steps() {
-    // Variance 0.5 + 0.05 I: made here with its own noise per sample.
-    let positions = sweep(128);
+/// Frames of 16 bits, a hundred numbers a grey level, whose noise has the variance 0.5 + 0.05 I; and
+/// that noise.
+fn with_shot_noise(manifest: &Manifest, positions: &[[f64; 2]]) -> (Vec<Vec<u16>>, NoiseModel) {
     let scene = Scene {
         noise: 0.0,
         ..Scene::default()
     };
-    let manifest = manifest([equal(Axis::X, 16.0, 3), gray(Axis::X, 8.0, 0..8, true)].concat());
-    let frames: Vec<Vec<u16>> = (0..manifest.frame.len())
+    let frames = (0..manifest.frame.len())
         .map(|k| {
-            let clean = scene.frame(k, &manifest.frame[k].pattern, &positions);
+            let clean = scene.frame(k, &manifest.frame[k].pattern, positions);
             clean
                 .iter()
                 .enumerate()
@@ -65,15 +63,28 @@ fn shot_noise_is_carried_pixel_by_pixel_even_with_three_steps() {
         black_level_dn: 0.0,
         saturation_dn: 65535.0,
     };
+    (frames, noise)
+}
+
+fn decoded_16(manifest: &Manifest, frames: &[Vec<u16>], options: Options) -> Decoded {
+    let height = frames[0].len() / WIDTH;
+    let decoder = Decoder::new(manifest, WIDTH, height, None, options).unwrap();
+    let frames = frames.iter().map(|f| Samples::U16(f)).collect();
+    let stack = FrameStack::new(WIDTH, height, frames).unwrap();
+    decoder.decode(&stack).unwrap()
+}
+
+#[test]
+fn shot_noise_is_carried_pixel_by_pixel_even_with_three_steps() {
+    let positions = sweep(128);
+    let manifest = manifest([equal(Axis::X, 16.0, 3), gray(Axis::X, 8.0, 0..8, true)].concat());
+    let (frames, noise) = with_shot_noise(&manifest, &positions);
     let options = Options {
         noise: Some(noise),
         keep_mixed: true,
         ..Options::default()
     };
-    let decoder = Decoder::new(&manifest, WIDTH, 128, None, options).unwrap();
-    let frames = frames.iter().map(|f| Samples::U16(f)).collect();
-    let stack = FrameStack::new(WIDTH, 128, frames).unwrap();
-    let decoded = decoder.decode(&stack).unwrap();
+    let decoded = decoded_16(&manifest, &frames, options);
     // Apart by where in the period the pixel is: the third harmonic shows there.
     for third in 0..3 {
         let here: Vec<usize> = (0..positions.len())
@@ -89,6 +100,46 @@ fn shot_noise_is_carried_pixel_by_pixel_even_with_three_steps() {
             (squares.sqrt() - 1.0).abs() < 0.03,
             "{third}: {}",
             squares.sqrt()
+        );
+    }
+}
+
+/// With variances that swing by m, weights make errors smaller by sqrt(1 - t^2 / (1 - t^2)), t = m / 2,
+/// of eight steps or more, by sqrt(1 - t^2) of six, and say so.
+#[test]
+fn weights_make_use_of_shot_noise() {
+    let positions = sweep(128);
+    // Mean 110 and modulation 90 grey levels.
+    let t: f64 = 0.5 * 0.05 * 90.0 / (0.5 + 0.05 * 110.0);
+    let most = 1.0 - t * t / (1.0 - t * t);
+    for (n, share) in [(3, 1.0), (6, 1.0 - t * t), (8, most), (12, most)] {
+        let manifest = manifest([equal(Axis::X, 16.0, n), gray(Axis::X, 8.0, 0..8, true)].concat());
+        let (frames, noise) = with_shot_noise(&manifest, &positions);
+        let [plain, weighted] = [false, true].map(|weighted| {
+            let options = Options {
+                weighted,
+                noise: Some(noise),
+                keep_mixed: true,
+                ..Options::default()
+            };
+            let decoded = decoded_16(&manifest, &frames, options);
+            let says = decoded
+                .notes
+                .iter()
+                .any(|note| note.contains("weigh the same"));
+            assert_eq!(says, weighted && n == 3, "{n} {:?}", decoded.notes);
+            figures(&decoded, Axis::X, &positions, 4.0)
+        });
+        assert!(
+            weighted.gross == 0.0 && weighted.coverage > 0.999,
+            "{n} {weighted:?}"
+        );
+        assert!((weighted.ratio - 1.0).abs() < 0.02, "{n} {weighted:?}");
+        let found = weighted.rms / plain.rms;
+        assert!(
+            (found / share.sqrt() - 1.0).abs() < 0.02,
+            "{n} {found} {}",
+            share.sqrt()
         );
     }
 }

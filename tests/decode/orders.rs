@@ -264,11 +264,20 @@ fn a_lone_period_is_wrapped_or_unwrapped_along_space() {
     let known = "axis x is known modulo 16 px only";
     assert!(says(&wrapped, known), "{:?}", wrapped.notes);
     assert!(!says(&unwrapped, known) && says(&unwrapped, "along space"));
-    let shift = ((f64::from(s.coordinate[0]) - positions[0][0]) / 16.0).round() * 16.0;
+    let first = (0..positions.len()).find(|&i| s.coordinate[i].is_finite());
+    let first = first.unwrap();
+    let shift = ((f64::from(s.coordinate[first]) - positions[first][0]) / 16.0).round() * 16.0;
+    let mut refused = 0;
     for (i, p) in positions.iter().enumerate() {
         let (a, b) = (f64::from(w.coordinate[i]), f64::from(s.coordinate[i]));
+        if a.is_nan() {
+            // One whose noise looks like a damaged frame.
+            refused += 1;
+            continue;
+        }
         assert!((0.0..16.0).contains(&a));
         assert!(((a - p[0] + 8.0).rem_euclid(16.0) - 8.0).abs() < 0.3);
         assert!((b - p[0] - shift).abs() < 0.3, "{i}");
     }
+    assert!(refused * 1000 <= positions.len(), "{refused}");
 }

@@ -85,7 +85,8 @@ proptest! {
     ) {
         let mut manifest = manifest(patterns);
         (manifest.projector.width_px, manifest.projector.height_px) = projector;
-        let options = Options { unwrap_spatial, ..Options::default() };
+        let weighted = noise % 2 == 1;
+        let options = Options { unwrap_spatial, weighted, ..Options::default() };
         if let Ok(decoder) = Decoder::new(&manifest, size.0, size.1, None, options) {
             let pixels = size.0 * size.1;
             let frames: Vec<Vec<u16>> = (0..manifest.frame.len() * pixels)

@@ -4,7 +4,8 @@
 use phasma::emulator::faults::Faults;
 use phasma::emulator::port::Port;
 use phasma::emulator::{Bench, Firmware, FrameSink, Machine, Renderer, SerialLine};
-use phasma::host::{Captured, MemoryCamera, MemoryPort, ScanOptions, Scanner};
+use phasma::host::{Captured, MemoryCamera, MemoryPort, Progress, ScanOptions, Scanner};
+use phasma::pattern::Manifest;
 use phasma::profile::{Profile, Scene};
 use phasma::protocol::Frame;
 use phasma::protocol::dialect::Dialect;
@@ -25,10 +26,21 @@ impl FrameSink for Sink {
 
 /// A scan, and the device time that it took.
 fn scan(dialect: &str, baud: Option<u32>) -> (Captured, u64) {
+    let scanned = scan_in(Dialect::load(dialect).unwrap(), baud, None);
+    let (captured, now_ns, retries) = scanned.unwrap();
+    assert_eq!(retries, [""; 0], "{dialect}");
+    (captured, now_ns)
+}
+
+/// [`scan`] in a dialect, which may need a manifest; with the reasons for runs that were repeated.
+fn scan_in(
+    dialect: Dialect,
+    baud: Option<u32>,
+    manifest: Option<Manifest>,
+) -> phasma::Result<(Captured, u64, Vec<String>)> {
     let mut profile = Profile::load("webcam-grey").unwrap();
     (profile.camera.width_px, profile.camera.height_px) = (64, 48);
     profile.control.baud = baud;
-    let dialect = Dialect::load(dialect).unwrap();
     let machine = Machine::new(
         Firmware::new(&profile, &[]).unwrap(),
         Port::new(Arc::new(dialect.clone())).unwrap(),
@@ -43,16 +55,75 @@ fn scan(dialect: &str, baud: Option<u32>) -> (Captured, u64) {
     let port = MemoryPort::new(move |bytes: &[u8]| device.lock().unwrap().control(bytes));
     let spoken = (!dialect.is_scpi()).then_some(dialect);
     let timeout = Duration::from_millis(20);
-    let mut scanner = Scanner::with_dialect(port, spoken, timeout, || Ok(camera)).unwrap();
+    let mut scanner = Scanner::with_dialect(port, spoken, timeout, || Ok(camera))?;
     let options = ScanOptions {
         sequence: None,
-        manifest: None,
+        manifest,
         frame_timeout: timeout,
     };
-    let captured = scanner.scan(&options, &mut |_| {}).unwrap();
-    scanner.finish().unwrap();
+    let mut retries = Vec::new();
+    let captured = scanner.scan(&options, &mut |progress| {
+        if let Progress::Retry(why) = progress {
+            retries.push(why.to_owned());
+        }
+    })?;
+    scanner.finish()?;
     let now_ns = bench.lock().unwrap().now_ns();
-    (captured, now_ns)
+    Ok((captured, now_ns, retries))
+}
+
+/// The guide's example, as a reader would copy it.
+fn gspark() -> String {
+    let guide = include_str!("../../src/protocol/dialect/guide.md");
+    let (_, rest) = guide.split_once("```toml\n").unwrap();
+    rest.split_once("```").unwrap().0.to_owned()
+}
+
+#[test]
+fn the_guide_s_example_scans() {
+    let (plain, _) = scan("scpi", None);
+    let identify = "identify = { steps = [{ command = \"firmware\" }], ";
+    let result = "result = \"{maker},{model},{serial},{version}\" }\n";
+    let without = gspark().replace(&format!("{identify}{result}"), "");
+    assert_ne!(without, gspark());
+    for (text, idn) in [
+        (gspark(), &plain.idn[..]),
+        (without, "a device that speaks gspark"),
+    ] {
+        let dialect = Dialect::parse(&text, "guide.md").unwrap();
+        let (captured, _, retries) = scan_in(dialect, None, Some(plain.manifest.clone())).unwrap();
+        assert_eq!(retries, [""; 0]);
+        assert_eq!(captured.idn, idn);
+        assert_eq!(captured.frames.len(), plain.frames.len());
+        for (frame, expected) in captured.frames.iter().zip(&plain.frames) {
+            assert_eq!(frame.pattern_index, expected.pattern_index);
+            assert!(frame.data == expected.data, "other pixels");
+        }
+    }
+}
+
+#[test]
+fn a_dialect_without_a_trigger_is_refused_at_once() {
+    let trigger = "trigger = { steps = [{ command = \"scan\" }] }\n";
+    let text = gspark().replace(trigger, "");
+    let dialect = Dialect::parse(&text, "mine").unwrap();
+    assert!(dialect.host().needed().eq(["trigger"]));
+    let port = MemoryPort::new(|bytes: &[u8]| panic!("nothing is sent: {bytes:?}"));
+    let timeout = Duration::from_millis(20);
+    let camera = || Ok(MemoryCamera::default());
+    let error = Scanner::with_dialect(port, Some(dialect), timeout, camera).err();
+    let error = error.unwrap();
+    assert_eq!(error.exit_code(), 2, "{error}");
+    let words = error.to_string();
+    assert!(
+        words.contains("gspark") && words.contains("no trigger"),
+        "{words}"
+    );
+    // One without a manifest wants one from a file.
+    let gspark = Dialect::parse(&gspark(), "guide.md").unwrap();
+    let error = scan_in(gspark, None, None).err().unwrap();
+    assert_eq!(error.exit_code(), 2, "{error}");
+    assert!(error.to_string().starts_with("--manifest"), "{error}");
 }
 
 #[test]

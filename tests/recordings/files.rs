@@ -51,6 +51,55 @@ fn a_file_that_is_there_is_kept_unless_forced() {
 }
 
 #[test]
+fn a_recording_has_a_device_and_a_place_of_its_own() {
+    let base = tempfile::tempdir().unwrap();
+    let at = |name: &str| base.path().join(name);
+    // Not in the run directory, by whatever name.
+    std::os::unix::fs::symlink("run", at("alias")).unwrap();
+    for file in ["run/device.json", "run/../run/a.rec", "alias/control"] {
+        let refused = serve()
+            .arg("--record")
+            .arg(at(file))
+            .arg("--force")
+            .arg("--run-dir")
+            .arg(at("run"))
+            .output()
+            .unwrap();
+        assert_eq!(refused.status.code(), Some(2), "{}", text(&refused));
+        let words = text(&refused);
+        assert!(words.contains("a file in the run directory"), "{words}");
+        assert!(!at("run").exists());
+    }
+    // Two devices whose second file is there: the first one's is not left behind.
+    fs::write(at("a-webcam-grey-2.rec"), "years of work").unwrap();
+    let refused = serve()
+        .args(["--profile", "webcam-grey", "--record"])
+        .arg(at("a.rec"))
+        .arg("--run-dir")
+        .arg(at("run"))
+        .output()
+        .unwrap();
+    assert_eq!(refused.status.code(), Some(2), "{}", text(&refused));
+    assert!(!at("a-webcam-grey.rec").exists() && !at("run").exists());
+    assert_eq!(
+        fs::read(at("a-webcam-grey-2.rec")).unwrap(),
+        b"years of work"
+    );
+    // A device that cannot come up for want of its port.
+    let busy = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let port = busy.local_addr().unwrap().port().to_string();
+    let failed = serve()
+        .args(["--tcp", &port, "--record"])
+        .arg(at("b.rec"))
+        .arg("--run-dir")
+        .arg(at("run"))
+        .output()
+        .unwrap();
+    assert_eq!(failed.status.code(), Some(1), "{}", text(&failed));
+    assert!(!at("b.rec").exists() && !at("run").exists());
+}
+
+#[test]
 fn others_can_read_a_recording_and_so_can_people() {
     let base = tempfile::tempdir().unwrap();
     let at = |name: &str| base.path().join(name);

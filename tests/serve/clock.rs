@@ -4,7 +4,7 @@ use crate::served::{LONG, Served, serve};
 use phasma::host::{Capture, open_camera};
 use phasma::protocol::service::{Clock, ClockPace, DeviceAbout, Item, Reply, Request, Step, call};
 use rustix::process::Signal;
-use std::io::Read;
+use std::io::{Read, Write};
 use std::os::unix::net::UnixStream;
 use std::process::Stdio;
 use std::time::Duration;
@@ -68,6 +68,61 @@ fn a_step_exposes_what_falls_into_it() {
     }
     let words = refused(&mut stream, Request::Clock(Step::RunUntilNs(999_999_999)));
     assert!(words.contains("1000000000 to"), "{words}");
+    served.stop(Signal::TERM);
+}
+
+#[test]
+fn a_step_of_a_day_is_called_off() {
+    let served = Served::spawn_as_it_is(serve().args(["--clock", "stepped"]));
+    let mut stream = service(&served);
+    // Somebody reads, and so each of three million frames is to be rendered.
+    let address = served.at.camera.clone();
+    std::thread::spawn(move || {
+        let mut camera = open_camera(&address, Capture::Auto, LONG).unwrap();
+        while camera.next_frame(LONG).is_ok() {}
+    });
+    while device(&mut stream).camera_clients == 0 {
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    let day = || Request::Clock(Step::StepNs(86_400_000_000_000));
+    let asker = std::thread::spawn({
+        let mut stream = service(&served);
+        move || refused(&mut stream, day())
+    });
+    let now = |stream: &mut UnixStream| {
+        let about = clock(stream, Request::Get(Item::Clock));
+        about.now_ns
+    };
+    let under_way = |stream: &mut UnixStream, from_ns: u64| {
+        while now(stream) <= from_ns {
+            std::thread::sleep(Duration::from_millis(5));
+        }
+    };
+    under_way(&mut stream, 0);
+    let stopped = clock(&mut stream, Request::Clock(Step::Stop)).now_ns;
+    let words = asker.join().unwrap();
+    assert!(
+        words.ends_with(&format!("called off at {stopped} ns")),
+        "{words}"
+    );
+    assert_eq!(now(&mut stream), stopped);
+    // An asker who leaves takes the step back, and the next one has not to wait for it.
+    let mut asker = service(&served);
+    asker.write_all(day().to_line().as_bytes()).unwrap();
+    under_way(&mut stream, stopped);
+    drop(asker);
+    let end = std::time::Instant::now() + 4 * LONG;
+    loop {
+        let before = now(&mut stream);
+        std::thread::sleep(Duration::from_millis(200));
+        if now(&mut stream) == before {
+            break;
+        }
+        assert!(std::time::Instant::now() < end, "it goes on");
+    }
+    let before = now(&mut stream);
+    let step = Request::Clock(Step::StepNs(1_000_000));
+    assert_eq!(clock(&mut stream, step).now_ns, before + 1_000_000);
     served.stop(Signal::TERM);
 }
 

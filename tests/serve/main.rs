@@ -3,6 +3,7 @@
 
 mod clients;
 mod clock;
+mod dialects;
 mod directory;
 mod place;
 mod scan;

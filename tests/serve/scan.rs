@@ -7,7 +7,7 @@ use std::os::unix::fs::PermissionsExt;
 #[test]
 fn a_scan_over_pty_and_socket_leaves_what_a_decoder_needs() {
     let served = Served::start(&["--seed", "7"]);
-    assert_eq!(served.at.seed, 7);
+    assert_eq!(served.at.seed, Some(7));
     assert_eq!(
         fs::metadata(&served.dir).unwrap().permissions().mode() & 0o777,
         0o700

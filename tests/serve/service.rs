@@ -77,6 +77,9 @@ fn a_frame_s_truth_is_that_of_its_time() {
     let (served, mut stream) = exposed();
     let depth = |stream: &mut UnixStream, id| {
         let (reply, maps) = call(stream, &Request::TruthOfFrame(id)).unwrap();
+        // Of geometry alone: levels would be those of settings of another time.
+        let names: Vec<_> = maps.maps.iter().map(|(name, _)| name.as_str()).collect();
+        assert_eq!(names, ["depth_mm", "projector_x", "projector_y"]);
         (reply.frame.unwrap(), maps.maps[0].1[240 * 640 + 320])
     };
     let (before, rest) = depth(&mut stream, 2);

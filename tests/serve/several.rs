@@ -2,9 +2,12 @@
 
 use crate::served::{LONG, phasma, text};
 use phasma::host::usb::Client;
+use phasma::profile::faults::{Fault, What};
 use phasma::protocol::Endpoints;
+use phasma::protocol::service::{Item, Request, call};
 use rustix::process::{Pid, Signal, kill_process};
 use std::io::{BufRead, BufReader};
+use std::os::unix::net::UnixStream;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 
@@ -64,9 +67,9 @@ fn each_has_its_own_endpoints_scene_and_noise() {
     );
     let names = ["webcam-grey", "webcam-grey-2", "pmp-bench"];
     let at = names.map(|name| Endpoints::read(&run.join(name)).unwrap());
-    assert_eq!(at.each_ref().map(|at| at.seed), [7, 8, 9]);
+    assert_eq!(at.each_ref().map(|at| at.seed), [7, 8, 9].map(Some));
     assert_eq!(
-        at.each_ref().map(|at| at.scene.as_str()),
+        at.each_ref().map(|at| at.scene.as_deref().unwrap()),
         ["plane", "plane", "sphere"]
     );
     for at in &at {
@@ -175,6 +178,78 @@ fn what_does_not_go_together_is_refused_before_anything_is_made() {
         }
         assert!(!run.exists());
     }
+}
+
+#[test]
+fn what_killed_devices_left_goes_after_the_next_ones() {
+    let base = tempfile::tempdir().unwrap();
+    let run = base.path().join("run");
+    let two = ["--profile", "webcam-grey", "--profile", "webcam-grey"];
+    let mut command = serve(&two);
+    command.args(["--scene", "plane", "--run-dir"]).arg(&run);
+    let (mut killed, _) = start(&mut command);
+    killed.kill().unwrap();
+    killed.wait().unwrap();
+    assert!(run.join("webcam-grey").exists());
+    let (child, _) = start(&mut command);
+    end(child);
+    assert!(!run.exists());
+}
+
+#[test]
+fn a_fault_is_for_a_device_that_is_there() {
+    let base = tempfile::tempdir().unwrap();
+    let run = base.path().join("run");
+    let bad = base.path().join("bad.toml");
+    std::fs::write(&bad, "[[fault]]\nwhat = \"dark\"\ndevice = \"right\"\n").unwrap();
+    let one = ["--profile", "webcam-grey", "--scene", "plane", "--faults"];
+    let with_faults = |profiles: &[&str]| {
+        let mut command = serve(&one[..2]);
+        command.args(profiles).args(&one[2..]).arg(&bad);
+        command.arg("--run-dir").arg(&run);
+        command
+    };
+    for (profiles, allowed) in [
+        (&[][..], "webcam-grey"),
+        (&one[..2], "webcam-grey, webcam-grey-2"),
+    ] {
+        let output = with_faults(profiles).output().unwrap();
+        assert_eq!(output.status.code(), Some(2), "{}", text(&output));
+        let words = format!("bad.toml:3: fault[0].device: \"right\"; allowed: {allowed}\n");
+        assert!(text(&output).ends_with(&words), "{}", text(&output));
+        assert!(!run.exists());
+    }
+    // A channel is one device's.
+    std::fs::write(
+        &bad,
+        "[[fault]]\nwhat = \"dark\"\ndevice = \"webcam-grey-2\"\n",
+    )
+    .unwrap();
+    let (child, _) = start(&mut with_faults(&one[..2]));
+    for (name, other) in [
+        ("webcam-grey", "webcam-grey-2"),
+        ("webcam-grey-2", "webcam-grey"),
+    ] {
+        let at = Endpoints::read(&run.join(name)).unwrap();
+        let mut stream = UnixStream::connect(&at.service).unwrap();
+        let fault = |device: &str| {
+            let device = Some(device.to_owned());
+            Request::Fault(Box::new(Fault {
+                device,
+                ..Fault::new(What::Nak)
+            }))
+        };
+        let refused = call(&mut stream, &fault(other)).unwrap_err().to_string();
+        let words = format!("fault.device: \"{other}\"; allowed: {name}");
+        assert!(refused.ends_with(&words), "{refused}");
+        let (reply, _) = call(&mut stream, &fault(name)).unwrap();
+        assert_eq!(reply.fault, Some(2));
+        let (reply, _) = call(&mut stream, &Request::Get(Item::Faults)).unwrap();
+        let standing = reply.faults.unwrap().standing;
+        let of_schedule = usize::from(name == "webcam-grey-2");
+        assert_eq!(standing.len(), 1 + of_schedule);
+    }
+    end(child);
 }
 
 #[test]

@@ -90,7 +90,7 @@ fn depth(stream: &mut UnixStream) -> f32 {
 fn one_steps_the_clock_of_both() {
     let pair = Pair::start("stepped");
     let [mut near, mut far] = pair.services();
-    assert_eq!(pair.at.each_ref().map(|at| at.seed), [5, 1]);
+    assert_eq!(pair.at.each_ref().map(|at| at.seed), [5, 1].map(Some));
     let mut to = |ns| {
         ask(&mut near, Request::Clock(Step::RunUntilNs(ns)));
         [device(&mut near).frames, device(&mut far).frames]

@@ -20,6 +20,9 @@ use rayon::prelude::*;
 /// A depth known worse than this part of itself is no depth: the parallax is lost in noise.
 pub(super) const WORST_RELATIVE_SIGMA: f64 = 0.05;
 
+/// Rays that are parallel meet nowhere, and what f32 cannot hold is no depth either, in mm.
+pub(super) const FARTHEST_MM: f64 = f32::MAX as f64;
+
 /// A decoded projector coordinate in pixels and its standard deviation.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Measured {

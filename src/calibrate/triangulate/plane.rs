@@ -1,6 +1,6 @@
 //! A row of pixels with one coordinate each and no distortion: a plane a pixel, in closed form.
 
-use super::{CoordinateRow, Triangulator, WORST_RELATIVE_SIGMA};
+use super::{CoordinateRow, FARTHEST_MM, Triangulator, WORST_RELATIVE_SIGMA};
 use crate::pattern::Axis;
 
 impl Triangulator {
@@ -37,7 +37,8 @@ impl Triangulator {
             let slope = (az * b - a * bz) * inverse_focal * (parallax * parallax);
             let s = slope.abs() * f64::from(sd[u]);
             // NaN fails each of these.
-            let good = (t > 0.0) & (az + t * bz > 0.0) & (s <= WORST_RELATIVE_SIGMA * t);
+            let ahead = (t > 0.0) & (t < FARTHEST_MM) & (az + t * bz > 0.0);
+            let good = ahead & (s <= WORST_RELATIVE_SIGMA * t);
             depth[u] = if good { t as f32 } else { f32::NAN };
             sigma[u] = if good { s as f32 } else { f32::NAN };
         }

@@ -1,7 +1,7 @@
 //! One ray with one coordinate or both, distortion and all: the plane's depth, then Gauss-Newton.
 
-use super::{Measured, Triangulator, WORST_RELATIVE_SIGMA};
-use glam::DVec2;
+use super::{FARTHEST_MM, Measured, Triangulator, WORST_RELATIVE_SIGMA};
+use glam::{DVec2, DVec3};
 
 /// With both axes decoded, a point whose projection misses them by more than this many projector
 /// pixels (and 6 deviations) has a wrong order on one of them.
@@ -45,40 +45,65 @@ impl Triangulator {
                 start = Some((t, s));
             }
         }
-        let (mut t, mut s) = start?;
-        if both || lens.is_distorted() {
-            let pixel = DVec2::from([x, y].map(|m| m.map_or(0.0, |m| m.px)));
-            let weight = [x, y].map(|m| m.map_or(0.0, |m| 1.0 / m.sigma.powi(2).max(1e-12)));
-            let weight = DVec2::from(weight);
-            // Projections are nearly linear in the inverse depth, and far from it in the depth.
-            let mut w = 1.0 / t;
-            let mut converged = false;
-            for _ in 0..ITERATIONS {
-                let p = a * w + b;
-                if p.z <= 0.0 {
-                    return None;
-                }
-                let ideal = p.truncate() / p.z;
-                let rate = (a.truncate() - ideal * a.z) / p.z;
-                let px_rate = lens.focal_px * (lens.distort_jacobian(ideal) * rate);
-                let miss = lens.distort_to_px(ideal) - pixel;
-                let information = (weight * px_rate * px_rate).element_sum();
-                let step = (weight * px_rate * miss).element_sum() / information;
-                w -= step;
-                if step.abs() <= 1e-10 * w.abs() {
-                    let fits = |k: usize, m: Option<Measured>| {
-                        m.is_none_or(|m| miss[k].abs() <= (6.0 * m.sigma).max(WORST_MISS_PX))
-                    };
-                    converged = fits(0, x) && fits(1, y);
-                    (t, s) = (1.0 / w, 1.0 / (w * w * information.sqrt()));
-                    break;
-                }
-            }
-            if !converged {
+        let (t, s) = if both || lens.is_distorted() {
+            let near = start.map(|(t, _)| self.refine([a, b], 1.0 / t, [x, y]));
+            near.flatten()
+                .or_else(|| self.refine_from_afar([a, b], [x, y]))?
+        } else {
+            start?
+        };
+        let ahead = t > 0.0 && t < FARTHEST_MM && (a.z + t * b.z) > 0.0;
+        (ahead && s <= WORST_RELATIVE_SIGMA * t).then_some((t, s))
+    }
+
+    /// A lens that bends moves a column further than the parallax of a far point does. The column's
+    /// plane without distortion then says nothing; the search begins at infinity, and what it finds
+    /// has to be where the lens's image has not folded over.
+    #[cold]
+    fn refine_from_afar(&self, ray: [DVec3; 2], of: [Option<Measured>; 2]) -> Option<(f64, f64)> {
+        let lens = &self.rig.projector.lens;
+        if !lens.is_distorted() {
+            return None;
+        }
+        let (t, s) = self.refine(ray, 0.0, of)?;
+        let [a, b] = ray;
+        lens.project(a + b * t)?;
+        Some((t, s))
+    }
+
+    /// Gauss-Newton on w = 1/t for the ray a + t b, from a start; `None` where it does not end or
+    /// where both coordinates are not met.
+    fn refine(
+        &self,
+        [a, b]: [DVec3; 2],
+        mut w: f64,
+        of: [Option<Measured>; 2],
+    ) -> Option<(f64, f64)> {
+        let lens = &self.rig.projector.lens;
+        let pixel = DVec2::from(of.map(|m| m.map_or(0.0, |m| m.px)));
+        let weight = of.map(|m| m.map_or(0.0, |m| 1.0 / m.sigma.powi(2).max(1e-12)));
+        let weight = DVec2::from(weight);
+        // Projections are nearly linear in the inverse depth, and far from it in the depth.
+        for _ in 0..ITERATIONS {
+            let p = a * w + b;
+            if p.z <= 0.0 {
                 return None;
             }
+            let ideal = p.truncate() / p.z;
+            let rate = (a.truncate() - ideal * a.z) / p.z;
+            let px_rate = lens.focal_px * (lens.distort_jacobian(ideal) * rate);
+            let miss = lens.distort_to_px(ideal) - pixel;
+            let information = (weight * px_rate * px_rate).element_sum();
+            let step = (weight * px_rate * miss).element_sum() / information;
+            w -= step;
+            if step.abs() <= 1e-10 * w.abs() {
+                let fits = |k: usize, m: Option<Measured>| {
+                    m.is_none_or(|m| miss[k].abs() <= (6.0 * m.sigma).max(WORST_MISS_PX))
+                };
+                let met = fits(0, of[0]) && fits(1, of[1]);
+                return met.then(|| (1.0 / w, 1.0 / (w * w * information.sqrt())));
+            }
         }
-        let good = t > 0.0 && (a.z + t * b.z) > 0.0 && s <= WORST_RELATIVE_SIGMA * t;
-        good.then_some((t, s))
+        None
     }
 }

@@ -118,3 +118,53 @@ fn what_has_no_parallax_has_no_depth() {
     );
     assert!(Triangulator::new(&rig, 90, 160).is_err());
 }
+
+/// A column whose plane holds the camera's ray's own direction meets it nowhere.
+#[test]
+fn parallel_rays_have_no_depth() {
+    let mut rig = rig([0.0; 5], [0.0; 5]);
+    rig.projector.rig_from_view = Pose::from_xyz_deg(DVec3::X * 400.0, DVec3::ZERO);
+    rig.camera.lens.principal_px = DVec2::new(79.0, 45.0);
+    let triangulator = Triangulator::new(&rig, 160, 90).unwrap();
+    let px = rig.projector.lens.principal_px.x;
+    for sigma in [0.0, 0.02] {
+        let x = Measured { px, sigma };
+        let at = DVec2::new(79.0, 45.0);
+        assert_eq!(triangulator.depth(at, Some(x), None), None);
+        let (mut depth, mut sd) = ([0.0; 160], [0.0; 160]);
+        let x = CoordinateRow {
+            px: &[px as f32; 160],
+            sigma: &[sigma as f32; 160],
+        };
+        triangulator.row(45, Some(x), None, &mut depth, &mut sd);
+        assert!(depth[79].is_nan() && sd[79].is_nan(), "{}", depth[79]);
+        assert!(depth.iter().all(|z| !z.is_infinite()));
+    }
+}
+
+/// A far point's parallax is less than what the lens bends: the column's plane by itself lies behind.
+#[test]
+fn a_lens_that_bends_more_than_the_parallax_loses_no_point() {
+    let mut rig = rig([0.0; 5], [2.0, 0.2, 2e-3, -4e-3, 0.0]);
+    rig.projector.rig_from_view =
+        Pose::from_xyz_deg(DVec3::new(400.0, 20.0, -16.0), DVec3::new(1.0, -18.0, 2.0));
+    rig.projector.lens.principal_px.x = 959.5;
+    let triangulator = Triangulator::new(&rig, 160, 90).unwrap();
+    let mut lit = 0;
+    for (u, v) in (0..160).flat_map(|u| (0..90).map(move |v| (u, v))) {
+        let at = DVec2::new(f64::from(u), f64::from(v));
+        for t in [300.0, 1e3, 1e4, 1e5] {
+            let px = rig.projector.project(rig.camera.ray(at) * t);
+            let Some(px) = px.filter(|px| rig.projector.lens.contains(*px)) else {
+                continue;
+            };
+            lit += 1;
+            let [x, y] = [px.x, px.y].map(|px| Some(Measured { px, sigma: 1e-6 }));
+            for y in [y, None] {
+                let (depth, _) = triangulator.depth(at, x, y).unwrap();
+                assert!((depth / t - 1.0).abs() < 1e-9, "{at} {t}: {depth}");
+            }
+        }
+    }
+    assert!(lit > 5000, "{lit}");
+}

@@ -1,10 +1,9 @@
 //! What is timed of one backend.
 
-use super::rate::{ROUND_S, seconds_a_frame};
 use super::{Adapter, Subject};
-use crate::cli::Timing;
 use crate::emulator::render::{Pass, PassTime};
 use crate::emulator::{Renderer, Shot};
+use crate::study::timing::{ROUND_S, Timing};
 use serde::Serialize;
 use std::collections::VecDeque;
 use std::hint::black_box;
@@ -49,7 +48,7 @@ pub(super) struct PassRow {
 pub(super) fn cpu(renderer: &mut Renderer, subject: &Subject<'_>) -> Run {
     let [still, moving] = rates(renderer, subject);
     let pixels = renderer.pixel_count() as f64;
-    let mut timing = Timing::new(renderer, &subject.shots);
+    let mut timing = Timing::new(renderer, &subject.shots, subject.watch);
     let mut row = |name: &str, pass| PassRow {
         pass: name.to_owned(),
         runs_per_frame: 1.0,
@@ -102,9 +101,11 @@ pub(super) fn gpu(renderer: &mut Renderer, subject: &Subject<'_>, adapter: Adapt
 /// Of a still scene, and with the geometry pass in every frame.
 fn rates(renderer: &mut Renderer, subject: &Subject<'_>) -> [Rate; 2] {
     [false, true].map(|moving| {
-        let seconds = seconds_a_frame(subject.args.frames as usize, |count| {
-            frames(renderer, &subject.shots, count, moving);
-        });
+        let seconds = subject
+            .watch
+            .seconds_a_frame(subject.args.frames as usize, |count| {
+                frames(renderer, &subject.shots, count, moving);
+            });
         Rate {
             frames_per_s: 1.0 / seconds,
             over_copy: seconds / subject.copy,

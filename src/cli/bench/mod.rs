@@ -2,7 +2,6 @@
 //! and with the geometry pass in every frame, and what each pass takes.
 
 mod measure;
-mod rate;
 mod table;
 
 use super::backend::Choice;
@@ -11,8 +10,10 @@ use crate::emulator::render::{Adapter, Backend, Options, Term};
 use crate::emulator::{Firmware, Renderer, Shot};
 use crate::error::Result;
 use crate::profile::{Profile, Scene};
+use crate::study::timing::Stopwatch;
 use measure::Run;
 use serde::Serialize;
+use std::time::Instant;
 
 /// Say how many frames a second the processor and the GPU of this machine render
 #[derive(Debug, clap::Args)]
@@ -65,6 +66,7 @@ struct Subject<'a> {
     shots: Vec<Shot>,
     /// Seconds.
     copy: f64,
+    watch: Stopwatch<'a>,
 }
 
 pub(super) fn run(args: &Args) -> Result<()> {
@@ -74,12 +76,16 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let camera = &profile.camera;
     let pixels = camera.width_px as usize * camera.height_px as usize;
     let frame_bytes = pixels * camera.sensor.native_format().bytes_per_pixel();
+    let begin = Instant::now();
+    let clock = || begin.elapsed();
+    let watch = Stopwatch::new(&clock);
     let subject = Subject {
         args,
         profile: &profile,
         scene: &scene,
         shots: sequence.into_iter().map(|(_, shot)| shot).collect(),
-        copy: rate::seconds_a_copy(frame_bytes),
+        copy: watch.seconds_a_copy(frame_bytes),
+        watch,
     };
     // First, as its failure may end it all.
     let (gpu, without_gpu) = subject.gpu()?;

@@ -1,6 +1,7 @@
 //! `phasma demo`: a device that is not there, scanned through its ports and held against its truth.
 
 use super::backend::Choice;
+use super::dialect;
 use super::method::MethodArgs;
 use super::scan::capture;
 use super::served::{Served, service};
@@ -50,6 +51,9 @@ pub struct Args {
     /// Leave the sensor's noise out
     #[arg(long)]
     no_noise: bool,
+    /// Weigh the steps by their shot noise: less noise of six or more equal steps
+    #[arg(long)]
+    weighted: bool,
     #[command(flatten)]
     method: MethodArgs,
     /// Print the figures as JSON
@@ -85,7 +89,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let control = endpoints.control.display().to_string();
     let captured = capture(
         (&endpoints.camera, Capture::Auto),
-        (&control, None),
+        (&control, dialect::spoken(None, Some(&control))?),
         TIMEOUT,
         &options,
         None,
@@ -97,9 +101,12 @@ pub(super) fn run(args: &Args) -> Result<()> {
         .calibration
         .ok_or_else(|| Error::device("the device gave no calibration"))?;
     let begin = Instant::now();
-    let (decoder, mut decoded) = captured.decode(Options::default())?;
-    args.method
-        .apply(&decoder, &mut decoded, Options::default())?;
+    let options = Options {
+        weighted: args.weighted,
+        ..Options::default()
+    };
+    let (decoder, mut decoded) = captured.decode(options)?;
+    args.method.apply(&decoder, &mut decoded, options)?;
     let decode_s = begin.elapsed().as_secs_f64();
     step("asking for the truth");
     let mut service = service(&endpoints.service)?;

@@ -7,7 +7,6 @@ use crate::emulator::render::Options;
 use crate::emulator::{Firmware, Renderer, Shot};
 use crate::error::Result;
 use crate::profile::{Profile, Scene};
-pub use measure::Timing;
 use measure::{PassCost, TermCost, costs};
 use serde::Serialize;
 

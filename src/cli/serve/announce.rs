@@ -8,12 +8,18 @@ use std::io::Write;
 pub(super) fn announce(endpoints: &Endpoints, about: &str) {
     let mut text = format!(
         "{} looking at {}\n  control  {}\n",
-        endpoints.profile,
-        endpoints.scene,
+        endpoints.profile.as_deref().unwrap_or_default(),
+        endpoints.scene.as_deref().unwrap_or_default(),
         endpoints.control.display(),
     );
     if let Some(tty) = &endpoints.control_usb {
         text += &format!("           {}\n", tty.display());
+    }
+    if let Some(dialect) = &endpoints.dialect {
+        text += &match endpoints.baud {
+            Some(baud) => format!("           {dialect} at {baud} baud\n"),
+            None => format!("           {dialect}\n"),
+        };
     }
     text += &format!("  camera   {}", endpoints.camera);
     if !about.is_empty() {
@@ -34,6 +40,9 @@ pub(super) fn announce(endpoints: &Endpoints, about: &str) {
         text += &format!("  usb      {usb}\n");
     }
     text += &format!("  service  {}\n", endpoints.service.display());
+    if let Some(clock) = endpoints.clock {
+        text += &format!("  clock    {}\n", format!("{clock:?}").to_lowercase());
+    }
     say(&text);
 }
 

@@ -1,6 +1,7 @@
 //! The devices that the command line asks for: profiles, stations and scenes, taken apart.
 
 use super::Args;
+use crate::cli::dialect;
 use crate::error::{Error, Result};
 use crate::profile::{Configuration, MAX_DEVICES, Profile, RigPlace, Scene};
 use std::collections::HashMap;
@@ -97,10 +98,7 @@ fn take(label: &str, drafts: &mut Vec<Draft>) -> Result<()> {
         Configuration::Station(station) => {
             for device in &station.device {
                 let label = station.profile(device);
-                let mut profile = Profile::load(&label)?;
-                if let Some(dialect) = station.dialect(device) {
-                    profile.control.dialect = super::from_here(&dialect);
-                }
+                let profile = dialect::profile_of(&station, device)?;
                 drafts.push(Draft {
                     name: device.name.clone(),
                     profile,

@@ -15,7 +15,7 @@ pub(super) use unit::runtime;
 use super::backend::Choice;
 use crate::error::{Error, Result};
 use crate::link::{RunDir, Stage, Timeline};
-use crate::protocol::dialect::Dialect;
+use crate::profile::faults::Schedule;
 use crate::protocol::service::ClockPace;
 use asked::Asked;
 use std::ffi::OsStr;
@@ -87,7 +87,7 @@ pub(super) struct Args {
     #[arg(long, value_name = "FILE")]
     sequence: Vec<PathBuf>,
     /// What goes wrong, and when: a schedule of faults, see `phasma faults list`. A fault may be for
-    /// one device of several, by its profile's name.
+    /// one device of several, by its name in its station, or its profile's.
     #[arg(long, value_name = "FILE")]
     faults: Option<PathBuf>,
     /// End when standard input does: for programs that start a device and may be killed.
@@ -131,12 +131,19 @@ pub(super) fn run(args: &Args) -> Result<()> {
         device.profile.camera.sensor.noiseless = args.no_noise;
         if let Some(dialect) = &args.dialect {
             // A path of the command line is relative to where it was given, not to the profile.
-            device.profile.control.dialect = from_here(dialect);
+            super::dialect::speak(&mut device.profile, dialect, "--dialect");
         }
     }
     if args.usb.is_some() {
         usb::check(devices.iter().map(|device| &device.profile))?;
     }
+    let schedule = match &args.faults {
+        Some(file) => {
+            let names: Vec<_> = devices.iter().map(|device| device.name.as_str()).collect();
+            Schedule::read_for(file, &names)?
+        }
+        None => Schedule::default(),
+    };
     let power = Power::default();
     let on = power.clone();
     let timeline = Timeline::new(args.clock.into(), move || on.elapsed());
@@ -150,6 +157,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
                 device,
                 &scenes[device.scene],
                 (timeline.seat(), stage),
+                &schedule,
             )
         })
         .collect::<Result<_>>()?;
@@ -157,16 +165,6 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let served = runtime.block_on(serve(args, &devices, units, power));
     announce::announce_lateness(timeline.about().late);
     served
-}
-
-/// A path that means the same wherever it is taken from; a name stays what it is.
-fn from_here(name_or_path: &str) -> String {
-    let absolute = std::path::absolute(name_or_path)
-        .ok()
-        .filter(|path| path.is_file() && !Dialect::names().any(|name| name == name_or_path));
-    absolute
-        .and_then(|path| path.to_str().map(str::to_owned))
-        .unwrap_or_else(|| name_or_path.to_owned())
 }
 
 /// When the devices were switched on.
@@ -214,7 +212,11 @@ async fn serve(args: &Args, devices: &[Asked], mut units: Vec<Unit>, power: Powe
         let alone = dirs.len() == 1;
         for (unit, dir) in units.iter_mut().zip(&dirs) {
             let path = recording_path(path, dir.path(), alone);
-            let inside = std::path::absolute(&path).is_ok_and(|file| file.starts_with(dir.path()));
+            let inside = real_folder(&path).is_some_and(|folder| {
+                dir.path()
+                    .canonicalize()
+                    .is_ok_and(|dir| folder.starts_with(dir))
+            });
             if inside {
                 return Err(Error::input(
                     format!("--record {}", path.display()),
@@ -227,6 +229,12 @@ async fn serve(args: &Args, devices: &[Asked], mut units: Vec<Unit>, power: Powe
     }
     let units = units.into_iter().zip(dirs).collect();
     supervise(units, clock, shutdown).await
+}
+
+/// The folder that a file is in, whatever links lead there.
+fn real_folder(file: &Path) -> Option<PathBuf> {
+    let file = std::path::absolute(file).ok()?;
+    file.parent()?.canonicalize().ok()
 }
 
 /// The file for the recording of a device with this directory.

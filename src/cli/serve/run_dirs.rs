@@ -43,7 +43,12 @@ fn runtime_dir() -> Option<PathBuf> {
     dir.filter(|dir| dir.is_absolute() && dir.is_dir())
 }
 
-/// The directory that holds those of several devices; it goes again, if it was made and is empty.
+/// Stands in a directory that was made to hold those of several devices, so that it is known as
+/// such even when whoever made it was killed.
+const MARK: &str = ".phasma-made-this";
+
+/// The directory that holds those of several devices; it goes again, if it was made for that and is
+/// empty.
 pub(super) struct Holder(Option<PathBuf>);
 
 impl Holder {
@@ -53,13 +58,21 @@ impl Holder {
     /// What the system refuses.
     pub(super) fn make(dirs: &[PathBuf], asked_for: bool) -> Result<Self> {
         let parent = match dirs {
-            [first, _, ..] if asked_for => first.parent().filter(|parent| !parent.exists()),
+            [first, _, ..] if asked_for => first.parent(),
             _ => None,
         };
-        if let Some(parent) = parent {
+        let Some(parent) = parent else {
+            return Ok(Self(None));
+        };
+        let mark = parent.join(MARK);
+        if !parent.exists() {
             make_private(parent)?;
+            let holder = Self(Some(parent.to_owned()));
+            std::fs::write(&mark, "").map_err(|e| Error::io(mark, e))?;
+            return Ok(holder);
         }
-        Ok(Self(parent.map(Path::to_owned)))
+        let left = std::fs::symlink_metadata(mark).is_ok_and(|mark| mark.is_file());
+        Ok(Self(left.then(|| parent.to_owned())))
     }
 }
 
@@ -71,9 +84,43 @@ fn make_private(path: &Path) -> Result<()> {
 
 impl Drop for Holder {
     fn drop(&mut self) {
-        if let Some(path) = &self.0 {
-            // Whoever has put something there meanwhile keeps it.
+        let Some(path) = &self.0 else {
+            return;
+        };
+        // Whoever has put something there meanwhile keeps it, and another station its devices.
+        let others = std::fs::read_dir(path).map_or(true, |mut entries| {
+            entries.any(|entry| entry.map_or(true, |entry| entry.file_name() != MARK))
+        });
+        if !others {
+            let _ = std::fs::remove_file(path.join(MARK));
             let _ = std::fs::remove_dir(path);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_was_made_goes_even_after_a_kill_and_what_was_there_stays() {
+        let base = tempfile::tempdir().unwrap();
+        let run = base.path().join("run");
+        let dirs = ["left", "right"].map(|name| run.join(name));
+        let holder = Holder::make(&dirs, true).unwrap();
+        std::fs::create_dir(&dirs[0]).unwrap();
+        drop(holder);
+        assert!(run.exists(), "somebody's");
+        // As after a kill: what is left of the devices is theirs to remove.
+        let holder = Holder::make(&dirs, true).unwrap();
+        std::fs::remove_dir(&dirs[0]).unwrap();
+        drop(holder);
+        assert!(!run.exists());
+        std::fs::create_dir(&run).unwrap();
+        drop(Holder::make(&dirs, true).unwrap());
+        assert!(run.exists(), "it was there before");
+        drop(Holder::make(&dirs[..1], true).unwrap());
+        drop(Holder::make(&dirs, false).unwrap());
+        assert_eq!(std::fs::read_dir(&run).unwrap().count(), 0);
     }
 }

@@ -3,9 +3,9 @@
 use super::Args;
 use super::asked::Asked;
 use super::video::open_video;
+use crate::cli::dialect;
 use crate::cli::record::unix_s;
 use crate::emulator::faults::Faults;
-use crate::emulator::port::Port;
 use crate::emulator::render::Options;
 use crate::emulator::{Firmware, Machine, Renderer, SerialLine, UserSequence};
 use crate::error::{Error, Result};
@@ -14,8 +14,8 @@ use crate::profile::faults::Schedule;
 use crate::profile::{Profile, Scene};
 use crate::protocol::Endpoints;
 use crate::protocol::record::create;
-use std::path::Path;
-use std::sync::Arc;
+use std::cell::Cell;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 use tokio::sync::{mpsc, watch};
 
@@ -24,6 +24,23 @@ pub(super) struct Unit {
     device: Device,
     /// What the camera is, or why it is no other.
     about: String,
+    /// The file that it is recorded in, if that was made for it.
+    made: Option<Made>,
+}
+
+/// A file that was made for a device; gone again if the device never comes up.
+struct Made {
+    path: PathBuf,
+    kept: Cell<bool>,
+}
+
+impl Drop for Made {
+    fn drop(&mut self) {
+        if !self.kept.get() {
+            // Best effort: why the device does not come up is what there is to tell.
+            let _ = std::fs::remove_file(&self.path);
+        }
+    }
 }
 
 /// What happens to the devices.
@@ -36,12 +53,13 @@ pub(super) enum News {
 
 impl Unit {
     /// One of the devices that the command asks for, with its scene as it was chosen, and its part
-    /// in the time and the scene that devices share.
+    /// in the time and the scene that devices share, and in what goes wrong.
     pub(super) fn new(
         args: &Args,
         asked: &Asked,
         (label, scene): &(String, Scene),
         (seat, stage): (Seat, Stage),
+        schedule: &Schedule,
     ) -> Result<Self> {
         let profile = &asked.profile;
         let user: Vec<_> = args
@@ -66,17 +84,13 @@ impl Unit {
             let profile = &asked.label;
             eprintln!("phasma: {profile}: rendering on a GPU, {kind}: {name} ({driver})");
         }
-        let dialect = profile.control.load_dialect(&profile.folder)?;
-        let schedule = match &args.faults {
-            Some(file) => Schedule::read(file)?,
-            None => Schedule::default(),
-        };
+        let port = dialect::port(profile)?;
         let device = Device {
             machine: Machine::new(
                 Firmware::new(profile, &user)?,
-                Port::new(Arc::new(dialect))?,
+                port,
                 SerialLine::new(&profile.control),
-                Faults::new(&schedule, &asked.name),
+                Faults::new(schedule, &asked.name),
             ),
             renderer,
             seat,
@@ -89,6 +103,8 @@ impl Unit {
             profile: asked.label.clone(),
             scene: label.clone(),
             seed: asked.seed,
+            dialect: dialect::from_anywhere(&profile.control.dialect_path(&profile.folder)),
+            baud: profile.control.baud,
             tcp: args.tcp,
             video: None,
             usb: None,
@@ -98,6 +114,7 @@ impl Unit {
         Ok(Self {
             device,
             about: String::new(),
+            made: None,
         })
     }
 
@@ -129,8 +146,14 @@ impl Unit {
     /// # Errors
     /// A file that is there already, unless `force`, and what the system refuses.
     pub(super) fn record(&mut self, path: &Path, force: bool) -> Result<()> {
+        let there = path.exists();
+        let file = create(path, "--record", force)?;
+        self.made = (!there).then(|| Made {
+            path: path.to_owned(),
+            kept: Cell::new(false),
+        });
         self.device.recording = Some(Recording {
-            file: create(path, "--record", force)?,
+            file,
             path: path.to_owned(),
             started_unix_s: unix_s(),
         });
@@ -158,7 +181,11 @@ impl Unit {
                 tell: tell.clone(),
                 outcome: None,
             };
+            let Self { device, made, .. } = self;
             let ready = |endpoints: &Endpoints| {
+                if let Some(made) = &made {
+                    made.kept.set(true);
+                }
                 let _ = tell.send(News::Ready(number, Box::new(endpoints.clone())));
             };
             let stopped = async {
@@ -166,7 +193,7 @@ impl Unit {
                 let _ = stop.wait_for(|&stop| stop).await;
             };
             ending.outcome = Some(runtime().and_then(|runtime| {
-                runtime.block_on(serve(self.device, run_dir, wall, ready, stopped))
+                runtime.block_on(serve(device, run_dir, wall, ready, stopped))
             }));
         };
         let thread = std::thread::Builder::new().name(format!("device {}", number + 1));

@@ -33,12 +33,15 @@ pub(super) fn axis_row<'f, T: Sample>(
     scratch
         .sets
         .resize_with(kernel.sets.len().max(scratch.sets.len()), SetRow::default);
-    for (set, k) in scratch.sets.iter_mut().zip(&kernel.sets) {
-        set.reset(n);
+    for ((set, k), usual) in scratch.sets.iter_mut().zip(&kernel.sets).zip(usual) {
+        set.reset(k, n);
         for (step, &frame) in k.frames.iter().enumerate() {
             set.add(k, step, row(frame), &mut scratch.top);
         }
-        set.finish(k, job.noise);
+        if k.weighs() {
+            set.add_higher(k, row);
+        }
+        set.finish(k, job.noise, usual);
     }
     gray_row(job, kernel, row, scratch);
     let x = &mut out.coordinate[..n];

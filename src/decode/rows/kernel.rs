@@ -22,8 +22,9 @@ pub(in crate::decode) struct AxisKernel {
 }
 
 impl AxisKernel {
-    pub(in crate::decode) fn new(plan: &AxisPlan, references: bool) -> Self {
-        let sets: Vec<SetKernel> = plan.sets.iter().map(SetKernel::new).collect();
+    pub(in crate::decode) fn new(plan: &AxisPlan, references: bool, weighted: bool) -> Self {
+        let kernel = |set| SetKernel::new(set, weighted);
+        let sets: Vec<SetKernel> = plan.sets.iter().map(kernel).collect();
         let wrapped = matches!(plan.order, Order::Wrapped { .. });
         let repeat = match plan.order {
             Order::Resolved { repeat_px } if repeat_px.is_finite() => repeat_px as f32,

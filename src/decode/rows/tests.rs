@@ -10,8 +10,13 @@ type Row = (Vec<u32>, Vec<u32>, Vec<Verdict>, Vec<u32>, Vec<u32>);
 
 #[test]
 fn both_instruction_sets_give_the_same_bits() {
+    both_ways([5, 4], false);
+    both_ways([8, 6], true);
+}
+
+fn both_ways(steps: [u32; 2], weighted: bool) {
     let mut text = "[projector]\nwidth_px = 500\nheight_px = 300\n".to_owned();
-    for (period, steps) in [(23.7, 5), (31.0, 4)] {
+    for (period, steps) in [23.7, 31.0].into_iter().zip(steps) {
         for i in 0..steps {
             let phase = f64::from(i) * std::f64::consts::TAU / f64::from(steps);
             text += &format!(
@@ -28,7 +33,7 @@ fn both_instruction_sets_give_the_same_bits() {
     }
     let manifest = Manifest::parse(&text, "t").unwrap();
     let plan = Plan::new(&manifest).unwrap();
-    let kernels = [AxisKernel::new(&plan.axes[0], false)];
+    let kernels = [AxisKernel::new(&plan.axes[0], false, weighted)];
     let width = 203;
     // Frames of a ramp, and of nothing at all beyond it.
     let frames: Vec<Vec<u8>> = manifest

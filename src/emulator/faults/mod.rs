@@ -36,6 +36,8 @@ const MAX_REPLY_BYTES: usize = 4 << 20;
 /// Everything that goes wrong with one device.
 #[derive(Debug)]
 pub struct Faults {
+    /// The device's name.
+    device: String,
     armed: Vec<Armed>,
     next_id: u64,
     chance: Chance,
@@ -88,6 +90,7 @@ impl Faults {
     pub fn new(schedule: &Schedule, device: &str) -> Self {
         let numbered = (1..).zip(&schedule.fault);
         Self {
+            device: device.to_owned(),
             armed: numbered
                 .filter(|(_, fault)| fault.concerns(device))
                 .map(|(id, fault)| Armed::new(id, fault.clone()))
@@ -114,9 +117,10 @@ impl Faults {
     /// Adds a fault, which counts from now on; gives its number.
     ///
     /// # Errors
-    /// A fault that cannot be, and one more than there may be.
+    /// A fault that cannot be, one for another device, and one more than there may be.
     pub fn add(&mut self, fault: Fault) -> Result<u64, Flaw> {
         fault.check()?;
+        fault.check_device(&[&self.device])?;
         if self.armed.len() >= MAX_FAULTS {
             self.armed.retain(|armed| !armed.is_over());
         }

@@ -302,6 +302,18 @@ fn faults_come_and_go_and_only_concern_their_device() {
         ..Fault::new(What::Nak)
     };
     assert_eq!(faults.add(bad).unwrap_err().field, "by_ms");
+    let right = Fault {
+        device: Some("right".into()),
+        ..Fault::new(What::Nak)
+    };
+    let words = faults.add(right.clone()).unwrap_err().to_string();
+    assert_eq!(words, "device: \"right\"; allowed: left");
+    let left = Fault {
+        device: Some("left".into()),
+        ..right
+    };
+    assert_eq!(faults.add(left), Ok(4));
+    assert!(faults.remove(4));
     eight(&mut faults);
     let standing: Vec<_> = faults.standing().map(|s| (s.id, s.struck)).collect();
     assert_eq!(standing, [(2, 1), (3, 0)]);

@@ -21,11 +21,13 @@ mod table;
 #[cfg(test)]
 mod tests;
 mod trigger;
+mod undo;
 
 pub use controls::CameraControls;
 pub use memory::UserSequence;
 pub use messages::{Answered, Done};
 pub use trigger::State;
+pub use undo::Before;
 
 use super::projection::Planes;
 use super::{Exposure, Slide, StreamSink};

@@ -38,6 +38,16 @@ impl Shining {
         self.taken.get(index).filter(|_| all).cloned()
     }
 
+    /// What the patterns saw that were exposed last.
+    pub(super) fn all(&self) -> &[Arc<Emission>] {
+        &self.taken
+    }
+
+    /// The sequence is the earlier one again.
+    pub(super) fn put_back(&mut self, taken: Vec<Arc<Emission>>) {
+        self.taken = taken;
+    }
+
     /// The sequence is another one.
     pub(super) fn forget(&mut self) {
         self.taken.clear();

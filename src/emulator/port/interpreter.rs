@@ -2,9 +2,9 @@
 
 use super::Message;
 use crate::emulator::Firmware;
-use crate::emulator::firmware::Done;
+use crate::emulator::firmware::{Before, Done};
 use crate::protocol::dialect::{Asked, Cut, Cutter, Dialect, Direction, WireError};
-use crate::protocol::scpi::ErrorCode;
+use crate::protocol::scpi::{DeviceError, ErrorCode};
 use std::collections::VecDeque;
 use std::sync::Arc;
 
@@ -23,6 +23,8 @@ struct Request {
     ticket: Option<u64>,
     /// It acts even while those before it wait: a trigger, an abort.
     urgent: bool,
+    /// What was set before it began, or before it went on after a wait.
+    before: Option<Before>,
 }
 
 /// What turns a dialect into the firmware's messages and back.
@@ -92,15 +94,17 @@ impl Interpreter {
             true => asked.command.clone(),
             false => line(),
         };
-        if self.requests.len() >= MAX_REQUESTS {
+        let left: VecDeque<_> = self.dialect.runs(&asked).into();
+        let urgent = left.iter().all(|m| Firmware::acts_at_once(m.as_bytes())) && !left.is_empty();
+        // There is always room for what gets the device out of its wait.
+        if self.requests.len() >= MAX_REQUESTS + usize::from(urgent) {
             let error = ErrorCode::InputBufferOverrun.with("too much waits to be done");
             let bytes = self.dialect.refusal(&asked, &error);
             return self.say(bytes, to);
         }
-        let left: VecDeque<_> = self.dialect.runs(&asked).into();
-        let urgent = left.iter().all(|m| Firmware::acts_at_once(m.as_bytes()));
         self.requests.push_back(Request {
-            urgent: urgent && !left.is_empty(),
+            urgent,
+            before: None,
             asked,
             to,
             left,
@@ -130,28 +134,35 @@ impl Interpreter {
     }
 
     /// Goes on with the requests as far as the firmware does: the first one's messages one by one
-    /// until one fails, and likewise those of urgent ones behind it.
+    /// until one fails, and likewise those of urgent ones behind it. A refusal puts back what its
+    /// request has set since it waited last.
     fn run(&mut self, firmware: &mut Firmware, now_ns: u64) {
         loop {
             for done in firmware.take_done() {
-                self.done(done);
+                self.done(done, firmware);
             }
             let free = |(index, request): (usize, &Request)| {
                 request.ticket.is_none() && (index == 0 || request.urgent)
             };
             let Some(index) = self.requests.iter().enumerate().position(free) else {
+                // Time goes on, and what has been set until now stays.
+                self.requests.iter_mut().for_each(|r| r.before = None);
                 return;
             };
             let request = &mut self.requests[index];
             match request.left.pop_front() {
                 Some(message) => {
+                    request.before.get_or_insert_with(|| {
+                        firmware.advance(now_ns);
+                        firmware.before()
+                    });
                     request.ticket = Some(self.tickets);
                     firmware.submit(message.as_bytes(), self.tickets, now_ns);
                     self.tickets += 1;
                 }
                 None => {
                     if let Some(request) = self.requests.remove(index) {
-                        self.answer(request);
+                        self.answer(request, firmware);
                     }
                 }
             }
@@ -159,7 +170,7 @@ impl Interpreter {
     }
 
     /// Takes what one of the firmware's messages has come to; the first error ends its request.
-    fn done(&mut self, done: Done) {
+    fn done(&mut self, done: Done, firmware: &mut Firmware) {
         let of = |request: &Request| request.ticket == Some(done.ticket);
         let Some(index) = self.requests.iter().position(of) else {
             return;
@@ -170,18 +181,23 @@ impl Interpreter {
             request.answers.push(done.answers.join(&b';'));
             return;
         };
-        if let Some(Request { asked, to, .. }) = self.requests.remove(index) {
-            let bytes = self.dialect.refusal(&asked, error);
-            self.say(bytes, to);
+        if let Some(request) = self.requests.remove(index) {
+            self.refuse(request, error, firmware);
         }
     }
 
-    fn answer(&mut self, request: Request) {
-        let asked = &request.asked;
-        let bytes = self
-            .dialect
-            .answer(asked, &request.answers)
-            .unwrap_or_else(|error| self.dialect.refusal(asked, &error));
+    fn answer(&mut self, request: Request, firmware: &mut Firmware) {
+        match self.dialect.answer(&request.asked, &request.answers) {
+            Ok(bytes) => self.say(bytes, request.to),
+            Err(error) => self.refuse(request, &error, firmware),
+        }
+    }
+
+    fn refuse(&mut self, request: Request, error: &DeviceError, firmware: &mut Firmware) {
+        if let Some(before) = request.before {
+            firmware.put_back(before);
+        }
+        let bytes = self.dialect.refusal(&request.asked, error);
         self.say(bytes, request.to);
     }
 }

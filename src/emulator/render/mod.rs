@@ -45,5 +45,6 @@ pub use gpu::{Adapter, PassTime};
 pub use options::{Backend, Options};
 pub use plan::{Decision, Plan};
 pub use renderer::{Pending, Renderer};
-pub(super) use sensor::philox;
+pub(crate) use sensor::philox;
+pub use sensor::read_out;
 pub use term::{Pass, Term};

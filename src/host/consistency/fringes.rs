@@ -16,14 +16,7 @@ const UNEXPLAINED: f64 = 0.35;
 
 /// Whether another order, or one frame less, makes a set's residual distinctly smaller.
 pub(super) fn check(axis: &AxisPlan, grid: &Grid) -> Result<(), String> {
-    let varying: usize = grid.lines.iter().map(|line| line.varying().count()).sum();
-    let stride = varying.div_ceil(PIXELS).max(1);
-    let pixels: Vec<&[f32]> = grid
-        .lines
-        .iter()
-        .flat_map(|line| line.varying())
-        .step_by(stride)
-        .collect();
+    let pixels = grid.sample(PIXELS);
     for set in axis.sets.iter().filter(|set| set.frames.len() > 3) {
         let asked = residual(set, &pixels, &set.frames);
         if let Some((one, other)) = better_order(set, &pixels, asked) {

@@ -13,29 +13,24 @@ use nalgebra::{DMatrix, DVector};
 
 /// Pixels that are looked at, at most.
 const PIXELS: usize = 5000;
-/// A step may have so much more or less light than the others, relative to them.
+/// A step may have so much more or less light than another, relative to the middle one.
 const TOLERANCE: f64 = 0.04;
 /// Of the residual without gains, less than this part has to be left with them.
 const DISTINCT: f64 = 0.5;
 
 /// Whether one step had distinctly more or less light than the others of its set.
 pub(super) fn check(axis: &AxisPlan, grid: &Grid) -> Result<(), String> {
-    let varying: usize = grid.lines.iter().map(|line| line.varying().count()).sum();
-    let stride = varying.div_ceil(PIXELS).max(1);
-    let pixels: Vec<&[f32]> = grid
-        .lines
-        .iter()
-        .flat_map(|line| line.varying())
-        .step_by(stride)
-        .collect();
+    let pixels = grid.sample(PIXELS);
     for set in axis.sets.iter().filter(|set| set.frames.len() > 3) {
         let Some(gains) = gains(set, &pixels) else {
             continue;
         };
+        let range = |of: fn(f64, f64) -> f64| gains.iter().copied().reduce(of);
+        let spread = range(f64::max).zip(range(f64::min)).map(|(a, b)| a - b);
         let off = |(_, gain): &(usize, f64)| (gain - 1.0).abs();
-        let steps = set.frames.iter().copied().zip(gains);
+        let steps = set.frames.iter().copied().zip(gains.iter().copied());
         if let Some((frame, gain)) = steps.max_by(|a, b| off(a).total_cmp(&off(b)))
-            && off(&(frame, gain)) > TOLERANCE
+            && spread > Some(TOLERANCE)
         {
             return Err(format!(
                 "frame {frame} has {gain:.2} of the light of the other steps of its fringes"

@@ -79,7 +79,7 @@ impl Grid {
             .collect();
         let noise_dn = noise(&lines, frames.len());
         let least = least_range(noise_dn);
-        let full = full_scale(&lines);
+        let full = full_scale(lines.iter().flat_map(|line| line.values.iter().copied()));
         let (mut saturated, mut all) = (0usize, 0usize);
         for line in &mut lines {
             let ranges = (0..line.len()).map(|i| range(line.pixel(i)));
@@ -95,6 +95,13 @@ impl Grid {
             noise_dn,
             saturated: saturated as f64 / all.max(1) as f64,
         }
+    }
+
+    /// Pixels that vary in runs, from everywhere and no more than so many.
+    pub(super) fn sample(&self, most: usize) -> Vec<&[f32]> {
+        let varying = || self.lines.iter().flat_map(Line::varying);
+        let stride = varying().count().div_ceil(most).max(1);
+        varying().step_by(stride).collect()
     }
 
     /// Whether a pixel varies, in a run or alone.
@@ -115,9 +122,8 @@ fn least_range(noise_dn: f32) -> f32 {
 
 /// The greatest value, where it is the full scale of 8 to 16 bits, at either end of a word; else
 /// infinity.
-fn full_scale(lines: &[Line]) -> f32 {
-    let values = lines.iter().flat_map(|line| &line.values);
-    let top = values.fold(0f32, |top, v| top.max(*v));
+pub(super) fn full_scale(values: impl Iterator<Item = f32>) -> f32 {
+    let top = values.fold(0f32, f32::max);
     let word = top as u16;
     let ones = word.count_ones();
     let low = word.trailing_ones() == ones;
@@ -159,7 +165,8 @@ pub(super) fn runs(mut which: Vec<bool>) -> Vec<bool> {
     which
 }
 
-fn value(frame: &Frame, index: usize) -> f32 {
+/// A frame's pixel in DN.
+pub(super) fn value(frame: &Frame, index: usize) -> f32 {
     match frame.format {
         PixelFormat::Y16 => f32::from(u16::from_le_bytes([
             frame.data[2 * index],

@@ -123,13 +123,18 @@ impl<P: CommandPort> Control<P> {
         }
     }
 
-    /// Who the device is: manufacturer, model, serial number, version.
+    /// Who the device is: manufacturer, model, serial number, version. Where its dialect has no words
+    /// for that, what it speaks.
     ///
     /// # Errors
     /// A device that does not say so.
     pub(super) fn identify(&mut self) -> Result<String> {
         let (idn, question) =
             each!(self, control => (control.identify()?, control.place("identify")));
+        let Some(idn) = idn else {
+            let spoken = each!(self, control => control.language());
+            return Ok(format!("a device that speaks {spoken}"));
+        };
         if idn.split(',').count() < 4 {
             return Err(Error::device(format!(
                 "{question} was answered with {idn:?}, want manufacturer,model,serial,version"

@@ -64,8 +64,13 @@ impl<P: CommandPort> Scpi<P> {
         self.instrument.order("*CLS")
     }
 
-    pub(super) fn identify(&mut self) -> Result<String> {
-        agreed(self.place("identify"), || self.instrument.query("*IDN?"))
+    pub(super) fn identify(&mut self) -> Result<Option<String>> {
+        agreed(self.place("identify"), || self.instrument.query("*IDN?")).map(Some)
+    }
+
+    /// What the device speaks.
+    pub(super) fn language(&self) -> &str {
+        "SCPI"
     }
 
     pub(super) fn source(&mut self) -> Result<Option<String>> {

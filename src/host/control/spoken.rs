@@ -1,5 +1,7 @@
 //! The scanner's operations in a dialect from a file. What the file lacks, the scan does without.
 
+mod step;
+
 use super::line::{Line, Values};
 use super::{Settings, TRIES, agreed};
 use crate::error::{Error, Result};
@@ -15,7 +17,7 @@ const SETTINGS: [&str; 3] = [SELECTED, "source", MARKED];
 const SELECTED: &str = "selected";
 /// Whether the device still knows what it was told last: it forgets that when it is switched off.
 const MARKED: &str = "marked";
-/// Whether the device has said that it has started anew.
+/// Whether the device has started anew.
 const STARTED: &str = "started anew";
 
 /// A device that speaks a dialect from a file.
@@ -23,13 +25,23 @@ pub(in crate::host) struct Spoken<P> {
     line: Line<P>,
     /// What the device was last told to remember.
     mark: u8,
+    /// It did not know that any more when it was told something else.
+    forgotten: bool,
 }
 
 impl<P: CommandPort> Spoken<P> {
     pub(super) fn open(port: P, dialect: Dialect, timeout: Duration) -> Result<Self> {
+        if let Some(operation) = dialect.host().needed().next() {
+            return Err(Error::input(
+                format!("dialect {}: [host]", dialect.name()),
+                format!("no {operation}, which a scan cannot do without"),
+                format!("{operation} = {{ steps = [...] }}"),
+            ));
+        }
         let mut spoken = Self {
             line: Line::new(port, dialect, timeout),
             mark: 0,
+            forgotten: false,
         };
         // What an earlier client has left on its way is no answer.
         if spoken.step().is_err() {
@@ -40,6 +52,11 @@ impl<P: CommandPort> Spoken<P> {
 
     pub(super) fn info(&self) -> &str {
         self.line.info()
+    }
+
+    /// What the device speaks.
+    pub(super) fn language(&self) -> &str {
+        self.line.dialect().name()
     }
 
     /// Where an operation's answer comes from, for messages.
@@ -60,38 +77,6 @@ impl<P: CommandPort> Spoken<P> {
             self.line.reopen()?;
         }
         self.step()
-    }
-
-    /// Gets in step again with a device whose answers bear no numbers: it is told to remember a
-    /// number and asked for it, and whatever comes before that one answers something else.
-    fn step(&mut self) -> Result<()> {
-        if !self.line.stray {
-            return Ok(());
-        }
-        self.line.stray = false;
-        self.line.hush()?;
-        if !self.has("mark") || !self.has(MARKED) {
-            return Ok(());
-        }
-        for _ in 0..TRIES {
-            self.set_mark()?;
-            let word = self.perform(MARKED, &[])?;
-            if word.as_ref().and_then(Value::number) == Some(f64::from(self.mark)) {
-                self.line.stray = false;
-                return Ok(());
-            }
-            self.line.hush()?;
-        }
-        Err(Error::device(format!(
-            "{}: the device does not say what it was told to remember",
-            self.place(MARKED)
-        )))
-    }
-
-    fn set_mark(&mut self) -> Result<()> {
-        self.mark = self.mark % 250 + 1;
-        let mark = Value::Number(f64::from(self.mark));
-        self.perform("mark", &[("mark", mark)]).map(drop)
     }
 
     /// Does an operation that the dialect has, in step; `None` where it has no result, or the
@@ -179,16 +164,8 @@ impl<P: CommandPort> Spoken<P> {
         agreed(self.place(operation), || self.word(operation))
     }
 
-    /// From here on a device that is switched off and on is found out.
-    pub(super) fn begin(&mut self) -> Result<()> {
-        self.step()?;
-        self.line.pass(Duration::ZERO)?;
-        self.line.booted = false;
-        self.set_mark()
-    }
-
-    pub(super) fn identify(&mut self) -> Result<String> {
-        self.sure("identify").map(Option::unwrap_or_default)
+    pub(super) fn identify(&mut self) -> Result<Option<String>> {
+        self.sure("identify")
     }
 
     pub(super) fn source(&mut self) -> Result<Option<String>> {
@@ -268,7 +245,13 @@ impl<P: CommandPort> Spoken<P> {
                 settings.push((what.to_owned(), word));
             }
         }
-        settings.push((STARTED.to_owned(), self.line.booted.to_string()));
+        // What a device says at power-on may still be on its way when a run begins; that it has
+        // forgotten its number is certain.
+        let started = match self.is_marked() {
+            true => self.forgotten,
+            false => self.line.booted,
+        };
+        settings.push((STARTED.to_owned(), started.to_string()));
         Ok(Settings(settings))
     }
 
@@ -326,7 +309,7 @@ impl<P: CommandPort> Spoken<P> {
 
     pub(super) fn complaints(&mut self) -> Result<()> {
         match self.word("errors")? {
-            Some(words) if !words.is_empty() => Err(Error::device(format!(
+            Some(words) if !["", "0"].contains(&&words[..]) => Err(Error::device(format!(
                 "{} says {words}",
                 self.place("errors")
             ))),

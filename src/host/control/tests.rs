@@ -3,7 +3,7 @@
 use super::*;
 use crate::host::MemoryPort;
 use crate::protocol::dialect::{Cut, Direction};
-use std::cell::RefCell;
+use std::cell::{Cell, RefCell};
 use std::rc::Rc;
 
 const SHORT: Duration = Duration::from_millis(3);
@@ -345,6 +345,61 @@ fn bad_lines_do_not_fool_dialects() {
                 talked.unwrap_or_else(|e| panic!("{name} {what} at {nth}: {e}"));
                 assert_eq!(device.borrow().source, "BUS", "{name} {what} at {nth}");
             }
+        }
+    }
+}
+
+/// Lines of power-on that come in the middle of a run do not spoil it; a device that has been
+/// switched off and on does, whatever it says.
+#[test]
+fn what_is_said_at_power_on_is_no_reset() {
+    let okline = Dialect::load("okline").unwrap();
+    for nth in 1..30 {
+        let late = |reply: Vec<u8>, n| match n == nth {
+            true => [&b"ready\r\n"[..], &reply].concat(),
+            false => reply,
+        };
+        let (mut control, _) = behind_dialect(&okline, late);
+        talk(&mut control).unwrap_or_else(|e| panic!("at {nth}: {e}"));
+    }
+    // A dialect that cannot tell the device a number has nothing else to go by.
+    let text = Dialect::text("okline").unwrap();
+    let kept = text.lines().filter(|line| !line.starts_with("mark"));
+    let unmarked = Dialect::parse(&kept.collect::<Vec<_>>().join("\n"), "it").unwrap();
+    for (dialect, found) in [(&okline, false), (&unmarked, true)] {
+        let boots = Rc::new(RefCell::new(false));
+        let says = boots.clone();
+        let (mut control, _) = behind_dialect(dialect, move |reply, _| match *says.borrow() {
+            true => [&b"ready\r\n"[..], &reply].concat(),
+            false => reply,
+        });
+        let settings = control.prepare(None).unwrap();
+        *boots.borrow_mut() = true;
+        assert_eq!(control.confirm(&settings).is_err(), found);
+    }
+}
+
+/// One that keeps its settings is found out by its number, also where the host had to get in step
+/// with it again, and told it another one for that.
+#[test]
+fn a_reset_behind_a_lost_answer_is_found_out() {
+    let dialect = Dialect::load("okline").unwrap();
+    for lost in [0, 1] {
+        for reset in [false, true] {
+            let left = Rc::new(Cell::new(0u32));
+            let count = left.clone();
+            let (mut control, device) = behind_dialect(&dialect, move |reply, _| {
+                let lose = count.get() > 0;
+                count.set(count.get().saturating_sub(1));
+                if lose { Vec::new() } else { reply }
+            });
+            let settings = control.prepare(Some("c")).unwrap();
+            if reset {
+                device.borrow_mut().enabled = 0;
+            }
+            left.set(lost);
+            let found = control.confirm(&settings);
+            assert_eq!(found.is_err(), reset, "{lost}: {found:?}");
         }
     }
 }

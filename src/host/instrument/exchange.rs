@@ -77,16 +77,17 @@ impl<P: CommandPort> Instrument<P> {
                     }
                     Come::Part => {}
                 }
+                // A long answer on a slow line is no silence, until it has taken too long; one that
+                // has come is one.
+                if bytes > 0 && begin.elapsed() > 2 * self.timeout {
+                    break;
+                }
                 let len = self.receive(&mut patience, &mut buffer)?;
                 bytes += len;
                 if len == 0 || bytes > 2 * MAX_BLOCK_BYTES {
                     break;
                 }
                 self.received.extend_from_slice(&buffer[..len]);
-                // A long answer on a slow line is no silence, until it has taken too long.
-                if begin.elapsed() > 2 * self.timeout {
-                    break;
-                }
                 if matches!(head(&self.received), Head::Tag(tag, _) if asked.contains(&tag)) {
                     patience = Patience::new(part);
                 }

@@ -130,7 +130,7 @@ impl<P: CommandPort> Instrument<P> {
         let last = &seen[seen.len() - seen.len().min(40)..];
         Err(self.failure(format!(
             "no answer to *ESE? within {} s (the last that came was \"{}\"): is it a SCPI \
-             instrument?",
+             instrument? If not, --dialect says what it speaks",
             self.timeout.as_secs_f64(),
             last.escape_ascii()
         )))

@@ -12,6 +12,7 @@ use super::run_dir::{CAMERA, CONTROL, RunDir};
 use crate::emulator::FrameSink;
 use crate::error::{Error, Result};
 use crate::protocol::record::{About, Reader};
+use crate::protocol::service::ClockPace;
 use crate::protocol::{Endpoints, Frame};
 use player::{Output, Player};
 use std::future::Future;
@@ -66,10 +67,16 @@ pub async fn replay<R: Read>(
     let endpoints = Endpoints {
         name: about.name,
         pid: std::process::id(),
-        profile: about.profile.unwrap_or_default(),
-        scene: about.scene.unwrap_or_default(),
-        seed: about.seed.unwrap_or_default(),
+        profile: about.profile,
+        scene: about.scene,
+        seed: about.seed,
+        clock: Some(match replay.fast {
+            true => ClockPace::Fast,
+            false => ClockPace::Real,
+        }),
         control: control.clone(),
+        dialect: None,
+        baud: None,
         control_usb: None,
         camera: camera_socket.clone(),
         camera_socket,

@@ -110,6 +110,11 @@ pub(super) struct Player<R> {
     gone: bool,
     /// The recorded client of this session has said something.
     recorded_spoke: bool,
+    /// and the device has not said anything since.
+    unanswered: bool,
+    /// The port went while the recorded client was speaking: what else a client says then is lost
+    /// with it, as it was then.
+    lost: bool,
     /// A time of the recording and the same moment of the replay; nothing goes out before there is
     /// one.
     anchor: Option<(u64, u64)>,
@@ -141,6 +146,8 @@ impl<R: Read> Player<R> {
             astray: false,
             gone: false,
             recorded_spoke: false,
+            unanswered: false,
+            lost: false,
             anchor: None,
             started: false,
             ahead: VecDeque::new(),
@@ -287,6 +294,10 @@ impl<R: Read> Player<R> {
                 }
                 true
             }
+            Stop::Leave(..) if self.lost && !self.input.is_empty() => {
+                self.input.clear();
+                true
+            }
             Stop::Leave(number, time_ns) if !self.input.is_empty() => {
                 let place = (*number, *time_ns);
                 self.depart_with_input(place, "the client to leave");
@@ -337,14 +348,17 @@ impl<R: Read> Player<R> {
                 self.anchor = self.anchor.map(|(_, replay_ns)| (time_ns, replay_ns));
             }
             match event {
-                Event::Received(bytes) => self.put(time_ns, Output::Bytes(bytes), now_ns),
+                Event::Received(bytes) => {
+                    self.unanswered = false;
+                    self.put(time_ns, Output::Bytes(bytes), now_ns);
+                }
                 Event::Frame(frame) if channel == Channel::Counted => {
                     let taken_ns = self.taken(&frame, time_ns);
                     self.put(time_ns, Output::Counted(frame, taken_ns), now_ns);
                 }
                 Event::Frame(frame) => self.put(time_ns, Output::Frame(frame), now_ns),
                 Event::Sent(bytes) if !bytes.is_empty() => {
-                    self.recorded_spoke = true;
+                    (self.recorded_spoke, self.unanswered) = (true, true);
                     self.stop = Stop::Expect(Expected {
                         number,
                         time_ns,
@@ -361,6 +375,7 @@ impl<R: Read> Player<R> {
                 Event::Unplugged => {
                     self.put(time_ns, Output::Unplug(true), now_ns);
                     if self.recorded_spoke {
+                        self.lost = self.unanswered;
                         self.stop = Stop::Leave(number, time_ns);
                         return;
                     }
@@ -433,7 +448,7 @@ impl<R: Read> Player<R> {
     /// Stands where the next client's session begins.
     fn next_session(&mut self, now_ns: u64) {
         (self.spoke, self.astray, self.gone) = (false, false, false);
-        self.recorded_spoke = false;
+        (self.recorded_spoke, self.unanswered, self.lost) = (false, false, false);
         self.session += 1;
         if let Stop::Leave(_, time_ns) = self.stop {
             self.anchor = Some((time_ns, now_ns));

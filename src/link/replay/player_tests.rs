@@ -266,6 +266,32 @@ fn a_port_that_went_goes_and_comes_back() {
 }
 
 #[test]
+fn what_is_said_while_the_port_goes_is_lost_with_it() {
+    let events = [
+        (10, sent("x")),
+        (11, received("a")),
+        (12, sent("y")),
+        (14, Event::Unplugged),
+        (22, Event::Plugged),
+        (40, sent("z")),
+        (41, received("b")),
+    ];
+    // The recorded client was cut short behind y; this one has not noticed yet.
+    let mut player = player(&events);
+    player.receive(b"xyq", 100);
+    assert_eq!(outputs(&mut player, 102), ["a", "gone"]);
+    assert_eq!(outputs(&mut player, 110), ["back"]);
+    player.receive(b"z", 200);
+    assert_eq!(outputs(&mut player, 201), ["b"]);
+    assert_eq!(player.news(), None);
+    assert_eq!(player.finish().departures, 0);
+    // Behind an answer the recorded one said nothing.
+    let mut player = self::player(&[&events[..2], &events[3..]].concat());
+    player.receive(b"xq", 100);
+    assert!(player.news().unwrap().contains("the client to leave"));
+}
+
+#[test]
 fn frames_that_only_count_keep_their_distance_from_what_was_sent() {
     let counted = |id: u64, taken_ns: u64| {
         let frame = Frame {

@@ -26,5 +26,5 @@ pub use marks::{curve, dots, spans};
 pub use panel::{Panel, ROOM};
 pub use quiver::{Arrow, quiver};
 pub use sheet::{Anchor, Sheet};
-pub use style::STYLE;
+pub use style::{PAGE_STYLE, STYLE};
 pub use text::{escaped, figures};

@@ -35,6 +35,17 @@ pub(super) fn schedule(schedule: &Schedule, source: &TomlSource) -> Result<()> {
     Ok(())
 }
 
+/// Refuses faults for devices that are not there: they could never strike.
+pub(super) fn devices(schedule: &Schedule, names: &[&str], source: &TomlSource) -> Result<()> {
+    for (i, fault) in schedule.fault.iter().enumerate() {
+        fault.check_device(names).map_err(|flaw| {
+            let field = format!("fault[{i}].{}", flaw.field);
+            source.violation(&field, flaw.found, flaw.allowed)
+        })?;
+    }
+    Ok(())
+}
+
 fn that(
     ok: bool,
     field: &str,
@@ -96,6 +107,25 @@ impl Fault {
         within("fraction", self.fraction, 0.0..=1.0)?;
         within("times", self.times, 1..=u64::MAX)?;
         self.check_when()
+    }
+
+    /// Checks that the device that it is for, if it is for one alone, is among those of these names.
+    ///
+    /// # Errors
+    /// The field `device`.
+    pub fn check_device(&self, names: &[&str]) -> std::result::Result<(), Flaw> {
+        let there = names.iter().any(|name| self.concerns(name));
+        let device = self.device.as_deref().unwrap_or_default();
+        let allowed = match names {
+            [] => "none: there is no device".to_owned(),
+            names => names.join(", "),
+        };
+        that(
+            there || self.device.is_none(),
+            "device",
+            format!("{device:?}"),
+            allowed,
+        )
     }
 
     fn check_parameters(&self) -> std::result::Result<(), Flaw> {

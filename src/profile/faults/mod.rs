@@ -113,7 +113,11 @@ pub struct When {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub every: Option<u64>,
     /// From a device time on, until before another, in seconds.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(
+        default,
+        skip_serializing_if = "Option::is_none",
+        deserialize_with = "crate::numbers::exactly_if_any"
+    )]
     pub window_s: Option<[f64; 2]>,
     /// The command holds this text, upper or lower case: of a message the command that it is or
     /// answers, of a frame the last command before it.
@@ -175,6 +179,17 @@ impl Schedule {
     /// Unreadable files, and all that [`Self::from_source`] refuses.
     pub fn read(path: &Path) -> Result<Self> {
         Self::from_source(&TomlSource::read(path)?)
+    }
+
+    /// Reads and checks a file that is for devices of these names.
+    ///
+    /// # Errors
+    /// As for [`Self::read`], and a fault for a device that is not among them.
+    pub fn read_for(path: &Path, devices: &[&str]) -> Result<Self> {
+        let source = TomlSource::read(path)?;
+        let schedule = Self::from_source(&source)?;
+        check::devices(&schedule, devices, &source)?;
+        Ok(schedule)
     }
 
     /// Reads and checks a document.

@@ -40,6 +40,19 @@ fn a_schedule_says_what_and_when() {
 }
 
 #[test]
+fn a_fault_for_a_device_that_is_not_there_is_refused_with_its_line() {
+    let source = TomlSource::new(
+        "[[fault]]\nwhat = \"dark\"\n[[fault]]\nwhat = \"dark\"\ndevice = \"right\"\n",
+        "bad-day.toml",
+    );
+    let schedule = Schedule::from_source(&source).unwrap();
+    check::devices(&schedule, &["left", "right"], &source).unwrap();
+    let refused = check::devices(&schedule, &["left", "middle"], &source);
+    let words = "bad-day.toml:5: fault[1].device: \"right\"; allowed: left, middle";
+    assert_eq!(refused.unwrap_err().to_string(), words);
+}
+
+#[test]
 fn what_it_may_not_say_is_refused_with_its_line() {
     for (fields, complaint) in [
         ("what = \"torm\"", "bad-day.toml:3: unknown variant `torm`"),

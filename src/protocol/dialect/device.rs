@@ -2,9 +2,9 @@
 
 use super::command::{Command, Framing, LineEnds};
 use super::field::Field;
-use super::file::ErrorFile;
 use super::template::Template;
-use super::{Asked, Dialect, Direction, Event, Value, WireError};
+use super::word::unmatched;
+use super::{Asked, Dialect, Direction, Event, Head, Value, WireError};
 use crate::error::Result;
 use crate::protocol::scpi::{DeviceError, ErrorCode};
 
@@ -58,10 +58,7 @@ impl Dialect {
                 Err(error) => wrong = wrong.or(Some(error)),
             }
         }
-        Err(wrong.unwrap_or_else(|| {
-            let start = &line[..line.len().min(40)];
-            ErrorCode::UndefinedHeader.with(start.escape_ascii())
-        }))
+        Err(wrong.unwrap_or_else(|| unmatched(&self.commands, line, ends.any_case)))
     }
 
     fn asked_packet(&self, message: &[u8]) -> Result<Asked, WireError> {
@@ -77,12 +74,17 @@ impl Dialect {
         let set = |bit: u8| packet.flags >> bit & 1 == 1;
         let wants_reply = reply_bit.is_none_or(set);
         let read = read_bit.is_some_and(set);
+        let code = packet.code.unwrap_or_default();
+        let head = Head {
+            sequence: packet.sequence,
+            code,
+            read,
+        };
         let failed = |error: DeviceError| WireError {
             error,
-            sequence: packet.sequence,
+            head,
             wants_reply,
         };
-        let code = packet.code.unwrap_or_default();
         let command = self
             .commands
             .iter()
@@ -165,72 +167,6 @@ impl Dialect {
                 let packet = layout.seal(Direction::ToHost, head, &data);
                 packet.ok_or_else(|| ErrorCode::TooMuchData.with("a reply longer than a packet"))
             }
-        }
-    }
-
-    /// The reply to a command that the firmware refuses, with the dialect's own number; empty where
-    /// no reply is wanted.
-    pub fn refusal(&self, asked: &Asked, error: &DeviceError) -> Vec<u8> {
-        let own = self.errors.as_ref().map(|errors| errors.of(error));
-        self.refuse(asked, own, &error.detail)
-    }
-
-    /// The reply to a message that is no command; empty where it is not answered.
-    pub fn nack(&self, error: &WireError) -> Vec<u8> {
-        let nobody = Asked {
-            command: String::new(),
-            args: Vec::new(),
-            sequence: error.sequence,
-            wants_reply: error.wants_reply,
-        };
-        self.refusal(&nobody, &error.error)
-    }
-
-    /// The reply of a device that has no time now (the file's `busy` error).
-    pub fn busy(&self, asked: &Asked) -> Vec<u8> {
-        let own = self.errors.as_ref().map(|errors| &errors.busy);
-        self.refuse(asked, own, "")
-    }
-
-    fn refuse(&self, asked: &Asked, own: Option<&ErrorFile>, detail: &str) -> Vec<u8> {
-        let (Some(errors), Some(own)) = (&self.errors, own.filter(|_| asked.wants_reply)) else {
-            return Vec::new();
-        };
-        match (&self.framing, &errors.line) {
-            (Framing::Scpi(ends) | Framing::Line(ends), Some(template)) => {
-                let printable = |c: char| if c.is_control() { ' ' } else { c };
-                let detail: String = detail.chars().map(printable).take(200).collect();
-                let filled = template.fill(|name| {
-                    Ok::<_, Unfit>(match name {
-                        "number" => own.number.to_string().into_bytes(),
-                        "detail" => detail.trim().as_bytes().to_vec(),
-                        _ => own.text.clone().into_bytes(),
-                    })
-                });
-                let line = filled.unwrap_or_default();
-                [line.trim_ascii(), ends.to_host.as_bytes()].concat()
-            }
-            (Framing::Packet(layout), _) => {
-                let mut data = Vec::new();
-                if let Some(kind) = errors.number {
-                    let number = Field {
-                        kind,
-                        range: kind.range(),
-                        big: layout.big,
-                        ..Field::int("number")
-                    };
-                    // The file's numbers fit: that has been checked.
-                    let _ = number.to_packet(&Value::Number(own.number.into()), &mut data);
-                }
-                let command = self.command(&asked.command);
-                let (read, code) = command.map_or((false, 0), |c| (c.read, c.code));
-                let flags = layout.flags(read, true, true);
-                let head = (flags, asked.sequence, code);
-                layout
-                    .seal(Direction::ToHost, head, &data)
-                    .unwrap_or_default()
-            }
-            _ => Vec::new(),
         }
     }
 

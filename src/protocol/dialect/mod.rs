@@ -28,15 +28,17 @@ mod file;
 mod host;
 mod overlap;
 mod packet;
+mod refusal;
 mod template;
 #[cfg(test)]
 mod tests;
 mod uses;
 mod value;
+mod word;
 
 pub use cutter::{Cut, Cutter, Direction};
 pub use uses::{Chunk, Gather, HostUse, MAX_CHUNKED_BYTES, Operation, Step};
-pub use value::{Asked, Boot, Event, Reply, Value, WireError};
+pub use value::{Asked, Boot, Event, Head, Reply, Value, WireError};
 
 use crate::error::Result;
 use crate::profile::TomlSource;
@@ -120,6 +122,11 @@ impl Dialect {
                 None => format!("packets of up to {} bytes", layout.max),
             },
         }
+    }
+
+    /// Whether messages are packets, whose bytes have all of their bits.
+    pub fn is_binary(&self) -> bool {
+        matches!(self.framing, Framing::Packet(_))
     }
 
     /// Whether messages have a number that a reply repeats.

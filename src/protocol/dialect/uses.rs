@@ -4,28 +4,28 @@ use super::{Event, Value};
 use crate::error::{Error, Result};
 use std::collections::BTreeMap;
 
-/// What the host needs of a device. Where a dialect lacks one, the host does without or says so.
+/// What the host uses of a device.
 ///
-/// | operation | inputs | result |
-/// | --- | --- | --- |
-/// | identify | | text `manufacturer,model,serial,version` |
-/// | list | | names of sequences, commas between them |
-/// | select | `name` | |
-/// | selected | | name of the selected sequence |
-/// | manifest | | TOML of the selected sequence |
-/// | calibration | | TOML of the nominal calibration |
-/// | source | | the trigger source as it is |
-/// | quiet | | none: nothing is exposed but what is triggered |
-/// | restore | `source` | none: as it was found |
-/// | light_on | | |
-/// | arm | | |
-/// | trigger | | |
-/// | complete | | answered when the last frame has left the device |
-/// | exposure | `exposure`, seconds | |
-/// | last_id | | id of the last exposure, or of the next one |
-/// | errors | | number of the device's oldest complaint, 0 for none |
-/// | mark | `mark`, 1 to 255 | none: the device keeps the number until it is switched off |
-/// | marked | | the number; 0 after power-on |
+/// | operation | inputs | result | a scan without it |
+/// | --- | --- | --- | --- |
+/// | identify | | text `manufacturer,model,serial,version` | does not say what the device is |
+/// | list | | names of sequences, commas between them | does not say which there are |
+/// | select | `name` | | takes the selected one; `--sequence` is refused |
+/// | selected | | name of the selected sequence | does not notice that it has changed |
+/// | manifest | | TOML of the selected sequence | needs `--manifest FILE` |
+/// | calibration | | TOML of the nominal calibration | needs `--calibration FILE` for points |
+/// | source | | the trigger source as it is | leaves it as the scan needs it |
+/// | quiet | | none: nothing is exposed but what is triggered | needs a camera that waits for triggers by itself |
+/// | restore | `source` | none: as it was found | leaves the device as the scan needs it |
+/// | light_on | | | needs a light that is on |
+/// | arm | | | needs a device that waits for triggers by itself, or a trigger that arms |
+/// | trigger | | | **is refused** |
+/// | complete | | answered when the last frame has left the device | needs a camera that is still |
+/// | exposure | `exposure`, seconds | | no scan sets it |
+/// | last_id | | id of the last exposure, or of the next one | no scan asks for it |
+/// | errors | | number of the device's oldest complaint, 0 for none | does not know why frames are missing |
+/// | mark | `mark`, 1 to 255 | none: the device keeps the number until it is switched off | believes the lines that are said at power-on |
+/// | marked | | the number; 0 after power-on | likewise |
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct HostUse {
     pub(super) operations: BTreeMap<String, Operation>,
@@ -53,6 +53,9 @@ pub(super) const OPERATIONS: [(&str, &[&str]); 18] = [
     ("marked", &[]),
 ];
 
+/// Operations that a scan cannot do without.
+const NEEDED: [&str; 1] = ["trigger"];
+
 impl HostUse {
     /// An operation by its name in the table above; `None` where the dialect lacks it.
     pub fn get(&self, operation: &str) -> Option<&Operation> {
@@ -63,6 +66,11 @@ impl HostUse {
     pub fn names(&self) -> impl Iterator<Item = &'static str> {
         let all = OPERATIONS.iter().map(|(name, _)| *name);
         all.filter(|name| self.operations.contains_key(*name))
+    }
+
+    /// Names of those that it lacks and that a scan cannot do without.
+    pub fn needed(&self) -> impl Iterator<Item = &'static str> {
+        self.missing().filter(|name| NEEDED.contains(name))
     }
 
     /// Names of those that it lacks.

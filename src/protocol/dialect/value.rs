@@ -114,10 +114,21 @@ pub struct Asked {
 pub struct WireError {
     /// What is wrong, by the numbers that the firmware has for its own errors.
     pub error: DeviceError,
-    /// The packet's sequence number, where that could be read; else 0.
-    pub sequence: u8,
+    /// What its answer repeats of the packet.
+    pub head: Head,
     /// Whether it is to be answered: a damaged packet is not.
     pub wants_reply: bool,
+}
+
+/// What a packet's header says, as far as it could be read; else zeros.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Head {
+    /// Its sequence number.
+    pub sequence: u8,
+    /// Its command's number.
+    pub code: u32,
+    /// Whether it asks.
+    pub read: bool,
 }
 
 impl WireError {
@@ -125,7 +136,7 @@ impl WireError {
     pub(super) fn line(error: DeviceError) -> Self {
         Self {
             error,
-            sequence: 0,
+            head: Head::default(),
             wants_reply: true,
         }
     }
@@ -134,7 +145,7 @@ impl WireError {
     pub(super) fn damaged(what: impl Display) -> Self {
         Self {
             error: ErrorCode::CommandError.with(what),
-            sequence: 0,
+            head: Head::default(),
             wants_reply: false,
         }
     }

@@ -2,6 +2,7 @@
 
 mod about;
 mod maps;
+mod parse;
 mod reply;
 mod request;
 

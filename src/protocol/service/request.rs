@@ -4,8 +4,8 @@ use crate::profile::faults::Fault;
 use serde::{Deserialize, Serialize};
 
 /// What a client asks for.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case", deny_unknown_fields)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Request {
     /// Something of the emulator's inside.
     Get(Item),
@@ -34,13 +34,15 @@ pub struct Placement {
     /// Which object, counted from 0 in the order of the scene file.
     pub object: u32,
     /// Its origin in the scene's frame in millimetres.
+    #[serde(deserialize_with = "crate::numbers::exactly")]
     pub position_mm: [f64; 3],
     /// Rotation in degrees about the fixed x, then y, then z axis.
+    #[serde(deserialize_with = "crate::numbers::exactly")]
     pub rotation_deg: [f64; 3],
 }
 
 /// What can be asked for.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Item {
     /// The truth behind the frames, over the whole sensor.
@@ -55,8 +57,19 @@ pub enum Item {
     Faults,
 }
 
+impl Item {
+    /// All of them, by their names.
+    pub(super) const ALL: [(&str, Self); 5] = [
+        ("truth", Self::Truth),
+        ("clock", Self::Clock),
+        ("objects", Self::Objects),
+        ("device", Self::Device),
+        ("faults", Self::Faults),
+    ];
+}
+
 /// What can happen to a device from outside.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Action {
     /// A pulse on the external trigger input.
@@ -64,17 +77,19 @@ pub enum Action {
 }
 
 /// How far stepped time goes.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Step {
     /// So many nanoseconds further, up to a day.
     StepNs(u64),
     /// To a device time in nanoseconds, a day from now at most.
     RunUntilNs(u64),
+    /// No further: all steps that are under way are called off.
+    Stop,
 }
 
 /// Which faults.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(untagged)]
 pub enum Which {
     /// The one of this number.
@@ -84,7 +99,7 @@ pub enum Which {
 }
 
 /// The word for every fault.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Every {
     /// `all`.
@@ -97,7 +112,7 @@ impl Request {
     /// # Errors
     /// What is not a request, worded for the reply.
     pub fn parse(line: &[u8]) -> Result<Self, String> {
-        serde_json::from_slice(line).map_err(|e| e.to_string())
+        super::parse::request(line)
     }
 
     /// The line with its newline.
@@ -148,6 +163,7 @@ mod tests {
                 Request::Clock(Step::RunUntilNs(7)),
                 r#"{"clock":{"run_until_ns":7}}"#,
             ),
+            (Request::Clock(Step::Stop), r#"{"clock":"stop"}"#),
             (
                 Request::Place(Placement {
                     object: 1,

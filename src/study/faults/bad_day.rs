@@ -4,6 +4,8 @@ use crate::profile::faults::{Direction, Fault, Schedule, Side, What, When};
 
 /// Frames or messages that [`Place::Once`] takes.
 const PLACES: u64 = 6;
+/// A row near the end of the small devices' 96.
+const LATE_ROW: u32 = 86;
 
 /// A kind of fault with its parameters.
 #[derive(Debug, Clone)]
@@ -25,15 +27,18 @@ pub enum Place {
     Always,
     /// Here and there, to one in twenty.
     Chance,
+    /// To every second one.
+    Second,
 }
 
 impl Place {
     /// All of them; `each` takes more than minutes.
-    pub fn all(each: bool) -> [Self; 3] {
+    pub fn all(each: bool) -> [Self; 4] {
         [
             if each { Self::Each } else { Self::Once },
             Self::Always,
             Self::Chance,
+            Self::Second,
         ]
     }
 
@@ -44,6 +49,7 @@ impl Place {
             Self::Each => "once, at each in turn",
             Self::Always => "again in every run",
             Self::Chance => "one in twenty",
+            Self::Second => "every second one",
         }
     }
 }
@@ -68,7 +74,13 @@ impl BadDay {
             Self::new("swapped", What::Swapped, |_| {}),
             Self::new("torn in the middle", What::Torn, |_| {}),
             Self::new("torn after the first row", What::Torn, |f| f.row = Some(1)),
+            Self::new("torn near the end", What::Torn, |f| f.row = Some(LATE_ROW)),
             Self::new("rows missing, 1", What::RowsMissing, |f| f.rows = Some(1)),
+            Self::new("rows missing, 1 near the top", What::RowsMissing, |f| {
+                f.row = Some(1);
+                f.rows = Some(1);
+            }),
+            Self::new("rows missing, 2", What::RowsMissing, |f| f.rows = Some(2)),
             Self::new("rows missing, 8", What::RowsMissing, |f| f.rows = Some(8)),
             Self::new("bits flipped, 1", What::BitsFlipped, |f| f.count = Some(1)),
             Self::new("bits flipped, 64", What::BitsFlipped, |f| {
@@ -76,6 +88,9 @@ impl BadDay {
             }),
             Self::new("bits flipped, 4096", What::BitsFlipped, |f| {
                 f.count = Some(4096);
+            }),
+            Self::new("bits flipped, 20000", What::BitsFlipped, |f| {
+                f.count = Some(20_000);
             }),
             Self::new("dark", What::Dark, |_| {}),
             Self::new("wrong pattern, the next", What::WrongPattern, |f| {
@@ -87,8 +102,14 @@ impl BadDay {
             Self::new("partial exposure, 0.5", What::PartialExposure, |f| {
                 f.fraction = Some(0.5);
             }),
+            Self::new("partial exposure, 0.8", What::PartialExposure, |f| {
+                f.fraction = Some(0.8);
+            }),
             Self::new("partial exposure, 0.9", What::PartialExposure, |f| {
                 f.fraction = Some(0.9);
+            }),
+            Self::new("partial exposure, 0.95", What::PartialExposure, |f| {
+                f.fraction = Some(0.95);
             }),
             Self::new("reset", What::Reset, |_| {}),
             Self::new("disconnect, 200 ms", What::Disconnect, |f| {
@@ -150,6 +171,13 @@ impl BadDay {
                 let when = When {
                     nth: Some(count / 2),
                     every: Some(count),
+                    ..When::default()
+                };
+                vec![at(1, when)]
+            }
+            Place::Second => {
+                let when = When {
+                    every: Some(2),
                     ..When::default()
                 };
                 vec![at(1, when)]

@@ -56,7 +56,7 @@ impl Table {
         title: &str,
         settings: &[Setting],
         days: &[BadDay],
-        places: [Place; 3],
+        places: [Place; 4],
         step: &(dyn Fn(&str) + Sync),
     ) -> Result<Self> {
         let columns: Vec<Vec<Cell>> = settings
@@ -127,7 +127,7 @@ impl Table {
 fn column(
     setting: &Setting,
     days: &[BadDay],
-    places: [Place; 3],
+    places: [Place; 4],
     step: &(dyn Fn(&str) + Sync),
 ) -> Result<Vec<Cell>> {
     let mut trial = Trial::new(setting)?;

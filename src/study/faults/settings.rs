@@ -19,27 +19,45 @@ fn small(name: &str, data_line: bool) -> Result<Profile> {
     Ok(profile)
 }
 
-fn setting(name: &str, profile: Profile, link: Link) -> Result<Setting> {
+fn setting(name: &str, profile: Profile, scene: &str, link: Link) -> Result<Setting> {
     Ok(Setting {
         name: name.to_owned(),
         profile,
-        scene: Scene::load("sphere")?,
+        scene: Scene::load(scene)?,
         link,
         dialect: None,
     })
 }
 
-/// Settings for faults of frames: how frames tell which they are.
+/// How frames tell which they are: its name, whether there is a data line, the link.
+const LINKS: [(&str, bool, Link); 3] = [
+    ("identified", false, Link::Identified),
+    ("data line", true, Link::Anonymous),
+    ("counted only", false, Link::Anonymous),
+];
+/// Devices and scenes. Of each link the ordinary table has one of them, so that each of a kind is
+/// there; with `each` it has all.
+const DEVICES: [&str; 2] = ["webcam-grey", "dlp-evm"];
+const SCENES: [&str; 3] = ["sphere", "torso", "plane"];
+
+/// Settings for faults of frames: how frames tell which they are, each with one device before one
+/// scene, or with `each` with all devices before all scenes.
 ///
 /// # Errors
 /// None, as long as the built-in profiles are sound.
-pub fn frames() -> Result<Vec<Setting>> {
-    let profile = |line| small("webcam-grey", line);
-    Ok(vec![
-        setting("identified", profile(false)?, Link::Identified)?,
-        setting("data line", profile(true)?, Link::Anonymous)?,
-        setting("counted only", profile(false)?, Link::Anonymous)?,
-    ])
+pub fn frames(each: bool) -> Result<Vec<Setting>> {
+    let mut all = Vec::new();
+    for (l, (name, line, link)) in LINKS.into_iter().enumerate() {
+        for (d, device) in DEVICES.into_iter().enumerate() {
+            for (s, scene) in SCENES.into_iter().enumerate() {
+                if each || (s == l && d == l % 2) {
+                    let name = format!("{name}, {device}, {scene}");
+                    all.push(setting(&name, small(device, line)?, scene, link)?);
+                }
+            }
+        }
+    }
+    Ok(all)
 }
 
 /// Settings for faults of messages: what is spoken.
@@ -57,7 +75,7 @@ pub fn messages() -> Result<Vec<Setting>> {
         let profile = small("webcam-grey", false)?;
         Ok(Setting {
             dialect,
-            ..setting(name, profile, Link::Identified)?
+            ..setting(name, profile, "sphere", Link::Identified)?
         })
     })
     .collect()

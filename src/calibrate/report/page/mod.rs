@@ -16,25 +16,7 @@ mod whitened;
 use super::about::About;
 use super::summary::Summary;
 use crate::calibrate::rig::Calibration;
-use crate::measure::plot::STYLE;
-
-const PAGE_STYLE: &str = "\
-:root{color-scheme:light dark}\
-body{font:15px/1.45 system-ui,sans-serif;max-width:1000px;margin:1.5em auto;padding:0 1em;\
-background:#fff;color:#222}\
-h1{font-size:1.5em}h2{font-size:1.15em;margin-top:2em}\
-table{border-collapse:collapse;font-variant-numeric:tabular-nums;margin:.6em 0}\
-th,td{padding:.15em .7em;text-align:right;border-bottom:1px solid #8884}\
-th:first-child,td:first-child{text-align:left}\
-td.words{text-align:left}\
-.wide{overflow-x:auto}\
-.note{color:#666;max-width:46em}\
-.warning{border-left:4px solid #c24a00;padding-left:.8em}\
-figure{display:inline-block;margin:.4em}figure img{max-width:300px;height:auto}\
-a{color:#0060a8}\
-@media(prefers-color-scheme:dark){body{background:#16181a;color:#ddd}.note{color:#aaa}\
-.warning{border-color:#f0a050}a{color:#6cb8f0}}\
-";
+use crate::measure::plot::{PAGE_STYLE, STYLE};
 
 /// The whole page.
 pub(super) fn page(calibration: &Calibration, about: &About, summary: &Summary) -> String {

@@ -6,7 +6,7 @@ use crate::emulator::Roi;
 use crate::emulator::firmware::Firmware;
 use crate::emulator::firmware::settings::{Settings, from_seconds, seconds};
 use crate::emulator::firmware::table::Command;
-use crate::protocol::scpi::{Args, DeviceError, ErrorCode, Quantity, Unit};
+use crate::protocol::scpi::{Args, DeviceError, ErrorCode, Number, Quantity, Unit};
 use crate::protocol::{PixelFormat, data_line};
 
 /// Shortest interval of free-running frames in seconds.
@@ -22,7 +22,15 @@ impl Firmware {
         match command {
             Command::Exposure => {
                 let [shortest, longest] = camera.exposure_range_us;
-                let bounds = (shortest / 1e6, longest / 1e6, camera.exposure_us / 1e6);
+                // The longest is what the period has room for; what lies between is a conflict.
+                let longest = match Args::new(&unit.params).number(Quantity::Time) {
+                    Ok(Number::Max) => {
+                        let room_ns = settings.period_ns.saturating_sub(settings.readout_ns());
+                        seconds(room_ns).min(longest / 1e6)
+                    }
+                    _ => longest / 1e6,
+                };
+                let bounds = (shortest / 1e6, longest, camera.exposure_us / 1e6);
                 match numeric(unit, Quantity::Time, seconds(settings.exposure_ns), bounds)? {
                     Setting::Say(value) => return say(value),
                     Setting::Set(value) => {

@@ -13,7 +13,7 @@ fn queries_answer_and_settings_stick() {
         ("CAM:EXP 5ms", "CAMERA:EXPOSURE?", "0.005"),
         ("CAM:EXP 50 us", "CAM:EXP?", "0.00005"),
         ("CAM:EXP DEF", "CAM:EXP?", "0.012"),
-        ("", "CAM:EXP? MAX;EXP? MIN", "0.5;0.00005"),
+        ("", "CAM:EXP? MAX;EXP? MIN", "0.016;0.00005"),
         ("CAM:GAIN 6.5 dB", "CAM:GAIN?", "6.5"),
         ("CAM:FORM GREY", "CAM:FORM?", "GREY"),
         ("CAM:FORM yuyv", "CAM:FORM?", "YUYV"),

@@ -57,6 +57,24 @@ fn times_are_quantised_and_answered_so() {
     assert_eq!(port.ask("PROJ:EXP?;:TRIG:DEL?"), "0.009008;0.000016");
 }
 
+/// The bounds that are answered can be set, whatever else is set.
+#[test]
+fn the_longest_exposure_is_one_that_is_accepted() {
+    let mut port = port(|_| {});
+    // The readout takes 1.2 ms.
+    for (order, longest) in [
+        ("*RST", "0.0088"),
+        ("SEQ:PER 20ms", "0.0188"),
+        ("SEQ:PER 5", "0.5"),
+    ] {
+        port.tell(order);
+        assert_eq!(port.ask("CAM:EXP? MAX"), longest, "{order}");
+        port.tell("CAM:EXP MAX");
+        assert_eq!(port.ask("CAM:EXP?"), longest, "{order}");
+        port.tell("CAM:EXP MIN");
+    }
+}
+
 #[test]
 fn what_a_controller_cannot_show_is_refused() {
     let mut port = port(|_| {});

@@ -2,6 +2,7 @@
 //! 4.0 (section 2): sensitivity of the pixel, dark current, shot noise, full well, read noise,
 //! offset of the pixel, system gain, black level, converter; and the response, where it is bent.
 
+mod alone;
 pub(super) mod bloom;
 mod elementary;
 mod fixed;
@@ -12,9 +13,10 @@ mod philox;
 mod poisson;
 mod response;
 
+pub use alone::read_out;
 pub(super) use fixed::FixedPattern;
 
-pub(in crate::emulator) use philox::philox;
+pub(crate) use philox::philox;
 
 use super::{Plan, Term};
 use crate::profile::Sensor as Parameters;

@@ -52,7 +52,7 @@ fn block(key: u64, block_index: u32, draw: u32, frame: u64) -> [u32; BLOCK] {
 }
 
 /// Four random words of one counter under a key, for those who need few; [`block`] without lanes.
-pub(in crate::emulator) fn philox(mut c: [u32; 4], mut k: [u32; 2]) -> [u32; 4] {
+pub(crate) fn philox(mut c: [u32; 4], mut k: [u32; 2]) -> [u32; 4] {
     for _ in 0..ROUNDS {
         let p0 = u64::from(M[0]) * u64::from(c[0]);
         let p1 = u64::from(M[1]) * u64::from(c[2]);

@@ -40,14 +40,17 @@ impl Check<'_> {
         }
     }
 
-    /// A name of letters, digits and underscores, and of question marks for commands.
+    /// A name of letters, digits and underscores, and of what else may stand in it.
     fn name(&self, field: &str, name: &str, more: &[char]) -> Result<()> {
         let plain = |c: char| c.is_ascii_alphanumeric() || c == '_' || more.contains(&c);
         self.that(
             (1..=64).contains(&name.len()) && name.chars().all(plain),
             field,
             format!("{name:?}"),
-            "1 to 64 letters, digits or '_'",
+            more.iter()
+                .fold("1 to 64 letters, digits, '_'".to_owned(), |all, c| {
+                    format!("{all}, '{c}'")
+                }),
         )
     }
 

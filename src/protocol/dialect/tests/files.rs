@@ -1,31 +1,29 @@
 use super::super::Dialect;
 use proptest::prelude::*;
 
-/// What is wrong with a shipped file in which one text is another.
-fn refusal(name: &str, from: &str, to: &str) -> String {
-    let text = Dialect::text(name).unwrap();
-    let at = text
-        .find(from)
-        .unwrap_or_else(|| panic!("{from} is not in {name}"));
-    let line = 1 + text[..at].matches('\n').count();
-    let text = text.replacen(from, to, 1);
-    match Dialect::parse(&text, "FILE") {
-        Ok(_) => panic!("{name} with {to} for {from} is taken"),
-        Err(error) => {
-            let words = error.to_string();
-            let told: usize = words
-                .strip_prefix("FILE:")
-                .and_then(|rest| rest.split(':').next()?.parse().ok())
-                .unwrap_or_else(|| panic!("no line: {words}"));
-            assert!(told.abs_diff(line) <= 12, "line {told} for {line}: {words}");
-            words
-        }
+/// Each case is a text of a shipped file, another one in its place, and a part of the refusal, which
+/// has to name a line near it.
+fn assert_refused(name: &str, cases: &[(&str, &str, &str)]) {
+    let shipped = Dialect::text(name).unwrap();
+    for (from, to, needle) in cases {
+        let at = shipped.find(from);
+        let at = at.unwrap_or_else(|| panic!("{from} is not in {name}"));
+        let line = 1 + shipped[..at].matches('\n').count();
+        let refused = Dialect::parse(&shipped.replacen(from, to, 1), "FILE");
+        let words = refused.expect_err(to).to_string();
+        let told = words.strip_prefix("FILE:");
+        let told = told.and_then(|rest| rest.split(':').next()?.parse::<usize>().ok());
+        assert!(
+            told.is_some_and(|told| told.abs_diff(line) <= 12),
+            "line {line}: {words}"
+        );
+        assert!(words.contains(needle), "{needle} not in: {words}");
     }
 }
 
 #[test]
 fn mistakes_in_lines_name_place_and_remedy() {
-    for (from, to, needle) in [
+    let cases = [
         (
             "framing = \"line\"",
             "framing = \"packet\"",
@@ -195,15 +193,13 @@ fn mistakes_in_lines_name_place_and_remedy() {
             "light_off = {",
             "an operation that no host has",
         ),
-    ] {
-        let words = refusal("okline", from, to);
-        assert!(words.contains(needle), "{needle} not in: {words}");
-    }
+    ];
+    assert_refused("okline", &cases);
 }
 
 #[test]
 fn mistakes_in_packets_name_place_and_remedy() {
-    for (from, to, needle) in [
+    let cases = [
         (
             "sequence = { at = 1 }",
             "sequence = { at = 0 }",
@@ -290,10 +286,8 @@ fn mistakes_in_packets_name_place_and_remedy() {
             "\"2\" = \"INIT TRIG TRIG\"",
             "SCPI",
         ),
-    ] {
-        let words = refusal("dlpc350", from, to);
-        assert!(words.contains(needle), "{needle} not in: {words}");
-    }
+    ];
+    assert_refused("dlpc350", &cases);
 }
 
 #[test]

@@ -34,6 +34,13 @@ fn its_example_does_what_it_says() {
     assert_eq!(gspark.nack(&error), b"Error:4 out of range\r\n");
     let scan = gspark.asked(b"G38").unwrap();
     assert_eq!(gspark.runs(&scan), ["TRIG:SOUR BUS", "INIT;*TRG"]);
+    // Nothing follows the command, or the S is missing: the error of all that has none of its own.
+    for line in ["M240", "M240 8000", "M241 S1"] {
+        let error = gspark.asked(line.as_bytes()).unwrap_err();
+        assert_eq!(gspark.nack(&error), b"Error:1 failed\r\n", "{line}");
+        assert_ne!(error.error.code.number(), -113, "{line}");
+    }
+    assert_eq!(gspark.host().needed().count(), 0);
 }
 
 /// Every field of the file stands in the guide.

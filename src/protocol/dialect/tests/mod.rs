@@ -5,6 +5,7 @@ mod files;
 mod guide;
 mod round_trip;
 mod shipped;
+mod words;
 
 use super::{Cut, Dialect, Direction};
 use std::sync::LazyLock;

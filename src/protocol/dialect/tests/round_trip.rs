@@ -48,7 +48,11 @@ fn some(field: &Field, dice: &mut Dice, room: usize) -> Value {
             let letter = |b: &u8| char::from(letters[usize::from(*b) % letters.len()]);
             let text: String = bytes.iter().map(letter).collect();
             Value::Text(match kind {
-                Kind::Word => "w".to_owned() + &text.replace(['-', '_', '.'], ""),
+                // A word of SCPI has twelve letters at most.
+                Kind::Word => {
+                    let letters = text.chars().filter(char::is_ascii_alphanumeric);
+                    std::iter::once('w').chain(letters).take(12).collect()
+                }
                 _ if text.is_empty() => "t".to_owned(),
                 _ => text,
             })

@@ -52,6 +52,11 @@ fn refusals_have_the_dialect_s_own_numbers() {
     for (line, reply) in [
         ("moon", "error 11 unknown command\r\n"),
         ("exposure x", "error 12 bad argument\r\n"),
+        ("exposure", "error 12 bad argument\r\n"),
+        ("Select", "error 12 bad argument\r\n"),
+        ("exposure 1 2", "error 12 bad argument\r\n"),
+        ("version 3", "error 12 bad argument\r\n"),
+        ("exposures 3", "error 11 unknown command\r\n"),
         ("exposure 0", "error 20 out of range\r\n"),
         ("lamp half", "error 20 out of range\r\n"),
     ] {
@@ -90,6 +95,20 @@ fn refusals_have_the_dialect_s_own_numbers() {
     unknown[5] = 0x77;
     let error = dlpc.asked(&unknown).unwrap_err();
     assert_eq!(dlpc.nack(&error)[..5], [0x60, 5, 1, 0, 10]);
+    // The flags of the request, and that of a refusal (DLPU018, read operations).
+    for (flags, refused) in [(0x40, 0x60), (0xC0, 0xE0)] {
+        let mut beyond = dlpc.request("list?", &[("offset", 0.0.into())], 9).unwrap();
+        beyond[0] = flags;
+        let error = dlpc.asked(&beyond);
+        let nack = match &error {
+            Err(error) => dlpc.nack(error),
+            Ok(asked) => dlpc.refusal(asked, &ErrorCode::DataOutOfRange.into()),
+        };
+        assert_eq!((nack[0], nack[1]), (refused, 9));
+        unknown[0] = flags;
+        let nack = dlpc.nack(&dlpc.asked(&unknown).unwrap_err());
+        assert_eq!(nack[..5], [refused, 5, 1, 0, 10]);
+    }
     unknown[0] = 0;
     assert!(dlpc.nack(&dlpc.asked(&unknown).unwrap_err()).is_empty());
     let mut long = dlpc.request("arm", &[], 5).unwrap();

@@ -1,6 +1,8 @@
 //! The shipped dialects on a device without optics, as a client at the other end of the line sees
 //! them: what is said, and when, to the nanosecond.
 
+mod requests;
+
 use super::Port;
 use crate::emulator::faults::Faults;
 use crate::emulator::{Firmware, Machine, SerialLine};

@@ -1,0 +1,59 @@
+//! `phasma report`: studies on one page.
+
+use crate::error::{Error, Result};
+use crate::study::ALL;
+use crate::study::lab::{page, read};
+use std::io::Write;
+use std::path::PathBuf;
+
+/// Join studies into one page
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// Folders of studies
+    #[arg(required = true, value_name = "DIR")]
+    studies: Vec<PathBuf>,
+    /// The page
+    #[arg(long, value_name = "FILE", default_value = "phasma-report.html")]
+    out: PathBuf,
+    /// Overwrite the page where it is there
+    #[arg(long)]
+    force: bool,
+}
+
+pub(super) fn run(args: &Args) -> Result<()> {
+    let read: Result<Vec<_>> = args.studies.iter().map(|path| read(ALL, path)).collect();
+    let read = read?;
+    let parts: Vec<_> = read
+        .iter()
+        .map(|(document, folder, made)| (document.clone(), folder, made.clone()))
+        .collect();
+    let html = page("Studies of Phasma", &parts)?;
+    let mut options = std::fs::OpenOptions::new();
+    options.write(true);
+    if args.force {
+        options.create(true).truncate(true);
+    } else {
+        options.create_new(true);
+    }
+    let mut file = options.open(&args.out).map_err(|e| match e.kind() {
+        std::io::ErrorKind::AlreadyExists => Error::input(
+            format!("--out {}", args.out.display()),
+            "a file that is there",
+            "another name, or --force to overwrite it",
+        ),
+        _ => Error::io(&args.out, e),
+    })?;
+    let written = file.write_all(html.as_bytes());
+    written.map_err(|e| Error::io(&args.out, e))?;
+    for (document, ..) in &parts {
+        let checks: Vec<_> = document.checks().collect();
+        let passed = checks.iter().filter(|check| check.passed()).count();
+        println!(
+            "{}: {passed} of {} checks passed",
+            document.title,
+            checks.len()
+        );
+    }
+    println!("{}", args.out.display());
+    Ok(())
+}

@@ -1,0 +1,116 @@
+//! `phasma study`: runs a study, or says which there are.
+
+use crate::error::{Error, Result};
+use crate::study::ALL;
+use crate::study::lab::{Settings, Study, Surroundings, run as run_study};
+use indicatif::{ProgressBar, ProgressStyle};
+use std::io::IsTerminal;
+use std::path::PathBuf;
+use std::process::Command;
+use std::time::Instant;
+
+/// Run a study: rows in CSV, tables, plots, and one page that shows them
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// Which; without a name the studies are listed
+    #[arg(requires = "out")]
+    name: Option<String>,
+    /// Folder for the rows and the report. A study that was interrupted goes on where it was
+    #[arg(long, value_name = "DIR", requires = "name")]
+    out: Option<PathBuf>,
+    /// The form of less than a minute
+    #[arg(long)]
+    quick: bool,
+    /// Seed of all noise and of everything that is drawn
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Trials side by side, timed ones apart; each has its share of the cores
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    #[arg(value_parser = clap::value_parser!(u16).range(1..=256))]
+    jobs: u16,
+}
+
+pub(super) fn run(args: &Args) -> Result<()> {
+    let (Some(name), Some(out)) = (&args.name, &args.out) else {
+        for study in ALL {
+            println!("{:<16}{}", study.name(), study.about());
+        }
+        return Ok(());
+    };
+    let study = find(name)?;
+    let settings = Settings {
+        quick: args.quick,
+        seed: args.seed,
+    };
+    let begin = Instant::now();
+    let revision = revision();
+    let around = Surroundings {
+        clock: &|| begin.elapsed(),
+        jobs: usize::from(args.jobs),
+        revision: &revision,
+    };
+    let bar = bar();
+    let progress = |done: usize, all: usize, trial: &str| {
+        bar.set_length(all as u64);
+        bar.set_position(done as u64);
+        bar.set_message(trial.to_owned());
+    };
+    let document = run_study(study, out, &settings, &around, &progress)?;
+    bar.finish_and_clear();
+    print!("{}", document.markdown(true));
+    println!("\n{}: rows.csv, tables.md, report.html", out.display());
+    let failed: Vec<&str> = document
+        .checks()
+        .filter(|check| !check.passed())
+        .map(|check| check.what.as_str())
+        .collect();
+    if failed.is_empty() {
+        return Ok(());
+    }
+    let what = failed.join("; ");
+    Err(Error::device(format!(
+        "{} of {} checks failed: {what}",
+        failed.len(),
+        document.checks().count()
+    )))
+}
+
+fn find(name: &str) -> Result<&'static dyn Study> {
+    let found = ALL.iter().find(|study| study.name() == name);
+    found.copied().ok_or_else(|| {
+        let names: Vec<&str> = ALL.iter().map(|study| study.name()).collect();
+        Error::input("study", name, names.join(", "))
+    })
+}
+
+/// A bar on a terminal, nothing in a pipe.
+fn bar() -> ProgressBar {
+    if !std::io::stderr().is_terminal() {
+        return ProgressBar::hidden();
+    }
+    let style = ProgressStyle::with_template("{bar:30} {pos}/{len} {elapsed} {msg}");
+    ProgressBar::new(1).with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
+}
+
+/// Which source the program was built from: what the build was told (`PHASMA_REVISION`), or else
+/// what git says of the source's folder, if that is still there.
+fn revision() -> String {
+    if let Some(known) = option_env!("PHASMA_REVISION") {
+        return known.to_owned();
+    }
+    let told = Command::new("git")
+        .args(["-C", env!("CARGO_MANIFEST_DIR")])
+        .args([
+            "describe",
+            "--always",
+            "--dirty",
+            "--abbrev=12",
+            "--exclude=*",
+        ])
+        .output();
+    told.ok()
+        .filter(|told| told.status.success())
+        .map(|told| String::from_utf8_lossy(&told.stdout).trim().to_owned())
+        .filter(|revision| !revision.is_empty())
+        .unwrap_or_else(|| "unknown".to_owned())
+}

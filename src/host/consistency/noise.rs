@@ -1,0 +1,66 @@
+//! How far residuals scatter, by the light that makes their noise.
+
+/// Groups of about as much light.
+const GROUPS: usize = 24;
+/// Deviations beyond which a residual is none of the usual ones.
+const CLIP: f64 = 3.0;
+/// The part of its variance that a normal distribution has within [`CLIP`] deviations.
+const WITHIN: f64 = 0.9733;
+/// Rounds of clipping.
+const ROUNDS: usize = 4;
+/// Least deviation in DN: rounding.
+const ROUNDING_DN: f64 = 0.3;
+/// Least deviation to begin with: residuals of whole numbers may have a median of 0.
+const FIRST_DN: f64 = 1.0;
+
+/// Variance by light, linear between groups, for points in order of their light.
+pub(super) struct Noise<'a> {
+    points: &'a [(f64, f64)],
+    groups: Vec<(f64, f64)>,
+}
+
+impl<'a> Noise<'a> {
+    /// Of points of light and residual, in order of their light; at least one.
+    pub(super) fn of(points: &'a [(f64, f64)]) -> Self {
+        let size = points.len().div_ceil(GROUPS).max(1);
+        let groups = points.chunks(size).map(group).collect();
+        Self { points, groups }
+    }
+
+    /// The deviation of each of the points.
+    pub(super) fn each(&self) -> Vec<f64> {
+        let groups = &self.groups;
+        let mut next = 0;
+        let deviation = |&(light, _): &(f64, f64)| {
+            while next < groups.len() && groups[next].0 < light {
+                next += 1;
+            }
+            let variance = match (next.checked_sub(1), groups.get(next)) {
+                (Some(before), Some((to, high))) => {
+                    let (from, low) = groups[before];
+                    low + (high - low) * (light - from) / (to - from).max(1e-9)
+                }
+                (Some(last), None) => groups[last].1,
+                (None, _) => groups[0].1,
+            };
+            variance.sqrt()
+        };
+        self.points.iter().map(deviation).collect()
+    }
+}
+
+/// Middle light and variance of a group. A median alone is as coarse as the residuals of few whole
+/// numbers are.
+fn group(points: &[(f64, f64)]) -> (f64, f64) {
+    let mut sizes: Vec<f64> = points.iter().map(|p| p.1.abs()).collect();
+    let middle = sizes.len() / 2;
+    // 0.6745 of a deviation is the median.
+    let median = *sizes.select_nth_unstable_by(middle, f64::total_cmp).1 / 0.6745;
+    let mut deviation = median.max(FIRST_DN);
+    for _ in 0..ROUNDS {
+        let kept = sizes.iter().filter(|v| **v < CLIP * deviation);
+        let (sum, n) = kept.fold((0.0, 0.0), |(sum, n), v| (sum + v * v, n + 1.0));
+        deviation = (sum / WITHIN / f64::max(n, 1.0)).sqrt().max(ROUNDING_DN);
+    }
+    (points[points.len() / 2].0, deviation * deviation)
+}

@@ -1,0 +1,53 @@
+//! Pixels from everywhere in the image, for what strikes a few rows or single pixels.
+
+use super::grid::{full_scale, value};
+use crate::protocol::Frame;
+
+/// Pixels that are looked at, about; of smaller images all.
+const PIXELS: usize = 40_000;
+
+/// Pixels with their values in every frame; those at the camera's full scale are left out.
+pub(super) struct Scatter {
+    frames: usize,
+    values: Vec<f32>,
+}
+
+impl Scatter {
+    /// Pixels of frames of one size and format.
+    pub(super) fn new(frames: &[Frame]) -> Self {
+        let (width, height) = frames
+            .first()
+            .map_or((0, 0), |f| (f.width as usize, f.height as usize));
+        let stride = (width * height / PIXELS).max(1);
+        let mut values = Vec::with_capacity(width * height / stride * frames.len());
+        for row in 0..height {
+            // Every row at other columns.
+            for column in (row * 7 % stride..width).step_by(stride) {
+                let index = row * width + column;
+                values.extend(frames.iter().map(|frame| value(frame, index)));
+            }
+        }
+        let count = frames.len().max(1);
+        let full = full_scale(values.iter().copied());
+        let mut kept = Vec::with_capacity(values.len());
+        for pixel in values.chunks_exact(count) {
+            if pixel.iter().all(|v| *v < full) {
+                kept.extend_from_slice(pixel);
+            }
+        }
+        Self {
+            frames: count,
+            values: kept,
+        }
+    }
+
+    /// Pixels.
+    pub(super) fn len(&self) -> usize {
+        self.values.len() / self.frames
+    }
+
+    /// A pixel's value in every frame, in DN, pixel by pixel.
+    pub(super) fn pixels(&self) -> impl Iterator<Item = &[f32]> {
+        self.values.chunks_exact(self.frames)
+    }
+}

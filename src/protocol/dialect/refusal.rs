@@ -1,0 +1,87 @@
+//! How a device refuses: by the dialect's own number and words for what the firmware says.
+
+use super::command::Framing;
+use super::device::Unfit;
+use super::field::Field;
+use super::file::ErrorFile;
+use super::{Asked, Dialect, Direction, Head, Value, WireError};
+use crate::protocol::scpi::DeviceError;
+
+impl Dialect {
+    /// The reply to a command that the firmware refuses, with the dialect's own number; empty where
+    /// no reply is wanted.
+    pub fn refusal(&self, asked: &Asked, error: &DeviceError) -> Vec<u8> {
+        let own = self.errors.as_ref().map(|errors| errors.of(error));
+        self.refuse(self.head(asked), asked.wants_reply, own, &error.detail)
+    }
+
+    /// The reply to a message that is no command; empty where it is not answered.
+    pub fn nack(&self, error: &WireError) -> Vec<u8> {
+        let own = self.errors.as_ref().map(|errors| errors.of(&error.error));
+        self.refuse(error.head, error.wants_reply, own, &error.error.detail)
+    }
+
+    /// The reply of a device that has no time now (the file's `busy` error).
+    pub fn busy(&self, asked: &Asked) -> Vec<u8> {
+        let own = self.errors.as_ref().map(|errors| &errors.busy);
+        self.refuse(self.head(asked), asked.wants_reply, own, "")
+    }
+
+    /// What a packet said that has been understood.
+    fn head(&self, asked: &Asked) -> Head {
+        let command = self.command(&asked.command);
+        let (read, code) = command.map_or((false, 0), |c| (c.read, c.code));
+        Head {
+            sequence: asked.sequence,
+            code,
+            read,
+        }
+    }
+
+    /// A refusal: of a packet its own header with the flag of one.
+    fn refuse(
+        &self,
+        head: Head,
+        wants_reply: bool,
+        own: Option<&ErrorFile>,
+        detail: &str,
+    ) -> Vec<u8> {
+        let (Some(errors), Some(own)) = (&self.errors, own.filter(|_| wants_reply)) else {
+            return Vec::new();
+        };
+        match (&self.framing, &errors.line) {
+            (Framing::Scpi(ends) | Framing::Line(ends), Some(template)) => {
+                let printable = |c: char| if c.is_control() { ' ' } else { c };
+                let detail: String = detail.chars().map(printable).take(200).collect();
+                let filled = template.fill(|name| {
+                    Ok::<_, Unfit>(match name {
+                        "number" => own.number.to_string().into_bytes(),
+                        "detail" => detail.trim().as_bytes().to_vec(),
+                        _ => own.text.clone().into_bytes(),
+                    })
+                });
+                let line = filled.unwrap_or_default();
+                [line.trim_ascii(), ends.to_host.as_bytes()].concat()
+            }
+            (Framing::Packet(layout), _) => {
+                let mut data = Vec::new();
+                if let Some(kind) = errors.number {
+                    let number = Field {
+                        kind,
+                        range: kind.range(),
+                        big: layout.big,
+                        ..Field::int("number")
+                    };
+                    // The file's numbers fit: that has been checked.
+                    let _ = number.to_packet(&Value::Number(own.number.into()), &mut data);
+                }
+                let flags = layout.flags(head.read, true, true);
+                let head = (flags, head.sequence, head.code);
+                layout
+                    .seal(Direction::ToHost, head, &data)
+                    .unwrap_or_default()
+            }
+            _ => Vec::new(),
+        }
+    }
+}

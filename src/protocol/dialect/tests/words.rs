@@ -1,0 +1,72 @@
+use super::super::Dialect;
+
+/// Lines whose first word is a command's are told from those of no command.
+#[test]
+fn what_fits_no_template_has_the_number_of_what_is_wrong_with_it() {
+    let text = "name = \"w\"\ndescription = \"\"\nframing = \"line\"\n[errors]\n\
+        line = \"no {number} {detail}\"\ndefault = { number = 1, text = \"\" }\n\
+        busy = { number = 2, text = \"\" }\n";
+    let command = |name: &str, line: &str, args: &str| {
+        format!("[[command]]\nname = \"{name}\"\nline = \"{line}\"\nargs = [{args}]\n")
+    };
+    let number = |name: &str| format!("{{ name = \"{name}\", type = \"int\" }}");
+    let commands = [
+        command("a", "go X{x}", &number("x")),
+        command(
+            "b",
+            "go X{x} Y{y}",
+            &format!("{}, {}", number("x"), number("y")),
+        ),
+        command("c", "led off", ""),
+        command("d", "t{n}", &number("n")),
+    ];
+    let dialect = Dialect::parse(&format!("{text}{}", commands.concat()), "words").unwrap();
+    for (line, code) in [
+        ("go", -109),
+        ("GO X", -104),
+        ("go 1", -104),
+        ("go X1 Y2 Z3", -104),
+        ("go 1 2 3", -108),
+        ("led", -109),
+        ("led out", -104),
+        ("led off now", -108),
+        ("t", -104),
+        ("tx", -104),
+        ("gone", -113),
+        ("u", -113),
+    ] {
+        let error = dialect.asked(line.as_bytes()).unwrap_err().error;
+        assert_eq!(error.code.number(), code, "{line}: {error}");
+    }
+    let exact = text.replace("[errors]", "[line]\nany_case = false\n[errors]");
+    let exact = Dialect::parse(&format!("{exact}{}", commands.concat()), "words").unwrap();
+    let error = exact.asked(b"GO").unwrap_err().error;
+    assert_eq!(error.code.number(), -113);
+}
+
+/// Names may hold what the message says that they may.
+#[test]
+fn a_wrong_name_is_told_what_it_may_hold() {
+    let text = Dialect::text("okline").unwrap();
+    for (old, new, allowed) in [
+        (
+            "name = \"okline\"",
+            "name = \"o k\"",
+            "letters, digits, '_', '-', '.'",
+        ),
+        (
+            "name = \"version\"",
+            "name = \"ver.sion\"",
+            "letters, digits, '_', '?', '-'",
+        ),
+        (
+            "name = \"maker\", type",
+            "name = \"ma-ker\", type",
+            "letters, digits, '_'",
+        ),
+    ] {
+        let words = Dialect::parse(&text.replacen(old, new, 1), "it").unwrap_err();
+        assert!(words.to_string().ends_with(allowed), "{words}");
+    }
+    assert!(Dialect::parse(&text.replacen("\"okline\"", "\"o-k.1_\"", 1), "it").is_ok());
+}

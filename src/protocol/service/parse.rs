@@ -1,0 +1,357 @@
+//! Reads a request, and says of one that is none what was found and what is allowed: JSON that is
+//! wrong in itself, and JSON of another shape.
+
+use super::request::{Action, Every, Item, Placement, Request, Step, Which};
+use crate::profile::faults::{Fault, When};
+use serde::Deserialize;
+use serde::de::{DeserializeOwned, Deserializer, Error as _, MapAccess, SeqAccess, Visitor};
+use serde_json::{Map, Value, json};
+use std::fmt;
+
+/// Names of requests.
+const REQUESTS: &str = "get, truth_at_ns, truth_of_frame, do, place, clock, fault, clear_faults";
+/// Characters that are shown of what was found.
+const SHOWN: usize = 60;
+
+/// Reads a line.
+///
+/// # Errors
+/// What is not a request, worded for the reply.
+pub(super) fn request(line: &[u8]) -> Result<Request, String> {
+    let Once(value) = serde_json::from_slice(line).map_err(|e| {
+        let words = e.to_string();
+        match words.contains("; allowed: ") {
+            true => words,
+            false => format!("{words}; allowed: a line of JSON, such as {{\"get\":\"clock\"}}"),
+        }
+    })?;
+    let Value::Object(map) = value else {
+        let found = found(&value);
+        return Err(format!(
+            "{found}; allowed: an object with one of {REQUESTS}"
+        ));
+    };
+    let names: Vec<_> = map.keys().cloned().collect();
+    let mut entries = map.into_iter();
+    let (Some((name, value)), None) = (entries.next(), entries.next()) else {
+        let found = match names.len() {
+            0 => "no request".to_owned(),
+            _ => format!("{} in one request", shortened(names.join(", "))),
+        };
+        return Err(format!("{found}; allowed: one of {REQUESTS}"));
+    };
+    Ok(match name.as_str() {
+        "get" => Request::Get(one_of(&name, &value, &Item::ALL)?),
+        "truth_at_ns" => Request::TruthAt(whole(&name, &value)?),
+        "truth_of_frame" => Request::TruthOfFrame(whole(&name, &value)?),
+        "do" => Request::Do(one_of(&name, &value, &[("trigger", Action::Trigger)])?),
+        "place" => Request::Place(placement(&name, value)?),
+        "clock" => Request::Clock(step(&name, &value)?),
+        "fault" => Request::Fault(Box::new(fault(&name, value)?)),
+        "clear_faults" => Request::ClearFaults(which(&name, &value)?),
+        _ => {
+            let name = shortened(name);
+            return Err(format!("{name}: no request; allowed: one of {REQUESTS}"));
+        }
+    })
+}
+
+fn refusal<T>(place: &str, value: &Value, allowed: &str) -> Result<T, String> {
+    Err(format!("{place}: {}; allowed: {allowed}", found(value)))
+}
+
+fn one_of<T: Copy>(place: &str, value: &Value, all: &[(&str, T)]) -> Result<T, String> {
+    let known = |&&(word, _): &&(&str, T)| value.as_str() == Some(word);
+    if let Some((_, meaning)) = all.iter().find(known) {
+        return Ok(*meaning);
+    }
+    let words: Vec<_> = all.iter().map(|(word, _)| format!("{word:?}")).collect();
+    refusal(place, value, &words.join(", "))
+}
+
+fn whole(place: &str, value: &Value) -> Result<u64, String> {
+    match value.as_u64() {
+        Some(number) => Ok(number),
+        None => refusal(place, value, &format!("a whole number, 0 to {}", u64::MAX)),
+    }
+}
+
+fn step(place: &str, value: &Value) -> Result<Step, String> {
+    let entry = value.as_object().filter(|entries| entries.len() == 1);
+    let entry = entry.and_then(|entries| entries.iter().next());
+    match entry.map(|(name, number)| (name.as_str(), number)) {
+        Some(("step_ns", number)) => Ok(Step::StepNs(whole("clock.step_ns", number)?)),
+        Some(("run_until_ns", number)) => {
+            Ok(Step::RunUntilNs(whole("clock.run_until_ns", number)?))
+        }
+        _ if value.as_str() == Some("stop") => Ok(Step::Stop),
+        _ => {
+            let allowed = "{\"step_ns\":N}, {\"run_until_ns\":N} or \"stop\"";
+            refusal(place, value, allowed)
+        }
+    }
+}
+
+fn which(place: &str, value: &Value) -> Result<Which, String> {
+    match (value.as_u64(), value.as_str()) {
+        (Some(number), _) => Ok(Which::One(number)),
+        (_, Some("all")) => Ok(Which::Every(Every::All)),
+        _ => refusal(place, value, "the number of a fault, or \"all\""),
+    }
+}
+
+fn placement(place: &str, value: Value) -> Result<Placement, String> {
+    let zero = [0.0; 3];
+    let whole = json!({ "object": 0, "position_mm": zero, "rotation_deg": zero });
+    fields(place, value, &whole, "object, position_mm and rotation_deg")
+}
+
+fn fault(place: &str, value: Value) -> Result<Fault, String> {
+    // Its conditions first: what is wrong with one of them is that one's.
+    if let Some(when) = value.get("when") {
+        let place = format!("{place}.when");
+        fields::<When>(&place, when.clone(), &json!({}), "an object of conditions")?;
+    }
+    let whole = json!({ "what": "dark" });
+    fields(place, value, &whole, "what, and the fields of that kind")
+}
+
+/// Reads an object. `whole` is one that can be read: what is wrong with a field is found by putting
+/// that field alone there.
+fn fields<T: DeserializeOwned>(
+    place: &str,
+    value: Value,
+    whole: &Value,
+    needed: &str,
+) -> Result<T, String> {
+    let Value::Object(given) = &value else {
+        return refusal(place, &value, &format!("an object with {needed}"));
+    };
+    let given = given.clone();
+    let error = match serde_json::from_value(value) {
+        Ok(read) => return Ok(read),
+        Err(error) => told(&error),
+    };
+    for (name, field) in given {
+        let mut probe = whole.clone();
+        probe[&name] = field;
+        if let Err(error) = serde_json::from_value::<T>(probe) {
+            let words = told(&error);
+            return Err(match words.starts_with("unknown field") {
+                true => format!("{place}: {words}"),
+                false => format!("{place}.{name}: {words}"),
+            });
+        }
+    }
+    Err(format!("{place}: {error}; allowed: {needed}"))
+}
+
+/// What serde says, in the words of all other errors.
+fn told(error: &serde_json::Error) -> String {
+    let words = error.to_string();
+    let words = ["invalid type: ", "invalid value: ", "invalid length "]
+        .iter()
+        .find_map(|start| words.strip_prefix(start))
+        .unwrap_or(&words);
+    let split = words
+        .split_once(", expected one of ")
+        .or_else(|| words.split_once(", expected "));
+    match split {
+        None => words.to_owned(),
+        Some((found, expected)) => {
+            let allowed = match expected {
+                "f64" => "a number",
+                "u32" | "u64" => "a whole number, 0 or more",
+                "i32" => "a whole number",
+                other => other,
+            };
+            format!("{}; allowed: {allowed}", shortened(found.to_owned()))
+        }
+    }
+}
+
+/// A value as it would be written, not all of it where it is long.
+fn found(value: &Value) -> String {
+    shortened(value.to_string())
+}
+
+fn shortened(text: String) -> String {
+    match text.char_indices().nth(SHOWN) {
+        None => text,
+        Some((at, _)) => format!("{}...", &text[..at]),
+    }
+}
+
+/// A value whose objects have no name twice.
+struct Once(Value);
+
+impl<'de> Deserialize<'de> for Once {
+    fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
+        from.deserialize_any(OnceVisitor).map(Self)
+    }
+}
+
+struct OnceVisitor;
+
+impl<'de> Visitor<'de> for OnceVisitor {
+    type Value = Value;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("JSON")
+    }
+
+    fn visit_bool<E>(self, value: bool) -> Result<Value, E> {
+        Ok(Value::Bool(value))
+    }
+
+    fn visit_u64<E>(self, value: u64) -> Result<Value, E> {
+        Ok(value.into())
+    }
+
+    fn visit_i64<E>(self, value: i64) -> Result<Value, E> {
+        Ok(value.into())
+    }
+
+    fn visit_f64<E>(self, value: f64) -> Result<Value, E> {
+        Ok(value.into())
+    }
+
+    fn visit_str<E>(self, value: &str) -> Result<Value, E> {
+        Ok(value.into())
+    }
+
+    fn visit_unit<E>(self) -> Result<Value, E> {
+        Ok(Value::Null)
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<Value, A::Error> {
+        let mut values = Vec::new();
+        while let Some(Once(value)) = list.next_element()? {
+            values.push(value);
+        }
+        Ok(Value::Array(values))
+    }
+
+    fn visit_map<A: MapAccess<'de>>(self, mut entries: A) -> Result<Value, A::Error> {
+        let mut map = Map::new();
+        while let Some(name) = entries.next_key::<String>()? {
+            let Once(value) = entries.next_value()?;
+            if map.contains_key(&name) {
+                let name = shortened(name);
+                return Err(A::Error::custom(format!("{name} twice; allowed: once")));
+            }
+            map.insert(name, value);
+        }
+        Ok(Value::Object(map))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_no_request_is_told_with_what_is_allowed() {
+        let requests = format!("allowed: one of {REQUESTS}");
+        for (line, words) in [
+            ("{", vec!["EOF while parsing", "allowed: a line of JSON"]),
+            ("{}", vec!["no request", &requests]),
+            ("[]", vec!["[]; allowed: an object with one of get"]),
+            ("7", vec!["7; allowed: an object"]),
+            (
+                "{\"get\":\"clock\",\"x\":1}",
+                vec!["get, x in one request", &requests],
+            ),
+            (
+                "{\"get\":\"clock\",\"get\":\"clock\"}",
+                vec!["get twice; allowed: once"],
+            ),
+            ("{\"moon\":1}", vec!["moon: no request", &requests]),
+            (
+                "{\"get\":\"moon\"}",
+                vec!["get: \"moon\"; allowed: \"truth\", \"clock\""],
+            ),
+            ("{\"get\":3}", vec!["get: 3; allowed: \"truth\""]),
+            (
+                "{\"truth_at_ns\":-1}",
+                vec!["truth_at_ns: -1; allowed: a whole number, 0 to 1844"],
+            ),
+            ("{\"do\":{}}", vec!["do: {}; allowed: \"trigger\""]),
+            (
+                "{\"clock\":{}}",
+                vec!["clock: {}; allowed: {\"step_ns\":N}, {\"run_until_ns\":N} or \"stop\""],
+            ),
+            (
+                "{\"clock\":{\"step_ns\":1.5}}",
+                vec!["clock.step_ns: 1.5; allowed: a whole number"],
+            ),
+            (
+                "{\"clear_faults\":\"some\"}",
+                vec!["clear_faults: \"some\"; allowed: the number of a fault, or \"all\""],
+            ),
+            (
+                "{\"fault\":7}",
+                vec!["fault: 7; allowed: an object with what"],
+            ),
+            (
+                "{\"fault\":{}}",
+                vec!["fault: missing field `what`; allowed: what"],
+            ),
+            (
+                "{\"fault\":{\"what\":\"rain\"}}",
+                vec!["fault.what: unknown variant `rain`; allowed: `dropped`"],
+            ),
+            (
+                "{\"fault\":{\"what\":\"dark\",\"nth\":1}}",
+                vec!["fault: unknown field `nth`; allowed: `what`"],
+            ),
+            (
+                "{\"fault\":{\"what\":\"late\",\"by_ms\":\"x\"}}",
+                vec!["fault.by_ms: string \"x\"; allowed: a number"],
+            ),
+            (
+                "{\"fault\":{\"what\":\"dark\",\"when\":{\"nth\":\"x\"}}}",
+                vec!["fault.when.nth: string \"x\"; allowed: a whole number"],
+            ),
+            (
+                "{\"fault\":{\"what\":\"dark\",\"when\":{\"window_s\":[0,1,2]}}}",
+                vec!["fault.when.window_s: a list of 3 numbers; allowed: 2"],
+            ),
+            (
+                "{\"fault\":{\"what\":\"dark\",\"when\":{\"nth\":1,\"nth\":2}}}",
+                vec!["nth twice; allowed: once"],
+            ),
+            (
+                "{\"place\":{\"object\":0,\"position_mm\":[0,0,1,2],\"rotation_deg\":[0,0,0]}}",
+                vec!["place.position_mm: a list of 4 numbers; allowed: 3"],
+            ),
+            (
+                "{\"place\":{\"object\":0,\"position_mm\":[0,0,1]}}",
+                vec!["place: missing field `rotation_deg`; allowed: object, position_mm"],
+            ),
+            (
+                "{\"place\":{\"object\":-1,\"position_mm\":[0,0,1],\"rotation_deg\":[0,0,0]}}",
+                vec!["place.object: integer `-1`; allowed: a whole number"],
+            ),
+        ] {
+            let told = request(line.as_bytes()).unwrap_err();
+            assert!(
+                words.iter().all(|part| told.contains(part)),
+                "{line}: {told}"
+            );
+        }
+    }
+
+    #[test]
+    fn what_is_long_is_shown_in_part() {
+        let name = "x".repeat(4000);
+        for line in [
+            format!("{{\"{name}\":1}}"),
+            format!("{{\"{name}\":1,\"{name}\":1}}"),
+            format!("{{\"get\":\"{name}\"}}"),
+            format!("{{\"fault\":{{\"what\":\"late\",\"by_ms\":\"{name}\"}}}}"),
+        ] {
+            assert!(request(line.as_bytes()).unwrap_err().len() < 400, "{line}");
+        }
+    }
+}

@@ -1,0 +1,204 @@
+//! Trials of depth noise: one scene scanned again and again, its pixels' spread beside the
+//! decoder's own standard deviation and beside the bound carried to depth.
+
+use crate::decode::{Decoded, Options};
+use crate::emulator::{Truth, render};
+use crate::error::Result;
+use crate::measure::GROSS_MM;
+use crate::profile::{Profile, Scene};
+use crate::study::lab::Row;
+use crate::study::scanned::Stage;
+use crate::study::score::depth_bounds;
+
+/// What makes a pixel one that a scanner should measure.
+const WANTED: u8 = Truth::SEEN | Truth::LIT | Truth::SQUARE;
+
+/// A scene before a camera that is a piece of the profile's.
+#[derive(Debug, Clone)]
+pub(super) struct View {
+    /// The profile.
+    pub(super) profile: &'static str,
+    /// The scene.
+    pub(super) scene: &'static str,
+    /// Exposure over the profile's.
+    pub(super) light: f64,
+    /// Columns and rows in the middle of the camera's image.
+    pub(super) size_px: [u32; 2],
+    /// Scans.
+    pub(super) turns: u64,
+}
+
+/// The views: all, or one in seconds.
+pub(super) fn views(quick: bool) -> Vec<View> {
+    let view = |profile, scene, light| View {
+        profile,
+        scene,
+        light,
+        size_px: if quick { [96, 64] } else { [192, 160] },
+        turns: if quick { 8 } else { 24 },
+    };
+    if quick {
+        return [1.0, 0.0625]
+            .map(|light| view("pmp-bench", "trapezoid", light))
+            .to_vec();
+    }
+    let mut views = Vec::new();
+    for scene in ["trapezoid", "sphere"] {
+        views.extend([1.0, 0.25, 0.0625].map(|light| view("pmp-bench", scene, light)));
+    }
+    views.push(view("pmp-real", "trapezoid", 1.0));
+    views.push(view("webcam-grey", "sphere", 1.0));
+    views
+}
+
+/// One decoding's depths and standard deviations over the turns, pixel by pixel.
+struct Spread {
+    scans: Vec<Decoded>,
+}
+
+/// Root mean squares over the pixels that every scan has, creases apart.
+#[derive(Debug, Default)]
+struct Figures {
+    pixels: f64,
+    /// Points of all scans, those more than a millimetre off or where there is nothing, and those
+    /// where a scanner should have one.
+    points: f64,
+    gross: f64,
+    found: f64,
+    /// Of the depths about their pixel's mean.
+    spread_mm: f64,
+    /// Of the decoder's standard deviations.
+    sigma_mm: f64,
+    /// Of the bounds.
+    bound_mm: f64,
+    /// Of the spreads over the bounds.
+    ratio: f64,
+    /// Mean square of the spread over the decoder's standard deviation: 1 where that is right.
+    chi_square: f64,
+    /// Of the pixels' means about the true depth: what is no noise, and what noise leaves of a mean.
+    bias_mm: f64,
+}
+
+impl Spread {
+    fn figures(&self, truth: &Truth, bounds: &[f64]) -> Figures {
+        let mut f = Figures::default();
+        let turns = self.scans.len() as f64;
+        for (i, bound) in bounds.iter().enumerate() {
+            if truth.flags[i] & Truth::CREASE != 0 {
+                continue;
+            }
+            let depths = || self.scans.iter().map(|scan| f64::from(scan.depth[i]));
+            let exact = f64::from(truth.depth_mm[i]);
+            let off = |z: &f64| !((z - exact).abs() <= GROSS_MM);
+            let points = depths().filter(|z| z.is_finite()).count() as f64;
+            f.points += points;
+            if truth.flags[i] & WANTED == WANTED {
+                f.found += points;
+            }
+            let gross = depths().filter(|z| z.is_finite()).filter(off).count();
+            f.gross += gross as f64;
+            if gross > 0 || !depths().all(f64::is_finite) || !bound.is_finite() {
+                continue;
+            }
+            let mean = depths().sum::<f64>() / turns;
+            let variance = depths().map(|z| (z - mean).powi(2)).sum::<f64>() / (turns - 1.0);
+            let sigmas = self.scans.iter().map(|scan| f64::from(scan.depth_sigma[i]));
+            let own = sigmas.map(|s| s * s).sum::<f64>() / turns;
+            f.pixels += 1.0;
+            f.spread_mm += variance;
+            f.sigma_mm += own;
+            f.bound_mm += bound * bound;
+            f.ratio += variance / (bound * bound);
+            f.chi_square += variance / own;
+            f.bias_mm += (mean - exact).powi(2) - variance / turns;
+        }
+        let rms = |sum: f64| (sum / f.pixels).max(0.0).sqrt();
+        Figures {
+            spread_mm: rms(f.spread_mm),
+            sigma_mm: rms(f.sigma_mm),
+            bound_mm: rms(f.bound_mm),
+            ratio: rms(f.ratio),
+            chi_square: f.chi_square / f.pixels,
+            bias_mm: rms(f.bias_mm),
+            ..f
+        }
+    }
+}
+
+/// Scans a view as often as it says, and writes down spreads and bounds.
+///
+/// # Errors
+/// A built-in profile or scene that does not do.
+pub(super) fn measure(view: &View, seed: u64) -> Result<Row> {
+    let mut profile = Profile::load(view.profile)?;
+    let camera = &mut profile.camera;
+    let [width, height] = view.size_px;
+    camera.sensor_width_mm *= f64::from(width) / f64::from(camera.width_px);
+    (camera.width_px, camera.height_px) = (width, height);
+    camera.exposure_us *= view.light;
+    let scene = Scene::load(view.scene)?;
+    let mut stage = Stage::new(&profile, &scene, seed, render::Options::default())?;
+    let truth = stage.truth();
+    let (mut plain, mut weighted) = (Vec::new(), Vec::new());
+    let weighing = Options {
+        weighted: true,
+        ..Options::default()
+    };
+    let (mut manifest, mut rig) = (None, None);
+    for turn in 0..view.turns {
+        let scanned = stage.scan(turn);
+        plain.push(scanned.decode(&scanned.decoder(Options::default())?)?);
+        weighted.push(scanned.decode(&scanned.decoder(weighing)?)?);
+        (manifest, rig) = (Some(scanned.manifest), Some(scanned.rig));
+    }
+    let (Some(manifest), Some(rig)) = (manifest, rig) else {
+        return Ok(Row::new());
+    };
+    let bounds = depth_bounds(&truth, &manifest, &rig);
+    let f = Spread { scans: plain }.figures(&truth, &bounds);
+    let w = Spread { scans: weighted }.figures(&truth, &bounds);
+    let expected = truth
+        .flags
+        .iter()
+        .filter(|&&flags| flags & (WANTED | Truth::CREASE) == WANTED)
+        .count();
+    let noise = rig
+        .noise
+        .unwrap_or_else(|| profile.camera.sensor.noise_model(0.0, 0.0));
+    let smooth = || (0..truth.flags.len()).filter(|&i| bounds[i].is_finite());
+    let b = middle(smooth().map(|i| f64::from(truth.modulation_dn[i])));
+    let mean = middle(smooth().map(|i| f64::from(truth.mean_dn[i])));
+    Ok(Row::new()
+        .text("kind", "depth")
+        .text("sensor", view.profile)
+        .text("scene", view.scene)
+        .number("light", view.light)
+        .number("turns", view.turns as f64)
+        .number("modulation_dn", b)
+        .number("mean_dn", mean)
+        .number("noise_dn", (noise.variance_dn2(mean) - 1.0 / 12.0).sqrt())
+        .number("swing", super::bound::swing(&noise, mean, b))
+        .number("samples", expected as f64 * view.turns as f64)
+        .number("valid", f.points)
+        .number("gross", f.gross)
+        .number("found", f.found)
+        .number("pixels", f.pixels)
+        .number("spread_mm", f.spread_mm)
+        .number("sigma_mm", f.sigma_mm)
+        .number("bound_mm", f.bound_mm)
+        .number("ratio", f.ratio)
+        .number("chi_square", f.chi_square)
+        .number("bias_mm", f.bias_mm)
+        .number("weighted_ratio", w.ratio)
+        .number("weighted_chi_square", w.chi_square)
+        .number("weighted_spread_mm", w.spread_mm)
+        .number("weighted_gross", w.gross)
+        .number("weighted_bias_mm", w.bias_mm))
+}
+
+/// The median; NaN of nothing.
+fn middle(values: impl Iterator<Item = f64>) -> f64 {
+    let mut values: Vec<f64> = values.filter(|v| v.is_finite()).collect();
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
+}

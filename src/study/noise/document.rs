@@ -1,0 +1,325 @@
+//! What the study says.
+
+use super::bound::{floor_of_many, rounded};
+use super::tables::{self, WHITE_FROM_DN, bench, of, signal_to_noise, spoken_of, values};
+use crate::study::lab::{Block, Chart, Check, Document, Figure, Look, Row, Rows, Section, Series};
+
+/// By how much errors may exceed the bound.
+const ABOVE_BOUND: f64 = 1.05;
+/// The number of steps of the paper and of the tables that hold one.
+const STEPS: f64 = 12.0;
+
+/// The document of all rows.
+pub(super) fn of_rows(rows: &Rows) -> Document {
+    let section = |title: &str, blocks| Section {
+        title: title.to_owned(),
+        blocks,
+    };
+    Document {
+        title: "Noise of phase and depth beside its bounds".to_owned(),
+        sections: vec![
+            section("Even noise: least squares and rounding", even(rows)),
+            section("Even noise: inliers, gross errors, coverage", mask(rows)),
+            section("Shot noise: what weights win", shot(rows)),
+            section("Depth", depth(rows)),
+            section("Checks", vec![Block::Checks(checks(rows))]),
+        ],
+    }
+}
+
+fn even(rows: &Rows) -> Vec<Block> {
+    let words = "Fringes around the middle of 8 bits with Gaussian noise of one size at every step, \
+        rounded, decoded as scans are. The bound is sqrt(2/N) sigma/B with sigma^2 = noise^2 + 1/12, \
+        as if rounding were white noise. It is from 0.3 grey levels of noise on, whatever the steps. Below, \
+        samples of one fringe share their rounding errors as they share levels: at 0.1 grey levels the \
+        error of a phase is up to a quarter above that bound or below it, by steps and modulation. Few steps are \
+        not what makes it so: 10, 12, 24 and 32 steps have modulations at which they are a tenth or \
+        more above, so that no bar of 1.05 for five steps and more can hold there. The second table is what \
+        rounding's harmonics say in closed form; the measured errors are held to it where noise is \
+        below half a grey level, and to the bound of white noise from there on.";
+    let measured = "Root mean square error over the bound, the largest over the modulations (bins of a \
+        thousand valid samples or more)";
+    let expected = "The same as expected of rounded samples";
+    let blocks = [
+        Block::Words(words.to_owned()),
+        Block::Table(tables::by_steps_and_noise(
+            rows,
+            "noise-even",
+            measured,
+            |row| row.value("ratio"),
+        )),
+        Block::Table(tables::by_steps_and_noise(
+            rows,
+            "noise-rounded",
+            expected,
+            |row| row.value("rounded"),
+        )),
+        figure(
+            "noise-ratio-steps",
+            "Error over the bound by steps",
+            over_steps(rows),
+        ),
+        figure("noise-bound", "Measured against bound", against_bound(rows)),
+    ];
+    blocks.into()
+}
+
+fn mask(rows: &Rows) -> Vec<Block> {
+    let words = "A pixel is valid whose modulation is at least 2 DN and whose phase has a standard \
+        deviation of at most 0.15 rad, both as measured, whose Gray code is certain, and which its \
+        neighbours confirm. The Gray code is what refuses pixels first: a bit is sure four standard \
+        deviations from the middle of white and black, which is noisy itself, so that it takes a \
+        modulation of some eight times the noise, where twelve steps would still have a phase to 0.15 rad from \
+        three times on. No gross errors come through. Where part of the \
+        pixels is refused, the valid ones are those whose noise happened to add to their modulation.";
+    let blocks = [
+        Block::Words(words.to_owned()),
+        Block::Table(tables::mask(rows, STEPS)),
+        figure(
+            "noise-ratio",
+            "Inliers: error over the bound",
+            over_noise(rows, "error over the bound", |row| {
+                if spoken_of(row) {
+                    row.value("ratio")
+                } else {
+                    f64::NAN
+                }
+            }),
+        ),
+        figure(
+            "noise-coverage",
+            "Coverage",
+            over_noise(rows, "coverage", |row| {
+                row.value("valid") / row.value("samples")
+            }),
+        ),
+        figure(
+            "noise-gross",
+            "Gross errors",
+            over_noise(rows, "gross errors among valid pixels", |row| {
+                row.value("gross") / row.value("valid")
+            }),
+        ),
+    ];
+    blocks.into()
+}
+
+fn shot(rows: &Rows) -> Vec<Block> {
+    let words = "Where noise follows the light, the samples in a fringe's dark are better than those in \
+        its light. Least squares does not know and has the same bound as before, with sigma at the mean; the \
+        Cramer-Rao bound of many steps is lower by sqrt((1 + sqrt(1 - m^2)) / 2), where the variance \
+        swings by m of itself. Option weighted (--weighted) takes off the phase what its error shares with \
+        the second and third harmonic of the samples, which hold nothing but noise. Response curves move neither.";
+    let blocks = [
+        Block::Words(words.to_owned()),
+        Block::Table(tables::sensors(rows, STEPS)),
+        Block::Table(tables::steps(rows)),
+        figure("noise-weighted", "What weights win", over_swing(rows)),
+        Block::Table(tables::time(rows)),
+    ];
+    blocks.into()
+}
+
+fn depth(rows: &Rows) -> Vec<Block> {
+    let words = "Scenes rendered, captured and decoded again and again with noise of its own each time. \
+        The spread of a pixel's depth is noise alone; its mean keeps what is none: the 8 bits of the slides, \
+        rounding, and with the four steps of webcam-grey, which get no weights either, the image of the \
+        projector's held pixels. First-order propagation carries \
+        the phase's bound to depth by the slope of the projector's coordinate along the camera's ray.";
+    vec![
+        Block::Words(words.to_owned()),
+        Block::Table(tables::depths(rows)),
+    ]
+}
+
+fn figure(name: &str, caption: &str, chart: Chart) -> Block {
+    Block::Figure(Figure {
+        name: name.to_owned(),
+        caption: caption.to_owned(),
+        sheet: chart.sheet(),
+    })
+}
+
+/// One modulation, error over bound by steps, a series for each noise below the white and one above.
+fn over_steps(rows: &Rows) -> Chart {
+    const MODULATION_DN: f64 = 10.0;
+    let mut series = Vec::new();
+    for noise in values(of(rows, "even"), "nominal_dn") {
+        let here = || {
+            of(rows, "even").filter(|row| {
+                row.value("nominal_dn") == noise
+                    && row.value("modulation_dn") == MODULATION_DN
+                    && spoken_of(row)
+            })
+        };
+        let points = here().map(|row| (row.value("steps"), row.value("ratio")));
+        series.push(Series::new(
+            &format!("noise {noise} DN"),
+            Look::Both,
+            points,
+        ));
+    }
+    let expected = (3..=32u32).map(|n| (f64::from(n), rounded(n as usize, MODULATION_DN, 0.1)));
+    series.push(Series::new("expected at 0.1 DN", Look::Dashed, expected));
+    Chart {
+        heading: format!("B = {MODULATION_DN} DN"),
+        x: "steps N".to_owned(),
+        y: "error over the bound".to_owned(),
+        log: [true, false],
+        series,
+    }
+}
+
+/// A value by modulation over noise, a series for each N.
+fn over_noise(rows: &Rows, label: &str, value: impl Fn(&Row) -> f64) -> Chart {
+    let series = values(of(rows, "even"), "steps").into_iter().map(|steps| {
+        let mut points: Vec<(f64, f64)> = of(rows, "even")
+            .filter(|row| row.value("steps") == steps)
+            .map(|row| (signal_to_noise(row), value(row)))
+            .collect();
+        points.sort_by(|a, b| a.0.total_cmp(&b.0));
+        Series::new(&format!("N = {steps}"), Look::Dots, points)
+    });
+    Chart {
+        heading: String::new(),
+        x: "modulation B over noise".to_owned(),
+        y: label.to_owned(),
+        log: [true, false],
+        series: series.collect(),
+    }
+}
+
+/// Errors against bounds in projector pixels.
+fn against_bound(rows: &Rows) -> Chart {
+    let points = |kind: &'static str, low: bool| {
+        let here = of(rows, kind).filter(|row| spoken_of(row));
+        here.filter(move |row| (row.value("noise_dn") < WHITE_FROM_DN) == low)
+            .map(|row| (row.value("bound_px"), row.value("rms_px")))
+            .collect::<Vec<_>>()
+    };
+    let bounds = || of(rows, "even").map(|row| row.value("bound_px"));
+    let ends = [
+        bounds().fold(f64::NAN, f64::min),
+        bounds().fold(f64::NAN, f64::max),
+    ];
+    Chart {
+        heading: String::new(),
+        x: "least-squares bound, projector px".to_owned(),
+        y: "root mean square error, projector px".to_owned(),
+        log: [true, true],
+        series: vec![
+            Series::new("even, 0.5 DN or more", Look::Dots, points("even", false)),
+            Series::new("even, below 0.5 DN", Look::Dots, points("even", true)),
+            Series::new("sensors", Look::Dots, points("shot", false)),
+            Series::new("sensors, below 0.5 DN", Look::Dots, points("shot", true)),
+            Series::new("bound", Look::Dashed, ends.map(|end| (end, end))),
+        ],
+    }
+}
+
+/// Least squares and weights over the bound by the variance's swing.
+fn over_swing(rows: &Rows) -> Chart {
+    let here = || of(rows, "shot").filter(|row| row.value("steps") >= 8.0 && spoken_of(row));
+    let points = |name: &'static str| here().map(move |row| (row.value("swing"), row.value(name)));
+    let bound = (0..=95)
+        .map(|i| f64::from(i) / 100.0)
+        .map(|m| (m, floor_of_many(m)));
+    Chart {
+        heading: "8 steps and more".to_owned(),
+        x: "swing of the variance m".to_owned(),
+        y: "error over the least-squares bound".to_owned(),
+        log: [false, false],
+        series: vec![
+            Series::new("least squares", Look::Dots, points("ratio")),
+            Series::new("weighted", Look::Dots, points("weighted_ratio")),
+            Series::new("Cramer-Rao bound", Look::Dashed, bound),
+        ],
+    }
+}
+
+fn checks(rows: &Rows) -> Vec<Check> {
+    let phases = || {
+        of(rows, "even")
+            .chain(of(rows, "shot"))
+            .filter(|row| spoken_of(row))
+    };
+    let white = |row: &&Row| row.value("noise_dn") >= WHITE_FROM_DN * (1.0 - 1e-3);
+    let largest = |values: &mut dyn Iterator<Item = f64>| values.fold(f64::NAN, f64::max);
+    let off = |value: f64| (value - 1.0).abs();
+    let weighable = |row: &&Row| row.value("steps") >= 8.0;
+    let of_all = || of(rows, "even").chain(of(rows, "shot"));
+    let gross: f64 = of_all().map(|row| row.value("gross")).sum();
+    let valid: f64 = of_all().map(|row| row.value("valid")).sum();
+    let bench_m = |row: &&Row| {
+        bench(row) && row.value("steps") == STEPS && row.value("modulation_dn") >= 50.0
+    };
+    vec![
+        Check::at_most(
+            "error over the least-squares bound, noise of 0.5 DN or more",
+            largest(&mut phases().filter(white).map(|row| row.value("ratio"))),
+            ABOVE_BOUND,
+        ),
+        Check::at_most(
+            "error over what rounded samples allow, noise below 0.5 DN",
+            largest(
+                &mut phases()
+                    .filter(|row| !white(row))
+                    .map(|row| row.value("ratio") / row.value("rounded")),
+            ),
+            ABOVE_BOUND,
+        ),
+        Check::at_most(
+            "error over the decoder's own deviation less 1, noise of 0.5 DN or more",
+            largest(&mut phases().filter(white).map(|row| off(row.value("whitened")))),
+            0.05,
+        ),
+        Check::at_most(
+            "gross errors among all valid pixels of fringes",
+            gross / valid,
+            1e-4,
+        ),
+        Check::at_most(
+            "weighted: error over the Cramer-Rao bound, 8 steps or more, noise of 0.5 DN or more",
+            largest(
+                &mut phases()
+                    .filter(white)
+                    .filter(weighable)
+                    .map(|row| row.value("weighted_ratio") / row.value("floor")),
+            ),
+            ABOVE_BOUND,
+        ),
+        Check::at_most(
+            "weighted: error over its own deviation less 1, noise of 0.5 DN or more",
+            largest(
+                &mut phases()
+                    .filter(white)
+                    .map(|row| off(row.value("weighted_whitened"))),
+            ),
+            0.05,
+        ),
+        Check::at_most(
+            "weighted over least squares, pmp-bench's sensor, 12 steps, B of 50 DN or more",
+            largest(
+                &mut of(rows, "shot")
+                    .filter(bench_m)
+                    .map(|row| row.value("weighted_ratio") / row.value("ratio")),
+            ),
+            0.95,
+        ),
+        Check::at_most(
+            "depth: spread over the bound",
+            largest(&mut of(rows, "depth").map(|row| row.value("ratio"))),
+            ABOVE_BOUND,
+        ),
+        Check::at_most(
+            "depth: chi-square of the decoder's deviation less 1",
+            largest(&mut of(rows, "depth").map(|row| off(row.value("chi_square")))),
+            0.05,
+        ),
+        Check::at_most(
+            "depth, weighted: chi-square of the decoder's deviation less 1",
+            largest(&mut of(rows, "depth").map(|row| off(row.value("weighted_chi_square")))),
+            0.05,
+        ),
+    ]
+}

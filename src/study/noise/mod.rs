@@ -1,0 +1,102 @@
+//! The study `noise`: what noise leaves of phase and depth, beside the bounds that it sets.
+//!
+//! Fringes of known phase are read by the sensors of profiles, noise, rounding and all, decoded as
+//! scans are, and held against the least-squares bound sqrt(2/N) sigma / B and the Cramer-Rao bound
+//! (`bound`); scenes are scanned again and again, and the spread of each pixel's depth is held against
+//! the decoder's own standard deviation and the bound (`depth`).
+
+mod bound;
+mod cases;
+mod depth;
+mod document;
+mod phase;
+mod stack;
+mod tables;
+
+use super::lab::{Document, Folder, Row, Rows, Settings, Study, Trial};
+use crate::error::Result;
+
+/// The study.
+pub struct Noise;
+
+impl Study for Noise {
+    fn name(&self) -> &'static str {
+        "noise"
+    }
+
+    fn about(&self) -> &'static str {
+        "phase and depth noise beside the bounds that the sensor's noise sets"
+    }
+
+    fn columns(&self) -> &'static [&'static str] {
+        &[
+            "kind",
+            "sensor",
+            "gain_db",
+            "scene",
+            "light",
+            "turns",
+            "steps",
+            "modulation_dn",
+            "mean_dn",
+            "nominal_dn",
+            "noise_dn",
+            "swing",
+            "samples",
+            "valid",
+            "gross",
+            "found",
+            "rms_px",
+            "bound_px",
+            "ratio",
+            "rounded",
+            "floor",
+            "whitened",
+            "weighted_valid",
+            "weighted_gross",
+            "weighted_ratio",
+            "weighted_whitened",
+            "pixels",
+            "spread_mm",
+            "sigma_mm",
+            "bound_mm",
+            "chi_square",
+            "bias_mm",
+            "weighted_spread_mm",
+            "weighted_chi_square",
+            "weighted_bias_mm",
+            "plain_s",
+            "weighted_s",
+        ]
+    }
+
+    fn trials(&self, settings: &Settings) -> Result<Vec<Trial>> {
+        let grid = cases::Grid::new(settings.quick);
+        let mut trials = Vec::new();
+        let cases = cases::even(&grid)?.into_iter().chain(cases::shot(&grid)?);
+        for (i, case) in cases.enumerate() {
+            // Each has noise of its own.
+            let seed = settings.seed.wrapping_add(i as u64);
+            trials.push(Trial::new(case.key.clone(), seed, move |context| {
+                let row = Row::new()
+                    .text("kind", case.kind)
+                    .text("sensor", case.sensor)
+                    .number("gain_db", case.gain_db)
+                    .number("nominal_dn", case.noise_dn);
+                Ok(vec![phase::measure(&case.fringe, context.seed, row)?])
+            }));
+        }
+        for view in depth::views(settings.quick) {
+            let key = format!("depth/{}/{}/light={}", view.profile, view.scene, view.light);
+            trials.push(Trial::new(key, settings.seed, move |context| {
+                Ok(vec![depth::measure(&view, context.seed)?])
+            }));
+        }
+        trials.push(Trial::new("time", settings.seed, phase::time).alone());
+        Ok(trials)
+    }
+
+    fn document(&self, rows: &Rows, _: &Folder, _: &Settings) -> Result<Document> {
+        Ok(document::of_rows(rows))
+    }
+}

@@ -1,0 +1,163 @@
+//! Frames of a fringe that is known, read by a profile's sensor: what the device's optics would give
+//! of a smooth surface, without optics.
+
+use crate::decode::{Decoder, FrameStack, Options};
+use crate::emulator::render::read_out;
+use crate::error::Result;
+use crate::geometry::NoiseModel;
+use crate::pattern::{Axis, Manifest, ManifestFrame, Pattern, ProjectorSize};
+use crate::profile::Sensor;
+use crate::study::scanned::Levels;
+use std::f64::consts::TAU;
+
+/// Period of the fringes in projector pixels, as `pmp-bench` has them.
+pub(super) const PERIOD_PX: f64 = 16.0;
+const WIDTH: usize = 256;
+/// Projector pixels from one camera pixel to the next, and those that one sees.
+const STEP_PX: f64 = 1.7;
+
+/// A fringe on a surface, the same in all pixels but for its phase.
+#[derive(Debug, Clone)]
+pub(super) struct Fringe {
+    /// Steps N.
+    pub(super) steps: usize,
+    /// B in digital numbers.
+    pub(super) modulation_dn: f64,
+    /// A in digital numbers, black level included; pixels differ by up to half a number, so that
+    /// rounding is not the same in all of them.
+    pub(super) mean_dn: f64,
+    /// What reads it.
+    pub(super) sensor: Sensor,
+    /// Rows of 256 pixels.
+    pub(super) rows: usize,
+}
+
+/// One scan of a [`Fringe`].
+pub(super) struct Stack {
+    fringe: Fringe,
+    manifest: Manifest,
+    frames: Vec<Levels>,
+}
+
+impl Fringe {
+    /// Pixels.
+    pub(super) fn pixels(&self) -> usize {
+        WIDTH * self.rows
+    }
+
+    /// The noise that the decoder is told.
+    pub(super) fn noise(&self) -> NoiseModel {
+        self.sensor.noise_model(0.0, 0.0)
+    }
+
+    /// The projector column that a pixel sees: a slope, and every phase.
+    pub(super) fn position_px(&self, pixel: usize) -> f64 {
+        let (u, v) = ((pixel % WIDTH) as f64, (pixel / WIDTH) as f64);
+        12.0 + STEP_PX * u + 0.0371 * v
+    }
+
+    /// A pixel's mean in digital numbers: additive recurrence by the golden ratio.
+    pub(super) fn mean_dn_at(&self, pixel: usize) -> f64 {
+        self.mean_dn + (pixel as f64 * 0.618_033_988_749_894_9).fract() - 0.5
+    }
+
+    /// Fringes, Gray code with a complementary bit, white and black, as `pmp-bench` has them.
+    fn manifest(&self) -> Manifest {
+        let fringe = |i: usize| Pattern::Fringe {
+            axis: Axis::X,
+            period_px: PERIOD_PX,
+            phase_rad: TAU * i as f64 / self.steps as f64,
+        };
+        let gray = |cell_px: f64, bits: u32, bit: u32| Pattern::Gray {
+            axis: Axis::X,
+            cell_px,
+            bits,
+            bit,
+            inverted: false,
+        };
+        let coarse = (0..7).rev().map(|bit| gray(PERIOD_PX, 7, bit));
+        let patterns = (0..self.steps)
+            .map(fringe)
+            .chain(coarse)
+            .chain([gray(0.5 * PERIOD_PX, 8, 0)])
+            .chain([Pattern::White {}, Pattern::Black {}]);
+        let frame = |pattern| ManifestFrame {
+            file: None,
+            pattern,
+        };
+        Manifest {
+            projector: ProjectorSize {
+                width_px: 1920,
+                height_px: 1080,
+            },
+            frame: patterns.map(frame).collect(),
+        }
+    }
+
+    /// Scans it; `seed` keys the noise.
+    pub(super) fn scan(&self, seed: u64) -> Stack {
+        let manifest = self.manifest();
+        let single = self.sensor.bits <= 8;
+        let frame = |(id, frame): (usize, &ManifestFrame)| {
+            let signal: Vec<f32> = (0..self.pixels())
+                .map(|i| {
+                    let swing = level(&frame.pattern, self.position_px(i));
+                    (self.mean_dn_at(i) + self.modulation_dn * swing) as f32
+                })
+                .collect();
+            Levels::of_bytes(read_out(&self.sensor, [seed, id as u64], &signal), single)
+        };
+        let frames = manifest.frame.iter().enumerate().map(frame).collect();
+        Stack {
+            fringe: self.clone(),
+            manifest,
+            frames,
+        }
+    }
+}
+
+impl Stack {
+    /// A decoder that knows the sensor's noise.
+    ///
+    /// # Errors
+    /// None that a [`Fringe`] gives rise to.
+    pub(super) fn decoder(&self, options: Options) -> Result<Decoder> {
+        let options = Options {
+            noise: Some(self.fringe.noise()),
+            ..options
+        };
+        Decoder::new(&self.manifest, WIDTH, self.fringe.rows, None, options)
+    }
+
+    /// The frames as a decoder takes them.
+    ///
+    /// # Errors
+    /// None that a [`Fringe`] gives rise to.
+    pub(super) fn frames(&self) -> Result<FrameStack<'_>> {
+        let samples = self.frames.iter().map(Levels::samples).collect();
+        FrameStack::new(WIDTH, self.fringe.rows, samples)
+    }
+}
+
+/// A pattern's light at a column, from -1 to 1: fringes as they are, held pixels of a Gray code
+/// averaged over what a camera pixel sees.
+fn level(pattern: &Pattern, x: f64) -> f64 {
+    match pattern {
+        Pattern::Fringe {
+            period_px,
+            phase_rad,
+            ..
+        } => (TAU * x / period_px + phase_rad).cos(),
+        Pattern::Gray { .. } => {
+            let (low, high) = (x - 0.5 * STEP_PX, x + 0.5 * STEP_PX);
+            let columns = (low + 0.5).floor() as u32..=(high + 0.5).floor() as u32;
+            let part = |i: u32| {
+                let middle = f64::from(i);
+                let overlap = (high.min(middle + 0.5) - low.max(middle - 0.5)).max(0.0);
+                overlap * pattern.level(i).unwrap_or(0.0)
+            };
+            2.0 * columns.map(part).sum::<f64>() / STEP_PX - 1.0
+        }
+        uniform => 2.0 * uniform.level(0).unwrap_or(0.0) - 1.0,
+    }
+}

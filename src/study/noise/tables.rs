@@ -1,0 +1,228 @@
+//! The tables.
+
+use crate::measure::plot::figures;
+use crate::study::lab::{Row, Rows, Table};
+
+/// Fewest valid samples of a bin that is spoken of.
+pub(super) const FEWEST: f64 = 1000.0;
+/// Noise in digital numbers from which rounding is white.
+pub(super) const WHITE_FROM_DN: f64 = 0.5;
+
+/// The rows of one kind.
+pub(super) fn of<'a>(rows: &'a Rows, kind: &'a str) -> impl Iterator<Item = &'a Row> {
+    rows.with("kind", kind)
+}
+
+/// Whether a phase row has a thousand valid samples or more.
+pub(super) fn spoken_of(row: &Row) -> bool {
+    row.value("valid") - row.value("gross") >= FEWEST
+}
+
+/// The values of a column, each once, in rising order.
+pub(super) fn values<'a>(rows: impl Iterator<Item = &'a Row>, name: &str) -> Vec<f64> {
+    let mut values: Vec<f64> = rows.map(|row| row.value(name)).collect();
+    values.sort_by(f64::total_cmp);
+    values.dedup();
+    values
+}
+
+/// Modulation over the standard deviation of a sample, rounding included.
+pub(super) fn signal_to_noise(row: &Row) -> f64 {
+    row.value("modulation_dn") / (row.value("noise_dn").powi(2) + 1.0 / 12.0).sqrt()
+}
+
+/// The largest of a value over the bins of one N and one noise, by steps and noises.
+pub(super) fn by_steps_and_noise(
+    rows: &Rows,
+    name: &str,
+    caption: &str,
+    value: impl Fn(&Row) -> f64,
+) -> Table {
+    let noises = values(of(rows, "even"), "nominal_dn");
+    let header: Vec<String> = std::iter::once("N".to_owned())
+        .chain(noises.iter().map(|noise| format!("{noise} DN")))
+        .collect();
+    let header: Vec<&str> = header.iter().map(String::as_str).collect();
+    let mut table = Table::new(name, caption, &header);
+    for steps in values(of(rows, "even"), "steps") {
+        let cells = noises.iter().map(|&noise| {
+            let largest = of(rows, "even")
+                .filter(|row| row.value("steps") == steps && row.value("nominal_dn") == noise)
+                .filter(|row| spoken_of(row))
+                .map(&value)
+                .fold(f64::NAN, f64::max);
+            figures(largest, 3)
+        });
+        table.row(std::iter::once(steps.to_string()).chain(cells));
+    }
+    table
+}
+
+/// What the mask does where the noise grows: inliers, gross errors and coverage apart.
+pub(super) fn mask(rows: &Rows, steps: f64) -> Table {
+    let caption = format!(
+        "Even noise, {steps} steps, from the noisiest fringe to the best. Coverage: valid pixels \
+         among all; gross: valid ones more than a quarter of a period off; error over the bound: \
+         root mean square of the other valid ones"
+    );
+    let header = [
+        "B over noise",
+        "B, DN",
+        "noise, DN",
+        "coverage, %",
+        "gross, %",
+        "error over bound",
+        "error over own deviation",
+    ];
+    let mut table = Table::new("noise-mask", caption, &header);
+    let mut found: Vec<&Row> = of(rows, "even")
+        .filter(|row| row.value("steps") == steps)
+        .collect();
+    found.sort_by(|a, b| signal_to_noise(a).total_cmp(&signal_to_noise(b)));
+    for row in found {
+        let valid = row.value("valid");
+        let gross = if valid > 0.0 {
+            row.value("gross") / valid
+        } else {
+            f64::NAN
+        };
+        let few = |value: f64| if spoken_of(row) { value } else { f64::NAN };
+        table.row([
+            figures(signal_to_noise(row), 3),
+            row.get("modulation_dn").to_owned(),
+            row.get("nominal_dn").to_owned(),
+            figures(100.0 * valid / row.value("samples"), 3),
+            figures(100.0 * gross, 2),
+            figures(few(row.value("ratio")), 3),
+            figures(few(row.value("whitened")), 3),
+        ]);
+    }
+    table
+}
+
+/// Shot noise: least squares, weights and bound, over the sensors and modulations of one N.
+pub(super) fn sensors(rows: &Rows, steps: f64) -> Table {
+    let caption = format!(
+        "Sensors of profiles, {steps} steps, fringes without other light (B is 95 % of the mean's \
+         height above black). Swing: how far the variance follows the fringe, m = K B / v. The last \
+         three are root mean squares over the least-squares bound"
+    );
+    let header = [
+        "sensor",
+        "gain, dB",
+        "B, DN",
+        "noise, DN",
+        "swing m",
+        "coverage, %",
+        "least squares",
+        "weighted",
+        "Cramer-Rao",
+    ];
+    let mut table = Table::new("noise-sensors", caption, &header);
+    for row in of(rows, "shot").filter(|row| row.value("steps") == steps) {
+        table.row([
+            row.get("sensor").to_owned(),
+            row.get("gain_db").to_owned(),
+            row.get("modulation_dn").to_owned(),
+            figures(row.value("noise_dn"), 3),
+            figures(row.value("swing"), 3),
+            figures(100.0 * row.value("valid") / row.value("samples"), 3),
+            figures(row.value("ratio"), 3),
+            figures(row.value("weighted_ratio"), 3),
+            figures(row.value("floor"), 3),
+        ]);
+    }
+    table
+}
+
+/// The same over the steps, of the first sensor at its brightest fringe.
+pub(super) fn steps(rows: &Rows) -> Table {
+    let all = || of(rows, "shot").filter(|row| bench(row));
+    let brightest = values(all(), "modulation_dn").pop().unwrap_or(f64::NAN);
+    let caption = format!(
+        "The sensor of pmp-bench by the number of steps, B = {brightest} DN: root mean squares over \
+         the least-squares bound. Three steps leave nothing to weigh, and the decoder weighs from six \
+         on"
+    );
+    let header = ["N", "least squares", "weighted", "Cramer-Rao"];
+    let mut table = Table::new("noise-steps", caption, &header);
+    for row in all().filter(|row| row.value("modulation_dn") == brightest) {
+        table.row([
+            row.get("steps").to_owned(),
+            figures(row.value("ratio"), 3),
+            figures(row.value("weighted_ratio"), 3),
+            figures(row.value("floor"), 3),
+        ]);
+    }
+    table
+}
+
+/// Whether a row is of the default profile's sensor at its own gain.
+pub(super) fn bench(row: &Row) -> bool {
+    row.get("sensor") == "pmp-bench" && row.value("gain_db") == 0.0
+}
+
+/// Depths of scenes that were scanned again and again.
+pub(super) fn depths(rows: &Rows) -> Table {
+    let caption = "Depth of smooth pixels over repeated scans of the middle of the camera's image, \
+         root mean squares in mm: bound: sqrt(2/N) sigma/B of the truth, carried to depth; spread: of \
+         each pixel's depths about their mean; deviation: the decoder's own; bias: of the means about the \
+         true depth, less what noise leaves of a mean. Chi-square: mean of spread over deviation, \
+         squared. Gross: points more than 1 mm off";
+    let header = [
+        "profile, scene, light",
+        "scans",
+        "pixels",
+        "B, DN",
+        "swing m",
+        "coverage, %",
+        "gross, %",
+        "bound",
+        "spread",
+        "deviation",
+        "spread over bound",
+        "chi-square",
+        "bias",
+        "weighted over bound",
+        "its chi-square",
+    ];
+    let mut table = Table::new("noise-depth", caption, &header);
+    for row in of(rows, "depth") {
+        let light = row.get("light");
+        table.row([
+            format!("{}, {}, {light}", row.get("sensor"), row.get("scene")),
+            row.get("turns").to_owned(),
+            row.get("pixels").to_owned(),
+            figures(row.value("modulation_dn"), 3),
+            figures(row.value("swing"), 3),
+            figures(100.0 * row.value("found") / row.value("samples"), 3),
+            figures(100.0 * row.value("gross") / row.value("valid"), 2),
+            figures(row.value("bound_mm"), 3),
+            figures(row.value("spread_mm"), 3),
+            figures(row.value("sigma_mm"), 3),
+            figures(row.value("ratio"), 3),
+            figures(row.value("chi_square"), 3),
+            figures(row.value("bias_mm"), 2),
+            figures(row.value("weighted_ratio"), 3),
+            figures(row.value("weighted_chi_square"), 3),
+        ]);
+    }
+    table
+}
+
+/// What weights cost.
+pub(super) fn time(rows: &Rows) -> Table {
+    let caption = "Decoding 12 steps, 8 Gray bits, white and black to coordinates: medians";
+    let header = ["pixels", "least squares, ms", "weighted, ms", "more, %"];
+    let mut table = Table::new("noise-time", caption, &header).timed();
+    for row in of(rows, "time") {
+        let (plain, weighted) = (row.value("plain_s"), row.value("weighted_s"));
+        table.row([
+            row.get("samples").to_owned(),
+            figures(1e3 * plain, 3),
+            figures(1e3 * weighted, 3),
+            figures(100.0 * (weighted / plain - 1.0), 2),
+        ]);
+    }
+    table
+}

@@ -1,0 +1,287 @@
+//! Errors of a measured surface as the paper reports them: MAE, CMAE, HD, MDTA.
+
+use crate::emulator::Truth;
+use crate::error::Result;
+use crate::geometry::{Cloud, Mesh, MeshTree, Neighbours, Rig};
+use crate::measure::{Directed, Surface, lit_and_seen};
+use crate::study::lab::Row;
+use glam::{DVec2, DVec3};
+use rayon::prelude::*;
+
+/// Points tried over the area of the true surface.
+const SAMPLES: usize = 60_000;
+/// A true point this near to the object's surface, in mm, belongs to it: depths are f32.
+const ON_MM: f64 = 0.05;
+
+/// What is to be measured, as a camera sees it.
+pub struct Target {
+    tree: MeshTree,
+    /// Points spread evenly over what is lit and seen of the surface, in the rig's frame.
+    samples: Vec<DVec3>,
+    /// Rays of the camera's pixels.
+    rays: Vec<DVec3>,
+    /// Pixels whose ray meets the object.
+    pub on: Vec<usize>,
+}
+
+/// Errors in millimetres. NaN where there is nothing to speak of.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Figures {
+    /// Measured pixels of the object.
+    pub points: usize,
+    /// Share that was measured of the pixels that see one facet, lit and struck below 80 degrees.
+    pub coverage: f64,
+    /// Share of the points more than 1 mm off in depth.
+    pub gross: f64,
+    /// Root mean square depth error of the others.
+    pub inlier_rmse_mm: f64,
+    /// Mean absolute depth error of all points, at creases too.
+    pub mae_mm: f64,
+    /// The same along the camera's middle row.
+    pub cmae_mm: f64,
+    /// Hausdorff distance and mean distance to agreement, points to surface both ways.
+    pub surface_mm: [f64; 2],
+    /// The larger of the two 95th percentiles whose maxima the Hausdorff distance is of.
+    pub surface_p95_mm: f64,
+    /// Largest and mean distance from the points of the true surface to the nearest measured point.
+    pub points_mm: [f64; 2],
+    /// What the last two would be if every measured point stood where it should.
+    pub floor_mm: [f64; 2],
+}
+
+/// Distances between surfaces in mm.
+struct Distances {
+    /// Largest, mean, 95th percentile: points to surface, both ways.
+    surface: [f64; 3],
+    /// Largest, mean: true surface to points.
+    points: [f64; 2],
+    /// The same to points without errors.
+    floor: [f64; 2],
+}
+
+impl Distances {
+    const NONE: Self = Self {
+        surface: [f64::NAN; 3],
+        points: [f64::NAN; 2],
+        floor: [f64::NAN; 2],
+    };
+}
+
+impl Figures {
+    /// The columns that [`Self::row`] fills.
+    pub const COLUMNS: [&'static str; 13] = [
+        "points",
+        "coverage",
+        "gross",
+        "inlier_rmse_mm",
+        "mae_mm",
+        "cmae_mm",
+        "hd_surface_mm",
+        "mdta_surface_mm",
+        "hd95_surface_mm",
+        "hd_points_mm",
+        "mdta_points_mm",
+        "hd_floor_mm",
+        "mdta_floor_mm",
+    ];
+
+    /// With these figures more.
+    pub fn row(&self, row: Row) -> Row {
+        let values = [
+            self.points as f64,
+            self.coverage,
+            self.gross,
+            self.inlier_rmse_mm,
+            self.mae_mm,
+            self.cmae_mm,
+            self.surface_mm[0],
+            self.surface_mm[1],
+            self.surface_p95_mm,
+            self.points_mm[0],
+            self.points_mm[1],
+            self.floor_mm[0],
+            self.floor_mm[1],
+        ];
+        let named = Self::COLUMNS.into_iter().zip(values);
+        named.fold(row, |row, (name, value)| row.number(name, value))
+    }
+}
+
+impl Target {
+    /// A surface in the rig's frame and what the truth says of it.
+    pub fn new(mesh: &Mesh, rig: &Rig, truth: &Truth) -> Self {
+        let tree = MeshTree::new(mesh);
+        let width = truth.width as usize;
+        let rays: Vec<DVec3> = (0..truth.depth_mm.len())
+            .map(|i| {
+                let px = DVec2::new((i % width) as f64, (i / width) as f64);
+                rig.camera.ray(px)
+            })
+            .collect();
+        let near = |i: usize| {
+            let point = rays[i] * f64::from(truth.depth_mm[i]);
+            tree.closest(point)
+                .is_some_and(|foot| foot.distance_mm < ON_MM)
+        };
+        let on = (0..rays.len()).into_par_iter().filter(|&i| near(i));
+        Self {
+            on: on.collect(),
+            samples: lit_and_seen(mesh, &tree, rig, SAMPLES),
+            rays,
+            tree,
+        }
+    }
+
+    /// The true point of a pixel in the rig's frame, in mm.
+    pub fn point(&self, i: usize, depth_mm: f32) -> DVec3 {
+        self.rays[i] * f64::from(depth_mm)
+    }
+
+    /// Errors of measured depths in mm, row by row, NaN where there is none.
+    ///
+    /// # Errors
+    /// What [`Surface::new`] refuses.
+    pub fn figures(&self, depth: &[f32], truth: &Truth) -> Result<Figures> {
+        let measured: Vec<usize> = (self.on.iter().copied())
+            .filter(|&i| depth[i].is_finite())
+            .collect();
+        let error = |i: &usize| f64::from(depth[*i] - truth.depth_mm[*i]).abs();
+        let all = Directed::of(measured.iter().map(error).collect());
+        let middle = truth.height as usize / 2;
+        let in_middle = |i: &&usize| **i / truth.width as usize == middle;
+        let section = Directed::of(measured.iter().filter(in_middle).map(error).collect());
+        let distances = self.distances(depth, truth, &measured)?;
+        let nan = f64::NAN;
+        Ok(Figures {
+            points: measured.len(),
+            coverage: self.coverage(depth, truth),
+            gross: all.map_or(nan, |d| d.gross_error_rate),
+            inlier_rmse_mm: all.map_or(nan, |d| d.inlier_rmse_mm),
+            mae_mm: all.map_or(nan, |d| d.mae_mm),
+            cmae_mm: section.map_or(nan, |d| d.mae_mm),
+            surface_mm: [distances.surface[0], distances.surface[1]],
+            surface_p95_mm: distances.surface[2],
+            points_mm: distances.points,
+            floor_mm: distances.floor,
+        })
+    }
+
+    fn coverage(&self, depth: &[f32], truth: &Truth) -> f64 {
+        let wanted = Truth::SEEN | Truth::LIT | Truth::SQUARE;
+        let smooth = |i: &&usize| truth.flags[**i] & (wanted | Truth::CREASE) == wanted;
+        let (mut all, mut found) = (0.0, 0.0);
+        for &i in self.on.iter().filter(smooth) {
+            all += 1.0;
+            found += f64::from(u8::from(depth[i].is_finite()));
+        }
+        found / all
+    }
+
+    fn distances(&self, depth: &[f32], truth: &Truth, measured: &[usize]) -> Result<Distances> {
+        if measured.is_empty() || self.samples.is_empty() {
+            return Ok(Distances::NONE);
+        }
+        let cloud = |depth: &[f32]| Cloud {
+            points: (measured.iter())
+                .map(|&i| self.point(i, depth[i]).as_vec3().to_array())
+                .collect(),
+            ..Cloud::default()
+        };
+        let points = cloud(depth);
+        let to = measured.par_iter().filter_map(|&i| {
+            let foot = self.tree.closest(self.point(i, depth[i]));
+            foot.map(|foot| foot.distance_mm)
+        });
+        let there = Directed::of(to.collect());
+        let perfect = Neighbours::new(&cloud(&truth.depth_mm).points);
+        let nearest = Neighbours::new(&points.points);
+        let surface = Surface::new(&crate::measure::Truth::Cloud(points))?;
+        let feet = surface.closest_batch(&self.samples);
+        let back = Directed::of(feet.iter().flatten().map(|foot| foot.distance_mm).collect());
+        let surface = match (there, back) {
+            (Some(a), Some(b)) => [
+                a.hausdorff_mm.max(b.hausdorff_mm),
+                (a.mae_mm + b.mae_mm) / 2.0,
+                a.p95_mm.max(b.p95_mm),
+            ],
+            _ => [f64::NAN; 3],
+        };
+        Ok(Distances {
+            surface,
+            points: self.to_points(&nearest),
+            floor: self.to_points(&perfect),
+        })
+    }
+
+    /// Largest and mean distance from the true surface to the nearest of some points.
+    fn to_points(&self, points: &Neighbours) -> [f64; 2] {
+        let distance = |&p: &DVec3| {
+            let found = points.nearest::<1>(p);
+            found.as_slice().first().map(|(square, _)| square.sqrt())
+        };
+        let all = self.samples.par_iter().filter_map(distance).collect();
+        Directed::of(all).map_or([f64::NAN; 2], |d| [d.hausdorff_mm, d.mae_mm])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::bench::{bench, surface, trapezoid};
+    use super::*;
+    use crate::emulator::Renderer;
+
+    /// Mean distance from anywhere on a plane to the nearest point of a square lattice, over the
+    /// lattice's spacing: the mean of sqrt(x^2 + y^2) over the unit square about the origin.
+    fn lattice_floor() -> f64 {
+        (2.0_f64.sqrt() + 1.0_f64.asinh()) / 6.0
+    }
+
+    /// A depth that is off by a known distance everywhere.
+    #[test]
+    fn a_surface_that_is_off_is_as_far_off_as_it_is() {
+        let profile = bench(1.0, Some([160, 129])).unwrap();
+        let scene = trapezoid(1000.0).unwrap();
+        let rig = profile.nominal_rig();
+        let truth = Renderer::new(&profile, &scene, 1).unwrap().truth(&[]);
+        let target = Target::new(&surface(&scene).unwrap(), &rig, &truth);
+        let exact = target.figures(&truth.depth_mm, &truth).unwrap();
+        assert_eq!((exact.mae_mm, exact.cmae_mm, exact.gross), (0.0, 0.0, 0.0));
+        assert_eq!(exact.points_mm, exact.floor_mm);
+        // Pixels of 1.5 mm: the lattice's mean on the top, more where the sides stretch it.
+        let pitch = 920.0 / rig.camera.lens.focal_px.x;
+        let [_, floor] = exact.floor_mm;
+        assert!(
+            (1.0..2.0).contains(&(floor / (lattice_floor() * pitch))),
+            "{floor}"
+        );
+
+        let off: Vec<f32> = truth.depth_mm.iter().map(|z| z - 2.0).collect();
+        let found = target.figures(&off, &truth).unwrap();
+        assert!((found.mae_mm - 2.0).abs() < 1e-4 && (found.cmae_mm - 2.0).abs() < 1e-4);
+        assert_eq!((found.gross, found.points), (1.0, exact.points));
+        // 2 mm along the top's normal, and 2 mm times the sine of the slope on the sides.
+        let [largest, mean] = found.surface_mm;
+        // No further than the exact points, then 2 mm of depth along the rays, and a pixel's pitch:
+        // the discs that are tried are those of the nearest points, which are others now.
+        let most = exact.surface_mm[0] + 2.2 + pitch;
+        assert!((2.0 - 1e-3..most).contains(&largest), "{largest} {most}");
+        let lean = 2.0 * 50.0 / 80.0_f64.hypot(50.0);
+        assert!((lean..2.0).contains(&mean), "{mean}");
+
+        // Every other column: half of the pixels, each of them exact.
+        let half: Vec<f32> = (0..truth.depth_mm.len())
+            .map(|i| {
+                if i % 2 == 0 {
+                    truth.depth_mm[i]
+                } else {
+                    f32::NAN
+                }
+            })
+            .collect();
+        let found = target.figures(&half, &truth).unwrap();
+        assert!((found.coverage - 0.5).abs() < 0.01, "{found:?}");
+        assert_eq!((found.mae_mm, found.gross), (0.0, 0.0));
+        let none = target.figures(&vec![f32::NAN; half.len()], &truth).unwrap();
+        assert!(none.points == 0 && none.coverage == 0.0 && none.mae_mm.is_nan());
+    }
+}

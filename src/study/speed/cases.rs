@@ -1,0 +1,287 @@
+//! The passes that are timed, each with what it works on and the bytes that it touches.
+
+use crate::decode::{Decoded, Options as DecodeOptions};
+use crate::emulator::render::{Options, Renderer};
+use crate::emulator::{Firmware, Shot, Slide};
+use crate::error::{Error, Result};
+use crate::geometry::raycast::Bvh;
+use crate::geometry::{Mesh, ply, shapes};
+use crate::profile::{Deform, Focus, Interreflection, Keyframe, MeshKeyframe, Motion};
+use crate::profile::{Profile, Scene};
+use crate::study::scanned::Stage;
+use std::hint::black_box;
+use std::path::Path;
+
+/// One pass on one scene.
+pub struct Case {
+    /// What is timed.
+    pub name: String,
+    /// How often the work does it on each of the pixels.
+    pub count: usize,
+    /// Pixels, or triangles.
+    pub pixels: usize,
+    /// Bytes of a pixel that it reads and writes once.
+    pub bytes_per_pixel: usize,
+    /// Does it.
+    pub work: Box<dyn FnMut()>,
+}
+
+/// What the geometry pass writes a pixel: ten maps.
+const GEOMETRY_BYTES: usize = 45;
+/// What a frame reads and writes a pixel.
+const FRAME_BYTES: usize = 21;
+
+/// The names of all cases, without what is only known once they are made.
+pub const NAMES: [&str; 22] = [
+    "geometry, torso",
+    "geometry, trapezoid",
+    "geometry, torso, 4 samples",
+    "geometry, torso, 16 samples",
+    "geometry, torso, 16 samples, depth of field",
+    "geometry, torso, interreflection",
+    "geometry, trapezoid, interreflection",
+    "exposure + sensor, torso",
+    "exposure + sensor, trapezoid",
+    "exposure + sensor, torso, interreflection",
+    "exposure + sensor, trapezoid, interreflection",
+    "exposure + sensor, torso, defocus",
+    "exposure + sensor, lit all over",
+    "exposure + sensor, 0 electrons",
+    "exposure + sensor, 8 electrons",
+    "exposure + sensor, 25 electrons",
+    "frame of 4 instants, torso rigid",
+    "frame of 4 instants, torso deforming",
+    "refit, torso",
+    "scan to depths, a fifth lit",
+    "scan to depths, lit all over",
+    "scan to points, lit all over",
+];
+
+/// Makes a case of a profile like the bench's. Files go to the folder.
+///
+/// # Errors
+/// A name that is none, files that cannot be written.
+pub fn case(name: &str, profile: &Profile, folder: &Path) -> Result<Case> {
+    let (pass, rest) = name.split_once(", ").unwrap_or((name, ""));
+    let (scene, how) = rest.split_once(", ").unwrap_or((rest, ""));
+    let sized = |setup: &Setup| setup.renderer.pixel_count();
+    match pass {
+        "geometry" => {
+            let mut profile = profile.clone();
+            let samples = match how.split(' ').next() {
+                Some("4") => 4,
+                Some("16") => 16,
+                _ => 1,
+            };
+            if how.ends_with("depth of field") {
+                profile.camera.f_number = 4.0;
+                profile.camera.focus_mm = Some(1000.0);
+            }
+            let scene = scene_of(scene, how)?;
+            let options = Options {
+                samples,
+                ..Options::default()
+            };
+            let mut setup = Setup::of(&profile, &scene, options)?;
+            Ok(Case {
+                name: name.to_owned(),
+                count: 1,
+                pixels: sized(&setup),
+                bytes_per_pixel: GEOMETRY_BYTES * samples as usize,
+                work: Box::new(move || {
+                    setup.renderer.invalidate();
+                    setup.renderer.prepare();
+                }),
+            })
+        }
+        "exposure + sensor" => frames(name, (scene, how), profile),
+        "frame of 4 instants" => moving(name, profile, folder),
+        "refit" => {
+            let mesh = torso();
+            let mut tree = Bvh::build(&mesh.vertices, &mesh.triangles).ordered();
+            Ok(Case {
+                name: name.to_owned(),
+                count: 1,
+                pixels: mesh.triangles.len(),
+                bytes_per_pixel: 100,
+                work: Box::new(move || tree.refit(&mesh.vertices, &mesh.triangles)),
+            })
+        }
+        _ => decode(name, profile),
+    }
+}
+
+fn scene_of(name: &str, how: &str) -> Result<Scene> {
+    let mut scene = Scene::load(name)?;
+    if how == "interreflection" {
+        scene.interreflection = Some(Interreflection {
+            samples: 64,
+            step_px: 4,
+        });
+    }
+    Ok(scene)
+}
+
+/// A plane as large as the camera sees, lit all over.
+fn lit_all_over(profile: &Profile) -> Profile {
+    let mut wide = profile.clone();
+    wide.projector.throw_ratio = 0.5;
+    wide.projector.lens_shift_px = [384.0, 0.0];
+    wide.projector.radiant_intensity_w_sr = 1.1;
+    wide
+}
+
+fn frames(name: &str, (scene, how): (&str, &str), profile: &Profile) -> Result<Case> {
+    let mut profile = profile.clone();
+    let mut bytes = FRAME_BYTES;
+    if how == "defocus" {
+        profile.projector.focus = Some(Focus {
+            distance_mm: 1000.0,
+            aperture_mm: 6.0,
+        });
+    }
+    if how == "interreflection" {
+        bytes += 20;
+    }
+    let dim: Option<f64> = scene
+        .strip_suffix(" electrons")
+        .and_then(|number| number.parse().ok());
+    let scene = match scene {
+        "torso" | "trapezoid" => scene_of(scene, how)?,
+        _ => {
+            profile = lit_all_over(&profile);
+            Scene::load("plane")?
+        }
+    };
+    let mut setup = Setup::of(&profile, &scene, Options::default())?;
+    if let Some(electrons) = dim {
+        // White with light that leaves so many electrons, of the 10,500 that fill the well.
+        bytes = 9;
+        let white = |shot: &&Shot| matches!(shot.slide.as_deref(), Some(Slide::Uniform(level)) if *level > 0);
+        let white = setup.shots.iter().find(white).cloned();
+        let white = white.ok_or_else(|| Error::device("a sequence without white"))?;
+        let shot = Shot {
+            light: electrons / 8000.0,
+            ..white
+        };
+        setup.shots = vec![shot; 8];
+    }
+    let mut id = 0;
+    Ok(Case {
+        name: name.to_owned(),
+        count: setup.shots.len(),
+        pixels: setup.renderer.pixel_count(),
+        bytes_per_pixel: bytes,
+        work: Box::new(move || {
+            for i in 0..setup.shots.len() {
+                id += 1;
+                setup.shots[i].noise_id = id;
+                black_box(setup.renderer.expose(&setup.shots[i]));
+            }
+        }),
+    })
+}
+
+fn torso() -> Mesh {
+    shapes::torso(&shapes::Torso {
+        seed: 1,
+        ..shapes::Torso::default()
+    })
+}
+
+/// Frames of a torso that moves, each with the geometry of four instants.
+fn moving(name: &str, profile: &Profile, folder: &Path) -> Result<Case> {
+    let mut scene = Scene::load("torso")?;
+    let period_s = Some(4.0);
+    if name.ends_with("rigid") {
+        let key = |time_s: f64| Keyframe {
+            time_s,
+            position_mm: [0.0, 0.0, -8.0 * time_s],
+            rotation_deg: [0.0; 3],
+        };
+        let keyframes = vec![key(0.0), key(2.0)];
+        scene.object[1].motion = Some(Motion {
+            period_s,
+            keyframes,
+        });
+    } else {
+        let mesh = torso();
+        let key = |k: u32| {
+            let file = folder.join(format!("swollen{k}.ply"));
+            let larger = 1.0 + 0.02 * f64::from(k);
+            let swollen = Mesh {
+                vertices: mesh.vertices.iter().map(|v| *v * larger).collect(),
+                ..mesh.clone()
+            };
+            ply::write_mesh(&file, &swollen)?;
+            let file = std::path::absolute(&file).map_err(|e| Error::io(&file, e))?;
+            Ok(MeshKeyframe {
+                time_s: f64::from(k),
+                file,
+            })
+        };
+        std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
+        let keyframes = (0..2).map(key).collect::<Result<_>>()?;
+        scene.object[1].deform = Some(Deform {
+            period_s,
+            keyframes,
+        });
+    }
+    let mut setup = Setup::of(profile, &scene, Options::default())?;
+    let mut shot = setup.shots[0].clone();
+    Ok(Case {
+        name: name.to_owned(),
+        count: 1,
+        pixels: setup.renderer.pixel_count(),
+        bytes_per_pixel: GEOMETRY_BYTES * 4,
+        work: Box::new(move || {
+            shot.noise_id += 1;
+            shot.start_ns = shot.noise_id * 20_000_000;
+            black_box(setup.renderer.expose(&shot));
+        }),
+    })
+}
+
+/// Decoding of the sequence's frames, to depths, or on to points.
+fn decode(name: &str, profile: &Profile) -> Result<Case> {
+    let profile = match name.ends_with("lit all over") {
+        true => lit_all_over(profile),
+        false => profile.clone(),
+    };
+    let to_points = name.starts_with("scan to points");
+    let mut stage = Stage::new(&profile, &Scene::load("plane")?, 1, Options::default())?;
+    let scanned = stage.scan(0);
+    let decoder = scanned.decoder(DecodeOptions::default())?;
+    scanned.decode(&decoder)?;
+    let mut out = Decoded::default();
+    let mut points = Vec::new();
+    Ok(Case {
+        name: name.to_owned(),
+        count: 1,
+        pixels: scanned.size.0 * scanned.size.1,
+        bytes_per_pixel: scanned.frames.len(),
+        work: Box::new(move || {
+            // It has been decoded before, so it is again.
+            if scanned.decode_into(&decoder, &mut out).is_ok() && to_points {
+                decoder.points_into(&out, &mut points);
+            }
+            black_box((&out, &points));
+        }),
+    })
+}
+
+/// A device before a scene.
+struct Setup {
+    renderer: Renderer,
+    shots: Vec<Shot>,
+}
+
+impl Setup {
+    fn of(profile: &Profile, scene: &Scene, options: Options) -> Result<Self> {
+        let sequence = Firmware::new(profile, &[])?.selected_sequence();
+        let mut renderer = Renderer::with_options(profile, scene, 1, options)?;
+        let shots: Vec<Shot> = sequence.into_iter().map(|(_, shot)| shot).collect();
+        renderer.expect_slides(shots.iter().filter_map(|shot| shot.slide.as_deref()));
+        Ok(Self { renderer, shots })
+    }
+}

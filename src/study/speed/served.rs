@@ -1,0 +1,191 @@
+//! A device that is served within the process, as `phasma serve --clock fast` serves one: on a thread
+//! of its own, its USB side on another.
+
+use crate::emulator::faults::Faults;
+use crate::emulator::port::Port;
+use crate::emulator::{Firmware, Machine, Renderer, SerialLine};
+use crate::error::{Error, Result};
+use crate::host::monotonic_ns;
+use crate::link::usb::{Binding, Nodes, UsbServer};
+use crate::link::{Device, RunDir, Stage, Timeline, UsbLink, VideoOutput, serve};
+use crate::profile::faults::Schedule;
+use crate::profile::{Profile, Scene};
+use crate::protocol::Endpoints;
+use crate::protocol::service::ClockPace;
+use std::path::Path;
+use std::sync::mpsc;
+use std::thread::JoinHandle;
+use std::time::Duration;
+use tokio::runtime::{Builder, Runtime};
+use tokio::sync::watch;
+
+/// How frames leave besides the frame socket.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Exit {
+    /// Not at all.
+    None,
+    /// A TCP port of the loopback interface.
+    Tcp,
+    /// A USB device, served over USB/IP on the loopback interface.
+    Usb,
+    /// The first free V4L2 node that is labelled for it.
+    Video,
+}
+
+/// A device that is served; it ends with this value.
+pub struct Served {
+    /// Where it can be reached.
+    pub at: Endpoints,
+    stop: watch::Sender<bool>,
+    threads: Vec<JoinHandle<Result<()>>>,
+}
+
+impl Served {
+    /// Serves a device from a directory of its own.
+    ///
+    /// # Errors
+    /// Ports, sockets and nodes that the system refuses.
+    pub fn start(
+        profile: &Profile,
+        scene: &Scene,
+        seed: u64,
+        exit: Exit,
+        dir: &Path,
+    ) -> Result<Self> {
+        let begin = monotonic_ns();
+        let wall = move || Duration::from_nanos(monotonic_ns().saturating_sub(begin));
+        let renderer = Renderer::new(profile, scene, seed)?;
+        let schedule = Schedule::default();
+        let machine = Machine::new(
+            Firmware::new(profile, &[])?,
+            Port::default(),
+            SerialLine::new(&profile.control),
+            Faults::new(&schedule, &profile.name),
+        );
+        let (stop, stopped) = watch::channel(false);
+        let mut threads = Vec::new();
+        let usb = match exit {
+            Exit::Usb => {
+                let (link, thread) = usb(profile, machine.firmware(), wall, stopped.clone())?;
+                threads.push(thread);
+                Some(link)
+            }
+            _ => None,
+        };
+        let video = match exit {
+            Exit::Video => {
+                let stream = machine.firmware().stream();
+                let power_on = Duration::from_nanos(begin);
+                let bits = profile.camera.sensor.bits;
+                let opened = VideoOutput::open_any(&stream, bits, power_on);
+                Some(opened.map_err(Error::device)?)
+            }
+            _ => None,
+        };
+        let device = Device {
+            machine,
+            renderer,
+            seat: Timeline::new(ClockPace::Fast, wall).seat(),
+            stage: Stage::new(scene),
+            rig: scene.rig,
+            name: profile.name.clone(),
+            profile: profile.name.clone(),
+            scene: scene.name.clone(),
+            seed,
+            // The port's default, as is the port here.
+            dialect: "scpi".to_owned(),
+            baud: profile.control.baud,
+            tcp: (exit == Exit::Tcp).then_some(0),
+            video,
+            usb,
+            recording: None,
+            notice: |_| {},
+        };
+        let (ready, up) = mpsc::channel();
+        let run_dir = RunDir::claim(dir)?;
+        threads.push(std::thread::spawn(move || {
+            let tell = |at: &Endpoints| {
+                // Whoever asked may have gone.
+                let _ = ready.send(at.clone());
+            };
+            runtime()?.block_on(serve(device, run_dir, wall, tell, until(stopped)))
+        }));
+        match up.recv() {
+            Ok(at) => Ok(Self { at, stop, threads }),
+            // It has ended, and says why.
+            Err(_) => {
+                end(&stop, &mut threads)?;
+                Err(Error::device("the device was never ready"))
+            }
+        }
+    }
+
+    /// Ends it.
+    ///
+    /// # Errors
+    /// What it ended with.
+    pub fn stop(mut self) -> Result<()> {
+        end(&self.stop, &mut self.threads)
+    }
+}
+
+impl Drop for Served {
+    fn drop(&mut self) {
+        // Who wants to know has asked.
+        let _ = end(&self.stop, &mut self.threads);
+    }
+}
+
+fn end(stop: &watch::Sender<bool>, threads: &mut Vec<JoinHandle<Result<()>>>) -> Result<()> {
+    stop.send_replace(true);
+    let died = |_| Err(Error::device("a device's thread has died"));
+    let ended = threads.drain(..).map(|t| t.join().unwrap_or_else(died));
+    ended.fold(Ok(()), Result::and)
+}
+
+/// Exports the USB side of a device.
+fn usb(
+    profile: &Profile,
+    firmware: &Firmware,
+    wall: impl Fn() -> Duration + Clone + Send + Sync + 'static,
+    stopped: watch::Receiver<bool>,
+) -> Result<(UsbLink, JoinHandle<Result<()>>)> {
+    let binding = Binding::new(profile, firmware, 1)?;
+    let device = binding.device().clone();
+    let bus_id = device.info().bus_id.clone();
+    let (ready, up) = mpsc::channel();
+    let thread = std::thread::spawn(move || {
+        runtime()?.block_on(async move {
+            let any = std::net::SocketAddr::from(([127, 0, 0, 1], 0));
+            let server = UsbServer::bind(any, vec![device]).await?;
+            // Whoever asked may have gone.
+            let _ = ready.send(server.address().unwrap_or(any));
+            tokio::select! {
+                () = server.run(wall) => {}
+                () = until(stopped) => {}
+            }
+            Ok(())
+        })
+    });
+    let Ok(listen) = up.recv() else {
+        let died = |_| Err(Error::device("the USB server has died"));
+        thread.join().unwrap_or_else(died)?;
+        return Err(Error::device("the USB server was never ready"));
+    };
+    let link = UsbLink {
+        binding,
+        address: format!("usb:{listen}/{bus_id}"),
+        nodes: Nodes::default(),
+    };
+    Ok((link, thread))
+}
+
+async fn until(mut stopped: watch::Receiver<bool>) {
+    // A sender that is gone is an end too.
+    let _ = stopped.wait_for(|&stop| stop).await;
+}
+
+fn runtime() -> Result<Runtime> {
+    let runtime = Builder::new_current_thread().enable_all().build();
+    runtime.map_err(|e| Error::io("event loop", e))
+}

@@ -1,0 +1,232 @@
+//! The light source: time constants a billion apart, and exposures over seven decades.
+
+use super::case::Case;
+use super::sweep::{Group, Sweep};
+use crate::emulator::led::{Model, Source, State};
+use crate::profile::{Droop, Led, Profile};
+
+/// What the source promises, and its own tests hold it to by solutions of 100 digits.
+const ALLOWED: f64 = 1e-14;
+/// Share of the light that heat costs.
+const SHARE: f64 = 0.4;
+
+pub(super) const GROUP: Group = Group {
+    title: "Light source",
+    sweeps: &[
+        Sweep {
+            key: "constants",
+            title: "A rise of nanoseconds and heat of up to eleven days",
+            oracle: "Mean light of exposures of 1 us to 10 s, switched on cold and switched off warm, \
+                against Gauss-Legendre quadrature of the solution on geometric intervals, whose terms \
+                are all positive. Allowed: 1e-14, which the source promises",
+            ratio: "heat over rise",
+            error: "relative error",
+            rounding: true,
+            cases: |_| Ok(by_constants()),
+        },
+        Sweep {
+            key: "exposures-light",
+            title: "Exposures from 1 us to 10 s of a source with a rise of 1 ms",
+            oracle: "As before, with heat of 1 ms to eleven days: constants equal to a billion apart",
+            ratio: "exposure over rise",
+            error: "relative error",
+            rounding: true,
+            cases: |_| Ok(by_exposures()),
+        },
+        Sweep {
+            key: "late-light",
+            title: "The same light after a billion frames",
+            oracle: "A source that is switched on then gives what one gives that is switched on at time \
+                0; device time is integer nanoseconds. Allowed: rounding",
+            ratio: "frames of 20 ms",
+            error: "relative error",
+            rounding: true,
+            cases: |_| Ok(late()),
+        },
+        Sweep {
+            key: "source-limits",
+            title: "Constants that no source has",
+            oracle: "A profile with them is refused",
+            ratio: "constant over its limit",
+            error: "-",
+            rounding: false,
+            cases: |_| Ok(limits()),
+        },
+    ],
+};
+
+/// A source by its time constants.
+fn led(rise_ns: f64, heat_s: f64) -> Led {
+    Led {
+        // The rise is from 10 to 90 per cent.
+        rise_us: rise_ns * 9f64.ln() * 1e-3,
+        droop: vec![Droop {
+            time_constant_s: heat_s,
+            fraction: SHARE,
+        }],
+    }
+}
+
+/// Nodes and weights of Gauss and Legendre on [-1, 1], by Newton's method on the recurrence.
+fn gauss(count: usize) -> Vec<(f64, f64)> {
+    let n = count as f64;
+    let node = |i: usize| {
+        let mut x = (std::f64::consts::PI * (i as f64 + 0.75) / (n + 0.5)).cos();
+        let mut slope = 1.0;
+        for _ in 0..50 {
+            let (mut p, mut before) = (x, 1.0);
+            for k in 2..=count {
+                let k = k as f64;
+                (p, before) = (((2.0 * k - 1.0) * x * p - (k - 1.0) * before) / k, p);
+            }
+            slope = n * (x * p - before) / (x * x - 1.0);
+            x -= p / slope;
+        }
+        (x, 2.0 / ((1.0 - x * x) * slope * slope))
+    };
+    (0..count).map(node).collect()
+}
+
+/// Mean of a function over [0, end], on intervals that shrink towards 0 by factors of the square
+/// root of 2.
+fn mean(nodes: &[(f64, f64)], end: f64, of: impl Fn(f64) -> f64) -> f64 {
+    let factor = std::f64::consts::FRAC_1_SQRT_2;
+    let (mut high, mut sum) = (1.0, 0.0);
+    for k in 0..160 {
+        let low = if k == 159 { 0.0 } else { high * factor };
+        let half = 0.5 * (high - low);
+        let part: f64 = nodes
+            .iter()
+            .map(|(x, w)| w * of(end * (low + half * (1.0 + x))))
+            .sum();
+        sum += half * part;
+        high = low;
+    }
+    sum
+}
+
+/// Relative error of the mean light over an exposure, the worse of switching on and off.
+fn worst(nodes: &[(f64, f64)], [rise_ns, heat_ns]: [f64; 2], exposure_ns: f64) -> f64 {
+    let led = led(rise_ns, heat_ns * 1e-9);
+    let model = Model::new(&led);
+    // As the model has them, roundings included.
+    let rise_ns = led.rise_us * 1e3 / 9f64.ln();
+    let heat_ns = led.droop[0].time_constant_s * 1e9;
+    let gone = |t: f64, constant: f64| -(-t / constant).exp_m1();
+    let left = |t: f64, constant: f64| (-t / constant).exp();
+    let on = |t: f64| gone(t, rise_ns) * (1.0 - SHARE * gone(t, heat_ns));
+    let off = |t: f64| left(t, rise_ns) * (1.0 - SHARE * left(t, heat_ns));
+    let error = |state: &State, drive: f64, exact: f64| {
+        (model.mean(state, drive, exposure_ns) / exact - 1.0).abs()
+    };
+    let cold = error(&model.off(), 1.0, mean(nodes, exposure_ns, on));
+    let warm = error(&model.settled(1.0), 0.0, mean(nodes, exposure_ns, off));
+    cold.max(warm)
+}
+
+const EXPOSURES_NS: [f64; 8] = [1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10];
+
+fn by_constants() -> Vec<Case> {
+    let nodes = gauss(20);
+    let one = |ratio: f64| {
+        let errors = EXPOSURES_NS.map(|exposure| worst(&nodes, [1.0, ratio], exposure));
+        let found = errors.into_iter().fold(0.0, f64::max);
+        Case::held(
+            format!("1 ns and {}", duration(ratio)),
+            ratio,
+            found,
+            ALLOWED,
+        )
+    };
+    [1e3, 1e5, 1e7, 1e9, 1e11, 1e13, 1e15]
+        .into_iter()
+        .map(one)
+        .collect()
+}
+
+fn by_exposures() -> Vec<Case> {
+    let nodes = gauss(20);
+    let one = |exposure: f64| {
+        let heats = [1e6, 1.0001e6, 3e7, 1e9, 1e12, 1e15];
+        let errors = heats.map(|heat| worst(&nodes, [1e6, heat], exposure));
+        let found = errors.into_iter().fold(0.0, f64::max);
+        Case::held(duration(exposure), exposure / 1e6, found, ALLOWED)
+    };
+    EXPOSURES_NS.into_iter().map(one).collect()
+}
+
+/// Nanoseconds in words.
+pub(super) fn duration(ns: f64) -> String {
+    match ns {
+        ns if ns < 1e6 => format!("{} us", ns / 1e3),
+        ns if ns < 1e9 => format!("{} ms", ns / 1e6),
+        ns => format!("{} s", ns / 1e9),
+    }
+}
+
+fn late() -> Vec<Case> {
+    let light = |start_ns: u64| {
+        let mut source = Source::new(Model::new(&Led {
+            rise_us: 4.0,
+            ..led(1.0, 90.0)
+        }));
+        source.drive(start_ns, 1.0);
+        let emission = source.emission(start_ns);
+        emission.mean(start_ns + 1_000_003, start_ns + 9_000_007)
+    };
+    let first = light(0);
+    [1u64, 1_000_000, 1_000_000_000, 1_000_000_000_000 / 20]
+        .map(|frames| {
+            let found = (light(frames * 20_000_000) / first - 1.0).abs();
+            Case::held(format!("frame {frames}"), frames as f64, found, ALLOWED)
+        })
+        .to_vec()
+}
+
+fn limits() -> Vec<Case> {
+    let text = include_str!("../../../device-profiles/webcam-grey.toml");
+    let place = text.find("[[sequence]]").unwrap_or(text.len());
+    let (before, after) = text.split_at(place);
+    let refused = |name: &str, ratio: f64, led: &str, words: &str| {
+        let profile = Profile::parse(&format!("{before}{led}\n{after}"), "device.toml");
+        let says = profile.map_or_else(|e| e.to_string(), |_| String::new());
+        Case::refused(name, ratio, &says, words)
+    };
+    let droop = |time: &str, share: &str| {
+        format!(
+            "[projector.led]\nrise_us = 1\n[[projector.led.droop]]\ntime_constant_s = {time}\nfraction = {share}\n"
+        )
+    };
+    vec![
+        refused(
+            "no rise",
+            0.0,
+            "[projector.led]\nrise_us = 0\n",
+            "projector.led.rise_us",
+        ),
+        refused(
+            "a rise of a femtosecond",
+            1e-6,
+            "[projector.led]\nrise_us = 1e-9\n",
+            "projector.led.rise_us",
+        ),
+        refused(
+            "heat of thirty years",
+            1e3,
+            &droop("1e9", "0.1"),
+            "time_constant_s",
+        ),
+        refused(
+            "heat of no time",
+            0.0,
+            &droop("0", "0.1"),
+            "time_constant_s",
+        ),
+        refused(
+            "heat that takes all light",
+            1.1,
+            &droop("9", "1.0"),
+            "fraction",
+        ),
+    ]
+}

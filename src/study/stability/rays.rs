@@ -1,0 +1,287 @@
+//! Triangulation where rays are nearly parallel, near, far, or do not meet.
+
+use super::bent;
+use super::case::{Case, worse};
+use super::draws::Draws;
+use super::parallel;
+use super::sweep::{Group, Sweep};
+use crate::calibrate::{CoordinateRow, Measured, Triangulator};
+use crate::error::Result;
+use crate::geometry::{Lens, Pose, Rig, View};
+use crate::study::lab::Context;
+use glam::{DVec2, DVec3};
+
+/// Half of the distance between neighbouring numbers below 1.
+pub(super) const EPS: f64 = f64::EPSILON / 2.0;
+pub(super) const EPS_F32: f64 = f32::EPSILON as f64 / 2.0;
+/// Roundings between a coordinate and a depth, here and in the program, counted generously.
+pub(super) const ROUNDINGS: f64 = 16.0;
+pub(super) const WIDTH: usize = 64;
+/// What the program says of a depth that the parallax does not tell.
+pub(super) const NO_DEPTH: &str = "no depth (NaN)";
+
+pub(super) const GROUP: Group = Group {
+    title: "Triangulation",
+    sweeps: &[
+        Sweep {
+            key: "baseline",
+            title: "Tiny baselines, a plane at 1000 mm, projector coordinates exact to f64",
+            oracle: "Oracle: the coordinate of a known point, projected in closed form. Allowed: 16 \
+                roundings of the coordinate times the slope of depth",
+            ratio: "distance over baseline",
+            error: "depth error in mm",
+            rounding: true,
+            cases: |_| Ok(baselines(false)),
+        },
+        Sweep {
+            key: "baseline-f32",
+            title: "The same as a decoder gives coordinates, in f32",
+            oracle: "Allowed: half a last place of f32 in coordinate, ray and depth, times their slopes",
+            ratio: "distance over baseline",
+            error: "depth error in mm",
+            rounding: false,
+            cases: |_| Ok(baselines(true)),
+        },
+        Sweep {
+            key: "baseline-noise",
+            title: "The same with noise of 0.02 projector pixels",
+            oracle: "RMS over 4096 draws. Allowed: slope times noise, with the second order of 1/t and \
+                5 % for the draws. A depth known worse than a twentieth of itself is none",
+            ratio: "distance over baseline",
+            error: "RMS depth error in mm",
+            rounding: false,
+            cases: noisy_baselines,
+        },
+        Sweep {
+            key: "scale",
+            title: "The whole rig and scene from 1 mm to ten kilometres, baseline 0.4 of the distance",
+            oracle: "Allowed as for f32 coordinates, over the distance: no scale is special",
+            ratio: "distance in mm",
+            error: "depth error over depth",
+            rounding: false,
+            cases: |_| Ok(scales()),
+        },
+        Sweep {
+            key: "far",
+            title: "From 1 mm to ten kilometres with a baseline of 400 mm",
+            oracle: "Allowed: 16 roundings of the coordinate times the slope of depth",
+            ratio: "distance over baseline",
+            error: "depth error over depth",
+            rounding: true,
+            cases: |_| Ok(far()),
+        },
+        Sweep {
+            key: "distorted",
+            title: "A projector with strong distortion, both axes, planes from 300 mm to 100 m",
+            oracle: "A known point, projected in closed form. Allowed: 16 roundings of the coordinates \
+                times the slope of depth. Ratio: largest distortion over the lit field",
+            ratio: "shift in px",
+            error: "depth error over depth",
+            rounding: true,
+            cases: |_| bent::distorted(),
+        },
+        Sweep {
+            key: "parallel",
+            title: "Rays that are parallel, diverge, or meet behind the lens",
+            oracle: "There is no point; ratio: the distance at which they would meet over the baseline",
+            ratio: "distance over baseline",
+            error: "depth error in mm",
+            rounding: false,
+            cases: |_| parallel::parallel(),
+        },
+    ],
+};
+
+/// A camera and a projector without distortion, `baseline_mm` apart, the projector turned a little.
+pub(super) fn rig(baseline_mm: f64, turn_deg: DVec3) -> Rig {
+    let view = |width_px, focal, principal_px, rig_from_view| View {
+        lens: Lens {
+            width_px,
+            height_px: 48,
+            focal_px: DVec2::splat(focal),
+            principal_px,
+            distortion: [0.0; 5],
+        },
+        rig_from_view,
+    };
+    let place = DVec3::new(baseline_mm, 0.05 * baseline_mm, -0.04 * baseline_mm);
+    Rig {
+        camera: view(WIDTH as u32, 60.0, DVec2::new(31.5, 23.5), Pose::IDENTITY),
+        projector: view(
+            1024,
+            1500.0,
+            DVec2::new(511.5, 23.5),
+            Pose::from_xyz_deg(place, turn_deg),
+        ),
+        noise: None,
+    }
+}
+
+/// A point on a ray as the projector sees it.
+struct Lit {
+    depth: f64,
+    px: f64,
+    /// Derivative of depth by the coordinate, in mm per pixel.
+    slope: f64,
+    /// What the coordinate is a difference of, in pixels.
+    size: f64,
+}
+
+/// A plane tilted by a fifth, cut by the ray of pixel `u`, in closed form.
+fn lit(rig: &Rig, u: usize, distance: f64) -> Lit {
+    let ray = rig.camera.lens.ray(DVec2::new(u as f64, 20.0));
+    let depth = distance / (1.0 + 0.2 * ray.x);
+    let lens = &rig.projector.lens;
+    let into = rig.projector.rig_from_view.inverse();
+    let (a, b) = (into.translation_mm, into.rotation * ray);
+    let p = a + b * depth;
+    let f = lens.focal_px.x;
+    Lit {
+        depth,
+        px: f * p.x / p.z + lens.principal_px.x,
+        slope: (p.z * p.z / (f * (b.x * a.z - a.x * b.z))).abs(),
+        size: f * (p.x / p.z).abs()
+            + lens.principal_px.x
+            + f * (a.length() + b.length() * depth) / p.z,
+    }
+}
+
+const TURN: DVec3 = DVec3::new(1.0, -3.0, 2.0);
+
+/// Worst error and what is allowed over a row of pixels, in f64 and in f32.
+fn row(rig: &Rig, distance: f64, f32_path: bool) -> Result<(f64, f64)> {
+    let triangulator = Triangulator::new(rig, WIDTH, 48)?;
+    let lits: Vec<Lit> = (0..WIDTH).map(|u| lit(rig, u, distance)).collect();
+    let depths: Vec<f64> = if f32_path {
+        let px: Vec<f32> = lits.iter().map(|lit| lit.px as f32).collect();
+        let sigma = vec![0.0; WIDTH];
+        let (mut depth, mut sd) = (vec![0.0; WIDTH], vec![0.0; WIDTH]);
+        let x = CoordinateRow {
+            px: &px,
+            sigma: &sigma,
+        };
+        triangulator.row(20, Some(x), None, &mut depth, &mut sd);
+        depth.into_iter().map(f64::from).collect()
+    } else {
+        let of = |(u, lit): (usize, &Lit)| {
+            let x = Measured {
+                px: lit.px,
+                sigma: 0.0,
+            };
+            let found = triangulator.depth(DVec2::new(u as f64, 20.0), Some(x), None);
+            found.map_or(f64::NAN, |(depth, _)| depth)
+        };
+        lits.iter().enumerate().map(of).collect()
+    };
+    // The pixel that comes nearest to what it is allowed.
+    let mut worst = (0.0, f64::INFINITY);
+    for (u, (lit, depth)) in lits.iter().zip(depths).enumerate() {
+        let ray = rig.camera.lens.ray(DVec2::new(u as f64, 20.0));
+        let f = rig.projector.lens.focal_px.x;
+        let exact = ROUNDINGS * EPS * (lit.size * lit.slope + lit.depth);
+        let coarse =
+            EPS_F32 * ((lit.px.abs() + f * (ray.x.abs() + ray.y.abs())) * lit.slope + lit.depth);
+        let allowed = exact + if f32_path { coarse } else { 0.0 };
+        let error = (depth - lit.depth).abs();
+        worse(&mut worst, error, allowed);
+    }
+    Ok(worst)
+}
+
+fn baselines(f32_path: bool) -> Vec<Case> {
+    let last = if f32_path { 2 } else { 5 };
+    let mut cases: Vec<Case> = (-3..=last)
+        .map(|k| {
+            let baseline = 10f64.powi(-k);
+            let name = format!("{baseline} mm");
+            match row(&rig(baseline, TURN), 1000.0, f32_path) {
+                Ok((found, allowed)) => Case::held(name, 1000.0 / baseline, found, allowed),
+                Err(e) => Case::failed(name, 1000.0 / baseline, &e.to_string()),
+            }
+        })
+        .collect();
+    if !f32_path {
+        let says = match rig(1e-7, TURN).check() {
+            Err(v) => format!("{}: {}; allowed: {}", v.field, v.found, v.allowed),
+            Ok(()) => String::new(),
+        };
+        cases.push(Case::refused("0.0000001 mm", 1e10, &says, "zero baseline"));
+    }
+    cases
+}
+
+const NOISE_PX: f64 = 0.02;
+
+fn noisy_baselines(context: &Context<'_>) -> Result<Vec<Case>> {
+    let one = |(stream, baseline): (usize, f64)| {
+        let rig = rig(baseline, TURN);
+        let triangulator = Triangulator::new(&rig, WIDTH, 48)?;
+        let draws = Draws::new(context.seed, stream as u32);
+        let (mut squares, mut allowed, mut kept, mut all) = (0.0, 0.0, 0.0, 0.0);
+        for index in 0..64u64 {
+            for u in 0..WIDTH {
+                let lit = lit(&rig, u, 1000.0);
+                let noise = draws.normals(index * WIDTH as u64 + u as u64).x * NOISE_PX;
+                let x = Measured {
+                    px: lit.px + noise,
+                    sigma: NOISE_PX,
+                };
+                all += 1.0;
+                let at = DVec2::new(u as f64, 20.0);
+                let Some((depth, _)) = triangulator.depth(at, Some(x), None) else {
+                    continue;
+                };
+                let relative = lit.slope * NOISE_PX / lit.depth;
+                kept += 1.0;
+                squares += (depth - lit.depth).powi(2);
+                // 1/(1 + e) to the third order in a normal e: variance r^2 (1 + 9 r^2).
+                allowed += (lit.slope * NOISE_PX).powi(2) * (1.0 + 9.0 * relative * relative);
+            }
+        }
+        let (name, ratio) = (format!("{baseline} mm"), 1000.0 / baseline);
+        Ok(if kept == 0.0 {
+            Case::refused(name, ratio, NO_DEPTH, NO_DEPTH)
+        } else {
+            let [found, allowed] = [squares, allowed].map(|sum: f64| (sum / kept).sqrt());
+            Case::held(name, ratio, found, 1.05 * allowed).kept(kept / all, 0.99)
+        })
+    };
+    let baselines = [1000.0, 400.0, 100.0, 40.0, 10.0, 4.0, 1.0, 0.5, 0.1, 0.01];
+    baselines.into_iter().enumerate().map(one).collect()
+}
+
+fn scales() -> Vec<Case> {
+    (0..=7)
+        .map(|k| {
+            let distance = 10f64.powi(k);
+            let name = format!("{distance} mm");
+            match row(&rig(0.4 * distance, TURN), distance, true) {
+                Ok((found, allowed)) => {
+                    Case::held(name, distance, found / distance, allowed / distance)
+                }
+                Err(e) => Case::failed(name, distance, &e.to_string()),
+            }
+        })
+        .collect()
+}
+
+fn far() -> Vec<Case> {
+    [1.0, 10.0, 100.0, 1e3, 1e4, 1e5, 1e6, 1e7]
+        .map(|distance| {
+            let name = format!("{distance} mm");
+            // The nearest points are beside the projector, which is turned to see them.
+            let mut rig = rig(400.0, DVec3::new(1.0, -3.0, 2.0));
+            if distance < 1000.0 {
+                let place = rig.projector.rig_from_view.translation_mm;
+                rig.projector.rig_from_view =
+                    Pose::from_xyz_deg(place, DVec3::new(1.0, -70.0, 2.0));
+            }
+            match row(&rig, distance, false) {
+                Ok((found, allowed)) => {
+                    Case::held(name, distance / 400.0, found / distance, allowed / distance)
+                }
+                Err(e) => Case::failed(name, distance / 400.0, &e.to_string()),
+            }
+        })
+        .to_vec()
+}

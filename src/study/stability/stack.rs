@@ -1,0 +1,292 @@
+//! Frames made of the patterns' formulas in f64, without any of the decoder's code, and how far off
+//! what they decode to is.
+
+use super::draws::Draws;
+use super::rays::EPS_F32;
+use crate::decode::{Decoder, FrameStack, Options, Samples, Verdict};
+use crate::error::Result;
+use crate::geometry::NoiseModel;
+use crate::pattern::{Axis, Manifest, ManifestFrame, Pattern, ProjectorSize};
+use crate::study::lab::Context;
+use rayon::prelude::*;
+use std::f64::consts::TAU;
+
+/// Columns of a synthetic frame.
+pub(super) const WIDTH: usize = 256;
+/// Columns of the projector.
+pub(super) const EXTENT: f64 = 1920.0;
+
+/// What a camera reads of patterns: `floor + swing * level`, noise, rounding, clipping.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Stack {
+    pub(super) floor: f64,
+    pub(super) swing: f64,
+    /// Standard deviation in DN before rounding.
+    pub(super) noise: f64,
+    /// Projector pixels that a camera pixel's footprint covers.
+    pub(super) footprint: f64,
+    /// Largest number of the converter; above 255 frames have 16 bits.
+    pub(super) full: f64,
+    /// Numbers are multiples of this.
+    pub(super) grain: f64,
+    pub(super) draws: Draws,
+}
+
+/// How far off coordinates are.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Tally {
+    /// Share of pixels with a coordinate.
+    pub(super) kept: f64,
+    /// Share of those that are off by more than asked for.
+    pub(super) gross: f64,
+    /// RMS of the others in projector pixels.
+    pub(super) rms: f64,
+    /// The worst of them all in projector pixels.
+    pub(super) worst: f64,
+    /// Why pixels have none, with shares.
+    pub(super) masked: String,
+}
+
+impl Stack {
+    /// Eight bits, a modulation of 90 DN, noise of 1.5 DN.
+    pub(super) fn usual(context: &Context<'_>, stream: usize) -> Self {
+        Self {
+            floor: 20.0,
+            swing: 180.0,
+            noise: 1.5,
+            footprint: 4.0,
+            full: 255.0,
+            grain: 1.0,
+            draws: Draws::new(context.seed, 100 + stream as u32),
+        }
+    }
+
+    /// Standard deviation of a sample with its rounding, in DN.
+    pub(super) fn deviation(&self) -> f64 {
+        (self.noise.powi(2) + self.grain.powi(2) / 12.0).sqrt()
+    }
+
+    /// The noise as a calibration would give it.
+    pub(super) fn options(&self) -> Options {
+        let read = self.deviation().powi(2) - 1.0 / 12.0;
+        Options {
+            noise: Some(NoiseModel {
+                gain_dn_per_e: 0.0,
+                read_noise_dn: read.max(0.0).sqrt(),
+                black_level_dn: 0.0,
+                saturation_dn: self.full,
+            }),
+            ..Options::default()
+        }
+    }
+
+    /// The level of a pattern at a position: fringes as their footprint averages them, Gray code as
+    /// held pixels averaged over the footprint.
+    fn level(&self, pattern: &Pattern, x: f64) -> f64 {
+        match *pattern {
+            Pattern::Fringe {
+                period_px,
+                phase_rad,
+                ..
+            } => 0.5 + 0.5 * (TAU * (x / period_px).fract() + phase_rad).cos(),
+            Pattern::Gray { .. } => {
+                let (lo, hi) = (x - 0.5 * self.footprint, x + 0.5 * self.footprint);
+                let (mut sum, mut weight) = (0.0, 0.0);
+                let mut i = (lo + 0.5).floor().max(0.0);
+                while i - 0.5 < hi {
+                    let overlap = (hi.min(i + 0.5) - lo.max(i - 0.5)).max(0.0);
+                    sum += overlap * pattern.level(i as u32).unwrap_or(0.0);
+                    weight += overlap;
+                    i += 1.0;
+                }
+                sum / weight
+            }
+            ref uniform => uniform.level(0).unwrap_or(0.0),
+        }
+    }
+
+    fn frame(&self, index: usize, pattern: &Pattern, positions: &[f64]) -> Vec<u16> {
+        let sample = |(i, &x): (usize, &f64)| {
+            let noise = if self.noise > 0.0 {
+                self.noise * self.draws.normals((index as u64) << 32 | i as u64).x
+            } else {
+                0.0
+            };
+            let dn = self.floor + self.swing * self.level(pattern, x) + noise;
+            let steps = (dn / self.grain).round() * self.grain;
+            steps.clamp(0.0, self.full) as u16
+        };
+        positions.iter().enumerate().map(sample).collect()
+    }
+
+    /// Frames of a surface that shows the positions row by row, decoded. Errors above `gross` are
+    /// counted, not averaged.
+    pub(super) fn decode(
+        &self,
+        patterns: Vec<Pattern>,
+        positions: &[f64],
+        options: Options,
+        gross: f64,
+    ) -> Result<Tally> {
+        let manifest = manifest(patterns);
+        let height = positions.len() / WIDTH;
+        let decoder = Decoder::new(&manifest, WIDTH, height, None, options)?;
+        let frames: Vec<Vec<u16>> = manifest
+            .frame
+            .par_iter()
+            .enumerate()
+            .map(|(k, f)| self.frame(k, &f.pattern, positions))
+            .collect();
+        let decoded = if self.full > 255.0 {
+            let samples = frames.iter().map(|f| Samples::U16(f)).collect();
+            decoder.decode(&FrameStack::new(WIDTH, height, samples)?)?
+        } else {
+            let bytes: Vec<Vec<u8>> = frames
+                .iter()
+                .map(|f| f.iter().map(|&v| v as u8).collect())
+                .collect();
+            let samples = bytes.iter().map(|f| Samples::U8(f)).collect();
+            decoder.decode(&FrameStack::new(WIDTH, height, samples)?)?
+        };
+        let map = decoded.x.unwrap_or_default();
+        let (mut counts, mut wrong, mut squares, mut worst) = ([0.0; 7], 0.0, 0.0, 0.0_f64);
+        let found = map.coordinate.iter().zip(&map.verdict).zip(positions);
+        for ((&x, &verdict), truth) in found {
+            counts[verdict as usize] += 1.0;
+            if verdict != Verdict::Valid {
+                continue;
+            }
+            let error = (f64::from(x) - truth).abs();
+            // NaN is no coordinate, whatever the verdict says.
+            worst = if error.is_nan() {
+                f64::INFINITY
+            } else {
+                worst.max(error)
+            };
+            if error <= gross {
+                squares += error * error;
+            } else {
+                wrong += 1.0;
+            }
+        }
+        let (all, valid) = (positions.len() as f64, counts[Verdict::Valid as usize]);
+        let reasons = Verdict::ALL.into_iter().skip(1);
+        let reasons = reasons.filter(|v| counts[*v as usize] >= 0.0005 * all);
+        let masked: Vec<String> = reasons
+            .map(|v| format!("{} {:.1} %", v.name(), 100.0 * counts[v as usize] / all))
+            .collect();
+        Ok(Tally {
+            kept: valid / all,
+            gross: wrong / valid.max(1.0),
+            rms: (squares / f64::max(valid - wrong, 1.0)).sqrt(),
+            worst,
+            masked: masked.join(", "),
+        })
+    }
+}
+
+/// The least-squares bound on the error of a coordinate: sqrt(2/N) sigma / B of a period (see
+/// `decode`'s `steps`).
+pub(super) fn bound(period: f64, steps: usize, deviation: f64, modulation: f64) -> f64 {
+    period / TAU * (2.0 / steps as f64).sqrt() * deviation / modulation
+}
+
+/// What f32 costs a coordinate in the worst case, in projector pixels: N products summed one after
+/// the other, each as large as mean and modulation together; the angle's polynomial (1e-6 rad, as
+/// its own test has it); the coordinate itself and the period's place, a rounding each.
+pub(super) fn f32_floor(period: f64, steps: usize, mean: f64, modulation: f64) -> f64 {
+    let sums = 2.0 * steps as f64 * EPS_F32 * (mean + modulation) / modulation;
+    period / TAU * (sums + 1e-6) + 2.0 * EPS_F32 * EXTENT
+}
+
+/// The largest error that rounding by half a step can make of N equal steps' phase, in units of the
+/// step over B: sums of |sin| over the steps, at their worst phase.
+pub(super) fn rounding_gain(steps: usize) -> f64 {
+    let sum = |phi: f64| -> f64 {
+        let of = |i: usize| (TAU * i as f64 / steps as f64 + phi).sin().abs();
+        (0..steps).map(of).sum()
+    };
+    let phases = (0..2000).map(|k| TAU * f64::from(k) / 2000.0);
+    phases.map(sum).fold(0.0, f64::max) / steps as f64
+}
+
+/// A smooth surface that sweeps the projector's columns with every phase.
+pub(super) fn sweep(context: &Context<'_>) -> Vec<f64> {
+    let height = if context.settings.quick { 40 } else { 160 };
+    (0..WIDTH * height)
+        .map(|i| {
+            let (u, v) = ((i % WIDTH) as f64, (i / WIDTH) as f64);
+            10.0 + 7.37 * u + 3.0 * (v * 0.11).sin() + 0.0317 * v
+        })
+        .collect()
+}
+
+/// Steps of a fringe along x.
+pub(super) fn fringes(period_px: f64, phases: &[f64]) -> Vec<Pattern> {
+    let one = |&phase_rad: &f64| Pattern::Fringe {
+        axis: Axis::X,
+        period_px,
+        phase_rad,
+    };
+    phases.iter().map(one).collect()
+}
+
+/// N equal steps along x.
+pub(super) fn equal(period_px: f64, steps: usize) -> Vec<Pattern> {
+    let phases: Vec<f64> = (0..steps).map(|i| TAU * i as f64 / steps as f64).collect();
+    fringes(period_px, &phases)
+}
+
+/// All bits of a Gray code along x, with complements or without.
+pub(super) fn gray(cell_px: f64, complements: bool) -> Vec<Pattern> {
+    let bits = (EXTENT / cell_px).log2().ceil().max(1.0) as u32;
+    bit_frames(cell_px, bits, 0..bits, complements)
+}
+
+/// The finest bit of a Gray code along x.
+pub(super) fn finest_bit(cell_px: f64) -> Vec<Pattern> {
+    bit_frames(cell_px, 8, 0..1, false)
+}
+
+fn bit_frames(
+    cell_px: f64,
+    bits: u32,
+    shown: std::ops::Range<u32>,
+    complements: bool,
+) -> Vec<Pattern> {
+    let kinds: &[bool] = if complements {
+        &[false, true]
+    } else {
+        &[false]
+    };
+    let one = move |bit| {
+        kinds.iter().map(move |&inverted| Pattern::Gray {
+            axis: Axis::X,
+            cell_px,
+            bits,
+            bit,
+            inverted,
+        })
+    };
+    shown.rev().flat_map(one).collect()
+}
+
+/// White and black.
+pub(super) fn references() -> Vec<Pattern> {
+    vec![Pattern::White {}, Pattern::Black {}]
+}
+
+/// A sequence for the projector.
+pub(super) fn manifest(patterns: Vec<Pattern>) -> Manifest {
+    let frame = patterns.into_iter().map(|pattern| ManifestFrame {
+        file: None,
+        pattern,
+    });
+    Manifest {
+        projector: ProjectorSize {
+            width_px: EXTENT as u32,
+            height_px: 1080,
+        },
+        frame: frame.collect(),
+    }
+}

@@ -1,0 +1,11 @@
+//! How commands, studies and benchmarks take times, by a clock that is passed in: rounds, the fastest
+//! of which says what the work costs and the others how much else runs here; a memory copy to hold
+//! them against; the passes of a renderer with and without their terms.
+
+mod renderer;
+mod spread;
+mod stopwatch;
+
+pub use renderer::Timing;
+pub use spread::{Spread, quantile};
+pub use stopwatch::{Clock, ROUND_S, Stopwatch};

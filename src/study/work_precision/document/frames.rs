@@ -1,0 +1,120 @@
+//! Frames against the reference path: tables and the plot.
+
+use super::{figure, of_bound, percent, um, with_spread, words};
+use crate::measure::plot::figures;
+use crate::study::lab::{Block, Check, Look, Row, Section, Series, Table};
+use crate::study::work_precision::pareto::front;
+use crate::study::work_precision::row::spread;
+
+/// Part of the noise bound that the fast path's own error may have.
+const MOST_OF_BOUND: f64 = 0.1;
+
+fn frame_name(row: &Row) -> [String; 2] {
+    [row.get("setting").to_owned(), row.get("samples").to_owned()]
+}
+
+pub(super) fn section(frames: &[&Row], bound_um: f64) -> Section {
+    let mut errors = Table::new(
+        "work-precision-frames",
+        "Frames without noise against the reference path (f64, thousands of rays a pixel): error of \
+         the phase of four steps, as depth.",
+        &[
+            "filter",
+            "rays",
+            "smooth, RMSE um",
+            "of noise bound, %",
+            "grey levels, RMS",
+            "edges, RMSE um",
+            "edges, gross %",
+        ],
+    );
+    let mut times = Table::new(
+        "work-precision-frame-times",
+        "Nanoseconds a pixel of a frame on all threads, median (quartiles), with the geometry that \
+         four frames share; * is on the Pareto front.",
+        &["filter", "rays", "ns/px", ""],
+    )
+    .timed();
+    let places: Vec<[f64; 2]> = frames
+        .iter()
+        .map(|row| [row.value("ns"), row.value("inlier_rmse_mm")])
+        .collect();
+    let best = front(&places);
+    for (row, best) in frames.iter().zip(&best) {
+        let [filter, rays] = frame_name(row);
+        errors.row([
+            filter.clone(),
+            rays.clone(),
+            um(row.value("inlier_rmse_mm")),
+            of_bound(row, bound_um),
+            figures(row.value("levels"), 3),
+            um(row.value("crease_rmse_mm")),
+            percent(row.value("gross")),
+        ]);
+        if row.value("ns").is_nan() {
+            continue;
+        }
+        let mark = if *best { "*" } else { "" };
+        times.row([
+            filter,
+            rays,
+            with_spread(spread(row, "ns"), 3),
+            mark.to_owned(),
+        ]);
+    }
+    let about = "What the closed form of a pixel's footprint is worth beside sampling it, and f32 \
+                 beside f64. The reference looks up one held slide pixel a ray. Its error falls with \
+                 the number of rays, and the largest number is what all are held against: no error \
+                 below that of a quarter of it, the last row, can be trusted. The closed form in f64 \
+                 has the fast path's formula and no rounding to speak of; the row that holds the two \
+                 against each other is what f32 costs. Samples a pixel change nothing on smooth \
+                 surfaces, where the closed form stands for them; edges have sixteen rays whenever \
+                 fewer are asked for, and gain from sixty-four. Sampling in f64 is the reference path \
+                 itself, which tests every ray against every surface: its times are no renderer's, \
+                 but how they grow with the rays is.";
+    let by = |setting: &str, look: Look| {
+        let of = || frames.iter().filter(|row| row.get("setting") == setting);
+        let points = of().map(|row| (row.value("ns"), row.value("inlier_rmse_mm")));
+        let mut series = Series::new(setting, look, points);
+        series.tips = of()
+            .map(|row| format!("{} rays", row.get("samples")))
+            .collect();
+        series
+    };
+    let mut series = vec![
+        by("closed form, f32", Look::Both),
+        by("closed form, f64", Look::Dots),
+        by("sampled, f64", Look::Both),
+    ];
+    let on = frames.iter().zip(&best).filter(|(_, best)| **best);
+    let mut on: Vec<(f64, f64)> = on
+        .map(|(row, _)| (row.value("ns"), row.value("inlier_rmse_mm")))
+        .collect();
+    on.sort_by(|a, b| a.0.total_cmp(&b.0));
+    series.push(Series::new("Pareto front", Look::Line, on));
+    let plot = figure(
+        "work-precision-frames",
+        "Error of frames without noise, on smooth surfaces, against time.",
+        ["time of a pixel of a frame, ns", "RMSE, mm"],
+        series,
+    );
+    let fast = frames
+        .iter()
+        .find(|row| frame_name(row) == ["closed form, f32".to_owned(), "1".to_owned()]);
+    let share = fast.map_or(f64::NAN, |row| row.value("inlier_rmse_mm") * 1e3 / bound_um);
+    let check = Check::at_most(
+        "fast path's error over the noise bound of 12 steps",
+        share,
+        MOST_OF_BOUND,
+    );
+    Section {
+        title: "Frames".to_owned(),
+        blocks: vec![
+            words(about),
+            Block::Table(errors),
+            Block::Table(times),
+            Block::Figure(plot),
+            Block::Checks(vec![check]),
+        ],
+    }
+}

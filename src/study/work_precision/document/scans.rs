@@ -1,0 +1,200 @@
+//! Scans with noise: tables, the cheapest setting for an accuracy, the plot.
+
+use super::{figure, percent, um, with_spread, words};
+use crate::measure::plot::figures;
+use crate::study::lab::{Block, Check, Figure, Look, Row, Section, Series, Settings, Table};
+use crate::study::work_precision::pareto::front;
+use crate::study::work_precision::row::spread;
+
+/// Accuracies that are asked for, in millimetres.
+const WANTED_MM: [f64; 4] = [0.1, 0.05, 0.02, 0.01];
+/// Part of the surface that a setting has to measure to be named for an accuracy.
+const LEAST_COVERAGE: f64 = 0.9;
+/// Share of gross errors that it may have.
+const MOST_GROSS: f64 = 0.01;
+/// Steps, resolution, samples.
+fn scan_name(row: &Row) -> [String; 3] {
+    [
+        row.get("steps").to_owned(),
+        format!("{} x {}", row.get("width"), row.get("height")),
+        row.get("samples").to_owned(),
+    ]
+}
+
+fn scan_s(row: &Row) -> f64 {
+    row.value("render_s") + row.value("decode_s")
+}
+
+pub(super) fn section(scans: &[&Row], settings: &Settings) -> Section {
+    let mut errors = Table::new(
+        "work-precision-scans",
+        "Scans of the trapezoid with noise: depth error on smooth surfaces against the f64 truth.",
+        &[
+            "steps",
+            "pixels",
+            "samples",
+            "frames",
+            "inlier RMSE, um",
+            "bound, um",
+            "of bound",
+            "gross, %",
+            "coverage, %",
+            "edges, RMSE um",
+        ],
+    );
+    let mut times = Table::new(
+        "work-precision-scan-times",
+        "The same scans: milliseconds, median (quartiles) of repeated runs. Rendering is the geometry \
+         pass and all frames; * is on the Pareto front of the sum.",
+        &["steps", "pixels", "samples", "render, ms", "decode, ms", "sum, ms", ""],
+    )
+    .timed();
+    let places: Vec<[f64; 2]> = scans
+        .iter()
+        .map(|row| [scan_s(row), row.value("inlier_rmse_mm")])
+        .collect();
+    let best = front(&places);
+    for (row, best) in scans.iter().zip(&best) {
+        let [steps, pixels, samples] = scan_name(row);
+        errors.row([
+            steps.clone(),
+            pixels.clone(),
+            samples.clone(),
+            row.get("frames").to_owned(),
+            um(row.value("inlier_rmse_mm")),
+            um(row.value("bound_mm")),
+            figures(row.value("ratio_to_bound"), 3),
+            percent(row.value("gross")),
+            percent(row.value("coverage")),
+            um(row.value("crease_rmse_mm")),
+        ]);
+        times.row([
+            steps,
+            pixels,
+            samples,
+            with_spread(spread(row, "render_s").times(1e3), 3),
+            with_spread(spread(row, "decode_s").times(1e3), 3),
+            figures(scan_s(row) * 1e3, 3),
+            if *best { "*" } else { "" }.to_owned(),
+        ]);
+    }
+    let about = "What a scan's time buys. Steps, resolution and samples a pixel are set; what is left \
+                 out is what noise sets. Pixels that are half as wide see half as much of a fringe at \
+                 once, so that its contrast is higher; all are exposed until they have as much light. \
+                 The fringes are 16 slide pixels wide, of which a pixel of the bench spans 4.35: at \
+                 half its resolution more than half a fringe falls into one pixel.";
+    Section {
+        title: "Scans".to_owned(),
+        blocks: vec![
+            words(about),
+            Block::Table(errors),
+            Block::Table(times),
+            Block::Table(cheapest(scans)),
+            Block::Figure(scan_figure(scans, &best)),
+            Block::Checks(scan_checks(scans, settings)),
+        ],
+    }
+}
+
+/// For each wanted accuracy the setting that takes the least time.
+fn cheapest(scans: &[&Row]) -> Table {
+    let mut table = Table::new(
+        "work-precision-cheapest",
+        format!(
+            "The cheapest setting for a wanted accuracy, among those with at most {} % of gross errors \
+             and at least {} % of the surface.",
+            MOST_GROSS * 100.0,
+            LEAST_COVERAGE * 100.0
+        ),
+        &["wanted, mm", "steps", "pixels", "samples", "inlier RMSE, um", "sum, ms"],
+    )
+    .timed();
+    for wanted in WANTED_MM {
+        let fits = |row: &&&Row| {
+            row.value("inlier_rmse_mm") <= wanted
+                && row.value("coverage") >= LEAST_COVERAGE
+                && row.value("gross") <= MOST_GROSS
+        };
+        let time = |a: &&&Row, b: &&&Row| scan_s(a).total_cmp(&scan_s(b));
+        let cells = match scans.iter().filter(fits).min_by(time) {
+            Some(row) => {
+                let [steps, pixels, samples] = scan_name(row);
+                let error = um(row.value("inlier_rmse_mm"));
+                [steps, pixels, samples, error, figures(scan_s(row) * 1e3, 3)]
+            }
+            None => ["none", "", "", "", ""].map(str::to_owned),
+        };
+        table.row(std::iter::once(wanted.to_string()).chain(cells));
+    }
+    table
+}
+
+fn scan_figure(scans: &[&Row], best: &[bool]) -> Figure {
+    let point = |row: &Row| (scan_s(row) * 1e3, row.value("inlier_rmse_mm"));
+    let mut scales: Vec<&str> = Vec::new();
+    for row in scans {
+        if !scales.contains(&row.get("scale")) {
+            scales.push(row.get("scale"));
+        }
+    }
+    let single = |row: &&&Row| row.get("samples") == "1";
+    let mut series: Vec<Series> = scales
+        .iter()
+        .map(|scale| {
+            let of = || {
+                scans
+                    .iter()
+                    .filter(single)
+                    .filter(|r| r.get("scale") == *scale)
+            };
+            let mut one = Series::new(
+                &format!("{scale} x the pixels a side"),
+                Look::Both,
+                of().map(|row| point(row)),
+            );
+            one.tips = of()
+                .map(|row| format!("{} steps", row.get("steps")))
+                .collect();
+            one
+        })
+        .collect();
+    let sampled = || scans.iter().filter(|row| row.get("samples") != "1");
+    let mut more = Series::new(
+        "4, 16, 64 samples",
+        Look::Dots,
+        sampled().map(|row| point(row)),
+    );
+    more.tips = sampled()
+        .map(|row| format!("{} samples", row.get("samples")))
+        .collect();
+    series.push(more);
+    let bound = |row: &&&Row| row.get("scale") == "1" && row.get("samples") == "1";
+    let bounds = scans.iter().filter(bound);
+    let bounds = bounds.map(|row| (scan_s(row) * 1e3, row.value("bound_mm")));
+    series.push(Series::new("noise bound at 1 x", Look::Dashed, bounds));
+    let on = scans.iter().zip(best).filter(|(_, best)| **best);
+    let mut on: Vec<(f64, f64)> = on.map(|(row, _)| point(row)).collect();
+    on.sort_by(|a, b| a.0.total_cmp(&b.0));
+    series.push(Series::new("Pareto front", Look::Line, on));
+    figure(
+        "work-precision-scans",
+        "Error of scans with noise against the time to render and decode them.",
+        ["time of a scan, ms", "inlier RMSE, mm"],
+        series,
+    )
+}
+
+/// Twice the steps shall bring the error down by the root of two, within a tenth.
+fn scan_checks(scans: &[&Row], settings: &Settings) -> Vec<Check> {
+    let error = |steps: f64| {
+        let found = scans.iter().find(|row| {
+            row.value("steps") == steps && row.get("scale") == "1" && row.get("samples") == "1"
+        });
+        found.map_or(f64::NAN, |row| row.value("inlier_rmse_mm"))
+    };
+    let most: f64 = if settings.quick { 24.0 } else { 48.0 };
+    let off = error(most) / error(12.0) * (most / 12.0).sqrt() - 1.0;
+    let what =
+        format!("error of {most} steps over that of 12, times the root of their ratio, off 1");
+    vec![Check::at_most(what, off.abs(), 0.1)]
+}

@@ -1,0 +1,101 @@
+//! Terms of image formation, each left out once: tables and the plot.
+
+use super::{figure, of_bound, percent, um, with_spread, words};
+use crate::measure::plot::figures;
+use crate::study::lab::{Block, Check, Look, Row, Section, Series, Table};
+use crate::study::work_precision::row::spread;
+
+pub(super) fn section(terms: &[&Row], bound_um: f64) -> Section {
+    let mut errors = Table::new(
+        "work-precision-terms",
+        "Each term left out of a scene that needs it (the bench before its torso, twelve steps, \
+         otherwise without noise): error of the phase against the full plan, as depth; gross: more \
+         than 1 mm off, or a fringe where there is none.",
+        &[
+            "term",
+            "pass",
+            "RMSE um",
+            "of noise bound, %",
+            "gross, %",
+            "lost, %",
+        ],
+    );
+    let mut times = Table::new(
+        "work-precision-term-times",
+        "Nanoseconds a pixel of a scan (geometry and twelve frames) on all threads, median (quartiles) \
+         of runs in turns.",
+        &["term", "with", "without", "saved"],
+    )
+    .timed();
+    for row in terms {
+        let name = row.get("setting").to_owned();
+        errors.row([
+            name.clone(),
+            row.get("pass").to_owned(),
+            um(row.value("inlier_rmse_mm")),
+            of_bound(row, bound_um),
+            percent(row.value("gross")),
+            percent(1.0 - row.value("coverage")),
+        ]);
+        let [with, without] = ["ns", "without_ns"].map(|name| spread(row, name));
+        times.row([
+            name,
+            with_spread(with, 3),
+            with_spread(without, 3),
+            figures(with.median - without.median, 3),
+        ]);
+    }
+    let about = "What each term is worth and what it costs. Uniform factors, such as vignetting and \
+                 ambient light, leave the phase alone and change the light only: their error is next \
+                 to none here, whatever they do to the noise. Bent responses of projector and camera \
+                 make harmonics, of which twelve steps cancel all up to the tenth. Camera distortion \
+                 that is left out still bends the rays, which the lens does without its table; what \
+                 is left out is its effect on footprints. Blooming needs light beyond the full well, \
+                 which this scene has not; the light source of a sequence that was never started has \
+                 not warmed up, and so keeps time; no slide varies along y: these terms change no \
+                 byte. Noise is worth what noise does, which is the bound. The footprint along the \
+                 fringes' axis cannot be left out of a plan whose slides vary along it: the frames \
+                 above compare it with samples. Shadows count where light falls that should not, \
+                 which the phase of lit pixels does not show.";
+    let mut dots = Series::new(
+        "terms",
+        Look::Dots,
+        terms
+            .iter()
+            .map(|row| (saved(row), row.value("inlier_rmse_mm"))),
+    );
+    dots.tips = terms
+        .iter()
+        .map(|row| row.get("setting").to_owned())
+        .collect();
+    let plot = figure(
+        "work-precision-terms",
+        "Error without a term against the time that it takes; terms that cost or change nothing are \
+         off the axes.",
+        [
+            "time that leaving it out saves, ns a pixel of a scan",
+            "RMSE without it, mm",
+        ],
+        vec![dots],
+    );
+    let unneeded = terms.iter().find(|row| row.get("setting") == "footprint-y");
+    let changed = unneeded.map_or(f64::NAN, |row| row.value("inlier_rmse_mm"));
+    Section {
+        title: "Terms".to_owned(),
+        blocks: vec![
+            words(about),
+            Block::Table(errors),
+            Block::Table(times),
+            Block::Figure(plot),
+            Block::Checks(vec![Check::at_most(
+                "error of leaving out a term that is not needed, mm",
+                changed,
+                0.0,
+            )]),
+        ],
+    }
+}
+
+fn saved(row: &Row) -> f64 {
+    row.value("ns") - row.value("without_ns")
+}

@@ -1,0 +1,50 @@
+//! `work-precision`: error against run time.
+//!
+//! Three questions. What do steps, resolution and samples a pixel buy in a scan with noise
+//! (`scans`)? How far are frames from those of the reference path, which knows no shortcut and
+//! computes in f64, and what does each way of filtering cost (`frames`)? What is each term of image
+//! formation worth, and what does it cost (`terms`)?
+
+mod closed;
+mod document;
+mod frames;
+mod needs;
+mod pareto;
+mod phase;
+mod rig;
+mod row;
+mod scans;
+mod terms;
+
+pub use needs::{CHECKS, checks, need};
+
+use super::lab::{Document, Folder, Rows, Settings, Study, Trial};
+use crate::error::Result;
+
+/// The study.
+pub struct WorkPrecision;
+
+impl Study for WorkPrecision {
+    fn name(&self) -> &'static str {
+        "work-precision"
+    }
+
+    fn about(&self) -> &'static str {
+        "Error against run time: steps, resolution, samples, filtering, arithmetic, every term"
+    }
+
+    fn columns(&self) -> &'static [&'static str] {
+        row::COLUMNS
+    }
+
+    fn trials(&self, settings: &Settings) -> Result<Vec<Trial>> {
+        let mut trials = scans::trials(settings);
+        trials.extend(frames::trials(settings));
+        trials.extend(terms::trials(settings));
+        Ok(trials)
+    }
+
+    fn document(&self, rows: &Rows, _: &Folder, settings: &Settings) -> Result<Document> {
+        Ok(document::document(rows, settings))
+    }
+}

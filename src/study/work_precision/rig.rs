@@ -1,0 +1,71 @@
+//! The paper's bench, changed in one way at a time.
+
+use crate::error::Result;
+use crate::pattern::{Axis, ManifestFrame, Pattern};
+use crate::profile::Profile;
+use crate::protocol::PixelFormat;
+use std::f64::consts::TAU;
+
+/// Digital numbers of a fine converter for one of the bench's: 65535 over 255.
+pub const FINE: f64 = 257.0;
+
+/// The bench with the middle of its sensor, so many columns and rows, all of them in the projector's
+/// field up to 400 x 240.
+///
+/// # Errors
+/// None, as long as the built-in profile is sound.
+pub fn bench(width_px: u32, height_px: u32) -> Result<Profile> {
+    let mut profile = Profile::load("pmp-bench")?;
+    let camera = &mut profile.camera;
+    camera.sensor_width_mm *= f64::from(width_px) / f64::from(camera.width_px);
+    (camera.width_px, camera.height_px) = (width_px, height_px);
+    camera.data_line = false;
+    profile.sequence.truncate(1);
+    Ok(profile)
+}
+
+/// With so many steps of the fringe in place of twelve.
+pub fn with_steps(mut profile: Profile, steps: usize) -> Profile {
+    for sequence in &mut profile.sequence {
+        let fringe = |k: usize| ManifestFrame {
+            file: None,
+            pattern: Pattern::Fringe {
+                axis: Axis::X,
+                period_px: 16.0,
+                phase_rad: TAU * k as f64 / steps as f64,
+            },
+        };
+        let others = sequence.frame.drain(..);
+        let others = others.filter(|f| !matches!(f.pattern, Pattern::Fringe { .. }));
+        let others: Vec<_> = others.collect();
+        sequence.frame = (0..steps).map(fringe).chain(others).collect();
+    }
+    profile
+}
+
+/// With `scale` times as many pixels on a side of the same field. A pixel of another size is exposed
+/// for as long as brings it as much light.
+pub fn scaled(mut profile: Profile, scale: f64) -> Profile {
+    let camera = &mut profile.camera;
+    let side = |px: u32| (f64::from(px) * scale).round() as u32;
+    (camera.width_px, camera.height_px) = (side(camera.width_px), side(camera.height_px));
+    let by = scale * scale;
+    camera.exposure_us *= by;
+    camera.frame_interval_us = camera.frame_interval_us.max(2.0 * camera.exposure_us);
+    for sequence in &mut profile.sequence {
+        sequence.period_us = sequence.period_us.max(1.25 * camera.exposure_us);
+    }
+    profile
+}
+
+/// With a converter of 16 bits, whose rounding is next to nothing, and without noise.
+pub fn fine(mut profile: Profile) -> Profile {
+    let camera = &mut profile.camera;
+    camera.format = PixelFormat::Y16;
+    let sensor = &mut camera.sensor;
+    sensor.bits = 16;
+    sensor.gain_dn_per_e *= FINE;
+    sensor.black_level_dn *= FINE;
+    sensor.noiseless = true;
+    profile
+}

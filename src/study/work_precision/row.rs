@@ -1,0 +1,54 @@
+//! Times in rows.
+
+use crate::study::lab::Row;
+use crate::study::timing::Spread;
+
+/// The columns of this study.
+pub const COLUMNS: &[&str] = &[
+    "group",
+    "setting",
+    "pass",
+    "steps",
+    "scale",
+    "samples",
+    "width",
+    "height",
+    "frames",
+    "points",
+    "inlier_rmse_mm",
+    "crease_rmse_mm",
+    "bound_mm",
+    "ratio_to_bound",
+    "gross",
+    "coverage",
+    "levels",
+    "render_s",
+    "render_s_low",
+    "render_s_high",
+    "decode_s",
+    "decode_s_low",
+    "decode_s_high",
+    "ns",
+    "ns_low",
+    "ns_high",
+    "without_ns",
+    "without_ns_low",
+    "without_ns_high",
+    "note",
+];
+
+/// A row with a time and its quartiles.
+pub fn times(row: Row, name: &str, spread: Spread) -> Row {
+    row.number(name, spread.median)
+        .number(&format!("{name}_low"), spread.low)
+        .number(&format!("{name}_high"), spread.high)
+}
+
+/// The time of a row and its quartiles.
+pub fn spread(row: &Row, name: &str) -> Spread {
+    Spread {
+        low: row.value(&format!("{name}_low")),
+        median: row.value(name),
+        high: row.value(&format!("{name}_high")),
+    }
+}

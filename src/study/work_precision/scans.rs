@@ -1,0 +1,106 @@
+//! Whole scans with noise: what steps, resolution and samples a pixel buy, and what they cost.
+
+use super::rig;
+use super::row::times;
+use crate::decode::Options;
+use crate::emulator::render;
+use crate::error::{Error, Result};
+use crate::profile::Scene;
+use crate::study::lab::{Context, Row, Settings, Trial};
+use crate::study::scanned::Stage;
+
+/// One setting.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Case {
+    steps: usize,
+    /// Pixels on a side of the field, over the bench's.
+    scale: f64,
+    samples: u32,
+}
+
+/// The settings: steps at each resolution, samples at twelve steps.
+fn cases(quick: bool) -> Vec<Case> {
+    let (steps, scales): (&[usize], &[f64]) = match quick {
+        true => (&[3, 6, 12, 24], &[0.5, 1.0]),
+        false => (
+            &[3, 4, 6, 8, 12, 16, 24, 32, 48],
+            &[0.5, 0.75, 1.0, 1.5, 2.0],
+        ),
+    };
+    let grid = scales.iter().flat_map(|&scale| {
+        let of = move |&steps| Case {
+            steps,
+            scale,
+            samples: 1,
+        };
+        steps.iter().map(of)
+    });
+    let sampled = [4, 16, 64].map(|samples| Case {
+        steps: 12,
+        scale: 1.0,
+        samples,
+    });
+    grid.chain(sampled).collect()
+}
+
+/// A trial each.
+pub fn trials(settings: &Settings) -> Vec<Trial> {
+    let trial = |case: Case| {
+        let Case {
+            steps,
+            scale,
+            samples,
+        } = case;
+        let key = format!("scan/steps={steps}/scale={scale}/samples={samples}");
+        Trial::new(key, settings.seed, move |ctx| run(ctx, case)).alone()
+    };
+    cases(settings.quick).into_iter().map(trial).collect()
+}
+
+fn run(ctx: &Context<'_>, case: Case) -> Result<Vec<Row>> {
+    let (size, rounds) = match ctx.settings.quick {
+        true => ((160, 112), (3, 0.3)),
+        false => ((384, 224), (9, 4.0)),
+    };
+    let profile = rig::with_steps(rig::bench(size.0, size.1)?, case.steps);
+    let profile = rig::scaled(profile, case.scale);
+    let scene = Scene::load("trapezoid")?;
+    let options = render::Options {
+        samples: case.samples,
+        ..render::Options::default()
+    };
+    let mut stage = Stage::new(&profile, &scene, ctx.seed, options)?;
+    // Makes the tables of slides, which a device makes once.
+    let scanned = stage.scan(0);
+    let watch = ctx.stopwatch();
+    let rendering = watch.spread(rounds.0, rounds.1, || {
+        stage.renderer().invalidate();
+        std::hint::black_box(stage.scan(0));
+    });
+    let decoder = scanned.decoder(Options::default())?;
+    let mut failed = None;
+    let decoding = watch.spread(rounds.0, rounds.1, || {
+        failed = std::hint::black_box(scanned.decode(&decoder)).err();
+    });
+    if let Some(e) = failed {
+        return Err(Error::device(e));
+    }
+    let (_, score) = scanned.scored(&stage.truth())?;
+    let row = Row::new()
+        .text("group", "scan")
+        .number("steps", case.steps as f64)
+        .number("scale", case.scale)
+        .number("samples", f64::from(case.samples))
+        .number("width", scanned.size.0 as f64)
+        .number("height", scanned.size.1 as f64)
+        .number("frames", scanned.frames.len() as f64)
+        .number("points", score.points as f64)
+        .number("inlier_rmse_mm", score.inlier_rmse_mm)
+        .number("crease_rmse_mm", score.crease.inlier_rmse_mm)
+        .number("bound_mm", score.bound_mm)
+        .number("ratio_to_bound", score.ratio_to_bound)
+        .number("gross", score.gross_error_rate)
+        .number("coverage", score.coverage);
+    let row = times(row, "render_s", rendering);
+    Ok(vec![times(row, "decode_s", decoding)])
+}

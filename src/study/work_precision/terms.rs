@@ -1,0 +1,108 @@
+//! Terms of image formation, one by one: a scene that needs the term, with it and without it. Error
+//! is that of the phase against the full plan's, time what the term adds to a scan of the sequence's
+//! twelve fringes.
+
+use super::frames::LEAST;
+use super::needs::{CHECKS, checks, need};
+use super::phase::{difference, mm_per_radian, phasors};
+use super::rig;
+use super::row::times;
+use crate::emulator::render::{Pass, Term};
+use crate::emulator::{Firmware, Renderer, Shot};
+use crate::error::Result;
+use crate::pattern::Pattern;
+use crate::profile::{Profile, Scene};
+use crate::study::lab::{Context, Row, Settings, Trial};
+use crate::study::timing::Spread;
+use glam::DVec2;
+
+/// A trial each, but for the footprint along the fringes' axis, which a slide that varies along it
+/// always has: `frames` looks at that.
+pub fn trials(settings: &Settings) -> Vec<Trial> {
+    let trial = |term: Term| {
+        Trial::new(format!("term/{term}"), settings.seed, move |ctx| {
+            run(ctx, term)
+        })
+        .alone()
+    };
+    let terms = Term::ALL.into_iter();
+    let terms = terms.filter(|term| *term != Term::FootprintX);
+    terms.map(trial).collect()
+}
+
+fn run(ctx: &Context<'_>, term: Term) -> Result<Vec<Row>> {
+    let (size, rounds) = match ctx.settings.quick {
+        true => ((120, 160), (3, 0.2)),
+        false => ((384, 320), (9, 3.0)),
+    };
+    let mut scene = Scene::load("torso")?;
+    scene.folder = ctx.folder.files();
+    if term == Term::AlbedoMaps {
+        ctx.folder.leave(CHECKS, &checks()?)?;
+    }
+    let mut profile = rig::fine(rig::bench(size.0, size.1)?);
+    let rows = Profile::load("pmp-bench")?.camera.height_px;
+    need(term, &mut profile, &mut scene);
+    // A sensor of fewer rows is read for as long.
+    profile.camera.line_time_us *= f64::from(rows) / f64::from(size.1);
+    // Noise is on for its own sake only: elsewhere it would hide what is looked for.
+    profile.camera.sensor.noiseless = term != Term::Noise;
+    let sequence = Firmware::new(&profile, &[])?.selected_sequence();
+    let mut renderer = Renderer::new(&profile, &scene, ctx.seed)?;
+    let truth = renderer.truth(&sequence);
+    let mm = mm_per_radian(&profile.nominal_rig(), &truth);
+    let fringes = sequence.into_iter();
+    let fringes = fringes.filter(|(pattern, _)| matches!(pattern, Pattern::Fringe { .. }));
+    // Each exposure has noise of its own.
+    let shots: Vec<Shot> = (0..)
+        .zip(fringes)
+        .map(|(noise_id, (_, shot))| Shot { noise_id, ..shot })
+        .collect();
+    let watch = ctx.stopwatch();
+    let mut seconds = [Vec::new(), Vec::new()];
+    let mut found: [Vec<DVec2>; 2] = [Vec::new(), Vec::new()];
+    for _ in watch.rounds(rounds.0, rounds.1) {
+        for (place, included) in [false, true].into_iter().enumerate() {
+            renderer.force(term, included);
+            if found[place].is_empty() {
+                found[place] = phasors(&scan(&mut renderer, &shots));
+            } else {
+                renderer.make_ready(&shots);
+            }
+            renderer.invalidate();
+            seconds[place].push(watch.seconds(|| {
+                for shot in &shots {
+                    std::hint::black_box(renderer.expose(shot));
+                }
+            }));
+        }
+    }
+    let off = difference(&found[0], &found[1], &mm, LEAST);
+    let pass = match term.pass() {
+        Pass::Geometry => "geometry",
+        Pass::Exposure => "exposure",
+        Pass::Sensor => "sensor",
+    };
+    let per_pixel = 1e9 / renderer.pixel_count() as f64;
+    let [without, with] = seconds.map(|all| Spread::new(all).times(per_pixel));
+    let row = Row::new()
+        .text("group", "term")
+        .text("setting", &term.to_string())
+        .text("pass", pass)
+        .number("frames", shots.len() as f64)
+        .number("inlier_rmse_mm", off.inlier_rmse_mm)
+        .number("gross", off.gross)
+        .number("coverage", off.coverage);
+    let row = times(row, "ns", with);
+    Ok(vec![times(row, "without_ns", without)])
+}
+
+fn scan(renderer: &mut Renderer, shots: &[Shot]) -> Vec<Vec<f64>> {
+    let levels = |data: Vec<u8>| {
+        let pairs = data.chunks_exact(2);
+        let levels = pairs.map(|two| f64::from(u16::from_le_bytes([two[0], two[1]])));
+        levels.collect()
+    };
+    let frames = shots.iter().map(|shot| levels(renderer.expose(shot).data));
+    frames.collect()
+}

@@ -1,0 +1,50 @@
+//! A study, run in the process and held against its snapshot.
+
+use phasma::study::ALL;
+use phasma::study::lab::{Settings, Surroundings, run};
+use std::fs;
+use std::path::Path;
+use std::time::Instant;
+
+/// The form of less than a minute; its snapshot is `tests/studies/NAME.quick.md`.
+pub fn quick(name: &str) {
+    held(name, true);
+}
+
+/// The whole form; its snapshot is `tests/studies/NAME.md`.
+pub fn whole(name: &str) {
+    held(name, false);
+}
+
+/// Runs a study with seed 1 in a folder of its own, compares its tables (times apart) with the
+/// snapshot, and asserts that all its checks have passed. With `PHASMA_BLESS=1` in the environment
+/// the snapshot is written anew.
+fn held(name: &str, quick: bool) {
+    let study = *ALL.iter().find(|study| study.name() == name).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let begin = Instant::now();
+    let around = Surroundings {
+        clock: &|| begin.elapsed(),
+        jobs: 1,
+        revision: "test",
+    };
+    let settings = Settings { quick, seed: 1 };
+    let document = run(study, folder.path(), &settings, &around, &|_, _, _| {}).unwrap();
+    println!("{name}: {:.1} s", begin.elapsed().as_secs_f64());
+    let found = document.markdown(false);
+    let form = if quick { ".quick" } else { "" };
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let path = root.join(format!("tests/studies/{name}{form}.md"));
+    if std::env::var("PHASMA_BLESS").is_ok_and(|v| v == "1") {
+        fs::write(&path, &found).unwrap();
+    }
+    let failed: Vec<_> = document.checks().filter(|check| !check.passed()).collect();
+    assert!(failed.is_empty(), "{failed:#?}");
+    assert!(document.checks().count() > 0, "nothing is checked");
+    let wanted = fs::read_to_string(&path).unwrap();
+    for (i, (found, wanted)) in found.lines().zip(wanted.lines()).enumerate() {
+        assert_eq!(found, wanted, "{}, line {}", path.display(), i + 1);
+    }
+    let [found, wanted] = [found, wanted].map(|text| text.lines().count());
+    assert_eq!(found, wanted, "lines of {}", path.display());
+}

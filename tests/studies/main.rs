@@ -1,0 +1,39 @@
+//! Every study in its quick form, and those whose figures are no times in their whole form, against
+//! what they said before.
+
+mod common;
+
+use common::{quick, whole};
+
+#[test]
+fn paper() {
+    quick("paper");
+}
+
+#[test]
+fn work_precision() {
+    quick("work-precision");
+}
+
+#[test]
+fn stability() {
+    quick("stability");
+}
+
+#[test]
+fn noise() {
+    quick("noise");
+}
+
+#[test]
+fn speed() {
+    quick("speed");
+}
+
+#[test]
+#[ignore = "takes minutes; a lane of .ci/run does it"]
+fn whole_forms() {
+    for name in ["paper", "stability", "noise"] {
+        whole(name);
+    }
+}
