@@ -18,6 +18,7 @@
 mod borders;
 mod cloud;
 mod decoder;
+pub(crate) mod deviation;
 mod edges;
 mod gray;
 mod load;

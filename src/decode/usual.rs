@@ -6,7 +6,7 @@
 //! capture knows them, and takes them off; a damaged pixel of one frame is not usual. What is left is
 //! held against the camera's noise, or against what is left of most pixels where that is more.
 
-use super::Options;
+use super::{Options, deviation};
 use super::phase::{RowNoise, SetKernel};
 use super::samples::Sample;
 use crate::geometry::NoiseModel;
@@ -24,12 +24,10 @@ const BLURRED: f64 = 0.75;
 const TERMS: usize = 5;
 /// Rounds of the robust fit.
 const ROUNDS: usize = 4;
-/// Deviations from which on a pixel weighs less in the fit,
+/// Deviations from which on a pixel weighs less in the fit.
 const BENT: f64 = 2.0;
-/// and from which on it is left out of the deviation.
-const CLIP: f64 = 3.0;
-/// The part of its variance that a normal distribution has within [`CLIP`] deviations.
-const WITHIN: f64 = 0.9733;
+/// Least deviation of most pixels, in those of the camera's noise.
+const LEAST: f64 = 0.5;
 
 /// What is usual of the residual of a fringe set over a capture.
 #[derive(Debug, Clone, Copy)]
@@ -159,14 +157,5 @@ fn fit(pixels: &[Pixel], scale: f64) -> Option<SVector<f64, TERMS>> {
 /// The deviation of most pixels, in deviations of the camera's noise.
 fn deviation(pixels: &[Pixel]) -> f64 {
     let mut sizes: Vec<f64> = pixels.iter().map(|p| p.left.abs()).collect();
-    let middle = sizes.len() / 2;
-    // 0.6745 of a deviation is the median; few whole numbers make it coarse.
-    let median = *sizes.select_nth_unstable_by(middle, f64::total_cmp).1 / 0.6745;
-    let mut deviation = median.max(0.5);
-    for _ in 0..ROUNDS {
-        let kept = sizes.iter().filter(|v| **v < CLIP * deviation);
-        let (sum, n) = kept.fold((0.0, 0.0), |(sum, n), v| (sum + v * v, n + 1.0));
-        deviation = (sum / WITHIN / f64::max(n, 1.0)).sqrt().max(0.5);
-    }
-    deviation
+    deviation::of_most(&mut sizes, LEAST, LEAST)
 }

@@ -1,6 +1,7 @@
 //! The steps of a fringe set against other orders of them.
 
 use super::grid::Grid;
+use super::moments::{Moments, rest};
 use crate::decode::{AxisPlan, FringeSet};
 
 /// Pixels that are looked at, at most.
@@ -17,15 +18,21 @@ const UNEXPLAINED: f64 = 0.35;
 /// Whether another order, or one frame less, makes a set's residual distinctly smaller.
 pub(super) fn check(axis: &AxisPlan, grid: &Grid) -> Result<(), String> {
     let pixels = grid.sample(PIXELS);
+    let all = pixels.first().map_or(0, |pixel| pixel.len());
     for set in axis.sets.iter().filter(|set| set.frames.len() > 3) {
-        let asked = residual(set, &pixels, &set.frames);
-        if let Some((one, other)) = better_order(set, &pixels, asked) {
+        let mut involved = set.frames.clone();
+        involved.extend(set.frames.iter().flat_map(|f| strangers(set, *f, all)));
+        involved.sort_unstable();
+        involved.dedup();
+        let moments = Moments::of(involved, &pixels);
+        let asked = moments.residual(&rest(set), &set.frames);
+        if let Some((one, other)) = better_order(set, &moments, all, asked) {
             return Err(format!("frames {one} and {other} look exchanged"));
         }
-        if let Some(bad) = worthless(set, &pixels, asked) {
+        if let Some(bad) = worthless(set, &moments, asked) {
             return Err(format!("frame {bad} is no step of its fringes"));
         }
-        if asked > UNEXPLAINED * variance(set, &pixels) {
+        if asked > UNEXPLAINED * moments.variance(&set.frames) {
             let (first, last) = (set.frames[0], set.frames[set.frames.len() - 1]);
             return Err(format!(
                 "frames {first} to {last} are no fringes of one period in their order"
@@ -35,43 +42,27 @@ pub(super) fn check(axis: &AxisPlan, grid: &Grid) -> Result<(), String> {
     Ok(())
 }
 
-fn samples<'a>(pixel: &'a [f32], frames: &'a [usize]) -> impl Iterator<Item = f64> + 'a {
-    frames.iter().map(|frame| f64::from(pixel[*frame]))
-}
-
-/// Sum of squared residuals with the set's steps taken from `frames`.
-fn residual(set: &FringeSet, pixels: &[&[f32]], frames: &[usize]) -> f64 {
-    let mut values = Vec::with_capacity(frames.len());
-    let each = pixels.iter().map(|pixel| {
-        values.clear();
-        values.extend(samples(pixel, frames));
-        set.residual(&values)
-    });
-    each.sum()
-}
-
-fn variance(set: &FringeSet, pixels: &[&[f32]]) -> f64 {
-    let n = set.frames.len() as f64;
-    let each = pixels.iter().map(|pixel| {
-        let (sum, squares) = samples(pixel, &set.frames)
-            .fold((0.0, 0.0), |(sum, squares), v| (sum + v, squares + v * v));
-        squares - sum * sum / n
-    });
-    each.sum()
+/// Frames beside one of a set that are none of it, of so many in all.
+fn strangers(set: &FringeSet, frame: usize, all: usize) -> impl Iterator<Item = usize> {
+    [frame.checked_sub(1), frame.checked_add(1)]
+        .into_iter()
+        .flatten()
+        .filter(move |other| *other < all && !set.frames.contains(other))
 }
 
 /// The two frames whose exchange explains the samples best, if distinctly better than no exchange:
 /// any two steps, or a step and a frame beside it that is none.
-fn better_order(set: &FringeSet, pixels: &[&[f32]], asked: f64) -> Option<(usize, usize)> {
-    let all = pixels.first().map_or(0, |pixel| pixel.len());
+fn better_order(
+    set: &FringeSet,
+    moments: &Moments,
+    all: usize,
+    asked: f64,
+) -> Option<(usize, usize)> {
+    let rest = rest(set);
     let mut best = (DISTINCT * asked, None);
     for (place, &frame) in set.frames.iter().enumerate() {
-        let beside = [frame.checked_sub(1), frame.checked_add(1)];
-        let strangers = beside
-            .into_iter()
-            .flatten()
-            .filter(|other| *other < all && !set.frames.contains(other));
-        for other in set.frames[place + 1..].iter().copied().chain(strangers) {
+        let others = set.frames[place + 1..].iter().copied();
+        for other in others.chain(strangers(set, frame, all)) {
             let exchanged: Vec<usize> = set
                 .frames
                 .iter()
@@ -81,7 +72,7 @@ fn better_order(set: &FringeSet, pixels: &[&[f32]], asked: f64) -> Option<(usize
                     f => f,
                 })
                 .collect();
-            let left = residual(set, pixels, &exchanged);
+            let left = moments.residual(&rest, &exchanged);
             if left < best.0 {
                 best = (left, Some((frame.min(other), frame.max(other))));
             }
@@ -91,7 +82,7 @@ fn better_order(set: &FringeSet, pixels: &[&[f32]], asked: f64) -> Option<(usize
 }
 
 /// The frame without which the others fit far better.
-fn worthless(set: &FringeSet, pixels: &[&[f32]], asked: f64) -> Option<usize> {
+fn worthless(set: &FringeSet, moments: &Moments, asked: f64) -> Option<usize> {
     let n = set.frames.len();
     if n < LEAST_STEPS {
         return None;
@@ -102,10 +93,10 @@ fn worthless(set: &FringeSet, pixels: &[&[f32]], asked: f64) -> Option<usize> {
         let (mut frames, mut phases) = (set.frames.clone(), set.phases.clone());
         let frame = frames.remove(lacking);
         phases.remove(lacking);
-        let Ok(rest) = FringeSet::new("steps", set.period_px, frames, phases) else {
+        let Ok(others) = FringeSet::new("steps", set.period_px, frames, phases) else {
             continue;
         };
-        let left = residual(&rest, pixels, &rest.frames);
+        let left = moments.residual(&rest(&others), &others.frames);
         if left < best.0 {
             best = (left, Some(frame));
         }

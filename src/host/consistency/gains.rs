@@ -8,8 +8,9 @@
 //! that gains are believed only where they explain most of it.
 
 use super::grid::Grid;
+use super::moments::{Moments, rest};
 use crate::decode::{AxisPlan, FringeSet};
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DVector;
 
 /// Pixels that are looked at, at most.
 const PIXELS: usize = 5000;
@@ -43,22 +44,8 @@ pub(super) fn check(axis: &AxisPlan, grid: &Grid) -> Result<(), String> {
 /// Gains of the steps, their median 1; none where they explain little.
 fn gains(set: &FringeSet, pixels: &[&[f32]]) -> Option<Vec<f64>> {
     let n = set.frames.len();
-    let span = DMatrix::from_fn(n, 3, |k, column| match column {
-        0 => 1.0,
-        1 => set.phases[k].cos(),
-        _ => set.phases[k].sin(),
-    });
-    let hat = &span * (span.transpose() * &span).try_inverse()? * span.transpose();
-    let mut moments = DMatrix::zeros(n, n);
-    for pixel in pixels {
-        for (a, &i) in set.frames.iter().enumerate() {
-            for (b, &j) in set.frames.iter().enumerate() {
-                moments[(a, b)] += f64::from(pixel[i]) * f64::from(pixel[j]);
-            }
-        }
-    }
-    let rest = DMatrix::identity(n, n) - hat;
-    let residual = rest.component_mul(&moments);
+    let moments = Moments::of(set.frames.clone(), pixels).ordered(&set.frames);
+    let residual = rest(set).component_mul(&moments);
     let ones = DVector::from_element(n, 1.0);
     let solved = residual.clone().lu().solve(&ones)?;
     let inverse = &solved * (n as f64 / solved.sum());

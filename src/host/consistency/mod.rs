@@ -52,6 +52,7 @@ mod harmonics;
 mod levels;
 mod lit;
 mod modulation;
+mod moments;
 mod noise;
 mod residuals;
 mod scatter;

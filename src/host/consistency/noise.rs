@@ -1,13 +1,9 @@
 //! How far residuals scatter, by the light that makes their noise.
 
+use crate::decode::deviation;
+
 /// Groups of about as much light.
 const GROUPS: usize = 24;
-/// Deviations beyond which a residual is none of the usual ones.
-const CLIP: f64 = 3.0;
-/// The part of its variance that a normal distribution has within [`CLIP`] deviations.
-const WITHIN: f64 = 0.9733;
-/// Rounds of clipping.
-const ROUNDS: usize = 4;
 /// Least deviation in DN: rounding.
 const ROUNDING_DN: f64 = 0.3;
 /// Least deviation to begin with: residuals of whole numbers may have a median of 0.
@@ -49,18 +45,9 @@ impl<'a> Noise<'a> {
     }
 }
 
-/// Middle light and variance of a group. A median alone is as coarse as the residuals of few whole
-/// numbers are.
+/// Middle light and variance of a group.
 fn group(points: &[(f64, f64)]) -> (f64, f64) {
     let mut sizes: Vec<f64> = points.iter().map(|p| p.1.abs()).collect();
-    let middle = sizes.len() / 2;
-    // 0.6745 of a deviation is the median.
-    let median = *sizes.select_nth_unstable_by(middle, f64::total_cmp).1 / 0.6745;
-    let mut deviation = median.max(FIRST_DN);
-    for _ in 0..ROUNDS {
-        let kept = sizes.iter().filter(|v| **v < CLIP * deviation);
-        let (sum, n) = kept.fold((0.0, 0.0), |(sum, n), v| (sum + v * v, n + 1.0));
-        deviation = (sum / WITHIN / f64::max(n, 1.0)).sqrt().max(ROUNDING_DN);
-    }
+    let deviation = deviation::of_most(&mut sizes, FIRST_DN, ROUNDING_DN);
     (points[points.len() / 2].0, deviation * deviation)
 }

@@ -7,8 +7,9 @@
 //! damaged capture are sound. Bits that are flipped, rows that have moved up and frames that are torn
 //! leave pixels beyond [`SIGMAS`] of it, of which noise makes 6 in 100,000.
 //!
-//! Of 54 sound captures (three built-in profiles before sphere, torso and couch; light of a tenth to
-//! twice the usual, ambient light, response curves of 0.6 to 2.2) none has more than [`SHARE`]. A row
+//! No sound capture of `tests/consistency.rs` has more than [`SHARE`] of them: the middles of three
+//! built-in profiles' cameras before sphere, torso and couch, in light of a tenth to twice the usual, with
+//! ambient light, and by response curves of 0.6 to 2.2. A row
 //! that a fringe frame lacks is found where surfaces differ from row to row by as much as would move
 //! points by 1 mm in 0.1 % of the pixels; of flipped bits, a few hundred in an image of 25,000 pixels.
 //! Fewer pixels are left to the decoder, which refuses each whose residual is beyond the same bound.

@@ -61,7 +61,11 @@ pub(super) fn check(manifest: &Manifest, axis: &AxisPlan, grid: &Grid) -> Result
     let Some(asked) = fit(&(0..n).map(Some).collect::<Vec<_>>()) else {
         return Ok(());
     };
-    let jumps = !matches!(axis.order, Order::Wrapped { .. });
+    // Without misfit and without jumps no other list can be found distinctly better.
+    let jumps = !matches!(axis.order, Order::Wrapped { .. }) && jumpy(&asked, levels.finest);
+    if asked.misfit <= GOOD && !jumps {
+        return Ok(());
+    }
     let others: Vec<(String, Fit)> = lists(n)
         .into_par_iter()
         .filter_map(|list| Some((list.what, fit(&list.shows)?)))
@@ -106,6 +110,19 @@ fn lists(n: usize) -> Vec<List> {
     all
 }
 
+/// Whether so many pairs jump that another list could be smoother.
+fn jumpy(asked: &Fit, finest: f64) -> bool {
+    let pairs = asked.coordinates.chunks_exact(2);
+    let all = pairs.len();
+    let jump = pairs.filter(|pair| (pair[1] - pair[0]).abs() > finest);
+    jump.count() as f64 > enough(all)
+}
+
+/// Pairs that have to speak for another list, of so many.
+fn enough(pairs: usize) -> f64 {
+    (LEAST_PAIRS * pairs as f64).max(4.0)
+}
+
 /// Whether pairs jump distinctly less.
 fn smoother(other: &Fit, asked: &Fit, finest: f64) -> bool {
     let (mut speak_for, mut speak_against) = (0, 0);
@@ -116,7 +133,7 @@ fn smoother(other: &Fit, asked: &Fit, finest: f64) -> bool {
         speak_for += usize::from(asked > 2.0 * tried + finest);
         speak_against += usize::from(tried > 2.0 * asked + finest);
     }
-    speak_for as f64 > (LEAST_PAIRS * all as f64).max(4.0) && speak_for > MAJORITY * speak_against
+    speak_for as f64 > enough(all) && speak_for > MAJORITY * speak_against
 }
 
 /// The frames of pixels that vary, two and two from one neighbourhood.
