@@ -1,9 +1,10 @@
-//! A serial port by its path.
+//! A serial port by its path, and once it has been opened, by the USB device that it belongs to.
 
 use super::CommandPort;
 use super::line::Line;
 use crate::error::{Error, Result};
 use crate::host::patience::again;
+use crate::host::plug::{Class, Plug};
 use std::io::ErrorKind;
 use std::time::Duration;
 
@@ -15,6 +16,10 @@ pub struct SerialPort {
     /// `None` while it is being opened again.
     line: Option<Line>,
     path: String,
+    /// As it was given.
+    given: String,
+    /// Whose it is, where that is a USB device.
+    plug: Option<Plug>,
 }
 
 impl SerialPort {
@@ -42,7 +47,20 @@ impl SerialPort {
         Ok(Self {
             line: Some(line),
             path: path.to_owned(),
+            given: path.to_owned(),
+            plug: Plug::of(Class::Tty, path),
         })
+    }
+
+    /// Opens the port once more, by whatever path its device has now.
+    fn find(&mut self) -> Result<()> {
+        let path = match &self.plug {
+            None => self.given.clone(),
+            Some(plug) => plug.path(&self.given)?,
+        };
+        self.line = Self::open(&path)?.line;
+        self.path = path;
+        Ok(())
     }
 
     fn gone(&self) -> Error {
@@ -89,9 +107,6 @@ impl CommandPort for SerialPort {
     fn reopen(&mut self, timeout: Duration) -> Result<()> {
         // The lock is this one's own, and an adapter that comes back would get another name.
         self.line = None;
-        again(timeout, || {
-            self.line = Self::open(&self.path)?.line;
-            Ok(())
-        })
+        again(timeout, || self.find())
     }
 }
