@@ -59,6 +59,17 @@ fn wait() -> std::io::Result<()> {
     })
 }
 
+impl<C> Interruptible<C> {
+    /// Ends a wait once one of the signals has come.
+    fn look(&mut self) -> Result<()> {
+        self.ended = self.asked.load(Ordering::Relaxed);
+        match self.ended {
+            true => Err(Error::device("interrupted")),
+            false => Ok(()),
+        }
+    }
+}
+
 impl<C: Camera> Camera for Interruptible<C> {
     fn info(&self) -> &str {
         self.camera.info()
@@ -67,10 +78,7 @@ impl<C: Camera> Camera for Interruptible<C> {
     fn next_frame(&mut self, timeout: Duration) -> Result<Option<Frame>> {
         let end = Instant::now() + timeout;
         loop {
-            self.ended = self.asked.load(Ordering::Relaxed);
-            if self.ended {
-                return Err(Error::device("interrupted"));
-            }
+            self.look()?;
             let left = end.saturating_duration_since(Instant::now());
             let frame = self.camera.next_frame(left.min(SLICE))?;
             if frame.is_some() || left <= SLICE {
@@ -85,5 +93,15 @@ impl<C: Camera> Camera for Interruptible<C> {
 
     fn identifies(&self) -> bool {
         self.camera.identifies()
+    }
+    fn has_gone(&self) -> bool {
+        !self.ended && self.camera.has_gone()
+    }
+
+    fn reopen(&mut self, timeout: Duration) -> Result<()> {
+        self.look()?;
+        let reopened = self.camera.reopen(timeout);
+        self.look()?;
+        reopened
     }
 }

@@ -13,6 +13,7 @@ mod decoding;
 mod instrument;
 mod local;
 mod patience;
+mod plug;
 mod port;
 mod record;
 mod scanner;

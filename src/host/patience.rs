@@ -1,8 +1,11 @@
 //! Waits that end, whoever keeps the time.
 
 use super::CommandPort;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use std::time::{Duration, Instant};
+
+/// How often to look whether a device has come back.
+const LOOK_AGAIN: Duration = Duration::from_millis(20);
 
 /// What is left of a wait. A port that gives nothing has used all that it was given, by its own
 /// clock: a device in memory lets virtual time pass and comes back at once. A port that gives
@@ -37,5 +40,26 @@ impl Patience {
             _ => self.left.saturating_sub(begin.elapsed()),
         };
         Ok(len)
+    }
+}
+
+/// Opens what has gone until that works: a name may be gone, lead nowhere yet, or not be the user's
+/// yet.
+///
+/// # Errors
+/// A device that does not come back within the timeout.
+pub(super) fn again<T>(timeout: Duration, mut open: impl FnMut() -> Result<T>) -> Result<T> {
+    let begin = Instant::now();
+    loop {
+        match open() {
+            Err(error) if begin.elapsed() >= timeout => {
+                return Err(Error::device(format!(
+                    "the device has gone and has not come back within {} s: {error}",
+                    timeout.as_secs_f64()
+                )));
+            }
+            Err(_) => std::thread::sleep(LOOK_AGAIN),
+            opened => return opened,
+        }
     }
 }

@@ -78,6 +78,20 @@ impl<C: Camera> Camera for RecordedCamera<C> {
     fn identifies(&self) -> bool {
         self.camera.identifies()
     }
+
+    fn has_gone(&self) -> bool {
+        self.camera.has_gone()
+    }
+
+    fn reopen(&mut self, timeout: Duration) -> Result<()> {
+        self.put(Event::Left);
+        let reopened = self.camera.reopen(timeout);
+        self.put(match &reopened {
+            Ok(()) => Event::Opened,
+            Err(error) => Event::Note(error.to_string()),
+        });
+        reopened
+    }
 }
 
 impl<C: Camera> Drop for RecordedCamera<C> {

@@ -1,6 +1,8 @@
 //! Whole scans over the shipped dialects, host and device in memory: the host has nothing but the
 //! dialect's file, and gets what it gets over SCPI.
 
+mod scpi_files;
+
 use phasma::emulator::faults::Faults;
 use phasma::emulator::port::Port;
 use phasma::emulator::{Bench, Firmware, FrameSink, Machine, Renderer, SerialLine};
@@ -53,9 +55,8 @@ fn scan_in(
     let bench = Arc::new(Mutex::new(bench));
     let device = bench.clone();
     let port = MemoryPort::new(move |bytes: &[u8]| device.lock().unwrap().control(bytes));
-    let spoken = (!dialect.is_scpi()).then_some(dialect);
     let timeout = Duration::from_millis(20);
-    let mut scanner = Scanner::with_dialect(port, spoken, timeout, || Ok(camera))?;
+    let mut scanner = Scanner::with_dialect(port, Some(dialect), timeout, || Ok(camera))?;
     let options = ScanOptions {
         sequence: None,
         manifest,

@@ -73,6 +73,15 @@ impl<C: Camera> Camera for Intake<C> {
     fn identifies(&self) -> bool {
         self.lined || self.camera.identifies()
     }
+
+    fn has_gone(&self) -> bool {
+        self.camera.has_gone()
+    }
+
+    fn reopen(&mut self, timeout: Duration) -> Result<()> {
+        self.lined = false;
+        self.camera.reopen(timeout)
+    }
 }
 
 #[cfg(test)]

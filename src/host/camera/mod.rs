@@ -9,6 +9,8 @@ mod memory;
 mod open;
 mod socket;
 #[cfg(target_os = "linux")]
+mod unplugged;
+#[cfg(target_os = "linux")]
 mod v4l2;
 #[cfg(target_os = "linux")]
 mod v4l2_error;
@@ -22,7 +24,7 @@ pub use socket::SocketCamera;
 #[cfg(target_os = "linux")]
 pub use v4l2_error::explain as explain_device;
 
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::protocol::Frame;
 use std::time::Duration;
 
@@ -51,6 +53,23 @@ pub trait Camera {
     fn identifies(&self) -> bool {
         true
     }
+
+    /// Whether the camera has gone and may come back: its device was unplugged, and
+    /// [`Self::reopen`] waits for it.
+    fn has_gone(&self) -> bool {
+        false
+    }
+
+    /// Opens a camera anew that has gone, by whatever address it has now; waits for it to come back.
+    ///
+    /// # Errors
+    /// A camera that does not come back within the timeout, or of a kind that cannot.
+    fn reopen(&mut self, _timeout: Duration) -> Result<()> {
+        Err(Error::device(format!(
+            "{}: this camera cannot be opened again",
+            self.info()
+        )))
+    }
 }
 
 impl Camera for Box<dyn Camera> {
@@ -68,5 +87,12 @@ impl Camera for Box<dyn Camera> {
 
     fn identifies(&self) -> bool {
         (**self).identifies()
+    }
+    fn has_gone(&self) -> bool {
+        (**self).has_gone()
+    }
+
+    fn reopen(&mut self, timeout: Duration) -> Result<()> {
+        (**self).reopen(timeout)
     }
 }

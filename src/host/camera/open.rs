@@ -51,6 +51,19 @@ pub fn open_camera(address: &str, capture: Capture, timeout: Duration) -> Result
 
 #[cfg(target_os = "linux")]
 fn open_device(address: &str, capture: Capture, timeout: Duration) -> Result<Box<dyn Camera>> {
+    super::unplugged::PluggedCamera::open(address, capture, timeout)
+}
+
+/// Opens a V4L2 device by the path of its node.
+///
+/// # Errors
+/// As for [`open_camera`].
+#[cfg(target_os = "linux")]
+pub(super) fn open_node(
+    address: &str,
+    capture: Capture,
+    timeout: Duration,
+) -> Result<Box<dyn Camera>> {
     use super::{v4l2, webcam};
     let found = v4l2::find(address, capture, timeout)?;
     Ok(if found.is_webcam() {

@@ -30,7 +30,7 @@ const TRIES: u32 = 3;
 /// A device's control port.
 pub(super) enum Control<P> {
     /// SCPI.
-    Scpi(Scpi<P>),
+    Scpi(Box<Scpi<P>>),
     /// A dialect from a file.
     Spoken(Box<Spoken<P>>),
 }
@@ -64,6 +64,21 @@ fn agreed<T: PartialEq>(place: impl Display, mut read: impl FnMut() -> Result<T>
     )))
 }
 
+/// A name as it is selected by: dialects that hand on what the device says hand on its quotes.
+fn unquoted(name: &str) -> String {
+    let inside = name.strip_prefix('"').and_then(|n| n.strip_suffix('"'));
+    inside.map_or_else(|| name.to_owned(), |inside| inside.replace("\"\"", "\""))
+}
+
+/// A sequence that cannot be selected, for want of words.
+fn no_words(name: &str, dialect: &str) -> Error {
+    Error::input(
+        format!("--sequence {name}"),
+        format!("nothing to say it with in dialect {dialect}"),
+        "no --sequence: the one that is selected",
+    )
+}
+
 /// A failure, and what came of looking for the device again.
 pub(super) fn both(error: &Error, then: &Error) -> Error {
     Error::device(format!("{error}; then: {then}"))
@@ -84,9 +99,20 @@ impl<P: CommandPort> Control<P> {
     /// # Errors
     /// A port that has gone, or one behind which nobody speaks the dialect.
     pub(super) fn open(port: P, dialect: Option<Dialect>, timeout: Duration) -> Result<Self> {
-        Ok(match dialect.filter(|dialect| !dialect.is_scpi()) {
-            None => Self::Scpi(Scpi::open(port, timeout)?),
-            Some(dialect) => Self::Spoken(Box::new(Spoken::open(port, dialect, timeout)?)),
+        if let Some(dialect) = &dialect
+            && let Some(operation) = dialect.host().needed().next()
+        {
+            return Err(Error::input(
+                format!("dialect {}: [host]", dialect.name()),
+                format!("no {operation}, which a scan cannot do without"),
+                format!("{operation} = {{ steps = [...] }}"),
+            ));
+        }
+        Ok(match dialect {
+            Some(dialect) if !dialect.is_scpi() => {
+                Self::Spoken(Box::new(Spoken::open(port, dialect, timeout)?))
+            }
+            scpi => Self::Scpi(Box::new(Scpi::open(port, scpi, timeout)?)),
         })
     }
 

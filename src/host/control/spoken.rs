@@ -3,7 +3,7 @@
 mod step;
 
 use super::line::{Line, Values};
-use super::{Settings, TRIES, agreed};
+use super::{Settings, TRIES, agreed, no_words, unquoted};
 use crate::error::{Error, Result};
 use crate::host::CommandPort;
 use crate::protocol::dialect::{Dialect, Gather, Step, Value};
@@ -31,13 +31,6 @@ pub(in crate::host) struct Spoken<P> {
 
 impl<P: CommandPort> Spoken<P> {
     pub(super) fn open(port: P, dialect: Dialect, timeout: Duration) -> Result<Self> {
-        if let Some(operation) = dialect.host().needed().next() {
-            return Err(Error::input(
-                format!("dialect {}: [host]", dialect.name()),
-                format!("no {operation}, which a scan cannot do without"),
-                format!("{operation} = {{ steps = [...] }}"),
-            ));
-        }
         let mut spoken = Self {
             line: Line::new(port, dialect, timeout),
             mark: 0,
@@ -187,14 +180,7 @@ impl<P: CommandPort> Spoken<P> {
 
     pub(super) fn select(&mut self, name: &str) -> Result<()> {
         if !self.has("select") {
-            return Err(Error::input(
-                format!("--sequence {name}"),
-                format!(
-                    "nothing to say it with in dialect {}",
-                    self.line.dialect().name()
-                ),
-                "no --sequence: the one that is selected",
-            ));
+            return Err(no_words(name, self.language()));
         }
         self.operate("select", &[("name", Value::from(name))])
             .map(drop)
@@ -316,10 +302,4 @@ impl<P: CommandPort> Spoken<P> {
             _ => Ok(()),
         }
     }
-}
-
-/// A name as it is selected by: dialects that hand on what the device says hand on its quotes.
-fn unquoted(name: &str) -> String {
-    let inside = name.strip_prefix('"').and_then(|n| n.strip_suffix('"'));
-    inside.map_or_else(|| name.to_owned(), |inside| inside.replace("\"\"", "\""))
 }

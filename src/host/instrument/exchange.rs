@@ -31,6 +31,8 @@ enum Come {
     Part,
     /// A line that is no answer to the question.
     Junk,
+    /// What a device says that has been switched on; there may be an answer behind it.
+    Chatter,
     Answer(Answer),
 }
 
@@ -75,6 +77,7 @@ impl<P: CommandPort> Instrument<P> {
                         patience.shorten(GRACE);
                         continue;
                     }
+                    Come::Chatter => continue,
                     Come::Part => {}
                 }
                 // A long answer on a slow line is no silence, until it has taken too long; one that
@@ -99,6 +102,13 @@ impl<P: CommandPort> Instrument<P> {
 
     /// Looks at the first line that has come, and takes it where it is whole.
     fn look(&mut self, asked: &[u8]) -> Result<Come> {
+        // Chatter without an end of its line, such as a prompt, stands before an answer.
+        let chatter = self.chatter.iter().filter(|said| !said.is_empty());
+        let said = chatter.filter(|said| self.received.starts_with(said));
+        if let Some(len) = said.map(Vec::len).max() {
+            self.received.drain(..len);
+            return Ok(Come::Chatter);
+        }
         let start = match head(&self.received) {
             Head::Part => return Ok(Come::Part),
             Head::Tag(tag, at) if asked.contains(&tag) => Some(at),
@@ -138,6 +148,7 @@ impl<P: CommandPort> Instrument<P> {
             line.pop();
         }
         Ok(match start {
+            None if self.is_chatter(&line) => Come::Chatter,
             None => {
                 line.truncate(40);
                 self.junk = line;
@@ -146,6 +157,18 @@ impl<P: CommandPort> Instrument<P> {
             Some(at) if at >= line.len() => Come::Answer(Answer::Void),
             Some(at) => Come::Answer(Answer::Said(line.split_off(at + 1))),
         })
+    }
+}
+
+impl<P> Instrument<P> {
+    /// Whether a line is one of those that the device says when it is switched on, however it ends.
+    fn is_chatter(&self, line: &[u8]) -> bool {
+        let line = line.trim_ascii();
+        let mut said = self
+            .chatter
+            .iter()
+            .flat_map(|said| said.split(|b| *b == b'\n'));
+        !line.is_empty() && said.any(|said| said.trim_ascii() == line)
     }
 }
 

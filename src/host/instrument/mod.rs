@@ -45,6 +45,8 @@ pub struct Instrument<P> {
     gone: bool,
     /// The start of the last line that was no answer.
     junk: Vec<u8>,
+    /// What the device says of its own accord when it is switched on.
+    chatter: Vec<Vec<u8>>,
 }
 
 impl<P: CommandPort> Instrument<P> {
@@ -55,7 +57,17 @@ impl<P: CommandPort> Instrument<P> {
     /// # Errors
     /// A port that has gone, or one behind which nobody answers as IEEE 488.2 has it.
     pub fn open(port: P, timeout: Duration) -> Result<Self> {
+        Self::open_chatty(port, Vec::new(), timeout)
+    }
+
+    /// [`Self::open`] for a device that says these bytes, in any number and order, when it is switched
+    /// on: they are no answers, and no sign of a damaged one.
+    ///
+    /// # Errors
+    /// As for [`Self::open`].
+    pub fn open_chatty(port: P, chatter: Vec<Vec<u8>>, timeout: Duration) -> Result<Self> {
         let mut instrument = Self::new(port, timeout);
+        instrument.chatter = chatter;
         instrument.find("\n*CLS\n")?;
         Ok(instrument)
     }
@@ -68,6 +80,7 @@ impl<P: CommandPort> Instrument<P> {
             tag: 0,
             gone: false,
             junk: Vec::new(),
+            chatter: Vec::new(),
         }
     }
 
@@ -153,7 +166,7 @@ impl<P: CommandPort> Instrument<P> {
         self.send(order.as_bytes())
     }
 
-    fn send(&mut self, line: &[u8]) -> Result<()> {
+    pub(super) fn send(&mut self, line: &[u8]) -> Result<()> {
         let mut line = line.to_vec();
         line.push(b'\n');
         let sent = self.port.send(&line, self.timeout);
@@ -186,7 +199,11 @@ impl<P: CommandPort> Instrument<P> {
         self.give(order, &line)
     }
 
-    fn give(&mut self, context: &str, order: &[u8]) -> Result<()> {
+    /// Gives an order as [`Self::order`] does; `context` names it in messages.
+    ///
+    /// # Errors
+    /// The device's own words when it did not.
+    pub(super) fn give(&mut self, context: &str, order: &[u8]) -> Result<()> {
         let mut line = order.to_vec();
         line.extend_from_slice(format!(";:{COMPLAINTS}").as_bytes());
         self.again(|instrument| match instrument.exchange(&line)? {
@@ -223,6 +240,27 @@ impl<P: CommandPort> Instrument<P> {
             None => Err(instrument.silence(query)),
             Some(Answer::Void) => Ok(Err(instrument.refusal(query)?.1)),
             Some(Answer::Said(reply)) => Ok(instrument.text(query, reply)),
+        })
+    }
+
+    /// Asks a question whose answer `read` understands; `context` names it in messages. It is asked
+    /// again where no answer comes, or one that `read` does not take.
+    ///
+    /// # Errors
+    /// As for [`Self::query`].
+    pub(super) fn ask<T>(
+        &mut self,
+        context: &str,
+        line: &[u8],
+        read: impl Fn(&[u8]) -> Option<T>,
+    ) -> Result<T> {
+        self.again(|instrument| match instrument.exchange(line)? {
+            None => Err(instrument.silence(context)),
+            Some(Answer::Void) => Ok(Err(instrument.refusal(context)?.1)),
+            Some(Answer::Said(reply)) => {
+                let read = read(&reply);
+                Ok(read.ok_or_else(|| instrument.garbage(context, &reply)))
+            }
         })
     }
 

@@ -270,3 +270,70 @@ fn a_late_reply_answers_its_own_question_only() {
         assert_eq!(instrument.query("B?").unwrap(), "second");
     }
 }
+
+/// A device that greets before each answer, which comes after a while.
+struct Chatty {
+    greeting: &'static [u8],
+    asked: u32,
+    /// What it says, and how long that is waited for.
+    said: std::collections::VecDeque<(Duration, Vec<u8>)>,
+}
+
+impl CommandPort for Chatty {
+    fn info(&self) -> &str {
+        "chatty"
+    }
+
+    fn send(&mut self, bytes: &[u8], _: Duration) -> Result<()> {
+        match question(bytes) {
+            Some((tag, body)) if body == "LINE?" => {
+                self.asked += 1;
+                let pause = Duration::from_millis(400);
+                let answer = format!("{tag};text\n").into_bytes();
+                self.said
+                    .push_back((Duration::ZERO, self.greeting.to_vec()));
+                self.said.push_back((pause, answer));
+            }
+            _ => self
+                .said
+                .push_back((Duration::ZERO, answer(bytes, &[FINE]))),
+        }
+        Ok(())
+    }
+
+    fn receive(&mut self, buffer: &mut [u8], timeout: Duration) -> Result<usize> {
+        match self.said.front() {
+            Some((pause, _)) if *pause <= timeout => {}
+            _ => return Ok(0),
+        }
+        let (_, bytes) = self.said.pop_front().unwrap_or_default();
+        buffer[..bytes.len()].copy_from_slice(&bytes);
+        Ok(bytes.len())
+    }
+}
+
+#[test]
+fn what_a_device_says_at_power_on_is_no_damaged_answer() {
+    let known: Vec<Vec<u8>> = vec![b"Ready.\n".to_vec(), b"> ".to_vec(), b"A\r\nB\r\n".to_vec()];
+    for (greeting, asked) in [
+        (&b"Ready.\n"[..], 1),
+        (b"Ready.\r\n", 1),
+        (b"> ", 1),
+        (b"Ready.\nReady.\n> ", 1),
+        (b"A\r\nB\r\n", 1),
+        (b"B\n", 1),
+        // Anything else may be what is left of the answer, and is not waited behind for long.
+        (b"Read\n", 2),
+        (b"Ready.!\n", 2),
+    ] {
+        let port = Chatty {
+            greeting,
+            asked: 0,
+            said: Default::default(),
+        };
+        let mut chatty = Instrument::open_chatty(port, known.clone(), LONG).unwrap();
+        let words = greeting.escape_ascii();
+        assert_eq!(chatty.query("LINE?").unwrap(), "text", "{words}");
+        assert_eq!(chatty.port.asked, asked, "{words}");
+    }
+}

@@ -55,6 +55,8 @@ pub struct Scanner<C, P> {
     idn: Option<String>,
     /// A calibration in place of the device's own, and where it came from.
     given: Option<(String, Rig)>,
+    /// The device has been looked for, and not been found.
+    lost: bool,
 }
 
 /// Why a run gave no capture.
@@ -64,6 +66,8 @@ enum Fault {
     /// The device at the control port is silent, has gone, or does not stay as it was set: once it
     /// is found again, another run may do better.
     Port(Error),
+    /// The camera was unplugged: once it is found again, another run may do better.
+    Camera(Error),
     /// Anything else.
     Fatal(Error),
 }
@@ -92,12 +96,12 @@ fn twice<T>(
 ) -> Result<T> {
     let first = match run(progress) {
         Ok(done) => return Ok(done),
-        Err(Fault::Fatal(error) | Fault::Port(error)) => return Err(error),
+        Err(Fault::Fatal(error) | Fault::Port(error) | Fault::Camera(error)) => return Err(error),
         Err(Fault::Frames(first)) => first,
     };
     progress(Progress::Retry(&first));
     run(progress).map_err(|fault| match fault {
-        Fault::Fatal(error) | Fault::Port(error) => error,
+        Fault::Fatal(error) | Fault::Port(error) | Fault::Camera(error) => error,
         Fault::Frames(second) => two_failed(place, &first, &second),
     })
 }
@@ -151,6 +155,7 @@ impl<C: Camera, P: CommandPort> Scanner<C, P> {
             source,
             idn: None,
             given: None,
+            lost: false,
         })
     }
 
@@ -170,6 +175,11 @@ impl<C: Camera, P: CommandPort> Scanner<C, P> {
     pub fn finish(mut self) -> Result<()> {
         drop(self.camera);
         match &self.source {
+            // It has been waited for, and the scan has said so.
+            Some(source) if self.lost => {
+                let _ = self.control.restore(source);
+                Ok(())
+            }
             Some(source) => self.control.persist(|control| control.restore(source)),
             None => Ok(()),
         }
@@ -183,7 +193,8 @@ impl<C: Camera, P: CommandPort> Scanner<C, P> {
 
     /// Captures a sequence. A run with a missing, repeated, foreign or damaged frame is repeated
     /// once; one in which the control port failed, or after which the device is not as it was set,
-    /// twice, once the device has been found again.
+    /// twice, once the device has been found again; and one in which the camera was unplugged twice,
+    /// once it has come back.
     ///
     /// # Errors
     /// A device that refuses, is silent, says what cannot be understood, or goes on failing; each
@@ -195,7 +206,7 @@ impl<C: Camera, P: CommandPort> Scanner<C, P> {
     ) -> Result<Captured> {
         let mut sequence = options.sequence.clone();
         let mut first: Option<String> = None;
-        let mut recoveries = 0;
+        let (mut recoveries, mut returns) = (0, 0);
         loop {
             match self.attempt(options, &mut sequence, progress) {
                 Ok(captured) => return Ok(captured),
@@ -211,11 +222,32 @@ impl<C: Camera, P: CommandPort> Scanner<C, P> {
                 Err(Fault::Port(error)) => {
                     recoveries += 1;
                     let found = self.control.recover();
-                    found.map_err(|then| both(&error, &then))?;
+                    self.found(&error, found)?;
+                    progress(Progress::Retry(&error.to_string()));
+                }
+                Err(Fault::Camera(error)) if returns == RECOVERIES => return Err(error),
+                Err(Fault::Camera(error)) => {
+                    returns += 1;
+                    let found = self.plug_in(options.frame_timeout);
+                    self.found(&error, found)?;
                     progress(Progress::Retry(&error.to_string()));
                 }
             }
         }
+    }
+
+    /// Finds a device again whose camera has gone. The port of a device that has both has gone too,
+    /// and the device is told to be quiet before its camera is opened, as at the beginning.
+    fn plug_in(&mut self, timeout: Duration) -> Result<()> {
+        self.control.recover()?;
+        self.control.persist(Control::quiet)?;
+        self.camera.reopen(timeout)
+    }
+
+    /// Notes whether a device that failed has been found again.
+    fn found(&mut self, error: &Error, found: Result<()>) -> Result<()> {
+        self.lost = found.is_err();
+        found.map_err(|then| both(error, &then))
     }
 
     /// One run from the first setting on. `sequence` is the one to select: where none is wanted, the

@@ -70,8 +70,8 @@ impl<C: Camera, P: CommandPort> Scanner<C, P> {
             free: false,
         };
         let frames = collect(&mut self.camera, &wanted, progress);
-        if let Err(Fault::Fatal(error)) = frames {
-            return Err(Fault::Fatal(error));
+        if let Err(fault @ (Fault::Fatal(_) | Fault::Camera(_))) = frames {
+            return Err(fault);
         }
         // Frames that came and those that did not are the run's only if the device was what it was
         // set to be all the time; and it may know why some did not come.
@@ -201,8 +201,9 @@ pub(super) fn next_frame<C: Camera>(
     timeout: Duration,
 ) -> Result<Option<Frame>, Fault> {
     let frame = camera.next_frame(timeout);
-    frame.map_err(|error| match camera.has_skipped() {
-        true => Fault::Frames(error.to_string()),
-        false => Fault::Fatal(error),
+    frame.map_err(|error| match (camera.has_skipped(), camera.has_gone()) {
+        (true, _) => Fault::Frames(error.to_string()),
+        (false, true) => Fault::Camera(error),
+        (false, false) => Fault::Fatal(error),
     })
 }

@@ -1,6 +1,7 @@
 //! A device that behaves as recorded: pty and frame socket, like those of a device that is served,
 //! with a recording behind them in place of firmware and optics.
 
+mod ahead;
 mod departure;
 mod player;
 
@@ -14,7 +15,8 @@ use crate::error::{Error, Result};
 use crate::protocol::record::{About, Reader};
 use crate::protocol::service::ClockPace;
 use crate::protocol::{Endpoints, Frame};
-use player::{Output, Player};
+use ahead::Output;
+use player::Player;
 use std::future::Future;
 use std::io::Read;
 use std::path::{Path, PathBuf};

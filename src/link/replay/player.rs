@@ -6,42 +6,17 @@
 //! client said between its coming and its leaving is a session; a client that leaves ends its
 //! session, and the next one's bytes are compared with the next session's.
 
+mod reading;
+
+use super::ahead::{Ahead, Output};
 use super::departure::{Departure, Said};
-use crate::protocol::Frame;
-use crate::protocol::record::{Channel, Event, Reader, Record};
+use crate::protocol::record::Reader;
+use reading::Stop;
 use std::collections::VecDeque;
 use std::io::Read;
-use std::sync::Arc;
 
-/// What is read ahead of its time, in pieces and in bytes; at least one piece.
-const MAX_AHEAD: (usize, usize) = (256, 64 << 20);
 /// Bytes of a client that may wait until they are compared.
 const MAX_INPUT: usize = 64 << 10;
-/// A frame that came so long after its time was timed by another clock.
-const PLAUSIBLE_NS: u64 = 10_000_000_000;
-
-/// What the device does.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) enum Output {
-    /// Sends bytes on the control port.
-    Bytes(Vec<u8>),
-    /// Has a frame.
-    Frame(Arc<Frame>),
-    /// Has a frame that does not say which it is, taken at a time of the replay.
-    Counted(Arc<Frame>, u64),
-    /// Takes its end of the control port away; false puts it back.
-    Unplug(bool),
-}
-
-impl Output {
-    fn len(&self) -> usize {
-        match self {
-            Self::Bytes(bytes) => bytes.len(),
-            Self::Frame(frame) | Self::Counted(frame, _) => frame.data.len(),
-            Self::Unplug(_) => 0,
-        }
-    }
-}
 
 /// How far a recording was followed.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -52,46 +27,6 @@ pub struct Outcome {
     pub matched_bytes: u64,
     /// Bytes of recorded clients that have not come.
     pub missing_bytes: u64,
-}
-
-/// Why no more is read at the moment.
-#[derive(Debug, PartialEq, Eq)]
-enum Stop {
-    /// Enough is read ahead.
-    Full,
-    /// The client is to send this.
-    Expect(Expected),
-    /// The client is to leave: it did so at this record, at this time.
-    Leave(u64, u64),
-    /// There is no more.
-    End,
-}
-
-#[derive(Debug, PartialEq, Eq)]
-struct Expected {
-    number: u64,
-    time_ns: u64,
-    bytes: Vec<u8>,
-    /// So many of them have come.
-    matched: usize,
-}
-
-impl Expected {
-    fn rest(&self) -> &[u8] {
-        &self.bytes[self.matched..]
-    }
-
-    fn missing(&self) -> u64 {
-        self.rest().len() as u64
-    }
-}
-
-/// Something that the device will do.
-struct Due {
-    due_ns: u64,
-    output: Output,
-    /// Session in which it did so.
-    session: u64,
 }
 
 /// A recording and the place that has been reached in it.
@@ -120,11 +55,9 @@ pub(super) struct Player<R> {
     anchor: Option<(u64, u64)>,
     /// The recording's first time is the anchor's.
     started: bool,
-    ahead: VecDeque<Due>,
-    ahead_bytes: usize,
+    ahead: Ahead,
     /// Sessions that are over.
     session: u64,
-    last_due_ns: u64,
     /// What came and has not been compared.
     input: VecDeque<u8>,
     /// Number and time of the last record that was read.
@@ -150,10 +83,8 @@ impl<R: Read> Player<R> {
             lost: false,
             anchor: None,
             started: false,
-            ahead: VecDeque::new(),
-            ahead_bytes: 0,
+            ahead: Ahead::default(),
             session: 0,
-            last_due_ns: 0,
             input: VecDeque::new(),
             place: (0, 0),
             outcome: Outcome::default(),
@@ -196,8 +127,7 @@ impl<R: Read> Player<R> {
     /// What the device does by now.
     pub(super) fn next(&mut self, now_ns: u64) -> Option<Output> {
         while self.next_event_ns().is_some_and(|due_ns| due_ns <= now_ns) {
-            let due = self.ahead.pop_front()?;
-            self.ahead_bytes -= due.output.len();
+            let due = self.ahead.take()?;
             // What is said to a client that has left goes nowhere, as on a wire.
             let heard = !self.gone && due.session == self.session;
             // Whoever was there has lost the port.
@@ -212,7 +142,7 @@ impl<R: Read> Player<R> {
 
     /// When the device does something next, unless a client comes before.
     pub(super) fn next_event_ns(&self) -> Option<u64> {
-        self.ahead.front().map(|due| due.due_ns)
+        self.ahead.next_ns()
     }
 
     /// What whoever looks after the replay should know.
@@ -229,7 +159,7 @@ impl<R: Read> Player<R> {
             if self.stop == Stop::End {
                 return self.outcome;
             }
-            self.forget_ahead();
+            self.ahead.forget();
             self.read(0);
         }
     }
@@ -249,7 +179,7 @@ impl<R: Read> Player<R> {
 
     /// Leaves out a piece of a session whose client was astray and has left; always goes on.
     fn skip(&mut self, now_ns: u64) -> bool {
-        self.forget_ahead();
+        self.ahead.forget();
         match &self.stop {
             Stop::Full => self.read(now_ns),
             Stop::Expect(expected) => {
@@ -318,102 +248,6 @@ impl<R: Read> Player<R> {
         }
     }
 
-    /// Reads until there is a reason to stop.
-    fn read(&mut self, now_ns: u64) {
-        self.stop = Stop::Full;
-        while self.ahead.len() < MAX_AHEAD.0 && self.ahead_bytes < MAX_AHEAD.1 {
-            let Record {
-                number,
-                time_ns,
-                channel,
-                event,
-                ..
-            } = match self.reader.read() {
-                Ok(Some(record)) => record,
-                Ok(None) => {
-                    self.stop = Stop::End;
-                    return;
-                }
-                Err(damage) => {
-                    self.news
-                        .push_back(format!("the recording is damaged and ends here: {damage}"));
-                    self.stop = Stop::End;
-                    return;
-                }
-            };
-            self.place = (number, time_ns);
-            // The beginning of time is when something happened first.
-            if !self.started && !matches!(event, Event::About(_)) {
-                self.started = true;
-                self.anchor = self.anchor.map(|(_, replay_ns)| (time_ns, replay_ns));
-            }
-            match event {
-                Event::Received(bytes) => {
-                    self.unanswered = false;
-                    self.put(time_ns, Output::Bytes(bytes), now_ns);
-                }
-                Event::Frame(frame) if channel == Channel::Counted => {
-                    let taken_ns = self.taken(&frame, time_ns);
-                    self.put(time_ns, Output::Counted(frame, taken_ns), now_ns);
-                }
-                Event::Frame(frame) => self.put(time_ns, Output::Frame(frame), now_ns),
-                Event::Sent(bytes) if !bytes.is_empty() => {
-                    (self.recorded_spoke, self.unanswered) = (true, true);
-                    self.stop = Stop::Expect(Expected {
-                        number,
-                        time_ns,
-                        bytes,
-                        matched: 0,
-                    });
-                    return;
-                }
-                // A client that said nothing is nobody that another could stand for.
-                Event::Left if channel.is_port() && self.recorded_spoke => {
-                    self.stop = Stop::Leave(number, time_ns);
-                    return;
-                }
-                Event::Unplugged => {
-                    self.put(time_ns, Output::Unplug(true), now_ns);
-                    if self.recorded_spoke {
-                        self.lost = self.unanswered;
-                        self.stop = Stop::Leave(number, time_ns);
-                        return;
-                    }
-                }
-                Event::Plugged => self.put(time_ns, Output::Unplug(false), now_ns),
-                Event::Cut(why) => self
-                    .news
-                    .push_back(format!("the recording was cut here: {why}")),
-                _ => {}
-            }
-        }
-    }
-
-    /// When a frame that only counts was taken, in the replay's time: as long before or after what
-    /// the client sent as then. Where the driver's clock is not known, when it came.
-    fn taken(&self, frame: &Frame, time_ns: u64) -> u64 {
-        let since = |zero_ns: u64| frame.exposure_end_ns.checked_sub(zero_ns);
-        let taken_ns = self.monotonic_ns.and_then(since);
-        let taken_ns = taken_ns.filter(|taken_ns| taken_ns.abs_diff(time_ns) < PLAUSIBLE_NS);
-        let (recorded_ns, replay_ns) = self.anchor.unwrap_or((time_ns, 0));
-        let taken_ns = taken_ns.unwrap_or(time_ns);
-        (replay_ns.saturating_add(taken_ns)).saturating_sub(recorded_ns)
-    }
-
-    /// Puts what the device does in its place.
-    fn put(&mut self, time_ns: u64, output: Output, now_ns: u64) {
-        let (recorded_ns, replay_ns) = self.anchor.unwrap_or((time_ns, now_ns));
-        let due_ns = replay_ns.saturating_add(time_ns.saturating_sub(recorded_ns));
-        let due_ns = if self.fast { 0 } else { due_ns };
-        self.last_due_ns = self.last_due_ns.max(due_ns);
-        self.ahead_bytes += output.len();
-        self.ahead.push_back(Due {
-            due_ns: self.last_due_ns,
-            output,
-            session: self.session,
-        });
-    }
-
     fn depart_with_input(&mut self, place: (u64, u64), expected: &'static str) {
         let came = self.input.iter().copied().collect();
         self.depart(place, Said::Words(expected), Said::Bytes(came));
@@ -432,17 +266,7 @@ impl<R: Read> Player<R> {
         self.outcome.departures += 1;
         self.astray = true;
         self.input.clear();
-        self.forget_ahead();
-    }
-
-    /// A port that has gone still comes back.
-    fn forget_ahead(&mut self) {
-        let back = |due: &Due| due.output == Output::Unplug(false);
-        let back = self.ahead.iter().rposition(back);
-        let back = back.and_then(|at| self.ahead.remove(at));
-        self.ahead.clear();
-        self.ahead.extend(back);
-        self.ahead_bytes = 0;
+        self.ahead.forget();
     }
 
     /// Stands where the next client's session begins.

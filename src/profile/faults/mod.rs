@@ -25,12 +25,15 @@
 //! `probability` decides about what is left; `times` ends it.
 
 mod check;
+mod effect;
 mod kind;
+mod table;
 #[cfg(test)]
 mod tests;
 
 pub use check::Flaw;
-pub use kind::{Bits, Effect, Kind, Parameter, Side, What};
+pub use effect::{Bits, Effect};
+pub use kind::{Kind, Parameter, Side, What};
 
 use super::TomlSource;
 use crate::error::Result;

@@ -30,7 +30,7 @@ fn a_schedule_says_what_and_when() {
     let [first, second] = &schedule.fault[..] else {
         panic!("two");
     };
-    let bits = kind::Bits::Rate(1e-3);
+    let bits = Bits::Rate(1e-3);
     let direction = Direction::ToDevice;
     assert_eq!(first.effect(), Effect::BitErrors { direction, bits });
     assert_eq!((first.times, first.side()), (Some(3), Side::Port));

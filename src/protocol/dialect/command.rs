@@ -41,7 +41,7 @@ impl LineEnds {
 }
 
 /// A command.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq)]
 pub(super) struct Command {
     pub(super) name: String,
     /// Its line; empty in packets.

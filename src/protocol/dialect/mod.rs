@@ -180,6 +180,23 @@ impl Dialect {
         &self.host
     }
 
+    /// Whether another dialect does an operation with the same words, whatever it calls them.
+    pub fn does_alike(&self, other: &Self, operation: &str) -> bool {
+        let words = |dialect: &Self| {
+            let operation = dialect.host.get(operation)?;
+            let commands = operation.steps.iter().map(|step| {
+                let command = dialect.command(&step.command).cloned();
+                command.map(|command| (command, step.args.clone()))
+            });
+            let mut commands: Vec<_> = commands.collect::<Option<_>>()?;
+            for (command, _) in &mut commands {
+                command.name.clear();
+            }
+            Some((commands, operation.result.clone()))
+        };
+        words(self) == words(other)
+    }
+
     /// Names of the commands.
     pub fn commands(&self) -> impl Iterator<Item = &str> {
         self.commands.iter().map(|command| command.name.as_str())

@@ -1,12 +1,14 @@
 //! Reads a request, and says of one that is none what was found and what is allowed: JSON that is
 //! wrong in itself, and JSON of another shape.
 
+mod fields;
+mod once;
+
 use super::request::{Action, Every, Item, Placement, Request, Step, Which};
 use crate::profile::faults::{Fault, When};
-use serde::Deserialize;
-use serde::de::{DeserializeOwned, Deserializer, Error as _, MapAccess, SeqAccess, Visitor};
-use serde_json::{Map, Value, json};
-use std::fmt;
+use fields::fields;
+use once::Once;
+use serde_json::{Value, json};
 
 /// Names of requests.
 const REQUESTS: &str = "get, truth_at_ns, truth_of_frame, do, place, clock, fault, clear_faults";
@@ -116,60 +118,6 @@ fn fault(place: &str, value: Value) -> Result<Fault, String> {
     fields(place, value, &whole, "what, and the fields of that kind")
 }
 
-/// Reads an object. `whole` is one that can be read: what is wrong with a field is found by putting
-/// that field alone there.
-fn fields<T: DeserializeOwned>(
-    place: &str,
-    value: Value,
-    whole: &Value,
-    needed: &str,
-) -> Result<T, String> {
-    let Value::Object(given) = &value else {
-        return refusal(place, &value, &format!("an object with {needed}"));
-    };
-    let given = given.clone();
-    let error = match serde_json::from_value(value) {
-        Ok(read) => return Ok(read),
-        Err(error) => told(&error),
-    };
-    for (name, field) in given {
-        let mut probe = whole.clone();
-        probe[&name] = field;
-        if let Err(error) = serde_json::from_value::<T>(probe) {
-            let words = told(&error);
-            return Err(match words.starts_with("unknown field") {
-                true => format!("{place}: {words}"),
-                false => format!("{place}.{name}: {words}"),
-            });
-        }
-    }
-    Err(format!("{place}: {error}; allowed: {needed}"))
-}
-
-/// What serde says, in the words of all other errors.
-fn told(error: &serde_json::Error) -> String {
-    let words = error.to_string();
-    let words = ["invalid type: ", "invalid value: ", "invalid length "]
-        .iter()
-        .find_map(|start| words.strip_prefix(start))
-        .unwrap_or(&words);
-    let split = words
-        .split_once(", expected one of ")
-        .or_else(|| words.split_once(", expected "));
-    match split {
-        None => words.to_owned(),
-        Some((found, expected)) => {
-            let allowed = match expected {
-                "f64" => "a number",
-                "u32" | "u64" => "a whole number, 0 or more",
-                "i32" => "a whole number",
-                other => other,
-            };
-            format!("{}; allowed: {allowed}", shortened(found.to_owned()))
-        }
-    }
-}
-
 /// A value as it would be written, not all of it where it is long.
 fn found(value: &Value) -> String {
     shortened(value.to_string())
@@ -179,70 +127,6 @@ fn shortened(text: String) -> String {
     match text.char_indices().nth(SHOWN) {
         None => text,
         Some((at, _)) => format!("{}...", &text[..at]),
-    }
-}
-
-/// A value whose objects have no name twice.
-struct Once(Value);
-
-impl<'de> Deserialize<'de> for Once {
-    fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
-        from.deserialize_any(OnceVisitor).map(Self)
-    }
-}
-
-struct OnceVisitor;
-
-impl<'de> Visitor<'de> for OnceVisitor {
-    type Value = Value;
-
-    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("JSON")
-    }
-
-    fn visit_bool<E>(self, value: bool) -> Result<Value, E> {
-        Ok(Value::Bool(value))
-    }
-
-    fn visit_u64<E>(self, value: u64) -> Result<Value, E> {
-        Ok(value.into())
-    }
-
-    fn visit_i64<E>(self, value: i64) -> Result<Value, E> {
-        Ok(value.into())
-    }
-
-    fn visit_f64<E>(self, value: f64) -> Result<Value, E> {
-        Ok(value.into())
-    }
-
-    fn visit_str<E>(self, value: &str) -> Result<Value, E> {
-        Ok(value.into())
-    }
-
-    fn visit_unit<E>(self) -> Result<Value, E> {
-        Ok(Value::Null)
-    }
-
-    fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<Value, A::Error> {
-        let mut values = Vec::new();
-        while let Some(Once(value)) = list.next_element()? {
-            values.push(value);
-        }
-        Ok(Value::Array(values))
-    }
-
-    fn visit_map<A: MapAccess<'de>>(self, mut entries: A) -> Result<Value, A::Error> {
-        let mut map = Map::new();
-        while let Some(name) = entries.next_key::<String>()? {
-            let Once(value) = entries.next_value()?;
-            if map.contains_key(&name) {
-                let name = shortened(name);
-                return Err(A::Error::custom(format!("{name} twice; allowed: once")));
-            }
-            map.insert(name, value);
-        }
-        Ok(Value::Object(map))
     }
 }
 

@@ -1,6 +1,7 @@
 """The device as a USB device: the stock drivers take it for hardware."""
 
 import json
+import os
 import pathlib
 import re
 import signal
@@ -147,6 +148,8 @@ def test_unplugged_in_a_scan_and_plugged_in_again(scratch):
     done = job.wait(60).with_status(1)
     expect("lines that it says", len(done.err.strip().splitlines()), 1)
     expect_true(f"it says what: {done.err}", re.search(r"/dev/(video|ttyACM)", done.err))
+    for part in ("not come back within 20 s", "USB device 1209:0001 with serial number 0001"):
+        expect_in("it says what it has waited for", part, done.err)
     listed = scratch.run("usbip", "list", "-r", "127.0.0.1").ok().out
     for part in ("1-1", "1209:0001"):
         expect_in("usbip list", part, listed)
@@ -154,6 +157,27 @@ def test_unplugged_in_a_scan_and_plugged_in_again(scratch):
     device.plugged()
     device.scan_usb("next").ok()
     expect_scan("the next scan", scratch.dir / "next", wanted)
+    device.stop()
+
+
+@limit(240)
+def test_unplugged_in_a_scan_that_goes_on_when_it_is_back(scratch):
+    wanted = reference_scan(scratch, GREY, "--no-noise")
+    device = plugged(scratch, GREY, "--no-noise")
+    before = device.node, device.port
+    # Whoever holds a node keeps its name from the device that comes back.
+    for node in before:
+        scratch.hold(os.open(node, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK))
+    job = device.scan_usb("scan", wait=False)
+    wait_until("the scan opens the camera", lambda: job.has_open(device.node))
+    time.sleep(0.8)
+    usb.pull()
+    usb.plug(scratch)
+    device.plugged()
+    expect_true(f"other names than {before}", device.node != before[0] and device.port != before[1])
+    done = job.wait(120).ok()
+    expect_in("it says that it begins anew", "; once more", done.err)
+    expect_scan("the scan", scratch.dir / "scan", wanted)
     device.stop()
 
 

@@ -176,11 +176,16 @@ fn reply(
         (None, Some(ok), Framing::Line(_)) => vec![ok],
         _ => Vec::new(),
     };
+    // What an instrument answers to a message is one line (IEEE 488.2, 8.3).
+    let most = match framing {
+        Framing::Scpi(_) => 1,
+        _ => MAX_PARTS,
+    };
     check.that(
-        lines.len() <= MAX_PARTS,
+        lines.len() <= most,
         &field,
         format!("{} lines", lines.len()),
-        format!("up to {MAX_PARTS}"),
+        format!("up to {most}"),
     )?;
     let mut templates = Vec::with_capacity(lines.len());
     for (at, line) in lines.iter().enumerate() {

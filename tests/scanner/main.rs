@@ -1,6 +1,8 @@
 //! The scanner against a device in memory: a good scan, and every way in which frames or replies
 //! can be wrong.
 
+mod unplugged;
+
 use phasma::emulator::{Bench, Firmware, FrameSink, Renderer};
 use phasma::error::Error;
 use phasma::geometry::{NoiseModel, Rig};

@@ -1,21 +1,33 @@
 //! The scanner's operations in SCPI.
+//!
+//! The words are the device's own, and those of a file where it has others ([`words`]). A file of SCPI
+//! says words and what is said at power-on, no more: how lines end, what numbers an answer, how the
+//! device refuses and whether it has been switched off is IEEE 488.2's.
 
-use super::{Settings, TRIES, agreed};
+mod words;
+
+use super::{Settings, TRIES, agreed, no_words, unquoted};
 use crate::error::{Error, Result};
 use crate::host::{CommandPort, Instrument};
+use crate::protocol::dialect::{Dialect, Value};
+use crate::protocol::printable;
 use crate::protocol::scpi::{Param, parse, quote};
 use std::time::Duration;
+use words::{Wording, Words};
 
-/// What decides what a run shows, and what it is before one; the first is the sequence's name, the
-/// last one the events, of which power-on counts (IEEE 488.2, 11.5.1.2).
-const SETTINGS: [(&str, &[&str]); 6] = [
-    (SELECTED, &[]),
-    ("TRIG:SOUR?", &["BUS"]),
-    ("TRIG:MODE?", &["SEQ", "SEQUENCE"]),
-    ("INIT:CONT?", &["0", "OFF"]),
-    ("PROJ:POW?", &["1", "ON"]),
-    (EVENTS, &["0"]),
+/// What decides what a run shows, by the operation that orders it or tells it, and what it is before
+/// a run; the first is the sequence's name, the last one the events, of which power-on counts (IEEE
+/// 488.2, 11.5.1.2).
+const SETTINGS: [(&str, &str, &[&str]); 6] = [
+    ("selected", SELECTED, &[]),
+    ("quiet", "TRIG:SOUR?", &["BUS"]),
+    ("quiet", "TRIG:MODE?", &["SEQ", "SEQUENCE"]),
+    ("quiet", "INIT:CONT?", &["0", "OFF"]),
+    ("light_on", "PROJ:POW?", &["1", "ON"]),
+    ("", EVENTS, &["0"]),
 ];
+/// Operations that tell what decides what a run shows, where a file has words for them.
+const TOLD: [&str; 2] = ["selected", "source"];
 const SELECTED: &str = "SEQ:SEL?";
 pub(super) const EVENTS: &str = "*ESR?";
 const POWER_ON: u8 = 1 << 7;
@@ -25,14 +37,17 @@ pub(in crate::host) struct Scpi<P> {
     instrument: Instrument<P>,
     /// Those of [`SETTINGS`] that the device knows, once it has been asked.
     known: Option<Vec<&'static str>>,
+    words: Words,
 }
 
 impl<P: CommandPort> Scpi<P> {
-    pub(super) fn open(port: P, timeout: Duration) -> Result<Self> {
-        let instrument = Instrument::open(port, timeout)?;
+    pub(super) fn open(port: P, dialect: Option<Dialect>, timeout: Duration) -> Result<Self> {
+        let words = Words::new(dialect)?;
+        let instrument = Instrument::open_chatty(port, words.chatter(), timeout)?;
         Ok(Self {
             instrument,
             known: None,
+            words,
         })
     }
 
@@ -46,9 +61,13 @@ impl<P: CommandPort> Scpi<P> {
 
     /// Where an operation's answer comes from, for messages.
     pub(super) fn place(&self, operation: &str) -> String {
+        if let Wording::File(file) = self.words.of(operation) {
+            return format!("{}: {}", self.info(), file.name());
+        }
         let query = match operation {
             "manifest" => "SEQ:DATA?",
             "calibration" => "CAL:DATA?",
+            "source" => "TRIG:SOUR?",
             _ => "*IDN?",
         };
         format!("{}: {query}", self.info())
@@ -65,40 +84,72 @@ impl<P: CommandPort> Scpi<P> {
     }
 
     pub(super) fn identify(&mut self) -> Result<Option<String>> {
-        agreed(self.place("identify"), || self.instrument.query("*IDN?")).map(Some)
+        agreed(self.place("identify"), || self.word("identify", "*IDN?"))
     }
 
     /// What the device speaks.
     pub(super) fn language(&self) -> &str {
-        "SCPI"
+        self.words.language()
+    }
+
+    /// Does an operation with a file's words; `None` where it has no result.
+    fn operate(&mut self, operation: &str, inputs: &[(&str, Value)]) -> Result<Option<Value>> {
+        match self.words.of(operation) {
+            Wording::File(file) => file.perform(&mut self.instrument, inputs),
+            Wording::Own | Wording::None => Ok(None),
+        }
+    }
+
+    /// Gives an order in the device's own words, or those of a file.
+    fn order(&mut self, operation: &str, own: &str, inputs: &[(&str, Value)]) -> Result<()> {
+        match self.words.of(operation) {
+            Wording::Own => self.instrument.order(own),
+            Wording::File(_) | Wording::None => self.operate(operation, inputs).map(drop),
+        }
+    }
+
+    /// An operation's result as text, of which no character steers a terminal; `None` where there
+    /// are no words for it.
+    fn word(&mut self, operation: &str, own: &str) -> Result<Option<String>> {
+        if let Wording::Own = self.words.of(operation) {
+            return self.instrument.query(own).map(Some);
+        }
+        let value = self.operate(operation, &[])?;
+        Ok(value.map(|value| printable(&value.to_string())))
     }
 
     pub(super) fn source(&mut self) -> Result<Option<String>> {
-        let place = format!("{}: TRIG:SOUR?", self.info());
-        agreed(place, || self.instrument.query("TRIG:SOUR?")).map(Some)
+        agreed(self.place("source"), || self.word("source", "TRIG:SOUR?"))
     }
 
     pub(super) fn quiet(&mut self) -> Result<()> {
         let order = "INIT:CONT OFF;:ABOR;:TRIG:SOUR BUS;MODE SEQ";
-        self.instrument.order(order)
+        self.order("quiet", order, &[])
     }
 
     pub(super) fn restore(&mut self, source: &str) -> Result<()> {
         let order = format!("ABOR;:TRIG:SOUR {source}");
-        self.instrument.order(&order)
+        self.order("restore", &order, &[("source", Value::from(source))])
     }
 
     pub(super) fn light_on(&mut self) -> Result<()> {
-        self.instrument.order("PROJ:POW ON")
+        self.order("light_on", "PROJ:POW ON", &[])
     }
 
     pub(super) fn select(&mut self, name: &str) -> Result<()> {
-        self.instrument.order(&format!("SEQ:SEL {}", quote(name)))
+        if let Wording::None = self.words.of("select") {
+            return Err(no_words(name, self.language()));
+        }
+        let order = format!("SEQ:SEL {}", quote(name));
+        self.order("select", &order, &[("name", Value::from(name))])
     }
 
     pub(super) fn list(&mut self) -> Result<Option<Vec<String>>> {
-        let list = self.instrument.query("SEQ:LIST?")?;
-        Ok(Some(strings(&list)))
+        let list = self.word("list", "SEQ:LIST?")?;
+        Ok(list.map(|list| match self.words.of("list") {
+            Wording::Own => strings(&list),
+            _ => list.split(',').map(|name| unquoted(name.trim())).collect(),
+        }))
     }
 
     /// Asks back what was ordered.
@@ -107,10 +158,11 @@ impl<P: CommandPort> Scpi<P> {
         loop {
             let settings = self.settings()?;
             let wrong = settings.0.iter().find(|(query, word)| {
-                let wanted = SETTINGS.iter().find(|(known, _)| known == query);
-                let wanted = wanted.map_or(&[][..], |(_, words)| words);
+                let wanted = SETTINGS.iter().find(|(_, known, _)| known == query);
+                let wanted = wanted.map_or(&[][..], |(_, _, words)| words);
                 match sequence {
                     Some(name) if query == SELECTED => strings(word) != [name],
+                    Some(name) if query == "selected" => word != name,
                     _ => {
                         let as_wanted = |wanted: &&str| wanted.eq_ignore_ascii_case(word);
                         !wanted.is_empty() && !wanted.iter().any(as_wanted)
@@ -132,14 +184,27 @@ impl<P: CommandPort> Scpi<P> {
         }
     }
 
-    /// Asks for all settings that the device knows, in one line.
+    /// Asks for all settings that the device knows: in one line, but for those of a file's words.
     pub(super) fn settings(&mut self) -> Result<Settings> {
-        let all: Vec<&'static str> = SETTINGS.iter().map(|(query, _)| *query).collect();
+        let mut settings = self.own_settings()?;
+        for what in TOLD {
+            // In the device's own words it is among the others, or nothing that was ordered.
+            if let Wording::File(_) = self.words.of(what)
+                && let Some(word) = self.word(what, "")?
+            {
+                settings.0.push((what.to_owned(), unquoted(&word)));
+            }
+        }
+        Ok(settings)
+    }
+
+    fn own_settings(&mut self) -> Result<Settings> {
+        let all = self.asked();
         let known = self.known.clone().unwrap_or(all);
         let query = ask_for(&known);
         let Some(reply) = self.instrument.query_optional(&query)? else {
             self.probe()?;
-            return self.settings();
+            return self.own_settings();
         };
         self.known = Some(known.clone());
         let words = split(&reply);
@@ -158,6 +223,14 @@ impl<P: CommandPort> Scpi<P> {
         Ok(Settings(known.into_iter().zip(words).map(word).collect()))
     }
 
+    /// Those of [`SETTINGS`] that the device was told, or tells, in its own words.
+    fn asked(&self) -> Vec<&'static str> {
+        let own = |operation| matches!(self.words.of(operation), Wording::Own);
+        let settings = SETTINGS.iter();
+        let own = settings.filter(|(operation, ..)| operation.is_empty() || own(operation));
+        own.map(|(_, query, _)| *query).collect()
+    }
+
     /// Finds out which of [`SETTINGS`] the device knows; fewer each time.
     ///
     /// # Errors
@@ -170,7 +243,7 @@ impl<P: CommandPort> Scpi<P> {
             )));
         }
         let mut known = Vec::new();
-        for (query, _) in SETTINGS {
+        for query in self.asked() {
             if self.instrument.query_optional(query)?.is_some() {
                 known.push(query);
             }
@@ -180,11 +253,25 @@ impl<P: CommandPort> Scpi<P> {
     }
 
     pub(super) fn selected(&self, settings: &Settings) -> Option<String> {
-        let (_, word) = settings.0.iter().find(|(query, _)| query == SELECTED)?;
+        let find = |wanted| settings.0.iter().find(|(query, _)| query == wanted);
+        if let Some((_, name)) = find("selected") {
+            return Some(name.clone());
+        }
+        let (_, word) = find(SELECTED)?;
         strings(word).pop()
     }
 
-    fn text(&mut self, query: &str) -> Result<Option<String>> {
+    /// A text on which numbers depend.
+    fn text(&mut self, operation: &str, query: &str) -> Result<Option<String>> {
+        if !matches!(self.words.of(operation), Wording::Own) {
+            let place = self.place(operation);
+            let value = agreed(&place, || self.operate(operation, &[]))?;
+            let text = |value: Value| value.text().map(str::to_owned);
+            let not_text = || Error::device(format!("{place}: the answer is no text"));
+            return value
+                .map(|value| text(value).ok_or_else(not_text))
+                .transpose();
+        }
         let place = format!("{}: {query}", self.info());
         // The line has no checksum, and a number with one wrong digit is a number.
         match agreed(&place, || self.instrument.query_block(query))? {
@@ -196,27 +283,31 @@ impl<P: CommandPort> Scpi<P> {
     }
 
     pub(super) fn manifest(&mut self) -> Result<Option<String>> {
-        self.text("SEQ:DATA?")
+        self.text("manifest", "SEQ:DATA?")
     }
 
     pub(super) fn calibration(&mut self) -> Result<Option<String>> {
-        self.text("CAL:DATA?")
+        self.text("calibration", "CAL:DATA?")
     }
 
     pub(super) fn settle(&mut self) -> Result<()> {
-        self.instrument.query("*OPC?").map(drop)
+        self.word("complete", "*OPC?").map(drop)
     }
 
     pub(super) fn arm(&mut self) -> Result<()> {
         // Armed already is refused; this may be given twice.
-        self.instrument.order("ABOR;:INIT")
+        self.order("arm", "ABOR;:INIT", &[])
     }
 
     pub(super) fn trigger(&mut self) -> Result<()> {
-        self.instrument.tell("*TRG")
+        match self.words.of("trigger") {
+            Wording::File(file) => file.tell(&mut self.instrument),
+            Wording::Own | Wording::None => self.instrument.tell("*TRG"),
+        }
     }
 
     pub(super) fn complaints(&mut self) -> Result<()> {
+        // Where a device keeps them is SCPI's to say, and no file's.
         self.instrument.check("INIT;*TRG")
     }
 }

@@ -1,0 +1,314 @@
+//! Who a device node belongs to, when that is a USB device: plugged in again, a device may get other
+//! nodes (`ttyACM1` for `ttyACM0`, `video2` for `video0`), and another one may get those that it had.
+//! What stays is what the device says of itself, and where in it a node leads to.
+//!
+//! Linux tells it in its sysfs (Documentation/ABI/stable/sysfs-bus-usb and testing/sysfs-bus-usb);
+//! where that is not, no node belongs to anybody.
+
+use crate::error::{Error, Result};
+use crate::protocol::printable;
+use std::fmt::{self, Display};
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// Where the kernel tells it.
+const SYSFS: &str = "/sys";
+
+/// A kind of nodes, by the kernel's name of it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Class {
+    /// Serial ports.
+    Tty,
+    /// Cameras.
+    Video,
+}
+
+impl Class {
+    fn folder(self) -> &'static str {
+        match self {
+            Self::Tty => "class/tty",
+            Self::Video => "class/video4linux",
+        }
+    }
+}
+
+/// One function of a USB device, by which its node is found again.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Plug {
+    class: Class,
+    device: Label,
+    /// `bInterfaceNumber`.
+    interface: String,
+    /// Which of the interface's nodes it is: uvcvideo's second one has no frames.
+    index: Option<String>,
+    /// Where it was plugged in, such as `1-2.4`.
+    place: String,
+    /// Nothing but its place tells it from another device.
+    stays: bool,
+}
+
+/// What a device says of itself.
+#[derive(Debug, Clone, PartialEq, Eq)]
+struct Label {
+    vendor: String,
+    product: String,
+    serial: Option<String>,
+}
+
+impl Plug {
+    /// The device that a node, or a link to one, belongs to; `None` where it is none of USB's.
+    pub(super) fn of(class: Class, node: &str) -> Option<Self> {
+        Self::of_node(Path::new(SYSFS), class, Path::new(node))
+    }
+
+    /// The node under `/dev`, while the device is plugged in.
+    fn node(&self) -> Option<PathBuf> {
+        self.node_in(Path::new(SYSFS))
+    }
+
+    /// The path of the node while the device is plugged in: the one that was given, where it still
+    /// leads there.
+    ///
+    /// # Errors
+    /// A device that is not plugged in.
+    pub(super) fn path(&self, given: &str) -> Result<String> {
+        let node = self
+            .node()
+            .ok_or_else(|| Error::device(format!("no {self}")))?;
+        let same = fs::canonicalize(given).is_ok_and(|there| there == node);
+        Ok(match same {
+            true => given.to_owned(),
+            false => node.display().to_string(),
+        })
+    }
+
+    fn of_node(sysfs: &Path, class: Class, node: &Path) -> Option<Self> {
+        let node = fs::canonicalize(node).ok()?;
+        let mut plug = Self::read(sysfs, class, node.file_name()?.as_ref())?;
+        let twins = plug.all(sysfs);
+        plug.stays = plug.device.serial.is_none() || twins.iter().any(|t| t.1.place != plug.place);
+        Some(plug)
+    }
+
+    fn node_in(&self, sysfs: &Path) -> Option<PathBuf> {
+        let mut found = self.all(sysfs);
+        found.sort_by_key(|(_, plug)| plug.place != self.place);
+        let (name, plug) = found.into_iter().next()?;
+        if self.stays && plug.place != self.place {
+            return None;
+        }
+        let event = sysfs.join(self.class.folder()).join(&name).join("uevent");
+        let event = fs::read_to_string(event).ok()?;
+        let name = event
+            .lines()
+            .find_map(|line| line.strip_prefix("DEVNAME="))?;
+        Some(Path::new("/dev").join(name))
+    }
+
+    /// Nodes that may be this one's, by their names.
+    fn all(&self, sysfs: &Path) -> Vec<(PathBuf, Self)> {
+        let Ok(entries) = fs::read_dir(sysfs.join(self.class.folder())) else {
+            return Vec::new();
+        };
+        let names = entries
+            .flatten()
+            .map(|entry| PathBuf::from(entry.file_name()));
+        let plugs = names.filter_map(|name| {
+            let plug = Self::read(sysfs, self.class, &name)?;
+            Some((name, plug))
+        });
+        let mut all: Vec<_> = plugs.filter(|(_, plug)| self.is_like(plug)).collect();
+        all.sort_by(|a, b| a.0.cmp(&b.0));
+        all
+    }
+
+    fn is_like(&self, other: &Self) -> bool {
+        (&self.device, &self.interface, &self.index)
+            == (&other.device, &other.interface, &other.index)
+    }
+
+    /// What sysfs says of a node; it may go while it is looked at.
+    fn read(sysfs: &Path, class: Class, name: &Path) -> Option<Self> {
+        let entry = sysfs.join(class.folder()).join(name);
+        let lowest = fs::canonicalize(entry.join("device")).ok()?;
+        // An adapter's port hangs on the interface, and is not it.
+        let interface = lowest
+            .ancestors()
+            .find(|folder| folder.join("bInterfaceNumber").exists())?;
+        let device = interface.parent()?;
+        Some(Self {
+            class,
+            device: Label {
+                vendor: word(&device.join("idVendor"))?,
+                product: word(&device.join("idProduct"))?,
+                serial: word(&device.join("serial")),
+            },
+            interface: word(&interface.join("bInterfaceNumber"))?,
+            index: word(&entry.join("index")),
+            place: device.file_name()?.to_str()?.to_owned(),
+            stays: false,
+        })
+    }
+}
+
+impl Display for Plug {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Label {
+            vendor,
+            product,
+            serial,
+        } = &self.device;
+        write!(f, "USB device {vendor}:{product}")?;
+        if let Some(serial) = serial {
+            // It is the device's own, and does not steer a terminal.
+            write!(f, " with serial number {}", printable(serial))?;
+        }
+        match self.stays {
+            true => write!(f, " at {}", self.place),
+            false => Ok(()),
+        }
+    }
+}
+
+/// An attribute; `None` where it is not, or empty.
+fn word(path: &Path) -> Option<String> {
+    let word = fs::read_to_string(path).ok()?;
+    let word = word.trim();
+    (!word.is_empty()).then(|| word.to_owned())
+}
+
+#[cfg(all(test, unix))]
+mod tests {
+    use super::*;
+    use std::os::unix::fs::symlink;
+
+    /// A folder that looks as sysfs does.
+    struct Fake(tempfile::TempDir);
+
+    impl Fake {
+        fn new() -> Self {
+            Self(tempfile::tempdir().unwrap())
+        }
+
+        fn put(&self, path: &str, text: &str) {
+            let path = self.0.path().join(path);
+            fs::create_dir_all(path.parent().unwrap()).unwrap();
+            fs::write(path, text).unwrap();
+        }
+
+        /// A device with a camera (two nodes) at interface 0 and a port at interface 2.
+        fn plug(&self, place: &str, serial: &str, video: [&str; 2], tty: &str) {
+            let device = format!("devices/usb1/{place}");
+            self.put(&format!("{device}/idVendor"), "1209\n");
+            self.put(&format!("{device}/idProduct"), "0001\n");
+            if !serial.is_empty() {
+                self.put(&format!("{device}/serial"), &format!("{serial}\n"));
+            }
+            let nodes = [
+                ("video4linux", video[0], 0, "0"),
+                ("video4linux", video[1], 0, "1"),
+                ("tty", tty, 2, ""),
+            ];
+            for (class, name, number, index) in nodes {
+                let interface = format!("{device}/{place}:1.{number}");
+                self.put(
+                    &format!("{interface}/bInterfaceNumber"),
+                    &format!("0{number}\n"),
+                );
+                let entry = format!("class/{class}/{name}");
+                self.put(
+                    &format!("{entry}/uevent"),
+                    &format!("MAJOR=1\nDEVNAME={name}\n"),
+                );
+                self.put(&format!("{entry}/index"), &format!("{index}\n"));
+                let link = self.0.path().join(&entry).join("device");
+                symlink(self.0.path().join(interface), link).unwrap();
+                self.put(&format!("dev/{name}"), "");
+            }
+        }
+
+        fn unplug(&self, place: &str, nodes: &[&str]) {
+            let root = self.0.path();
+            fs::remove_dir_all(root.join("devices/usb1").join(place)).unwrap();
+            for name in nodes {
+                fs::remove_file(root.join("dev").join(name)).unwrap();
+                for class in ["tty", "video4linux"] {
+                    let _ = fs::remove_dir_all(root.join("class").join(class).join(name));
+                }
+            }
+        }
+
+        fn of(&self, class: Class, node: &str) -> Option<Plug> {
+            let root = self.0.path();
+            Plug::of_node(root, class, &root.join("dev").join(node))
+        }
+
+        fn node(&self, plug: &Plug) -> Option<String> {
+            let node = plug.node_in(self.0.path())?;
+            Some(node.to_str().unwrap().to_owned())
+        }
+    }
+
+    #[test]
+    fn a_device_is_found_by_its_serial_number_wherever_it_is_plugged_in() {
+        let fake = Fake::new();
+        fake.plug("1-1", "0001", ["video0", "video1"], "ttyACM0");
+        fake.plug("1-2", "0002", ["video2", "video3"], "ttyACM1");
+        // A link that a user has, as udev makes them.
+        symlink("ttyACM0", fake.0.path().join("dev/scanner")).unwrap();
+        let port = fake.of(Class::Tty, "scanner").unwrap();
+        let camera = fake.of(Class::Video, "video0").unwrap();
+        assert_eq!(fake.node(&port).unwrap(), "/dev/ttyACM0");
+        assert_eq!(fake.node(&camera).unwrap(), "/dev/video0");
+        assert_eq!(
+            port.to_string(),
+            "USB device 1209:0001 with serial number 0001"
+        );
+        fake.unplug("1-1", &["video0", "video1", "ttyACM0"]);
+        // The other one is not it, nor is one that gets the old names.
+        assert_eq!((fake.node(&port), fake.node(&camera)), (None, None));
+        fake.plug("1-1", "0003", ["video0", "video1"], "ttyACM0");
+        assert_eq!((fake.node(&port), fake.node(&camera)), (None, None));
+        fake.plug("1-4.2", "0001", ["video4", "video5"], "ttyACM2");
+        assert_eq!(fake.node(&port).unwrap(), "/dev/ttyACM2");
+        assert_eq!(fake.node(&camera).unwrap(), "/dev/video4");
+    }
+
+    #[test]
+    fn without_a_serial_number_of_its_own_a_device_is_known_by_its_place() {
+        for serial in ["", "0001"] {
+            let fake = Fake::new();
+            fake.plug("1-1", serial, ["video0", "video1"], "ttyACM0");
+            fake.plug("1-2", serial, ["video2", "video3"], "ttyACM1");
+            let port = fake.of(Class::Tty, "ttyACM0").unwrap();
+            fake.unplug("1-1", &["video0", "video1", "ttyACM0"]);
+            assert_eq!(fake.node(&port), None, "its twin is not it");
+            fake.plug("1-1", serial, ["video0", "video1"], "ttyACM2");
+            assert_eq!(fake.node(&port).unwrap(), "/dev/ttyACM2");
+            assert!(port.to_string().ends_with(" at 1-1"), "{port}");
+        }
+    }
+
+    #[test]
+    fn an_adapter_s_port_hangs_below_its_interface_and_what_is_not_usb_s_is_nobody_s() {
+        let fake = Fake::new();
+        fake.plug("1-1", "0001", ["video0", "video1"], "ttyACM0");
+        let below = fake.0.path().join("devices/usb1/1-1/1-1:1.2/ttyUSB0");
+        fs::create_dir(&below).unwrap();
+        fake.put("class/tty/ttyUSB0/uevent", "DEVNAME=ttyUSB0\n");
+        fake.put("dev/ttyUSB0", "");
+        symlink(&below, fake.0.path().join("class/tty/ttyUSB0/device")).unwrap();
+        let port = fake.of(Class::Tty, "ttyUSB0").unwrap();
+        assert_eq!(port.interface, "02");
+        // A serial port of the board, a pty, nothing at all.
+        let board = fake.0.path().join("devices/pnp0");
+        fs::create_dir(&board).unwrap();
+        fake.put("class/tty/ttyS0/uevent", "DEVNAME=ttyS0\n");
+        fake.put("dev/ttyS0", "");
+        symlink(&board, fake.0.path().join("class/tty/ttyS0/device")).unwrap();
+        fake.put("dev/pts/3", "");
+        for node in ["ttyS0", "pts/3", "nothing"] {
+            assert_eq!(fake.of(Class::Tty, node), None, "{node}");
+        }
+    }
+}

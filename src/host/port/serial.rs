@@ -1,0 +1,112 @@
+//! A serial port by its path, and once it has been opened, by the USB device that it belongs to.
+
+use super::CommandPort;
+use super::line::Line;
+use crate::error::{Error, Result};
+use crate::host::patience::again;
+use crate::host::plug::{Class, Plug};
+use std::io::ErrorKind;
+use std::time::Duration;
+
+/// What the system says of a file that is no terminal.
+const ENOTTY: i32 = 25;
+
+/// A serial port, a pty among them, by its path.
+pub struct SerialPort {
+    /// `None` while it is being opened again.
+    line: Option<Line>,
+    path: String,
+    /// As it was given.
+    given: String,
+    /// Whose it is, where that is a USB device.
+    plug: Option<Plug>,
+}
+
+impl SerialPort {
+    /// Opens a port exclusively, and forgets what was waiting on it.
+    ///
+    /// # Errors
+    /// A path where no serial port is, or one that somebody else has open.
+    pub fn open(path: &str) -> Result<Self> {
+        let place = format!("--control {path}");
+        let line = Line::open(path).map_err(|e| match e.kind() {
+            ErrorKind::NotFound | ErrorKind::NotADirectory => {
+                Error::input(&place, "no such file", "the path of a serial port")
+            }
+            ErrorKind::IsADirectory => {
+                Error::input(&place, "no serial port", "the path of a serial port")
+            }
+            _ if e.raw_os_error() == Some(ENOTTY) => {
+                Error::input(&place, "no serial port", "the path of a serial port")
+            }
+            ErrorKind::ResourceBusy => {
+                Error::device(format!("{place}: another program has the port open"))
+            }
+            _ => Error::io(&place, e),
+        })?;
+        Ok(Self {
+            line: Some(line),
+            path: path.to_owned(),
+            given: path.to_owned(),
+            plug: Plug::of(Class::Tty, path),
+        })
+    }
+
+    /// Opens the port once more, by whatever path its device has now.
+    fn find(&mut self) -> Result<()> {
+        let path = match &self.plug {
+            None => self.given.clone(),
+            Some(plug) => plug.path(&self.given)?,
+        };
+        self.line = Self::open(&path)?.line;
+        self.path = path;
+        Ok(())
+    }
+
+    fn gone(&self) -> Error {
+        Error::device(format!("{}: the device has gone", self.path))
+    }
+}
+
+impl CommandPort for SerialPort {
+    fn info(&self) -> &str {
+        &self.path
+    }
+
+    fn send(&mut self, bytes: &[u8], timeout: Duration) -> Result<()> {
+        let Some(line) = &mut self.line else {
+            return Err(self.gone());
+        };
+        let taken = line.write(bytes, timeout);
+        let taken = taken.map_err(|e| Error::io(&self.path, e))?;
+        if taken == bytes.len() {
+            return Ok(());
+        }
+        let what = match taken {
+            0 => "nothing".to_owned(),
+            some => format!("{some} of {} bytes, and no more,", bytes.len()),
+        };
+        Err(Error::device(format!(
+            "{}: the device has taken {what} for {} s",
+            self.path,
+            timeout.as_secs_f64()
+        )))
+    }
+
+    fn receive(&mut self, buffer: &mut [u8], timeout: Duration) -> Result<usize> {
+        let Some(line) = &mut self.line else {
+            return Err(self.gone());
+        };
+        match line.read(buffer, timeout) {
+            Ok(Some(0)) => Err(self.gone()),
+            Ok(len) => Ok(len.unwrap_or(0)),
+            Err(e) => Err(Error::io(&self.path, e)),
+        }
+    }
+
+    fn reopen(&mut self, timeout: Duration) -> Result<()> {
+        // The lock is this one's own, and an adapter that comes back would get another name.
+        self.line = None;
+        again(timeout, || self.find())
+    }
+}

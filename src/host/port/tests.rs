@@ -1,0 +1,250 @@
+use super::{CommandPort, SerialPort};
+use crate::host::Instrument;
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use rustix::io::{read, write};
+use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
+use std::os::fd::OwnedFd;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::channel;
+use std::thread;
+use std::time::{Duration, Instant};
+
+/// What a device that does not read is given.
+const SHORT: Duration = Duration::from_millis(50);
+/// Far longer than anything here takes.
+const LONG: Duration = Duration::from_secs(60);
+
+#[test]
+fn what_is_no_serial_port_is_the_user_s_mistake() {
+    for (path, found) in [
+        ("/dev/null", "no serial port"),
+        ("/dev", "no serial port"),
+        ("/dev/no-such-port", "no such file"),
+        ("/dev/null/port", "no such file"),
+    ] {
+        let error = SerialPort::open(path).err().unwrap();
+        assert_eq!(error.exit_code(), 2, "{error}");
+        assert!(error.to_string().contains(found), "{error}");
+    }
+}
+
+#[test]
+fn another_refusal_keeps_the_system_s_words() {
+    // A name that is too long, for want of a folder that root may not enter.
+    let error = SerialPort::open(&"x".repeat(5000)).err().unwrap();
+    assert_eq!(error.exit_code(), 1, "{error}");
+    assert!(error.to_string().contains("too long"), "{error}");
+}
+
+/// A pty: the device's side, and the path of the client's.
+fn pty() -> (OwnedFd, String) {
+    let device = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY).unwrap();
+    grantpt(&device).unwrap();
+    unlockpt(&device).unwrap();
+    let path = ptsname(&device, Vec::new()).unwrap();
+    (device, path.into_string().unwrap())
+}
+
+/// What comes on the device's side until it has been silent for [`SHORT`].
+fn heard(device: &OwnedFd) -> Vec<u8> {
+    let mut all = Vec::new();
+    let mut buffer = [0; 4096];
+    let short = Timespec::try_from(SHORT).unwrap();
+    while poll(&mut [PollFd::new(device, PollFlags::IN)], Some(&short)).unwrap() > 0 {
+        let len = read(device, &mut buffer).unwrap();
+        all.extend_from_slice(&buffer[..len]);
+    }
+    all
+}
+
+/// Runs a test that fails where it would hang: a write that the kernel does not end cannot be ended
+/// from here either, so its thread is left to it.
+fn in_time(test: impl FnOnce() + Send + 'static) {
+    let (done, ended) = channel();
+    let test = thread::spawn(move || {
+        test();
+        let _ = done.send(());
+    });
+    match ended.recv_timeout(LONG) {
+        Err(std::sync::mpsc::RecvTimeoutError::Timeout) => panic!("hangs"),
+        // Its own words, where it has failed.
+        _ => test.join().unwrap(),
+    }
+}
+
+/// Sends lines until the port takes no more; what was said of the first one that it took only a part
+/// of or nothing, how many of its bytes were taken of all, and how long each took at most.
+fn fill(port: &mut SerialPort) -> (String, usize, Duration) {
+    let line = [[b'x'; 1022].as_slice(), b"\r\n"].concat();
+    let mut longest = Duration::ZERO;
+    for sent in 0..100_000 {
+        let begin = Instant::now();
+        let done = port.send(&line, SHORT);
+        longest = longest.max(begin.elapsed());
+        if let Err(error) = done {
+            return (error.to_string(), sent * line.len(), longest);
+        }
+    }
+    panic!("a pty without a bottom");
+}
+
+#[test]
+fn a_device_that_reads_nothing_is_no_hang_and_is_served_again_when_it_does() {
+    in_time(|| {
+        let (device, path) = pty();
+        let mut port = SerialPort::open(&path).unwrap();
+        let (first, before, longest) = fill(&mut port);
+        // A partial write says how much; the line is full behind it.
+        let part = first.split("has taken ").nth(1).unwrap().to_owned();
+        let part = part
+            .split(' ')
+            .next()
+            .unwrap()
+            .parse::<usize>()
+            .unwrap_or(0);
+        let nothing = format!("{path}: the device has taken nothing for 0.05 s");
+        let some =
+            format!("{path}: the device has taken {part} of 1024 bytes, and no more, for 0.05 s");
+        assert_eq!(first, if part == 0 { &nothing } else { &some }.as_str());
+        let error = port.send(b"x", SHORT).unwrap_err();
+        assert_eq!(error.to_string(), nothing);
+        assert_eq!(error.exit_code(), 1);
+        // The timeout, and what a busy machine adds.
+        assert!(longest < 40 * SHORT, "{longest:?}");
+
+        // What the port has counted as taken is what comes out.
+        assert_eq!(heard(&device).len(), before + part);
+        port.send(b"hello\n", LONG).unwrap();
+        assert_eq!(heard(&device), b"hello\n");
+        write(&device, b"yes\n").unwrap();
+        let mut buffer = [0; 16];
+        assert_eq!(port.receive(&mut buffer, LONG).unwrap(), 4);
+        assert_eq!(&buffer[..4], b"yes\n");
+    });
+}
+
+#[test]
+fn what_does_not_fit_at_once_is_sent_while_the_device_reads() {
+    in_time(|| {
+        let (device, path) = pty();
+        let mut port = SerialPort::open(&path).unwrap();
+        let sent: Vec<u8> = (0..1 << 20).map(|i: u32| (i * 7 >> 3) as u8).collect();
+        let want = sent.clone();
+        let writer = thread::spawn(move || {
+            port.send(&sent, LONG).unwrap();
+            // Closed, it would forget what nobody has read.
+            port
+        });
+        let mut got = Vec::new();
+        while got.len() < want.len() {
+            got.extend(heard(&device));
+        }
+        assert!(got == want);
+        drop(writer.join().unwrap());
+    });
+}
+
+#[test]
+fn opened_again_the_port_forgets_what_nobody_took() {
+    in_time(|| {
+        let (device, path) = pty();
+        let mut port = SerialPort::open(&path).unwrap();
+        let (_, before, _) = fill(&mut port);
+        let begin = Instant::now();
+        port.reopen(LONG).unwrap();
+        assert!(begin.elapsed() < LONG / 2);
+        port.send(b"hello\n", LONG).unwrap();
+        let heard = heard(&device);
+        assert!(heard.ends_with(b"hello\n"));
+        // Of what has arrived Linux keeps a page on the device's side.
+        assert!(before > 2 * 4096, "{before}");
+        assert!(heard.len() <= 4096 + 6, "{} of {before}", heard.len());
+    });
+}
+
+#[test]
+fn a_port_is_one_program_s_until_it_is_closed() {
+    let (_device, path) = pty();
+    let port = SerialPort::open(&path).unwrap();
+    let error = SerialPort::open(&path).err().unwrap();
+    let want = format!("--control {path}: another program has the port open");
+    assert_eq!(error.to_string(), want);
+    drop(port);
+    SerialPort::open(&path).unwrap();
+}
+
+#[test]
+fn a_device_that_goes_is_told() {
+    in_time(|| {
+        let (device, path) = pty();
+        let mut port = SerialPort::open(&path).unwrap();
+        // What it has said before is not lost.
+        write(&device, b"bye\n").unwrap();
+        drop(device);
+        let mut buffer = [0; 16];
+        let len = port.receive(&mut buffer, LONG).unwrap_or(0);
+        assert!(len == 0 || buffer[..len] == *b"bye\n");
+        assert!(port.receive(&mut buffer, LONG).is_err());
+        assert!(port.send(b"x", LONG).is_err());
+        let error = port.reopen(SHORT).unwrap_err().to_string();
+        assert!(error.contains("has not come back within 0.05 s"), "{error}");
+        assert!(port.send(b"x", LONG).is_err());
+    });
+}
+
+/// What a SCPI instrument says to a line: the number that it was told, and `1` to what else is asked.
+fn answer(line: &str, number: &mut String) -> String {
+    let mut answers = Vec::new();
+    for unit in line.split(';') {
+        match unit {
+            "*ESE?" => answers.push(number.clone()),
+            question if question.ends_with('?') => answers.push("1".to_owned()),
+            order => {
+                if let Some(told) = order.strip_prefix("*ESE ") {
+                    told.clone_into(number);
+                }
+            }
+        }
+    }
+    match answers.is_empty() {
+        true => String::new(),
+        false => answers.join(";") + "\n",
+    }
+}
+
+#[test]
+fn a_device_that_stood_still_is_found_again() {
+    in_time(|| {
+        static STANDS: AtomicBool = AtomicBool::new(false);
+        let (device, path) = pty();
+        let port = SerialPort::open(&path).unwrap();
+        thread::spawn(move || {
+            let (mut number, mut rest) = (String::new(), Vec::new());
+            let mut buffer = [0; 4096];
+            // Until the port is closed.
+            while let Ok(len @ 1..) = read(&device, &mut buffer) {
+                while STANDS.load(Ordering::Relaxed) {
+                    thread::sleep(SHORT);
+                }
+                rest.extend_from_slice(&buffer[..len]);
+                while let Some(end) = rest.iter().position(|byte| *byte == b'\n') {
+                    let line: Vec<u8> = rest.drain(..=end).collect();
+                    let line = String::from_utf8_lossy(&line);
+                    let said = answer(line.trim(), &mut number);
+                    write(&device, said.as_bytes()).unwrap();
+                }
+            }
+        });
+        let mut instrument = Instrument::open(port, 20 * SHORT).unwrap();
+        assert_eq!(instrument.query("A?").unwrap(), "1");
+        STANDS.store(true, Ordering::Relaxed);
+        let order = "x".repeat(1 << 12);
+        let error = (0..100_000).find_map(|_| instrument.tell(&order).err());
+        let error = error.unwrap().to_string();
+        assert!(error.contains("the device has taken "), "{error}");
+        assert!(error.contains(&path), "{error}");
+        STANDS.store(false, Ordering::Relaxed);
+        instrument.recover().unwrap();
+        assert_eq!(instrument.query("B?").unwrap(), "1");
+    });
+}

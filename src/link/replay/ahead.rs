@@ -1,0 +1,87 @@
+//! What a replayed device will do, read ahead of its time.
+
+use crate::protocol::Frame;
+use std::collections::VecDeque;
+use std::sync::Arc;
+
+/// What is read ahead of its time, in pieces and in bytes; at least one piece.
+const MAX_AHEAD: (usize, usize) = (256, 64 << 20);
+
+/// What the device does.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) enum Output {
+    /// Sends bytes on the control port.
+    Bytes(Vec<u8>),
+    /// Has a frame.
+    Frame(Arc<Frame>),
+    /// Has a frame that does not say which it is, taken at a time of the replay.
+    Counted(Arc<Frame>, u64),
+    /// Takes its end of the control port away; false puts it back.
+    Unplug(bool),
+}
+
+impl Output {
+    fn len(&self) -> usize {
+        match self {
+            Self::Bytes(bytes) => bytes.len(),
+            Self::Frame(frame) | Self::Counted(frame, _) => frame.data.len(),
+            Self::Unplug(_) => 0,
+        }
+    }
+}
+
+/// Something that the device will do.
+pub(super) struct Due {
+    due_ns: u64,
+    pub(super) output: Output,
+    /// Session in which it did so.
+    pub(super) session: u64,
+}
+
+/// All of it, in the order in which it happens.
+#[derive(Default)]
+pub(super) struct Ahead {
+    queue: VecDeque<Due>,
+    bytes: usize,
+    last_due_ns: u64,
+}
+
+impl Ahead {
+    /// Enough is read ahead.
+    pub(super) fn is_full(&self) -> bool {
+        self.queue.len() >= MAX_AHEAD.0 || self.bytes >= MAX_AHEAD.1
+    }
+
+    /// Puts what happens behind all others, at this time at the earliest.
+    pub(super) fn put(&mut self, due_ns: u64, output: Output, session: u64) {
+        self.last_due_ns = self.last_due_ns.max(due_ns);
+        self.bytes += output.len();
+        self.queue.push_back(Due {
+            due_ns: self.last_due_ns,
+            output,
+            session,
+        });
+    }
+
+    /// Takes what happens next.
+    pub(super) fn take(&mut self) -> Option<Due> {
+        let due = self.queue.pop_front()?;
+        self.bytes -= due.output.len();
+        Some(due)
+    }
+
+    /// When that is.
+    pub(super) fn next_ns(&self) -> Option<u64> {
+        self.queue.front().map(|due| due.due_ns)
+    }
+
+    /// Forgets it; a port that has gone still comes back.
+    pub(super) fn forget(&mut self) {
+        let back = |due: &Due| due.output == Output::Unplug(false);
+        let back = self.queue.iter().rposition(back);
+        let back = back.and_then(|at| self.queue.remove(at));
+        self.queue.clear();
+        self.queue.extend(back);
+        self.bytes = 0;
+    }
+}

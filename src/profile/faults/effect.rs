@@ -1,0 +1,147 @@
+//! What a fault amounts to.
+
+use super::kind::What;
+use super::{Direction, Fault};
+
+/// A fault with its parameters as they act, times in nanoseconds of device time.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Effect {
+    /// The frame never arrives.
+    Dropped,
+    /// The frame arrives twice.
+    Repeated,
+    /// The frame arrives this much later.
+    Late {
+        /// How much.
+        by_ns: u64,
+    },
+    /// The frame arrives after the next one, or when it has waited so long for one.
+    Swapped {
+        /// How long.
+        wait_ns: u64,
+    },
+    /// From a row on, the frame is the one before it.
+    Torn {
+        /// The middle one when absent.
+        row: Option<u32>,
+    },
+    /// Rows are missing, those below move up, and as many at the bottom are black.
+    RowsMissing {
+        /// The middle one when absent.
+        row: Option<u32>,
+        /// How many.
+        rows: u32,
+    },
+    /// Bits are the other way round, anywhere in the frame.
+    BitsFlipped {
+        /// How many.
+        count: u32,
+    },
+    /// The projector's light is off.
+    Dark,
+    /// Another pattern is shown.
+    WrongPattern {
+        /// Places from the right one; never 0.
+        offset: i32,
+    },
+    /// The projector is lit for a part of the exposure.
+    PartialExposure {
+        /// What part, 0 to 1.
+        fraction: f64,
+    },
+    /// The reply never arrives.
+    NoReply,
+    /// The reply arrives this much later.
+    LateReply {
+        /// How much.
+        by_ns: u64,
+    },
+    /// The reply arrives twice.
+    ReplyTwice,
+    /// Random bytes before the reply.
+    GarbageBefore {
+        /// How many.
+        count: u32,
+    },
+    /// Random bytes inside of the reply.
+    GarbageInside {
+        /// How many.
+        count: u32,
+    },
+    /// Bits of the message are the other way round.
+    BitErrors {
+        /// Which way.
+        direction: Direction,
+        /// How many.
+        bits: Bits,
+    },
+    /// The command is refused.
+    Nak,
+    /// The port is gone for so long.
+    Disconnect {
+        /// How long.
+        for_ns: u64,
+    },
+    /// The device boots.
+    Reset,
+}
+
+/// How many bits are the other way round.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Bits {
+    /// So many of a message.
+    Count(u32),
+    /// Each with this probability.
+    Rate(f64),
+}
+
+impl Fault {
+    /// What it amounts to: its parameters, and for those that are absent what stands in
+    /// [`Kind::ALL`]. Out of a fault that has not been checked, values are brought into their ranges.
+    pub fn effect(&self) -> Effect {
+        let ns = |ms: Option<f64>, default: f64| (ms.unwrap_or(default).max(0.0) * 1e6) as u64;
+        let count = |default: u32| self.count.unwrap_or(default).clamp(1, 1_000_000);
+        match self.what {
+            What::Dropped => Effect::Dropped,
+            What::Repeated => Effect::Repeated,
+            What::Late => Effect::Late {
+                by_ns: ns(self.by_ms, 500.0),
+            },
+            What::Swapped => Effect::Swapped {
+                wait_ns: ns(self.by_ms, 1000.0),
+            },
+            What::Torn => Effect::Torn { row: self.row },
+            What::RowsMissing => Effect::RowsMissing {
+                row: self.row,
+                rows: self.rows.unwrap_or(8),
+            },
+            What::BitsFlipped => Effect::BitsFlipped { count: count(64) },
+            What::Dark => Effect::Dark,
+            What::WrongPattern => Effect::WrongPattern {
+                offset: self.offset.unwrap_or(1),
+            },
+            What::PartialExposure => Effect::PartialExposure {
+                fraction: self.fraction.unwrap_or(0.5).clamp(0.0, 1.0),
+            },
+            What::NoReply => Effect::NoReply,
+            What::LateReply => Effect::LateReply {
+                by_ns: ns(self.by_ms, 500.0),
+            },
+            What::ReplyTwice => Effect::ReplyTwice,
+            What::GarbageBefore => Effect::GarbageBefore { count: count(8) },
+            What::GarbageInside => Effect::GarbageInside { count: count(8) },
+            What::BitErrors => Effect::BitErrors {
+                direction: self.direction.unwrap_or_default(),
+                bits: match self.rate {
+                    Some(rate) => Bits::Rate(rate),
+                    None => Bits::Count(count(1)),
+                },
+            },
+            What::Nak => Effect::Nak,
+            What::Disconnect => Effect::Disconnect {
+                for_ns: ns(self.for_ms, 1000.0),
+            },
+            What::Reset => Effect::Reset,
+        }
+    }
+}

@@ -1,0 +1,129 @@
+//! Types and units of numbers and texts on the wire.
+
+use serde::Deserialize;
+
+/// Integers that a double holds without loss.
+const EXACT: f64 = 9_007_199_254_740_992.0;
+
+/// How a value stands on the wire.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub(in crate::protocol::dialect) enum Kind {
+    /// Line: digits with or without a sign.
+    Int,
+    /// Line: a decimal number.
+    Float,
+    /// Line: characters without a space.
+    Word,
+    /// Line: the characters up to what follows in the template. Packet: UTF-8, to the end or padded
+    /// with zeros to the field's size.
+    Text,
+    /// Line: a string in double quotes, those inside doubled.
+    Quoted,
+    /// Line: bytes as pairs of hexadecimal digits; `-` for none.
+    Hex,
+    /// Line: bytes as IEEE 488.2 has blocks.
+    Block,
+    /// Packet: an unsigned byte.
+    U8,
+    /// Packet: two bytes, unsigned.
+    U16,
+    /// Packet: four bytes, unsigned.
+    U32,
+    /// Packet: two bytes, two's complement.
+    I16,
+    /// Packet: four bytes, two's complement.
+    I32,
+    /// Packet: four bytes, IEEE 754.
+    F32,
+    /// Packet: bytes, to the end or as many as the field's size.
+    Bytes,
+}
+
+impl Kind {
+    /// Whether it stands in packets rather than in lines; text stands in both.
+    pub(in crate::protocol::dialect) fn in_packets(self) -> bool {
+        self.width().is_some() || matches!(self, Self::Bytes | Self::Text)
+    }
+
+    /// Whether it stands in lines.
+    pub(in crate::protocol::dialect) fn in_lines(self) -> bool {
+        self.width().is_none() && self != Self::Bytes
+    }
+
+    /// Bytes of a number in a packet.
+    pub(in crate::protocol::dialect) fn width(self) -> Option<usize> {
+        match self {
+            Self::U8 => Some(1),
+            Self::U16 | Self::I16 => Some(2),
+            Self::U32 | Self::I32 | Self::F32 => Some(4),
+            _ => None,
+        }
+    }
+
+    pub(in crate::protocol::dialect) fn is_number(self) -> bool {
+        self.width().is_some() || matches!(self, Self::Int | Self::Float)
+    }
+
+    pub(in crate::protocol::dialect) fn is_bytes(self) -> bool {
+        matches!(self, Self::Hex | Self::Block | Self::Bytes)
+    }
+
+    pub(super) fn is_whole(self) -> bool {
+        self.is_number() && !matches!(self, Self::Float | Self::F32)
+    }
+
+    /// The numbers that it can say.
+    pub(in crate::protocol::dialect) fn range(self) -> (f64, f64) {
+        match self {
+            Self::U8 => (0.0, u8::MAX.into()),
+            Self::U16 => (0.0, u16::MAX.into()),
+            Self::U32 => (0.0, u32::MAX.into()),
+            Self::I16 => (i16::MIN.into(), i16::MAX.into()),
+            Self::I32 => (i32::MIN.into(), i32::MAX.into()),
+            Self::F32 => (f32::MIN.into(), f32::MAX.into()),
+            Self::Float => (-1e300, 1e300),
+            _ => (-EXACT, EXACT),
+        }
+    }
+}
+
+/// What a number on the wire counts.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize)]
+pub(in crate::protocol::dialect) enum Unit {
+    /// Itself.
+    #[default]
+    #[serde(rename = "plain")]
+    Plain,
+    /// Seconds.
+    #[serde(rename = "s")]
+    Seconds,
+    /// Milliseconds.
+    #[serde(rename = "ms")]
+    Milliseconds,
+    /// Microseconds.
+    #[serde(rename = "us")]
+    Microseconds,
+    /// Nanoseconds.
+    #[serde(rename = "ns")]
+    Nanoseconds,
+    /// Decibels.
+    #[serde(rename = "dB")]
+    Decibels,
+    /// Hundredths of the whole.
+    #[serde(rename = "percent")]
+    Percent,
+}
+
+impl Unit {
+    /// Units in a base unit: a divisor, because 20 / 1e6 is the double nearest to 20 us.
+    pub(in crate::protocol::dialect) fn divisor(self) -> f64 {
+        match self {
+            Self::Plain | Self::Seconds | Self::Decibels => 1.0,
+            Self::Percent => 1e2,
+            Self::Milliseconds => 1e3,
+            Self::Microseconds => 1e6,
+            Self::Nanoseconds => 1e9,
+        }
+    }
+}

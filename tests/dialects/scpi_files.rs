@@ -1,0 +1,223 @@
+//! Devices that speak SCPI with headers of their own, and files that say so.
+
+use super::Sink;
+use phasma::emulator::{Bench, Firmware, Renderer};
+use phasma::host::{Captured, MemoryCamera, MemoryPort, ScanOptions, Scanner};
+use phasma::profile::{Profile, Scene};
+use phasma::protocol::dialect::Dialect;
+use std::cell::RefCell;
+use std::rc::Rc;
+use std::time::Duration;
+
+/// What stands for a header of the emulated device in one that has others.
+const OTHERS: [(&str, &str); 8] = [
+    ("SEQ:SEL", "PATT:NAME"),
+    ("SEQ:LIST", "PATT:ALL"),
+    ("SEQ:DATA", "PATT:DESC"),
+    ("CAL:DATA", "RIG:DESC"),
+    ("TRIG:SOUR", "SHOT:FROM"),
+    ("PROJ:POW", "LASER"),
+    ("*TRG", "SHOT:NOW"),
+    ("*IDN?", "WHO?"),
+];
+
+/// The file of a device with other headers.
+fn other() -> String {
+    let own = Dialect::text("scpi").unwrap().to_owned();
+    let text = OTHERS
+        .iter()
+        .fold(own, |text, (own, other)| text.replace(own, other));
+    text.replace("name = \"scpi\"", "name = \"other\"")
+}
+
+fn parse(text: &str) -> Dialect {
+    Dialect::parse(text, "other.toml").unwrap()
+}
+
+/// Scans a device whose headers are the emulated one's, or the others; what the host has sent.
+fn scan(
+    dialect: Option<Dialect>,
+    others: bool,
+    sequence: Option<&str>,
+) -> (phasma::Result<Captured>, Vec<u8>) {
+    let mut profile = Profile::load("webcam-grey").unwrap();
+    (profile.camera.width_px, profile.camera.height_px) = (64, 48);
+    let camera = MemoryCamera::default();
+    let mut bench = Bench::new(
+        Firmware::new(&profile, &[]).unwrap(),
+        Renderer::new(&profile, &Scene::load("plane").unwrap(), 1).unwrap(),
+        Sink(camera.clone()),
+    );
+    let sent = Rc::new(RefCell::new(Vec::new()));
+    let tape = sent.clone();
+    let port = MemoryPort::new(move |bytes: &[u8]| {
+        tape.borrow_mut().extend_from_slice(bytes);
+        if !others {
+            return bench.control(bytes);
+        }
+        let mut text = String::from_utf8(bytes.to_vec()).unwrap();
+        for (own, other) in OTHERS {
+            // It knows its own ones alone.
+            text = text.replace(own, "NONE").replace(other, own);
+        }
+        bench.control(text.as_bytes())
+    });
+    let timeout = Duration::from_millis(20);
+    let options = ScanOptions {
+        sequence: sequence.map(str::to_owned),
+        manifest: None,
+        frame_timeout: timeout,
+    };
+    let scanner = Scanner::with_dialect(port, dialect, timeout, || Ok(camera));
+    let captured = scanner.and_then(|mut scanner| {
+        let captured = scanner.scan(&options, &mut |progress| {
+            let retry = matches!(progress, phasma::host::Progress::Retry(_));
+            assert!(!retry, "{progress:?}");
+        });
+        scanner.finish().and(captured)
+    });
+    let sent = sent.borrow().clone();
+    (captured, sent)
+}
+
+fn same(one: &Captured, other: &Captured) {
+    assert_eq!(one.idn, other.idn);
+    assert_eq!(one.manifest, other.manifest);
+    assert_eq!(one.calibration, other.calibration);
+    same_frames(one, other);
+}
+
+fn same_frames(one: &Captured, other: &Captured) {
+    assert_eq!(one.frames.len(), other.frames.len());
+    for (one, other) in one.frames.iter().zip(&other.frames) {
+        assert_eq!(one.pattern_index, other.pattern_index);
+        assert!(one.data == other.data, "other pixels");
+    }
+}
+
+#[test]
+fn the_device_s_own_file_changes_no_byte() {
+    let (none, said) = scan(None, false, None);
+    let (own, with_file) = scan(Some(Dialect::load("scpi").unwrap()), false, None);
+    same(&own.unwrap(), &none.unwrap());
+    assert_eq!(
+        said.escape_ascii().to_string(),
+        with_file.escape_ascii().to_string()
+    );
+}
+
+#[test]
+fn a_device_with_other_headers_is_scanned_by_its_file() {
+    for sequence in [None, Some("quick-4-xy")] {
+        let (plain, _) = scan(None, false, sequence);
+        let (captured, said) = scan(Some(parse(&other())), true, sequence);
+        same(&captured.unwrap(), &plain.unwrap());
+        let said = String::from_utf8(said).unwrap();
+        for (own, other) in OTHERS {
+            assert!(!said.contains(own), "{own}: {said}");
+            let asked = said.contains(other);
+            // Nobody needs the list where the sequence is there.
+            assert!(
+                asked || own == "SEQ:LIST" || sequence.is_none() && own == "SEQ:SEL",
+                "{other}"
+            );
+        }
+        // What every instrument has is asked all the same.
+        assert!(
+            said.contains("*ESR?") && said.contains("SYST:ERR?"),
+            "{said}"
+        );
+    }
+    // Without the file the host does not get far.
+    let (captured, _) = scan(None, true, None);
+    let error = captured.err().unwrap().to_string();
+    assert!(error.contains("the device refuses"), "{error}");
+}
+
+#[test]
+fn what_the_device_refuses_is_told_in_its_words_and_names_it_does_not_have_too() {
+    let (captured, _) = scan(Some(parse(&other())), true, Some("moon"));
+    let error = captured.unwrap_err();
+    assert_eq!(error.exit_code(), 2, "{error}");
+    let words = error.to_string();
+    assert!(words.starts_with("--sequence moon: "), "{words}");
+    assert!(words.ends_with("allowed: quick-4, quick-4-xy"), "{words}");
+    let lamp = other().replace("LASER {state}", "LASER:NO {state}");
+    let (captured, _) = scan(Some(parse(&lamp)), true, None);
+    let words = captured.unwrap_err().to_string();
+    assert!(words.contains("the device refuses lamp: -"), "{words}");
+}
+
+#[test]
+fn what_a_file_has_no_words_for_a_scan_does_without() {
+    let without = |operation: &str| {
+        let text = other();
+        let line = |line: &&str| !line.starts_with(&format!("{operation} = "));
+        let kept: Vec<&str> = text.lines().filter(line).collect();
+        assert_eq!(kept.len() + 1, text.lines().count(), "{operation}");
+        parse(&kept.join("\n"))
+    };
+    for (operation, status, words) in [
+        ("trigger", 2, "dialect other: [host]: no trigger"),
+        ("manifest", 2, "--manifest: none"),
+    ] {
+        let (captured, said) = scan(Some(without(operation)), true, None);
+        let error = captured.err().unwrap();
+        assert_eq!(error.exit_code(), status, "{operation}");
+        assert!(error.to_string().starts_with(words), "{error}");
+        assert_eq!(said.is_empty(), operation == "trigger");
+    }
+    let (captured, _) = scan(Some(without("select")), true, Some("quick-4-xy"));
+    let words = captured.err().unwrap().to_string();
+    assert!(
+        words.contains("nothing to say it with in dialect other"),
+        "{words}"
+    );
+    let (plain, _) = scan(None, false, None);
+    let plain = plain.unwrap();
+    for operation in [
+        "identify",
+        "calibration",
+        "list",
+        "selected",
+        "source",
+        "restore",
+        "light_on",
+        "complete",
+        "errors",
+        "mark",
+        "marked",
+        "exposure",
+        "last_id",
+    ] {
+        let (captured, said) = scan(Some(without(operation)), true, None);
+        let captured = captured.unwrap();
+        same_frames(&captured, &plain);
+        match operation {
+            "identify" => assert_eq!(captured.idn, "a device that speaks other"),
+            "calibration" => assert_eq!(captured.calibration, None),
+            "light_on" => assert!(!said.windows(5).any(|word| word == b"LASER")),
+            _ => same(&captured, &plain),
+        }
+    }
+}
+
+#[test]
+fn a_file_of_scpi_says_words_and_what_comes_at_power_on_and_no_more() {
+    let with = |more: &str| format!("{}\n{more}\n", other());
+    for more in [
+        "[line]\necho = true",
+        "[line]\nto_host = \"\\r\"",
+        "[events]\ndone = \"ready\"",
+        "[errors]\nline = \"no {number}\"\ndefault = { number = 1, text = \"\" }\n\
+         busy = { number = 2, text = \"\" }",
+        "[[command]]\nname = \"x\"\nline = \"X?\"\nreply = [\"a\", \"b\"]",
+        "[[command]]\nname = \"x\"\nline = \"X\"\nruns = [\"*RST\"]",
+    ] {
+        let error = Dialect::parse(&with(more), "other.toml").unwrap_err();
+        assert_eq!(error.exit_code(), 2, "{more}: {error}");
+    }
+    let chatty = parse(&with("[[boot]]\nline = \"Ready.\"\n[[boot]]\nbytes = [62]"));
+    let (captured, _) = scan(Some(chatty), true, None);
+    same(&captured.unwrap(), &scan(None, false, None).0.unwrap());
+}
