@@ -134,8 +134,8 @@ fn checks(rows: &Rows) -> Vec<Check> {
 
 const GROSS: &str = "None is on a smooth facet. From the feet the torso's flanks are grazed: a pixel \
     whose middle just meets one spans more than a fringe there, so that all the fringes that it sees \
-    are the table's, some 150 mm behind, which it measures rightly, but not at its middle. One such \
-    point, 68 mm from the torso, was all of the Hausdorff distance until the decoder asked the Gray \
+    are the table's, some 150 mm behind, which it measures within 0.6 mm, but not at its middle. One \
+    such point, 68 mm from the torso, was all of the Hausdorff distance until the decoder asked the Gray \
     code: words of neighbouring cells differ in one bit, so that two bits between black and white \
     are of two places, and such a pixel is refused. What is left is in contact shadows, where the \
     torso's end meets the table: the middle of the pixel is unlit, and what is lit beside it is \

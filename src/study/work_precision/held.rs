@@ -4,9 +4,8 @@
 //! repeats at every whole frequency, and holding multiplies it by sinc(nu): beside the fringe, at 1 / P
 //! cycles a pixel, there are images at nu = 1 / P + k. All of them turn with the step as the fringe does,
 //! so that no number of steps tells them apart. A footprint with sides a and b multiplies by sinc(a nu)
-//! sinc(b nu), which leaves next to nothing of the images where a camera's pixel spans some of the
-//! projector's, and the most where it spans one or less: on what leans away from the projector. At a
-//! place x the phase is off by the argument of sum over k of g_k / g_0 exp(2 pi i k x), with g_k =
+//! sinc(b nu), which leaves some thousandths of the nearest images where a camera's pixel spans some of
+//! the projector's, and more where it spans less than one. At a place x the phase is off by the argument of sum over k of g_k / g_0 exp(2 pi i k x), with g_k =
 //! sinc(nu) sinc(a nu) sinc(b nu).
 
 use super::closed::Footprint;

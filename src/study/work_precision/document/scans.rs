@@ -88,10 +88,11 @@ pub(super) fn section(scans: &[&Row], settings: &Settings) -> Section {
                  The fringes are 16 slide pixels wide, of which a pixel of the bench spans 4.35: at \
                  half its resolution more than half a fringe falls into one pixel. What stands above the bound \
                  is the same whatever the steps: the projector's pixels are held, and the images of \
-                 the fringe that this makes turn with the step as the fringe does. A pixel that \
-                 spans some of the projector's averages them away; on the side that leans away from \
-                 the projector it spans one. The closed form of each pixel's footprint gives them \
-                 (held pixels), and taken off pixel by pixel it leaves the bound.";
+                 the fringe that this makes turn with the step as the fringe does. A pixel \
+                 averages over 4.35 of the projector's on floor and top, which leaves some \
+                 thousandths of them, and nothing would be left only where it spans a whole number. \
+                 The closed form of each pixel's footprint gives them (held pixels), and taken off \
+                 pixel by pixel it leaves the bound.";
     Section {
         title: "Scans".to_owned(),
         blocks: vec![
