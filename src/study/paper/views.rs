@@ -146,6 +146,6 @@ const WORDS: &str = "The scanner goes about the torso's middle: 45 degrees about
     the feet. The paper's figure 12 and its table 2 name the three views differently; the table's \
     order is taken, left, right, distal. The torso is ours, not the paper's, so only the trend can \
     be compared. It is the paper's: left and right alike, from the feet about twice as much, for \
-    more of the surface leans away and is farther off. HD is of the single worst point: from the feet \
-    that is one of the gross errors, tens of millimetres off, which the paper's 3.92 mm does not \
-    have. HD95, the 95th percentile of the same distances, leaves such points out.";
+    more of the surface leans away and is farther off. HD is of the single worst point, \
+    at a silhouette or in a contact shadow; HD95, the 95th percentile of the same distances, leaves \
+    such points out.";
