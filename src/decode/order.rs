@@ -10,6 +10,11 @@ pub(super) const SURE: f32 = 4.0;
 const GAP: f32 = 25.0;
 /// Part of the full contrast within which a Gray bit counts as being on its edge.
 const EDGE_CONTRAST: f32 = 0.25;
+/// Part of the full contrast below which two bits of one pixel are not those of one place. Words of
+/// neighbouring cells differ in one bit, so of a pixel that sees one surface one bit at most is between
+/// black and white, while its footprint is no wider than a cell; and two are below half of the
+/// contrast only where it spans two cells, beyond what fringes as wide as a cell can be told by.
+const TWO_PLACES: f32 = 0.5;
 /// Part of a period by which a fringe set may contradict the only candidate.
 const MISFIT: f32 = 0.15;
 /// Part of a cell by which a phase may lie beyond its cell's edge, whichever bit is the weakest:
@@ -137,6 +142,14 @@ impl GrayJoin {
         cells(code).0 as f32 * self.cell + 0.5 * self.cell - 0.5
     }
 
+    /// Whether the two weakest bits say that a pixel sees two places at once, as at a silhouette, where
+    /// the fringes of one of them may be too fine to show and the phase is all the other's. What
+    /// noise can have made of a full contrast says nothing.
+    #[inline(always)]
+    fn two_places(second: f32, half: f32, doubt: f32) -> bool {
+        (second < TWO_PLACES * half) & (second + doubt < half)
+    }
+
     /// Moves `x`, known modulo the repeat, into its Gray cell; clears `ok` where the weakest bits
     /// leave a doubt.
     ///
@@ -191,7 +204,7 @@ impl GrayJoin {
                 strong_ok
             };
             x[i] = if one_weak { at_edge } else { at_center };
-            ok[i] &= good;
+            ok[i] &= good & !Self::two_places(second[i], half[i], doubt);
         }
     }
 
@@ -218,7 +231,8 @@ impl GrayJoin {
             } else {
                 self.center(gray.code[i])
             };
-            ok[i] &= !one_weak | (touching & !two_weak);
+            let two_places = Self::two_places(gray.second[i], half_contrast[i], doubt);
+            ok[i] &= (!one_weak | (touching & !two_weak)) & !two_places;
         }
     }
 }
@@ -237,6 +251,52 @@ mod tests {
             let best = ensemble.best(&wrapped, &[4e-4, 0.04, 6.0], -1.5, 1920.5);
             assert!((best.x - x).abs() < 1e-3 && best.certain, "{x} {best:?}");
         }
+    }
+
+    /// Cells of 16 px under fringes of 16 px, at 700 px; bits of noise of 1 DN.
+    fn joined(bits: &[f32], half: f32) -> (f32, bool) {
+        let mut gray = GrayRow::default();
+        gray.reset(1);
+        for (bit, contrast) in bits.iter().enumerate() {
+            gray.add_single(bit, &[0u8], &[-contrast], 1.0);
+        }
+        let join = GrayJoin {
+            cell: 16.0,
+            repeat: 16.0,
+            noise_factor: 1.2,
+        };
+        let (mut x, mut ok) = ([700.0_f32.rem_euclid(16.0)], [true]);
+        join.join(&gray, &mut x, &[1e-3], &[half], &[1.0], &mut ok);
+        (x[0], ok[0])
+    }
+
+    /// Contrasts of the bits of a cell's word.
+    fn word(cell: u64, half: f32) -> [f32; 7] {
+        let code = crate::pattern::gray_encode(cell);
+        std::array::from_fn(|bit| if code >> bit & 1 == 1 { half } else { -half })
+    }
+
+    #[test]
+    fn a_pixel_that_sees_two_places_is_refused_and_one_on_an_edge_is_not() {
+        let (here, half) = (700 / 16, 40.0);
+        assert_eq!(joined(&word(here, half), half), (700.0, true));
+        // A part of the next cell, whose word differs in one bit.
+        let mixed = |other: u64, share: f32| {
+            let (a, b) = (word(here, half), word(other, half));
+            std::array::from_fn::<f32, 7, _>(|i| a[i] * (1.0 - share) + b[i] * share)
+        };
+        assert!(joined(&mixed(here + 1, 0.3), half).1);
+        // A place far off, whose word differs in several bits, with a third of the light.
+        let far = (0..120).filter(|&cell| {
+            let differ = crate::pattern::gray_encode(cell) ^ crate::pattern::gray_encode(here);
+            differ.count_ones() >= 2
+        });
+        for cell in far {
+            assert!(!joined(&mixed(cell, 0.3), half).1, "{cell}");
+            assert!(joined(&mixed(cell, 0.1), half).1, "{cell}");
+        }
+        // Faint bits in noise say nothing of places.
+        assert!(joined(&word(here, 4.0), 4.0).1);
     }
 
     #[test]

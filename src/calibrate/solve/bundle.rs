@@ -5,6 +5,7 @@ use super::fit::{Effort, minimise};
 use super::model::{State, residual};
 use super::normal::Normal;
 use super::observation::PoseObservations;
+use super::refusal::{Why, refusal};
 use super::robust::{self, Loss};
 use super::{Choice, Coefficients, LeftOut, PoseSightings, Unsolved, start};
 use crate::geometry::Board;
@@ -96,7 +97,7 @@ impl Bundle {
         models: &[Model],
         choice: &Choice,
     ) -> Result<Solved, Unsolved> {
-        let mut refusal = self.diverged();
+        let mut refusal = self.refusal(Why::Open, state);
         for (i, model) in models.iter().enumerate() {
             if models[..i].contains(model) {
                 continue;
@@ -135,7 +136,7 @@ impl Bundle {
                 Loss::Square([1.0; 2])
             };
             let fit = minimise(&self.poses, state, &free, &loss, Effort::ROUGH)
-                .ok_or_else(|| self.diverged())?;
+                .ok_or_else(|| self.refusal(Why::NoStart, state))?;
             *state = fit.state;
             // Scales are 1 at least: nearer to that there is nothing to gain.
             let now: f64 = robust::scales(&self.poses, state).iter().sum();
@@ -162,19 +163,23 @@ impl Bundle {
             }
             let loss = Loss::Square(inflation);
             let fit = minimise(&self.poses, &state, &free, &loss, Effort::FULL)
-                .filter(|fit| fit.converged)
-                .ok_or_else(|| self.diverged())?;
+                .ok_or_else(|| self.refusal(Why::NoStart, &state))?;
             state = fit.state;
+            if !fit.converged {
+                let why = fit.next.map_or(Why::Open, Why::Restless);
+                return Err(self.refusal(why, &state));
+            }
             let before = inflation;
             inflation = self.inflation(&state, &model);
             moved = (0..2).any(|g| (inflation[g] / before[g] - 1.0).abs() > 1e-3);
         }
         if self.degrees_of_freedom(&model) == 0 {
-            return Err(self.diverged());
+            let unknowns = self.unknowns(&model);
+            return Err(self.refusal(Why::TooFew { unknowns }, &state));
         }
         let covariance = Normal::at(&self.poses, &state, &Loss::Square(inflation))
             .and_then(|n| n.covariance(&free))
-            .ok_or_else(|| self.diverged())?;
+            .ok_or_else(|| self.refusal(Why::Open, &state))?;
         Ok(Solved {
             state,
             model,
@@ -206,8 +211,12 @@ impl Bundle {
 
     /// Numbers observed minus unknowns.
     pub fn degrees_of_freedom(&self, model: &Model) -> usize {
-        let unknowns = free(model).iter().filter(|f| **f).count() + 6 * self.poses.len();
-        self.observed().saturating_sub(unknowns)
+        self.observed().saturating_sub(self.unknowns(model))
+    }
+
+    /// The rig's unknowns and six of each board.
+    fn unknowns(&self, model: &Model) -> usize {
+        free(model).iter().filter(|f| **f).count() + 6 * self.poses.len()
     }
 
     /// Mean squares of the whitened residuals of camera and projector, each group taken to have its
@@ -226,15 +235,8 @@ impl Bundle {
         })
     }
 
-    fn diverged(&self) -> Unsolved {
-        Unsolved::Undetermined {
-            found: format!(
-                "{} numbers of {} poses leave some of the unknowns open",
-                self.observed(),
-                self.poses.len()
-            ),
-            wanted: start::TILTS_WANTED.to_owned() + ", or fewer distortion coefficients",
-        }
+    fn refusal(&self, why: Why, state: &State) -> Unsolved {
+        refusal(why, &self.poses, self.observed(), state)
     }
 }
 

@@ -12,7 +12,7 @@ const WORST_FOCAL: f64 = 0.1;
 const WORST_FIT: f64 = 0.01;
 /// Below, the numbers are worth a warning.
 const FEW_POSES: usize = 5;
-const LITTLE_TILT_DEG: f64 = 15.0;
+pub(super) const LITTLE_TILT_DEG: f64 = 15.0;
 const CELLS: [u32; 2] = [8, 6];
 const LITTLE_COVERAGE: f64 = 0.5;
 /// Above, the numbers are worth a warning.

@@ -12,6 +12,9 @@ pub(super) struct Fit {
     pub state: State,
     /// Whether the last step was too small to matter.
     pub converged: bool,
+    /// Squared length in standard deviations of the step that would come next, undamped; `None`
+    /// where the free unknowns are not determined.
+    pub next: Option<f64>,
 }
 
 /// How far to go.
@@ -55,10 +58,11 @@ pub(super) fn minimise(
     let mut state = start.clone();
     let mut normal = Normal::at(poses, &state, loss)?;
     let mut damping = 1e-4;
-    let mut converged = false;
+    let (mut converged, mut next) = (false, None);
     for _ in 0..effort.most {
         let undamped = normal.step(free, 0.0);
-        let length = undamped.as_ref().map_or(f64::INFINITY, |s| s.length);
+        next = undamped.as_ref().map(|s| s.length);
+        let length = next.unwrap_or(f64::INFINITY);
         if let Some(step) = undamped.filter(|_| length <= SHORT * (1.0 + 1e-3 * normal.loss)) {
             state = state.stepped(&step.rig, &step.boards);
             converged = state.is_proper();
@@ -72,7 +76,7 @@ pub(super) fn minimise(
             let there = next.is_proper().then(|| Normal::at(poses, &next, loss))??;
             (there.loss <= normal.loss + slack).then_some((next, there))
         });
-        let Some((next, there)) = there else {
+        let Some((nearer, there)) = there else {
             damping = (damping * 10.0).max(UNDAMPED);
             if damping > MOST_DAMPING {
                 break;
@@ -80,7 +84,7 @@ pub(super) fn minimise(
             continue;
         };
         let little = effort.gain > 0.0 && normal.loss - there.loss < effort.gain * there.loss;
-        (state, normal) = (next, there);
+        (state, normal) = (nearer, there);
         if little {
             break;
         }
@@ -89,5 +93,9 @@ pub(super) fn minimise(
             damping = 0.0;
         }
     }
-    Some(Fit { state, converged })
+    Some(Fit {
+        state,
+        converged,
+        next,
+    })
 }

@@ -18,6 +18,7 @@ mod homography;
 mod model;
 mod normal;
 mod observation;
+mod refusal;
 mod resection;
 mod robust;
 mod rotation;

@@ -149,6 +149,11 @@ impl Renderer {
     /// Takes another plan, and what follows from it.
     fn go_by(&mut self, plan: Plan) {
         self.plan = plan;
+        // Rays are bent by the lens itself where no table is, so it must be straight without the term.
+        self.optics.camera.lens.distortion = match plan.has(Term::CameraDistortion) {
+            true => self.profile.camera.distortion,
+            false => [0.0; 5],
+        };
         let table = || ideal_points(&self.optics);
         self.rays = self.plan.has(Term::CameraDistortion).then(table);
         self.fixed = fixed_pattern(&self.plan, &self.profile);
@@ -422,6 +427,33 @@ pub(super) fn ideal_points(optics: &Optics) -> Vec<DVec2> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// A lens whose distortion is left out is a straight one, in every byte, and bends again after.
+    #[test]
+    fn a_lens_without_its_distortion_is_straight() {
+        let straight = Profile::load("webcam-grey").unwrap();
+        let mut bent = straight.clone();
+        bent.camera.distortion = [-0.2, 0.05, 1e-3, -2e-3, 0.0];
+        let scene = Scene::load("sphere").unwrap();
+        let row = (0..854).map(|x| (x % 16 * 16) as u16).collect();
+        let shot = Shot {
+            slide: Some(Arc::new(Slide::Row(crate::pattern::Axis::X, row))),
+            light: 1.0,
+            exposure_ns: 8_000_000,
+            ..Shot::default()
+        };
+        let mut wanted = Renderer::new(&straight, &scene, 1).unwrap();
+        let mut renderer = Renderer::new(&bent, &scene, 1).unwrap();
+        let own = renderer.expose(&shot);
+        renderer.force(Term::CameraDistortion, false);
+        assert_eq!(renderer.expose(&shot), wanted.expose(&shot));
+        let decisions = renderer.decisions();
+        let said = decisions.iter().find(|d| d.term == Term::CameraDistortion);
+        assert_eq!(said.map(|d| d.why), Some("left out on request"));
+        renderer.force(Term::CameraDistortion, true);
+        assert_eq!(renderer.expose(&shot), own);
+        assert_ne!(own, wanted.expose(&shot));
+    }
 
     #[test]
     fn pictures_without_end_do_not_fill_the_memory() {

@@ -173,7 +173,7 @@ impl Needs<'_> {
         let sensor = &self.profile.camera.sensor;
         match term {
             Term::CameraDistortion => choose(
-                self.optics.camera.lens.is_distorted(),
+                self.profile.camera.view().lens.is_distorted(),
                 "camera.distortion is not zero",
                 "camera.distortion is zero",
             ),

@@ -36,13 +36,16 @@ impl Axis {
         }
     }
 
-    /// Around the finite ones of the values, with a little room.
+    /// Around the finite ones of the values, with a little room; from 0 to 1 where all are 0.
     pub fn around(label: &str, values: impl IntoIterator<Item = f64>) -> Self {
         let (low, high) = extent(values.into_iter()).unwrap_or((0.0, 1.0));
+        if low == 0.0 && high == 0.0 {
+            return Self::between(label, 0.0, 1.0);
+        }
         let room = if high > low {
             0.04 * (high - low)
         } else {
-            0.5 * low.abs().max(1e-12)
+            0.5 * low.abs()
         };
         Self::between(label, low - room, high + room)
     }
@@ -157,6 +160,7 @@ mod tests {
                 assert!(axis.at(1.5).is_none_or(f64::is_finite));
             }
         }
+        assert_eq!(Axis::around("a", [0.0, 0.0]).range(), (0.0, 1.0));
         let (low, high) = Axis::around("a", [f64::NAN, 2.0, 4.0]).range();
         assert!(low < 2.0 && high > 4.0 && low > 1.8 && high < 4.2);
     }

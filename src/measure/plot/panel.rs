@@ -16,8 +16,8 @@ pub struct Panel {
     pub y: Axis,
 }
 
-/// Room for a tick's label and an axis's name left of a panel, and below it.
-pub const ROOM: DVec2 = DVec2::new(62.0, 42.0);
+/// Room for a tick's label, of up to seven letters, and an axis's name left of a panel, and below it.
+pub const ROOM: DVec2 = DVec2::new(72.0, 42.0);
 
 impl Panel {
     /// Where a pair of values lies on the sheet; `None` for what has no place on an axis.
@@ -81,7 +81,7 @@ impl Panel {
             let at = DVec2::new(self.corner.x - 6.0, y + 4.0);
             sheet.text("", at, Anchor::End, label);
         }
-        let middle = DVec2::new(self.corner.x - 48.0, self.corner.y + 0.5 * self.size.y);
+        let middle = DVec2::new(self.corner.x - 59.0, self.corner.y + 0.5 * self.size.y);
         sheet.text_upwards("", middle, Anchor::Middle, self.y.label());
         sheet.rect("frame", self.corner, self.size, None);
     }

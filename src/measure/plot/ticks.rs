@@ -45,14 +45,14 @@ pub(super) fn linear(low: f64, high: f64, most: usize) -> Vec<(f64, String)> {
         .collect()
 }
 
-/// Ticks at powers of ten within [low, high]; where they are fewer than three also at 2 and 5 times
-/// those.
+/// Ticks at powers of ten within [low, high]; where they are few also at 2 and 5 times those, and
+/// where fewer than three are left, at multiples of a round step.
 pub(super) fn logarithmic(low: f64, high: f64) -> Vec<(f64, String)> {
     let (first, last) = (low.log10().floor() as i32, high.log10().ceil() as i32);
     let span = last - first;
     let multiples: &[f64] = if span <= 3 { &[1.0, 2.0, 5.0] } else { &[1.0] };
     let stride = (span / 10 + 1) as usize;
-    (first..=last)
+    let ticks: Vec<(f64, String)> = (first..=last)
         .step_by(stride)
         .flat_map(|e| multiples.iter().map(move |m| (scaled(*m, e), e)))
         .filter(|(value, _)| *value >= low * (1.0 - 1e-9) && *value <= high * (1.0 + 1e-9))
@@ -64,8 +64,15 @@ pub(super) fn logarithmic(low: f64, high: f64) -> Vec<(f64, String)> {
             };
             (value, text)
         })
-        .collect()
+        .collect();
+    if ticks.len() < FEWEST {
+        return linear(low, high, 2 * FEWEST);
+    }
+    ticks
 }
+
+/// Ticks without which a logarithmic axis cannot be read.
+const FEWEST: usize = 3;
 
 fn decimals(step: f64) -> usize {
     (0..12)
@@ -128,6 +135,18 @@ mod tests {
         let ticks: Vec<String> = logarithmic(1.0, 10.0).into_iter().map(|t| t.1).collect();
         assert_eq!(ticks, ["1", "2", "5", "10"]);
         assert!(logarithmic(1e-300, 1e300).len() < 20);
+    }
+
+    #[test]
+    fn a_part_of_a_decade_has_ticks_enough_to_be_read() {
+        for (low, high) in [(60.0, 140.0), (0.021, 0.034), (7e-15, 1.4e-14), (0.9, 1.1)] {
+            let ticks = logarithmic(low, high);
+            assert!((3..12).contains(&ticks.len()), "{low} {high}: {ticks:?}");
+            for (value, text) in ticks {
+                let read: f64 = text.parse().unwrap();
+                assert!((low..=high).contains(&value) && (read / value - 1.0).abs() < 1e-9);
+            }
+        }
     }
 
     #[test]

@@ -65,7 +65,8 @@ pub struct Chart {
 }
 
 impl Chart {
-    /// The drawing. Colours repeat after eight series.
+    /// The drawing. Colours repeat after eight series; one that has nothing in the panel is not in the
+    /// legend.
     pub fn sheet(&self) -> Sheet {
         let rows = self.series.len() as f64;
         let height = (HEADING + SIZE.y + ROOM.y).max(HEADING + 20.0 * rows);
@@ -78,7 +79,11 @@ impl Chart {
         };
         panel.draw(&mut sheet);
         panel.head(&mut sheet, &self.heading);
+        let mut named = 0.0;
         for (i, series) in self.series.iter().enumerate() {
+            if !series.points.iter().any(|p| panel.inside(*p).is_some()) {
+                continue;
+            }
             let colour = format!("c{}", i % 8);
             let dash = if series.look == Look::Dashed {
                 " dash"
@@ -100,7 +105,8 @@ impl Chart {
                 );
             }
             spans(&mut sheet, &panel, &colour, &series.spans);
-            let at = DVec2::new(ROOM.x + SIZE.x + 14.0, HEADING + 10.0 + 20.0 * i as f64);
+            let at = DVec2::new(ROOM.x + SIZE.x + 14.0, HEADING + 10.0 + 20.0 * named);
+            named += 1.0;
             let end = at + DVec2::new(22.0, 0.0);
             if series.look != Look::Dots {
                 sheet.polyline(&format!("line {class}"), &[at, end], false, None);

@@ -3,7 +3,7 @@
 use crate::emulator::Truth;
 use crate::error::Result;
 use crate::geometry::{Cloud, Mesh, MeshTree, Neighbours, Rig};
-use crate::measure::{Directed, Surface, lit_and_seen};
+use crate::measure::{Directed, GROSS_MM, Surface, lit_and_seen};
 use crate::study::lab::Row;
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
@@ -24,6 +24,11 @@ pub struct Target {
     pub on: Vec<usize>,
 }
 
+/// Kinds of pixels that may err grossly, by what the ray through their middle meets: a surface that
+/// rays graze or whose fringes are too fine to be seen, one in shadow, any other where the pixel sees
+/// more than one facet, one smooth surface.
+pub const KINDS: usize = 4;
+
 /// Errors in millimetres. NaN where there is nothing to speak of.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Figures {
@@ -33,6 +38,8 @@ pub struct Figures {
     pub coverage: f64,
     /// Share of the points more than 1 mm off in depth.
     pub gross: f64,
+    /// How many of these there are of each of [`KINDS`].
+    pub gross_kinds: [usize; KINDS],
     /// Root mean square depth error of the others.
     pub inlier_rmse_mm: f64,
     /// Mean absolute depth error of all points, at creases too.
@@ -69,7 +76,7 @@ impl Distances {
 
 impl Figures {
     /// The columns that [`Self::row`] fills.
-    pub const COLUMNS: [&'static str; 13] = [
+    pub const COLUMNS: [&'static str; 17] = [
         "points",
         "coverage",
         "gross",
@@ -83,10 +90,15 @@ impl Figures {
         "mdta_points_mm",
         "hd_floor_mm",
         "mdta_floor_mm",
+        "gross_grazing",
+        "gross_unlit",
+        "gross_edge",
+        "gross_smooth",
     ];
 
     /// With these figures more.
     pub fn row(&self, row: Row) -> Row {
+        let [grazing, unlit, edge, smooth] = self.gross_kinds.map(|count| count as f64);
         let values = [
             self.points as f64,
             self.coverage,
@@ -101,6 +113,10 @@ impl Figures {
             self.points_mm[1],
             self.floor_mm[0],
             self.floor_mm[1],
+            grazing,
+            unlit,
+            edge,
+            smooth,
         ];
         let named = Self::COLUMNS.into_iter().zip(values);
         named.fold(row, |row, (name, value)| row.number(name, value))
@@ -156,6 +172,7 @@ impl Target {
             points: measured.len(),
             coverage: self.coverage(depth, truth),
             gross: all.map_or(nan, |d| d.gross_error_rate),
+            gross_kinds: gross_kinds(measured.iter().filter(|i| error(i) > GROSS_MM), truth),
             inlier_rmse_mm: all.map_or(nan, |d| d.inlier_rmse_mm),
             mae_mm: all.map_or(nan, |d| d.mae_mm),
             cmae_mm: section.map_or(nan, |d| d.mae_mm),
@@ -222,6 +239,22 @@ impl Target {
         let all = self.samples.par_iter().filter_map(distance).collect();
         Directed::of(all).map_or([f64::NAN; 2], |d| [d.hausdorff_mm, d.mae_mm])
     }
+}
+
+/// Counts pixels of each kind.
+fn gross_kinds<'a>(pixels: impl Iterator<Item = &'a usize>, truth: &Truth) -> [usize; KINDS] {
+    let mut counts = [0; KINDS];
+    for &i in pixels {
+        let has = |flag| truth.flags[i] & flag != 0;
+        let kind = match () {
+            () if !has(Truth::SQUARE) || has(Truth::UNRESOLVED) => 0,
+            () if !has(Truth::LIT) => 1,
+            () if has(Truth::CREASE) => 2,
+            () => 3,
+        };
+        counts[kind] += 1;
+    }
+    counts
 }
 
 #[cfg(test)]

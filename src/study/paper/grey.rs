@@ -10,8 +10,9 @@ use crate::study::lab::{
     Block, Chart, Context, Figure, Folder, Look, Row, Rows, Section, Series, Settings, Table, Trial,
 };
 
-/// Columns to either side of the middle that the chart shows: eleven fringes.
-const SHOWN: usize = 20;
+/// Columns to either side of the middle that the chart shows: four fringes, as five curves of more
+/// cannot be told apart.
+const SHOWN: usize = 8;
 
 /// One trial a distance.
 pub(super) fn trials(settings: &Settings) -> Vec<Trial> {

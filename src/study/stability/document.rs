@@ -13,10 +13,8 @@ const WORDS: &str = "Each case has an oracle: a closed form, or f64 by a path of
     what first-order analysis makes of roundings, of noise and of the case's condition, not what \
     was found. Errors of bounds on the worst pixel come close to what is allowed with few steps, \
     where rounding can have the same sign in every frame, and stay below half of it with many. \
-    Two refusals name a cause that is not theirs: points known to a billionth of a pixel are more \
-    exact than the slopes that come with them, and boards 0.4 degrees apart are too few numbers, \
-    but for both the solver asks for other tilts. Near two pixels a period a third of the pixels is \
-    left out, those on an edge of the code, and none is wrong.";
+    Near two pixels a period a third of the pixels is left out, those on an edge of the code, and \
+    none is wrong.";
 
 pub(super) fn document(rows: &Rows) -> Document {
     let mut sections = vec![overview(rows)];
@@ -181,7 +179,8 @@ fn figure(sweep: &Sweep, rows: &[&Row]) -> Option<Figure> {
         all.filter(|(x, y)| *x > 0.0 && *y > 0.0).collect()
     };
     let (found, allowed) = (points("found"), points("allowed"));
-    if allowed.len() < FEWEST {
+    // Errors of nothing have no place on an axis of logarithms.
+    if allowed.len() < FEWEST || found.is_empty() {
         return None;
     }
     let mut sorted = allowed;

@@ -28,6 +28,22 @@ impl Footprint {
         })
     }
 
+    /// At a place of the slide, in slide pixels.
+    #[cfg(test)]
+    pub fn at(x: f64, reach: [f64; 2]) -> Self {
+        Self { x, reach }
+    }
+
+    /// Where its centre lies on the slide's x axis, in slide pixels.
+    pub fn x(&self) -> f64 {
+        self.x
+    }
+
+    /// How far its column and its row reach along that axis, in slide pixels.
+    pub fn reach(&self) -> [f64; 2] {
+        self.reach
+    }
+
     /// Mean level under the footprint.
     pub fn mean(&self, row: &Integral) -> f64 {
         let [a, b] = self.reach;

@@ -8,6 +8,7 @@
 mod closed;
 mod document;
 mod frames;
+mod held;
 mod needs;
 mod pareto;
 mod phase;

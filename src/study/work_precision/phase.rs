@@ -1,5 +1,6 @@
 //! Phases of fringes pixel by pixel, and what their differences mean in depth.
 
+use super::rig::PERIOD_PX;
 use crate::emulator::Truth;
 use crate::geometry::Rig;
 use crate::measure::GROSS_MM;
@@ -7,9 +8,6 @@ use crate::pattern::Axis;
 use crate::study::score::px_per_mm;
 use glam::DVec2;
 use std::f64::consts::TAU;
-
-/// Period of the bench's fringes in slide pixels.
-const PERIOD_PX: f64 = 16.0;
 
 /// Modulation and phase of a pixel as a complex number, by N even steps: the projection on the
 /// step's circle, which is the least-squares fit of A + B cos(phase + step).

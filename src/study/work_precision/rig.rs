@@ -9,6 +9,9 @@ use std::f64::consts::TAU;
 /// Digital numbers of a fine converter for one of the bench's: 65535 over 255.
 pub const FINE: f64 = 257.0;
 
+/// Period of the bench's fringes in slide pixels.
+pub const PERIOD_PX: f64 = 16.0;
+
 /// The bench with the middle of its sensor, so many columns and rows, all of them in the projector's
 /// field up to 400 x 240.
 ///
@@ -31,7 +34,7 @@ pub fn with_steps(mut profile: Profile, steps: usize) -> Profile {
             file: None,
             pattern: Pattern::Fringe {
                 axis: Axis::X,
-                period_px: 16.0,
+                period_px: PERIOD_PX,
                 phase_rad: TAU * k as f64 / steps as f64,
             },
         };

@@ -19,6 +19,8 @@ pub const COLUMNS: &[&str] = &[
     "crease_rmse_mm",
     "bound_mm",
     "ratio_to_bound",
+    "held_mm",
+    "ratio_less_held",
     "gross",
     "coverage",
     "levels",

@@ -1,13 +1,16 @@
 //! Whole scans with noise: what steps, resolution and samples a pixel buy, and what they cost.
 
-use super::rig;
+use super::held::depth_bias;
+use super::rig::{self, PERIOD_PX};
 use super::row::times;
-use crate::decode::Options;
-use crate::emulator::render;
+use crate::decode::{Decoded, Options};
+use crate::emulator::{Truth, render};
 use crate::error::{Error, Result};
+use crate::measure::GROSS_MM;
 use crate::profile::Scene;
 use crate::study::lab::{Context, Row, Settings, Trial};
-use crate::study::scanned::Stage;
+use crate::study::scanned::{Scanned, Stage};
+use crate::study::score::{depth_bounds, depth_errors};
 
 /// One setting.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -85,7 +88,10 @@ fn run(ctx: &Context<'_>, case: Case) -> Result<Vec<Row>> {
     if let Some(e) = failed {
         return Err(Error::device(e));
     }
-    let (_, score) = scanned.scored(&stage.truth())?;
+    let truth = stage.truth();
+    let (decoded, score) = scanned.scored(&truth)?;
+    let bias = depth_bias(&profile, &scene, &scanned.rig, &truth, PERIOD_PX)?;
+    let (held_mm, ratio_less_held) = less_bias(&scanned, &decoded, &truth, &bias);
     let row = Row::new()
         .text("group", "scan")
         .number("steps", case.steps as f64)
@@ -99,8 +105,27 @@ fn run(ctx: &Context<'_>, case: Case) -> Result<Vec<Row>> {
         .number("crease_rmse_mm", score.crease.inlier_rmse_mm)
         .number("bound_mm", score.bound_mm)
         .number("ratio_to_bound", score.ratio_to_bound)
+        .number("held_mm", held_mm)
+        .number("ratio_less_held", ratio_less_held)
         .number("gross", score.gross_error_rate)
         .number("coverage", score.coverage);
     let row = times(row, "render_s", rendering);
     Ok(vec![times(row, "decode_s", decoding)])
+}
+
+/// Root mean square of a known bias over the inliers of smooth surfaces, in mm, and of their errors
+/// less the bias, each over its own pixel's bound.
+fn less_bias(scanned: &Scanned, decoded: &Decoded, truth: &Truth, bias: &[f64]) -> (f64, f64) {
+    let bounds = depth_bounds(truth, &scanned.manifest, &scanned.rig);
+    let errors = depth_errors(decoded, truth);
+    let (mut count, mut squares, mut ratios) = (0.0, 0.0, 0.0);
+    for ((error, bias), bound) in errors.iter().zip(bias).zip(&bounds) {
+        let error = f64::from(*error);
+        if error.abs() <= GROSS_MM && bias.is_finite() && *bound > 0.0 {
+            count += 1.0;
+            squares += bias * bias;
+            ratios += ((error - bias) / bound).powi(2);
+        }
+    }
+    ((squares / count).sqrt(), (ratios / count).sqrt())
 }

@@ -13,6 +13,7 @@ use crate::error::Result;
 use crate::pattern::Pattern;
 use crate::profile::{Profile, Scene};
 use crate::study::lab::{Context, Row, Settings, Trial};
+use crate::study::score::depth_bounds;
 use crate::study::timing::Spread;
 use glam::DVec2;
 
@@ -50,7 +51,11 @@ fn run(ctx: &Context<'_>, term: Term) -> Result<Vec<Row>> {
     let sequence = Firmware::new(&profile, &[])?.selected_sequence();
     let mut renderer = Renderer::new(&profile, &scene, ctx.seed)?;
     let truth = renderer.truth(&sequence);
-    let mm = mm_per_radian(&profile.nominal_rig(), &truth);
+    let (rig, manifest) = (
+        profile.nominal_rig(),
+        profile.manifest(&profile.sequence[0]),
+    );
+    let mm = mm_per_radian(&rig, &truth);
     let fringes = sequence.into_iter();
     let fringes = fringes.filter(|(pattern, _)| matches!(pattern, Pattern::Fringe { .. }));
     // Each exposure has noise of its own.
@@ -78,6 +83,10 @@ fn run(ctx: &Context<'_>, term: Term) -> Result<Vec<Row>> {
         }
     }
     let off = difference(&found[0], &found[1], &mm, LEAST);
+    let of_bound = match term {
+        Term::Noise => over_bound(&found, &mm, &depth_bounds(&truth, &manifest, &rig)),
+        _ => f64::NAN,
+    };
     let pass = match term.pass() {
         Pass::Geometry => "geometry",
         Pass::Exposure => "exposure",
@@ -91,10 +100,27 @@ fn run(ctx: &Context<'_>, term: Term) -> Result<Vec<Row>> {
         .text("pass", pass)
         .number("frames", shots.len() as f64)
         .number("inlier_rmse_mm", off.inlier_rmse_mm)
+        .number("ratio_to_bound", of_bound)
         .number("gross", off.gross)
         .number("coverage", off.coverage);
     let row = times(row, "ns", with);
     Ok(vec![times(row, "without_ns", without)])
+}
+
+/// Root mean square over pixels of how far two phases are apart, as depth, each over its own pixel's
+/// bound.
+fn over_bound(found: &[Vec<DVec2>; 2], mm_per_radian: &[f64], bounds: &[f64]) -> f64 {
+    let pairs = found[0]
+        .iter()
+        .zip(&found[1])
+        .zip(mm_per_radian)
+        .zip(bounds);
+    let seen =
+        pairs.filter(|(((a, b), _), bound)| a.length().min(b.length()) >= LEAST && **bound > 0.0);
+    let squares: Vec<f64> = seen
+        .map(|(((a, b), mm), bound)| (a.angle_to(*b) * mm / bound).powi(2))
+        .collect();
+    (squares.iter().sum::<f64>() / squares.len() as f64).sqrt()
 }
 
 fn scan(renderer: &mut Renderer, shots: &[Shot]) -> Vec<Vec<f64>> {

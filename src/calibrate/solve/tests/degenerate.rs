@@ -4,7 +4,7 @@ use super::super::{Choice, Coefficients, PoseSightings, Solution, Unsolved, solv
 use super::scene::{Scene, poses};
 use crate::calibrate::board::{Lit, Sighting};
 use crate::geometry::{Board, Pose};
-use glam::{DMat2, DVec2, DVec3};
+use glam::{DMat2, DMat3, DVec2, DVec3};
 
 fn scene(boards: Vec<Pose>) -> Scene {
     Scene {
@@ -60,6 +60,47 @@ fn parallel_boards_are_named_with_their_angle() {
             "{text}"
         );
     }
+}
+
+/// Enough tilt for a closed form, too little for the least squares.
+#[test]
+fn boards_that_hardly_differ_are_named_with_their_angle() {
+    let boards = (0..6)
+        .map(|i| {
+            let azimuth = 2.399_963 * f64::from(i);
+            let axis = DVec3::new(azimuth.cos(), azimuth.sin(), 0.0);
+            let i = f64::from(i);
+            Pose {
+                rotation: DMat3::from_axis_angle(axis, 0.35_f64.to_radians()),
+                translation_mm: DVec3::new(40.0 * i - 100.0, 6.0 * i - 15.0, 900.0 + 45.0 * i),
+            }
+        })
+        .collect();
+    let scene = scene(boards);
+    for seed in 0..4 {
+        if let Err(refusal) = solved(&scene, &scene.sightings(Some(seed))) {
+            assert!(matches!(refusal, Unsolved::Parallel { .. }), "{refusal}");
+            let text = refusal.to_string();
+            assert!(
+                text.contains("degrees") && text.contains("15 degrees"),
+                "{text}"
+            );
+        }
+    }
+}
+
+#[test]
+fn points_finer_than_rounding_are_named() {
+    let scene = Scene {
+        noise: [1e-10; 2],
+        ..scene(poses(6, 1000.0, 4))
+    };
+    let refusal = solved(&scene, &scene.sightings(Some(1))).unwrap_err();
+    let text = refusal.to_string();
+    assert!(
+        text.contains("finer than rounding") && !text.contains("tilted"),
+        "{text}"
+    );
 }
 
 #[test]
