@@ -57,17 +57,24 @@ pub(super) fn section(terms: &[&Row], bound_um: f64) -> Section {
                  fringes' axis cannot be left out of a plan whose slides vary along it: the frames \
                  above compare it with samples. Shadows count where light falls that should not, \
                  which the phase of lit pixels does not show.";
-    let mut dots = Series::new(
-        "terms",
-        Look::Dots,
-        terms
+    let of = |pass: &'static str| {
+        let dots = terms.iter().copied().filter(|row| row.get("pass") == pass);
+        let dots: Vec<&Row> = dots.collect();
+        if dots.is_empty() {
+            return None;
+        }
+        let place = |row: &&Row| (saved(row), row.value("inlier_rmse_mm"));
+        let mut series = Series::new(pass, Look::Dots, dots.iter().map(place));
+        series.tips = dots
             .iter()
-            .map(|row| (saved(row), row.value("inlier_rmse_mm"))),
-    );
-    dots.tips = terms
-        .iter()
-        .map(|row| row.get("setting").to_owned())
-        .collect();
+            .map(|row| row.get("setting").to_owned())
+            .collect();
+        series.labelled = true;
+        Some(series)
+    };
+    let series = ["geometry", "exposure", "sensor"]
+        .into_iter()
+        .filter_map(of);
     let plot = figure(
         "work-precision-terms",
         "Error without a term against the time that it takes; terms that cost or change nothing are \
@@ -76,7 +83,7 @@ pub(super) fn section(terms: &[&Row], bound_um: f64) -> Section {
             "time that leaving it out saves, ns a pixel of a scan",
             "RMSE without it, mm",
         ],
-        vec![dots],
+        series.collect(),
     );
     let unneeded = terms.iter().find(|row| row.get("setting") == "footprint-y");
     let changed = unneeded.map_or(f64::NAN, |row| row.value("inlier_rmse_mm"));
