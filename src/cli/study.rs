@@ -21,6 +21,10 @@ pub struct Args {
     /// The form of less than a minute
     #[arg(long)]
     quick: bool,
+    /// Only a part of the study, where it has parts: speed has pass, pair and link, work-precision
+    /// scan, frames and term
+    #[arg(long, value_name = "PART", requires = "name")]
+    only: Option<String>,
     /// Seed of all noise and of everything that is drawn
     #[arg(long, default_value_t = 1)]
     seed: u64,
@@ -41,6 +45,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let settings = Settings {
         quick: args.quick,
         seed: args.seed,
+        only: args.only.clone(),
     };
     let begin = Instant::now();
     let revision = revision();

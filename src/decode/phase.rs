@@ -1,6 +1,7 @@
 //! Rows of pixels through the least squares of a fringe set: mean, modulation, wrapped coordinate
 //! and its variance, in f32 and laid out to vectorise.
 
+use super::Options;
 use super::samples::Sample;
 use super::steps::FringeSet;
 use super::turns::turns;
@@ -40,7 +41,7 @@ pub(super) struct SetKernel {
     pub(super) frames: Vec<usize>,
     /// Of A, C, S and the check; the check's are zero where there is none.
     weights: Vec<[f32; 4]>,
-    /// Whether there is a check.
+    /// Whether there is a check, and it is wanted.
     pub(super) checked: bool,
     gram: [f32; 3],
     skew: [f32; 4],
@@ -51,8 +52,9 @@ pub(super) struct SetKernel {
 }
 
 impl SetKernel {
-    /// With the sums that make use of shot noise, where they are wanted and the set has them.
-    pub(super) fn new(set: &FringeSet, weighted: bool) -> Self {
+    /// With the check, and the sums that make use of shot noise, where they are wanted and the set has
+    /// them.
+    pub(super) fn new(set: &FringeSet, options: &Options) -> Self {
         Self {
             period: set.period_px as f32,
             frames: set.frames.clone(),
@@ -65,12 +67,12 @@ impl SetKernel {
                     [w[0], w[1], w[2], check].map(|v| v as f32)
                 })
                 .collect(),
-            checked: !set.check.is_empty(),
+            checked: options.consistency && !set.check.is_empty(),
             gram: set.gram.map(|v| v as f32),
             skew: set.skew.map(|v| v as f32),
             per_phase: (set.period_px / TAU).powi(2) as f32,
             higher: Some(set)
-                .filter(|_| weighted)
+                .filter(|_| options.weighted)
                 .and_then(weighted::harmonics)
                 .unwrap_or_default(),
         }
@@ -111,7 +113,7 @@ pub(super) struct SetRow {
     /// Variance of the coordinate in projector pixels squared.
     pub(super) variance: Vec<f32>,
     /// What no fringe explains, in DN: see [`FringeSet::check`]; after [`Self::finish`] less what is
-    /// usual.
+    /// usual. Of a kernel that is checked only.
     pub(super) check: Vec<f32>,
     /// Cosine and sine sums of the second and third harmonic of the steps, in DN; unused where shot
     /// noise is not made use of.
@@ -130,18 +132,24 @@ impl SetRow {
             &mut self.modulation,
             &mut self.wrapped,
             &mut self.variance,
-            &mut self.check,
         ] {
             clear(v);
+        }
+        if kernel.checked {
+            clear(&mut self.check);
+        } else {
+            // Nobody looks at it.
+            self.check.resize(n, 0.0);
         }
         if !kernel.higher.is_empty() {
             self.higher.iter_mut().for_each(clear);
         }
     }
 
-    /// Adds the samples of step `step`, keeping the greatest sample in `top`.
+    /// Adds the samples of step `step`, keeping the greatest sample in `top`; those of the check where
+    /// the kernel is `CHECKED`.
     #[inline(always)]
-    pub(super) fn add<T: Sample>(
+    pub(super) fn add<T: Sample, const CHECKED: bool>(
         &mut self,
         kernel: &SetKernel,
         step: usize,
@@ -161,7 +169,9 @@ impl SetRow {
             a[i] += wa * v;
             c[i] += wc * v;
             s[i] += ws * v;
-            check[i] += wr * v;
+            if CHECKED {
+                check[i] += wr * v;
+            }
             top[i] = top[i].max(v);
         }
     }
@@ -209,7 +219,12 @@ impl SetRow {
     /// linear noise model, so that of the phase is
     /// [v(A) (C^2 Gss - 2 C S Gcs + S^2 Gcc) + K (third-order terms of C and S)] / B^4.
     #[inline(always)]
-    pub(super) fn finish(&mut self, kernel: &SetKernel, noise: RowNoise, usual: &Usual) {
+    pub(super) fn finish<const CHECKED: bool>(
+        &mut self,
+        kernel: &SetKernel,
+        noise: RowNoise,
+        usual: &Usual,
+    ) {
         let n = self.mean.len();
         let (mean, m) = (&self.mean[..n], &mut self.modulation[..n]);
         let (w, var) = (&mut self.wrapped[..n], &mut self.variance[..n]);
@@ -227,7 +242,9 @@ impl SetRow {
                 let sum = (even + odd).max(0.1 * even);
                 var[i] = kernel.per_phase * sum / (b2 * b2);
                 m[i] = b2.sqrt();
-                check[i] -= usual.part(mean[i] - noise.black, c, s, m[i]);
+                if CHECKED {
+                    check[i] -= usual.part(mean[i] - noise.black, c, s, m[i]);
+                }
                 let x = kernel.period * turns(s, c);
                 w[i] = if x >= kernel.period { 0.0 } else { x };
             }
@@ -246,7 +263,9 @@ impl SetRow {
             let [shift, factor] = weighted::correction([c / b, s / b], b, half_swing, sums, third);
             var[i] = kernel.per_phase * factor * variance * gcc / (b * b);
             m[i] = b;
-            check[i] -= usual.part(mean[i] - noise.black, c, s, b);
+            if CHECKED {
+                check[i] -= usual.part(mean[i] - noise.black, c, s, b);
+            }
             let x = kernel.period * turns(s, c) + per_radian * shift;
             let x = if x < 0.0 { x + kernel.period } else { x };
             w[i] = if x >= kernel.period {

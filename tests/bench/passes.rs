@@ -1,10 +1,13 @@
 //! Rates of the passes, each beside a memory copy of the same bytes in the same run: machines
-//! differ and wander, the ratio less so. The cases are those of `phasma study speed`.
+//! differ and wander, the ratio less so. The cases are those of `phasma study speed`. At the end,
+//! what options of the decoder cost, as ratios to decoding without them; of the one that is always on
+//! the ratio has a bar.
 //!
 //! `cargo bench` runs all; `cargo bench -- geometry` those whose name holds a word.
 
 use phasma::profile::Profile;
 use phasma::study::speed::cases::{NAMES, case};
+use phasma::study::speed::pairs::{MOST_FOR_CONSISTENCY, PAIRS, pair};
 use phasma::study::timing::Stopwatch;
 use std::time::Instant;
 
@@ -42,4 +45,24 @@ fn main() {
             best / copy
         );
     }
+    println!(
+        "\n{:<48}{:>10}{:>12}{:>10}",
+        "decoding", "without ms", "with ms", "ratio"
+    );
+    let mut dear = None;
+    for name in PAIRS.into_iter().filter(|name| is_wanted(name)) {
+        let mut pair = pair(name, &profile).expect("built in");
+        let [without, with] = watch.in_turns(3.0, &mut pair.works);
+        let ratio = with / without;
+        let [without, with] = [without, with].map(|seconds| seconds * 1e3);
+        println!("{name:<48}{without:>10.2}{with:>12.2}{ratio:>10.3}");
+        if name == PAIRS[0] && ratio > MOST_FOR_CONSISTENCY {
+            dear = Some(ratio);
+        }
+    }
+    // A ratio of one run, so that it holds on any machine.
+    assert_eq!(
+        dear, None,
+        "more than {MOST_FOR_CONSISTENCY} times decoding without"
+    );
 }

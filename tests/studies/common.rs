@@ -28,7 +28,11 @@ fn held(name: &str, quick: bool) {
         jobs: 1,
         revision: "test",
     };
-    let settings = Settings { quick, seed: 1 };
+    let settings = Settings {
+        quick,
+        seed: 1,
+        only: None,
+    };
     let document = run(study, folder.path(), &settings, &around, &|_, _, _| {}).unwrap();
     println!("{name}: {:.1} s", begin.elapsed().as_secs_f64());
     let found = document.markdown(false);

@@ -1,7 +1,7 @@
-//! Every study in its quick form, and those whose figures are no times in their whole form, against
-//! what they said before.
+//! Every study in its quick form and in its whole form, against what they said before, times apart.
 
 mod common;
+mod links;
 
 use common::{quick, whole};
 
@@ -33,7 +33,7 @@ fn speed() {
 #[test]
 #[ignore = "takes minutes; a lane of .ci/run does it"]
 fn whole_forms() {
-    for name in ["paper", "stability", "noise"] {
+    for name in ["paper", "work-precision", "stability", "noise", "speed"] {
         whole(name);
     }
 }

@@ -5,7 +5,7 @@ use super::{AxisKernel, AxisOut, Job, Scratch, clear};
 use crate::decode::gray::GrayRow;
 use crate::decode::maps::Verdict;
 use crate::decode::order::Ensemble;
-use crate::decode::phase::SetRow;
+use crate::decode::phase::{SetKernel, SetRow};
 use crate::decode::samples::Sample;
 use crate::decode::usual::Usual;
 
@@ -35,13 +35,12 @@ pub(super) fn axis_row<'f, T: Sample>(
         .resize_with(kernel.sets.len().max(scratch.sets.len()), SetRow::default);
     for ((set, k), usual) in scratch.sets.iter_mut().zip(&kernel.sets).zip(usual) {
         set.reset(k, n);
-        for (step, &frame) in k.frames.iter().enumerate() {
-            set.add(k, step, row(frame), &mut scratch.top);
+        let top = &mut scratch.top;
+        if k.checked {
+            solve::<T, true>(job, k, usual, row, set, top);
+        } else {
+            solve::<T, false>(job, k, usual, row, set, top);
         }
-        if k.weighs() {
-            set.add_higher(k, row);
-        }
-        set.finish(k, job.noise, usual);
     }
     gray_row(job, kernel, row, scratch);
     let x = &mut out.coordinate[..n];
@@ -101,36 +100,11 @@ pub(super) fn axis_row<'f, T: Sample>(
         };
     }
     for ((set, k), usual) in sets.iter().zip(&kernel.sets).zip(usual) {
-        let worst = k.variance_of_phase(job.max_phase_sigma);
-        let (b, var, half) = (&set.modulation[..n], &set.variance[..n], &half[..n]);
-        let (mean, middle) = (&set.mean[..n], &middle[..n]);
-        let has_black = job.references.is_some();
-        let check = &set.check[..n];
-        let usual = *usual;
-        for i in 0..n {
-            // White may be clipped where the fringes, on which all goes by, are not: their mean is
-            // as far from black.
-            let black = middle[i] - half[i];
-            let light = if has_black { mean[i] - black } else { 0.0 };
-            let least = job
-                .min_modulation
-                .max(job.min_contrast * half[i].max(light));
-            let dim = (b[i] < least) | (var[i] > worst);
-            let was = verdict[i];
-            let light = (mean[i] - job.noise.black).max(0.0);
-            // Fringes do not swing further than from black to white.
-            let odd = (check[i].abs() > usual.most(light, b[i], job.noise))
-                | (has_black & (b[i] > ABOVE_WHITE * half[i].max(0.0) + job.min_modulation));
-            let lit = match (dim, odd & (was as u8 == Verdict::Valid as u8)) {
-                (true, _) => Verdict::Dim,
-                (false, true) => Verdict::Odd,
-                (false, false) => was,
-            };
-            verdict[i] = if was as u8 == Verdict::Saturated as u8 {
-                was
-            } else {
-                lit
-            };
+        let light = (&middle[..n], &half[..n]);
+        if k.checked {
+            judge::<T, true>(job, k, usual, set, light, verdict);
+        } else {
+            judge::<T, false>(job, k, usual, set, light, verdict);
         }
     }
     if sets.is_empty() {
@@ -144,6 +118,70 @@ pub(super) fn axis_row<'f, T: Sample>(
         let valid = verdict[i] as u8 == Verdict::Valid as u8;
         x[i] = if valid { x[i] } else { f32::NAN };
         sd[i] = if valid { variance[i].sqrt() } else { f32::NAN };
+    }
+}
+
+/// The least squares of a set; with its check where the kernel is `CHECKED`, so that sets without one
+/// do not pay for it.
+#[inline(always)]
+fn solve<'f, T: Sample, const CHECKED: bool>(
+    job: &Job<'_, T>,
+    k: &SetKernel,
+    usual: &Usual,
+    row: &impl Fn(usize) -> &'f [T],
+    set: &mut SetRow,
+    top: &mut [f32],
+) {
+    for (step, &frame) in k.frames.iter().enumerate() {
+        set.add::<T, CHECKED>(k, step, row(frame), top);
+    }
+    if k.weighs() {
+        set.add_higher(k, row);
+    }
+    set.finish::<CHECKED>(k, job.noise, usual);
+}
+
+/// What speaks against a set's phases: too little fringe, too much noise, steps that contradict each
+/// other, a fringe that swings further than from black to white.
+#[inline(always)]
+fn judge<T, const CHECKED: bool>(
+    job: &Job<'_, T>,
+    k: &SetKernel,
+    usual: &Usual,
+    set: &SetRow,
+    (middle, half): (&[f32], &[f32]),
+    verdict: &mut [Verdict],
+) {
+    let worst = k.variance_of_phase(job.max_phase_sigma);
+    let n = verdict.len();
+    let (b, var, mean) = (&set.modulation[..n], &set.variance[..n], &set.mean[..n]);
+    let has_black = job.references.is_some();
+    let check = &set.check[..n];
+    let usual = *usual;
+    for i in 0..n {
+        // White may be clipped where the fringes, on which all goes by, are not: their mean is
+        // as far from black.
+        let black = middle[i] - half[i];
+        let light = if has_black { mean[i] - black } else { 0.0 };
+        let least = job
+            .min_modulation
+            .max(job.min_contrast * half[i].max(light));
+        let dim = (b[i] < least) | (var[i] > worst);
+        let was = verdict[i];
+        let light = (mean[i] - job.noise.black).max(0.0);
+        // Fringes do not swing further than from black to white.
+        let odd = (CHECKED && check[i].abs() > usual.most(light, b[i], job.noise))
+            | (has_black & (b[i] > ABOVE_WHITE * half[i].max(0.0) + job.min_modulation));
+        let lit = match (dim, odd & (was as u8 == Verdict::Valid as u8)) {
+            (true, _) => Verdict::Dim,
+            (false, true) => Verdict::Odd,
+            (false, false) => was,
+        };
+        verdict[i] = if was as u8 == Verdict::Saturated as u8 {
+            was
+        } else {
+            lit
+        };
     }
 }
 

@@ -1,5 +1,6 @@
 //! The constants of one axis, made once a decoder.
 
+use crate::decode::Options;
 use crate::decode::gray::{GrayBit, Threshold};
 use crate::decode::order::{Ensemble, GrayJoin};
 use crate::decode::phase::SetKernel;
@@ -22,8 +23,8 @@ pub(in crate::decode) struct AxisKernel {
 }
 
 impl AxisKernel {
-    pub(in crate::decode) fn new(plan: &AxisPlan, references: bool, weighted: bool) -> Self {
-        let kernel = |set| SetKernel::new(set, weighted);
+    pub(in crate::decode) fn new(plan: &AxisPlan, references: bool, options: &Options) -> Self {
+        let kernel = |set| SetKernel::new(set, options);
         let sets: Vec<SetKernel> = plan.sets.iter().map(kernel).collect();
         let wrapped = matches!(plan.order, Order::Wrapped { .. });
         let repeat = match plan.order {

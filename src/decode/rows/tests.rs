@@ -33,7 +33,11 @@ fn both_ways(steps: [u32; 2], weighted: bool) {
     }
     let manifest = Manifest::parse(&text, "t").unwrap();
     let plan = Plan::new(&manifest).unwrap();
-    let kernels = [AxisKernel::new(&plan.axes[0], false, weighted)];
+    let options = Options {
+        weighted,
+        ..Options::default()
+    };
+    let kernels = [AxisKernel::new(&plan.axes[0], false, &options)];
     let width = 203;
     // Frames of a ramp, and of nothing at all beyond it.
     let frames: Vec<Vec<u8>> = manifest

@@ -57,7 +57,8 @@ pub(super) fn logarithmic(low: f64, high: f64) -> Vec<(f64, String)> {
         .flat_map(|e| multiples.iter().map(move |m| (scaled(*m, e), e)))
         .filter(|(value, _)| *value >= low * (1.0 - 1e-9) && *value <= high * (1.0 + 1e-9))
         .map(|(value, e)| {
-            let text = if (-4..=5).contains(&e) {
+            // Longer ones would reach into the axis's name.
+            let text = if (-3..=4).contains(&e) {
                 format!("{value:.*}", (-e).max(0) as usize)
             } else {
                 format!("{value:e}")

@@ -1,5 +1,6 @@
 //! Charts of several series on two axes, with a legend.
 
+use super::labels;
 use crate::measure::plot::{Anchor, Axis, Panel, ROOM, Sheet, curve, dots, spans};
 use glam::DVec2;
 
@@ -32,6 +33,8 @@ pub struct Series {
     pub points: Vec<DVec2>,
     /// What is shown where the pointer rests on a point, if anything.
     pub tips: Vec<String>,
+    /// Whether the tips are written beside the points too, where there is room.
+    pub labelled: bool,
     /// Error bars: x, low, high.
     pub spans: Vec<[f64; 3]>,
 }
@@ -44,6 +47,7 @@ impl Series {
             look,
             points: points.into_iter().map(DVec2::from).collect(),
             tips: Vec::new(),
+            labelled: false,
             spans: Vec::new(),
         }
     }
@@ -117,6 +121,12 @@ impl Chart {
             let words = end + DVec2::new(6.0, 4.0);
             sheet.text("", words, Anchor::Start, &series.name);
         }
+        let named = self.series.iter().filter(|series| series.labelled);
+        let named = named.flat_map(|series| {
+            let tips = series.tips.iter().map(String::as_str);
+            series.points.iter().copied().zip(tips)
+        });
+        labels::draw(&mut sheet, &panel, &named.collect::<Vec<_>>());
         sheet
     }
 

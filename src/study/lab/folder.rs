@@ -231,10 +231,12 @@ pub(super) fn whole(rows: Vec<Row>, trials: &[Trial]) -> Rows {
 }
 
 fn described(about: &About) -> String {
+    let only = about.settings.only.as_ref();
     format!(
-        "study {}{}, seed {}, by {} at revision {}",
+        "study {}{}{}, seed {}, by {} at revision {}",
         about.study,
         if about.settings.quick { " --quick" } else { "" },
+        only.map_or_else(String::new, |part| format!(" --only {part}")),
         about.settings.seed,
         about.made_by,
         about.revision

@@ -12,6 +12,7 @@ mod check;
 mod csv;
 mod document;
 mod folder;
+mod labels;
 mod markdown;
 mod page;
 mod row;
@@ -41,6 +42,12 @@ pub trait Study: Sync {
 
     /// The columns of its rows, without the ones that all studies have ([`Row::COMMON`]).
     fn columns(&self) -> &'static [&'static str];
+
+    /// Parts that make sense alone: the keys of their trials begin with the name and `/`. What a
+    /// document says of the others is then empty.
+    fn parts(&self) -> &'static [&'static str] {
+        &[]
+    }
 
     /// All trials, in the order of their rows.
     ///

@@ -27,8 +27,8 @@ pub fn run(
     around: &Surroundings<'_>,
     progress: Progress<'_>,
 ) -> Result<Document> {
+    let trials = trials(study, settings)?;
     let folder = Folder::begin(path, &about(study, settings, around.revision))?;
-    let trials = study.trials(settings)?;
     distinct(&trials);
     let columns = columns(study);
     let done = whole(folder.rows(&columns)?, &trials);
@@ -68,7 +68,7 @@ pub fn read(studies: &[&dyn Study], path: &Path) -> Result<(Document, Folder, St
         let place = format!("{}: study", path.display());
         Error::input(place, &about.study, names.join(", "))
     })?;
-    let trials = study.trials(&about.settings)?;
+    let trials = trials(*study, &about.settings)?;
     let rows = whole(folder.rows(&columns(*study))?, &trials);
     let found: HashSet<&str> = rows.all.iter().map(|row| row.get("trial")).collect();
     if found.len() < trials.len() {
@@ -198,6 +198,24 @@ impl Runner<'_> {
     }
 }
 
+/// All of them, or those of the part that is wanted.
+fn trials(study: &dyn Study, settings: &Settings) -> Result<Vec<Trial>> {
+    let mut trials = study.trials(settings)?;
+    if let Some(only) = &settings.only {
+        let parts = study.parts();
+        if !parts.contains(&only.as_str()) {
+            let allowed = match parts {
+                [] => format!("nothing: {} has no parts to be run alone", study.name()),
+                _ => parts.join(", "),
+            };
+            return Err(Error::input("--only", only, allowed));
+        }
+        let prefix = format!("{only}/");
+        trials.retain(|trial| trial.key.starts_with(&prefix));
+    }
+    Ok(trials)
+}
+
 fn columns(study: &dyn Study) -> Vec<&'static str> {
     Row::COMMON.iter().chain(study.columns()).copied().collect()
 }
@@ -221,8 +239,10 @@ fn about(study: &dyn Study, settings: &Settings, revision: &str) -> About {
 
 fn made(about: &About) -> String {
     let quick = if about.settings.quick { " --quick" } else { "" };
+    let only = about.settings.only.as_ref();
+    let only = only.map_or_else(String::new, |part| format!(" --only {part}"));
     format!(
-        "phasma study {}{quick} --seed {} ({}, revision {})",
+        "phasma study {}{quick}{only} --seed {} ({}, revision {})",
         about.study, about.settings.seed, about.made_by, about.revision
     )
 }

@@ -11,6 +11,9 @@ pub struct Settings {
     pub quick: bool,
     /// Seed of every noise and every drawn parameter.
     pub seed: u64,
+    /// Only the trials of this part; see [`Study::parts`](super::Study::parts).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub only: Option<String>,
 }
 
 /// What a study runs in; none of it changes a figure but times.

@@ -61,7 +61,11 @@ impl Study for Squares {
 }
 
 fn go(fails_at: Option<usize>, path: &std::path::Path, jobs: usize, seed: u64) -> Result<Document> {
-    let settings = Settings { quick: true, seed };
+    let settings = Settings {
+        quick: true,
+        seed,
+        only: None,
+    };
     let around = Surroundings {
         clock: &|| Duration::ZERO,
         jobs,

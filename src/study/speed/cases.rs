@@ -123,7 +123,7 @@ fn scene_of(name: &str, how: &str) -> Result<Scene> {
 }
 
 /// A plane as large as the camera sees, lit all over.
-fn lit_all_over(profile: &Profile) -> Profile {
+pub(super) fn lit_all_over(profile: &Profile) -> Profile {
     let mut wide = profile.clone();
     wide.projector.throw_ratio = 0.5;
     wide.projector.lens_shift_px = [384.0, 0.0];

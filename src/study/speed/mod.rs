@@ -1,12 +1,16 @@
-//! `speed`: rates of every pass beside a memory copy (`passes`, of `cases`), and latency from the
-//! trigger's command to the whole frame at the host over each link (`latency`).
+//! `speed`: rates of every pass beside a memory copy (`passes`, of `cases`), what options of the
+//! decoder cost (`pairs`), and over each of the `links` the latency from the trigger's command to the
+//! whole frame at the host (`latency`) and the frames a second (`throughput`).
 
 pub mod cases;
 mod document;
 mod latency;
+mod links;
+pub mod pairs;
 mod passes;
 #[cfg(target_os = "linux")]
 mod served;
+mod throughput;
 
 use super::lab::{Document, Folder, Rows, Settings, Study, Trial};
 use crate::error::Result;
@@ -20,7 +24,7 @@ impl Study for Speed {
     }
 
     fn about(&self) -> &'static str {
-        "Rates of every pass beside a memory copy, latency from trigger to frame over each link"
+        "Rates of every pass beside a memory copy, latency and frames a second over each link"
     }
 
     fn columns(&self) -> &'static [&'static str] {
@@ -32,17 +36,29 @@ impl Study for Speed {
             "bytes",
             "pass_us",
             "copy_us",
+            "without_us",
             "median_us",
             "p99_us",
             "least_us",
             "most_us",
+            "lost",
+            "rate",
+            "rate_low",
+            "rate_high",
+            "state",
             "note",
         ]
     }
 
+    fn parts(&self) -> &'static [&'static str] {
+        &["pass", "pair", "link"]
+    }
+
     fn trials(&self, settings: &Settings) -> Result<Vec<Trial>> {
         let mut trials = passes::trials(settings);
+        trials.extend(pairs::trials(settings));
         trials.extend(latency::trials(settings));
+        trials.extend(throughput::trials(settings));
         Ok(trials)
     }
 

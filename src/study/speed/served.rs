@@ -1,12 +1,13 @@
 //! A device that is served within the process, as `phasma serve --clock fast` serves one: on a thread
 //! of its own, its USB side on another.
 
+use super::links::Missing;
 use crate::emulator::faults::Faults;
 use crate::emulator::port::Port;
 use crate::emulator::{Firmware, Machine, Renderer, SerialLine};
 use crate::error::{Error, Result};
 use crate::host::monotonic_ns;
-use crate::link::usb::{Binding, Nodes, UsbServer};
+use crate::link::usb::{Binding, Nodes, UsbDevice, UsbServer, attach};
 use crate::link::{Device, RunDir, Stage, Timeline, UsbLink, VideoOutput, serve};
 use crate::profile::faults::Schedule;
 use crate::profile::{Profile, Scene};
@@ -28,6 +29,8 @@ pub enum Exit {
     Tcp,
     /// A USB device, served over USB/IP on the loopback interface.
     Usb,
+    /// The same, handed to this machine's kernel as well.
+    Kernel,
     /// The first free V4L2 node that is labelled for it.
     Video,
 }
@@ -44,14 +47,14 @@ impl Served {
     /// Serves a device from a directory of its own.
     ///
     /// # Errors
-    /// Ports, sockets and nodes that the system refuses.
+    /// Nodes that this machine does not have; ports and sockets that the system refuses.
     pub fn start(
         profile: &Profile,
         scene: &Scene,
         seed: u64,
         exit: Exit,
         dir: &Path,
-    ) -> Result<Self> {
+    ) -> Result<Self, Missing> {
         let begin = monotonic_ns();
         let wall = move || Duration::from_nanos(monotonic_ns().saturating_sub(begin));
         let renderer = Renderer::new(profile, scene, seed)?;
@@ -65,8 +68,10 @@ impl Served {
         let (stop, stopped) = watch::channel(false);
         let mut threads = Vec::new();
         let usb = match exit {
-            Exit::Usb => {
-                let (link, thread) = usb(profile, machine.firmware(), wall, stopped.clone())?;
+            Exit::Usb | Exit::Kernel => {
+                let with_kernel = exit == Exit::Kernel;
+                let firmware = machine.firmware();
+                let (link, thread) = usb(profile, firmware, wall, stopped.clone(), with_kernel)?;
                 threads.push(thread);
                 Some(link)
             }
@@ -78,7 +83,7 @@ impl Served {
                 let power_on = Duration::from_nanos(begin);
                 let bits = profile.camera.sensor.bits;
                 let opened = VideoOutput::open_any(&stream, bits, power_on);
-                Some(opened.map_err(Error::device)?)
+                Some(opened.map_err(Missing::Lack)?)
             }
             _ => None,
         };
@@ -115,7 +120,7 @@ impl Served {
             // It has ended, and says why.
             Err(_) => {
                 end(&stop, &mut threads)?;
-                Err(Error::device("the device was never ready"))
+                Err(Error::device("the device was never ready").into())
             }
         }
     }
@@ -143,13 +148,18 @@ fn end(stop: &watch::Sender<bool>, threads: &mut Vec<JoinHandle<Result<()>>>) ->
     ended.fold(Ok(()), Result::and)
 }
 
-/// Exports the USB side of a device.
+/// How long the kernel's drivers may take to make their nodes.
+const NODES: Duration = Duration::from_secs(10);
+const POLL: Duration = Duration::from_millis(20);
+
+/// Exports the USB side of a device, and hands it to this machine's kernel where that is wanted.
 fn usb(
     profile: &Profile,
     firmware: &Firmware,
     wall: impl Fn() -> Duration + Clone + Send + Sync + 'static,
     stopped: watch::Receiver<bool>,
-) -> Result<(UsbLink, JoinHandle<Result<()>>)> {
+    with_kernel: bool,
+) -> Result<(UsbLink, JoinHandle<Result<()>>), Missing> {
     let binding = Binding::new(profile, firmware, 1)?;
     let device = binding.device().clone();
     let bus_id = device.info().bus_id.clone();
@@ -157,9 +167,18 @@ fn usb(
     let thread = std::thread::spawn(move || {
         runtime()?.block_on(async move {
             let any = std::net::SocketAddr::from(([127, 0, 0, 1], 0));
-            let server = UsbServer::bind(any, vec![device]).await?;
+            let server = UsbServer::bind(any, vec![device.clone()]).await?;
+            let address = server.address().unwrap_or(any);
+            let nodes = match with_kernel {
+                true => attached(device, wall.clone()).await,
+                false => Ok(Nodes::default()),
+            };
+            let lacks = nodes.is_err();
             // Whoever asked may have gone.
-            let _ = ready.send(server.address().unwrap_or(any));
+            let _ = ready.send(nodes.map(|nodes| (address, nodes)));
+            if lacks {
+                return Ok(());
+            }
             tokio::select! {
                 () = server.run(wall) => {}
                 () = until(stopped) => {}
@@ -167,17 +186,45 @@ fn usb(
             Ok(())
         })
     });
-    let Ok(listen) = up.recv() else {
+    let Ok(told) = up.recv() else {
         let died = |_| Err(Error::device("the USB server has died"));
         thread.join().unwrap_or_else(died)?;
-        return Err(Error::device("the USB server was never ready"));
+        return Err(Error::device("the USB server was never ready").into());
     };
+    let (listen, nodes) = told.map_err(Missing::Lack)?;
     let link = UsbLink {
         binding,
         address: format!("usb:{listen}/{bus_id}"),
-        nodes: Nodes::default(),
+        nodes,
     };
     Ok((link, thread))
+}
+
+/// Hands a device to the kernel and waits for both of its nodes, or says what this machine lacks.
+async fn attached(
+    device: UsbDevice,
+    wall: impl Fn() -> Duration + Send + 'static,
+) -> Result<Nodes, String> {
+    let attachment = attach(device).map_err(|e| e.to_string())?;
+    let port = attachment.port().clone();
+    tokio::spawn(async move {
+        // The kernel lets go, or breaks off: the device is gone either way.
+        let _ = attachment.run(wall).await;
+    });
+    let waited = tokio::time::timeout(NODES, async {
+        while !port.nodes().is_complete() {
+            tokio::time::sleep(POLL).await;
+        }
+    });
+    // Whether in time or not, what is there counts.
+    let _ = waited.await;
+    let nodes = port.nodes();
+    let driver = match (&nodes.camera, &nodes.tty) {
+        (Some(_), Some(_)) => return Ok(nodes),
+        (None, _) => "uvcvideo has made no camera",
+        (_, None) => "cdc_acm has made no port",
+    };
+    Err(format!("{driver} of it within {} s", NODES.as_secs()))
 }
 
 async fn until(mut stopped: watch::Receiver<bool>) {

@@ -33,6 +33,11 @@ impl<'a> Stopwatch<'a> {
         (done, (self.clock)().saturating_sub(begin).as_secs_f64())
     }
 
+    /// Seconds since some moment.
+    pub fn now_s(self) -> f64 {
+        (self.clock)().as_secs_f64()
+    }
+
     /// The seconds that work takes.
     pub fn seconds(self, work: impl FnOnce()) -> f64 {
         self.timed(work).1
@@ -83,6 +88,18 @@ impl<'a> Stopwatch<'a> {
             fastest[0] = fastest[0].min(self.seconds(&mut work));
             let copy = || black_box(&mut to).copy_from_slice(black_box(&from));
             fastest[1] = fastest[1].min(self.seconds(copy));
+        }
+        fastest
+    }
+
+    /// Seconds of two works in turns for `enough_s` seconds, each once before: the fastest of each.
+    pub fn in_turns(self, enough_s: f64, works: &mut [Box<dyn FnMut()>; 2]) -> [f64; 2] {
+        works.iter_mut().for_each(|work| work());
+        let mut fastest = [f64::INFINITY; 2];
+        for _ in self.rounds(usize::MAX, enough_s) {
+            for (fastest, work) in fastest.iter_mut().zip(works.iter_mut()) {
+                *fastest = fastest.min(self.seconds(work));
+            }
         }
         fastest
     }

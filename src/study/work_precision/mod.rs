@@ -38,6 +38,10 @@ impl Study for WorkPrecision {
         row::COLUMNS
     }
 
+    fn parts(&self) -> &'static [&'static str] {
+        &["scan", "frames", "term"]
+    }
+
     fn trials(&self, settings: &Settings) -> Result<Vec<Trial>> {
         let mut trials = scans::trials(settings);
         trials.extend(frames::trials(settings));

@@ -1,6 +1,7 @@
 //! The study's page.
 
 mod frames;
+mod grid;
 mod scans;
 mod terms;
 

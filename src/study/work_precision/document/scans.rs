@@ -1,5 +1,6 @@
 //! Scans with noise: tables, the cheapest setting for an accuracy, the plot.
 
+use super::grid::{by_steps, least_work};
 use super::{figure, percent, um, with_spread, words};
 use crate::measure::plot::figures;
 use crate::study::lab::{Block, Check, Figure, Look, Row, Section, Series, Settings, Table};
@@ -98,12 +99,32 @@ pub(super) fn section(scans: &[&Row], settings: &Settings) -> Section {
         blocks: vec![
             words(about),
             Block::Table(errors),
+            Block::Table(by_steps(scans)),
+            Block::Table(least(scans)),
             Block::Table(times),
             Block::Table(cheapest(scans)),
             Block::Figure(scan_figure(scans, &best)),
             Block::Checks(scan_checks(scans, settings)),
         ],
     }
+}
+
+/// Whether a setting can be named for an accuracy.
+fn fits(row: &Row, wanted_mm: f64) -> bool {
+    row.value("inlier_rmse_mm") <= wanted_mm
+        && row.value("coverage") >= LEAST_COVERAGE
+        && row.value("gross") <= MOST_GROSS
+}
+
+/// The same without times, so that it is the same on any machine.
+fn least(scans: &[&Row]) -> Table {
+    let caption = format!(
+        "The fewest pixels, of all frames together, for a wanted accuracy, among settings with at most \
+         {} % of gross errors and at least {} % of the surface.",
+        MOST_GROSS * 100.0,
+        LEAST_COVERAGE * 100.0
+    );
+    least_work(scans, &WANTED_MM, caption, fits)
 }
 
 /// For each wanted accuracy the setting that takes the least time.
@@ -120,13 +141,8 @@ fn cheapest(scans: &[&Row]) -> Table {
     )
     .timed();
     for wanted in WANTED_MM {
-        let fits = |row: &&&Row| {
-            row.value("inlier_rmse_mm") <= wanted
-                && row.value("coverage") >= LEAST_COVERAGE
-                && row.value("gross") <= MOST_GROSS
-        };
         let time = |a: &&&Row, b: &&&Row| scan_s(a).total_cmp(&scan_s(b));
-        let cells = match scans.iter().filter(fits).min_by(time) {
+        let cells = match scans.iter().filter(|row| fits(row, wanted)).min_by(time) {
             Some(row) => {
                 let [steps, pixels, samples] = scan_name(row);
                 let error = um(row.value("inlier_rmse_mm"));

@@ -45,11 +45,11 @@ pub(super) fn section(terms: &[&Row], bound_um: f64) -> Section {
             figures(with.median - without.median, 3),
         ]);
     }
-    let of = |name: &str, column: &str| {
+    let value_of = |name: &str, column: &str| {
         let row = terms.iter().find(|row| row.get("setting") == name);
         row.map_or(f64::NAN, |row| row.value(column))
     };
-    let of_noise = of("noise", "ratio_to_bound");
+    let of_noise = value_of("noise", "ratio_to_bound");
     let about = format!(
         "What each term is worth and what it costs. Uniform factors, such as vignetting and ambient \
          light, leave the phase alone and change the light only: their error is next to none here, \
@@ -64,17 +64,24 @@ pub(super) fn section(terms: &[&Row], bound_um: f64) -> Section {
          phase of lit pixels does not show.",
         figures(of_noise, 3)
     );
-    let mut dots = Series::new(
-        "terms",
-        Look::Dots,
-        terms
+    let of = |pass: &'static str| {
+        let dots = terms.iter().copied().filter(|row| row.get("pass") == pass);
+        let dots: Vec<&Row> = dots.collect();
+        if dots.is_empty() {
+            return None;
+        }
+        let place = |row: &&Row| (saved(row), row.value("inlier_rmse_mm"));
+        let mut series = Series::new(pass, Look::Dots, dots.iter().map(place));
+        series.tips = dots
             .iter()
-            .map(|row| (saved(row), row.value("inlier_rmse_mm"))),
-    );
-    dots.tips = terms
-        .iter()
-        .map(|row| row.get("setting").to_owned())
-        .collect();
+            .map(|row| row.get("setting").to_owned())
+            .collect();
+        series.labelled = true;
+        Some(series)
+    };
+    let series = ["geometry", "exposure", "sensor"]
+        .into_iter()
+        .filter_map(of);
     let plot = figure(
         "work-precision-terms",
         "Error without a term against the time that it takes; terms that cost or change nothing are \
@@ -83,7 +90,7 @@ pub(super) fn section(terms: &[&Row], bound_um: f64) -> Section {
             "time that leaving it out saves, ns a pixel of a scan",
             "RMSE without it, mm",
         ],
-        vec![dots],
+        series.collect(),
     );
     Section {
         title: "Terms".to_owned(),
@@ -95,7 +102,7 @@ pub(super) fn section(terms: &[&Row], bound_um: f64) -> Section {
             Block::Checks(vec![
                 Check::at_most(
                     "error of leaving out a term that is not needed, mm",
-                    of("footprint-y", "inlier_rmse_mm"),
+                    value_of("footprint-y", "inlier_rmse_mm"),
                     0.0,
                 ),
                 Check::at_most(

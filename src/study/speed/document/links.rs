@@ -1,0 +1,183 @@
+//! The links: latency and frames a second.
+
+use crate::measure::plot::figures;
+use crate::study::lab::{Block, Chart, Check, Figure, Look, Row, Rows, Section, Series, Table};
+use crate::study::speed::links::Link;
+
+/// Bytes of a megabyte, as rates of links count them.
+const MEGA: f64 = 1e6;
+
+pub(super) fn section(rows: &Rows) -> Section {
+    let [latency, throughput] =
+        ["latency", "throughput"].map(|group| rows.with("group", group).collect::<Vec<_>>());
+    let mut blocks = vec![
+        Block::Words(
+            "A device of the bench on the fast clock: exposures take no time, so that what is left is \
+             what the rendering and the link take. In memory there is no link: that row is the \
+             rendering and the firmware, and the others less that are their links. All carry the \
+             embedded data line, by which V4L2 tells frames. USB/IP is read by the host's own \
+             drivers; USB of the kernel is the same device handed to vhci_hcd and read as \
+             /dev/videoN, its port as /dev/ttyACMN."
+                .to_owned(),
+        ),
+        Block::Table(facts(&latency, &throughput)),
+        Block::Table(latencies(&latency)),
+        Block::Table(rates(&throughput)),
+    ];
+    for row in &latency {
+        let (name, why) = (row.get("name"), row.get("note"));
+        match row.get("state") {
+            "lacking" => {
+                let words = format!("{name} is left out, this machine lacks it: {why}.");
+                blocks.push(Block::Words(words));
+            }
+            "broken" => blocks.push(Block::Words(format!("{name} does not work: {why}."))),
+            _ => {}
+        }
+    }
+    for row in throughput.iter().filter(|row| row.get("state") == "broken") {
+        let (name, why) = (row.get("name"), row.get("note"));
+        blocks.push(Block::Words(format!("{name} carries no sequence: {why}.")));
+    }
+    let points = points(&latency, &throughput);
+    if !points.is_empty() {
+        let chart = Chart {
+            heading: String::new(),
+            x: "latency, ms: median, 99th percentile".to_owned(),
+            y: "frames a second".to_owned(),
+            log: [true; 2],
+            series: points,
+        };
+        blocks.push(Block::Figure(Figure {
+            name: "speed-links".to_owned(),
+            caption: "Links by what they take from a trigger's command to the whole frame, and by \
+                      the frames of a sequence that they carry a second."
+                .to_owned(),
+            sheet: chart.sheet(),
+        }));
+    }
+    blocks.push(Block::Checks(checks(&latency, &throughput)));
+    Section {
+        title: "Links".to_owned(),
+        blocks,
+    }
+}
+
+fn there(row: &&&Row) -> bool {
+    row.get("state").is_empty()
+}
+
+fn link(row: &Row) -> Option<Link> {
+    Link::named(row.get("name"))
+}
+
+fn by_chance(row: &Row) -> bool {
+    link(row).is_none_or(Link::by_chance)
+}
+
+/// What is the same on all machines, so only of links that all of them have.
+fn facts(latency: &[&Row], throughput: &[&Row]) -> Table {
+    let mut table = Table::new(
+        "speed-links",
+        "Frames that came whole: triggered one by one, and in sequences, with those of them that were \
+         lost.",
+        &[
+            "link",
+            "one by one",
+            "in sequences",
+            "lost",
+            "bytes of a frame",
+        ],
+    );
+    for row in latency.iter().filter(there).filter(|row| !by_chance(row)) {
+        let same = |other: &&&Row| other.get("name") == row.get("name");
+        let other = throughput.iter().filter(there).find(same);
+        let of = |column: &str| other.map_or("", |row| row.get(column)).to_owned();
+        table.row([
+            row.get("name").to_owned(),
+            row.get("frames").to_owned(),
+            of("frames"),
+            of("lost"),
+            row.get("bytes").to_owned(),
+        ]);
+    }
+    table
+}
+
+fn latencies(rows: &[&Row]) -> Table {
+    let mut table = Table::new(
+        "speed-latency",
+        "From the trigger's command to the whole frame at the host, in milliseconds, rendering of a \
+         frame with noise included; the copy is of the frame's bytes.",
+        &[
+            "link",
+            "median",
+            "99th percentile",
+            "least",
+            "most",
+            "copy",
+        ],
+    )
+    .timed();
+    for row in rows.iter().filter(there) {
+        let ms = ["median_us", "p99_us", "least_us", "most_us", "copy_us"];
+        let ms = ms.map(|column| figures(row.value(column) * 1e-3, 3));
+        table.row(std::iter::once(row.get("name").to_owned()).chain(ms));
+    }
+    table
+}
+
+fn rates(rows: &[&Row]) -> Table {
+    let mut table = Table::new(
+        "speed-throughput",
+        "Frames of sequences without noise at the host, from the trigger's command to the last of \
+         them: median (quartiles) of the sequences, rendering included; over copy: the time of a \
+         frame over that of a memory copy of its bytes. A V4L2 node overwrites what its reader does \
+         not take in time: those frames are lost.",
+        &["link", "frames/s", "MB/s", "over copy", "lost, %"],
+    )
+    .timed();
+    for row in rows.iter().filter(there) {
+        let [low, rate, high] = ["rate_low", "rate", "rate_high"].map(|name| row.value(name));
+        let [low, middle, high] = [low, rate, high].map(|value| figures(value, 3));
+        table.row([
+            row.get("name").to_owned(),
+            format!("{middle} ({low} to {high})"),
+            figures(rate * row.value("bytes") / MEGA, 3),
+            figures(1e6 / rate / row.value("copy_us"), 3),
+            format!("{:.1}", 100.0 * row.value("lost") / row.value("frames")),
+        ]);
+    }
+    table
+}
+
+/// A line from the median to the 99th percentile for each link that has both figures.
+fn points(latency: &[&Row], throughput: &[&Row]) -> Vec<Series> {
+    let series = latency.iter().filter(there).filter_map(|row| {
+        let same = |other: &&&Row| other.get("name") == row.get("name");
+        let rate = throughput.iter().filter(there).find(same)?.value("rate");
+        let ms = ["median_us", "p99_us"].map(|column| (row.value(column) * 1e-3, rate));
+        let mut one = Series::new(row.get("name"), Look::Both, ms);
+        one.tips = ["median", "99th percentile"].map(str::to_owned).into();
+        Some(one)
+    });
+    series.collect()
+}
+
+fn checks(latency: &[&Row], throughput: &[&Row]) -> Vec<Check> {
+    let all = || latency.iter().chain(throughput);
+    let broken = all().filter(|row| row.get("state") == "broken").count();
+    let lacking = all().filter(|row| row.get("state") == "lacking" && !by_chance(row));
+    let lost = |row: &&&Row| link(row).is_some_and(|link| !link.overwrites());
+    let lost = throughput.iter().filter(there).filter(lost);
+    let lost: f64 = lost.map(|row| row.value("lost")).sum();
+    vec![
+        Check::at_most("links that do not work", broken as f64, 0.0),
+        Check::at_most(
+            "links that every machine has and this one lacks",
+            lacking.count() as f64,
+            0.0,
+        ),
+        Check::at_most("frames lost where a link waits for its reader", lost, 0.0),
+    ]
+}

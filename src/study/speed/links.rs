@@ -1,0 +1,285 @@
+//! The links that carry commands to a device and its frames to the host, and a device at the end of
+//! one.
+//!
+//! The device's clock is the fast one: what would be exposure on a real device takes no time, and
+//! what is left is what a link and a rendering take. Exposures are short all the same, for a V4L2
+//! node is given frames no closer to each other than they were exposed.
+
+use super::passes::bench;
+#[cfg(target_os = "linux")]
+use super::served::{Exit, Served};
+use crate::emulator::Renderer;
+use crate::emulator::port::Port;
+use crate::error::{Error, Result};
+use crate::host::{Camera, CommandPort, Instrument, Intake};
+#[cfg(target_os = "linux")]
+use crate::host::{
+    Capture, SerialPort, open_camera,
+    usb::{UsbAddress, UsbCamera, UsbDevice, UsbPort},
+};
+use crate::profile::faults::Schedule;
+use crate::profile::{Profile, Scene};
+use crate::protocol::Frame;
+use crate::study::faults::{Desk, DeskCamera, DeskPort, Link as Carried};
+use crate::study::lab::{Context, Row, Settings, Trial};
+use std::cell::RefCell;
+use std::rc::Rc;
+#[cfg(target_os = "linux")]
+use std::sync::Arc;
+use std::time::Duration;
+
+/// More than any link takes.
+pub(super) const TIMEOUT: Duration = Duration::from_secs(20);
+
+/// Frames that may be there before the one that was asked for: those of a camera that ran free, and
+/// the one that a node of v4l2loopback keeps of its last stream.
+const MOST_STALE: usize = 10_000;
+
+/// Exposure of a frame in microseconds, and the period of a pattern.
+const SHORT_US: [f64; 2] = [100.0, 200.0];
+
+/// How commands and frames travel.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Link {
+    /// Not at all: the device is called.
+    Memory,
+    /// A pty and the frame socket.
+    Socket,
+    /// A pty and TCP on the loopback interface.
+    Tcp,
+    /// USB/IP on the loopback interface, with the host's own drivers.
+    UsbIp,
+    /// A pty and a node of v4l2loopback.
+    Video,
+    /// USB/IP to this machine's kernel, whose `uvcvideo` and `cdc_acm` make nodes of it.
+    Kernel,
+}
+
+/// In the order of the tables.
+pub(super) const LINKS: [Link; 6] = [
+    Link::Memory,
+    Link::Socket,
+    Link::Tcp,
+    Link::UsbIp,
+    Link::Video,
+    Link::Kernel,
+];
+
+impl Link {
+    /// What the tables call it.
+    pub(super) fn name(self) -> &'static str {
+        match self {
+            Self::Memory => "in memory",
+            Self::Socket => "pty and frame socket",
+            Self::Tcp => "pty and TCP",
+            Self::UsbIp => "USB/IP",
+            Self::Video => "pty and V4L2",
+            Self::Kernel => "USB of the kernel",
+        }
+    }
+
+    /// The one that is called so.
+    pub(super) fn named(name: &str) -> Option<Self> {
+        LINKS.into_iter().find(|link| link.name() == name)
+    }
+
+    /// Whether some machines lack it: it needs a module of the kernel, or another system.
+    pub(super) fn by_chance(self) -> bool {
+        match self {
+            Self::Memory => false,
+            Self::Video | Self::Kernel => true,
+            _ => cfg!(not(target_os = "linux")),
+        }
+    }
+
+    /// Whether frames that the host does not take in time are overwritten.
+    pub(super) fn overwrites(self) -> bool {
+        self == Self::Video
+    }
+}
+
+/// Why a link has no figures.
+pub(super) enum Missing {
+    /// This machine lacks what it needs.
+    Lack(String),
+    /// It is there and does not work.
+    Broken(String),
+}
+
+impl From<Error> for Missing {
+    fn from(e: Error) -> Self {
+        Self::Broken(e.to_string())
+    }
+}
+
+/// A trial for each link.
+pub(super) fn trials(
+    settings: &Settings,
+    group: &'static str,
+    work: fn(&Context<'_>, &'static str, Link) -> Result<Vec<Row>>,
+) -> Vec<Trial> {
+    let trial = |link: Link| {
+        let key = format!("link/{group}/{}", link.name().replace(' ', "-"));
+        let work = move |ctx: &Context<'_>| work(ctx, group, link);
+        Trial::new(key, settings.seed, work).alone()
+    };
+    LINKS.into_iter().map(trial).collect()
+}
+
+/// The bench with the data line, by which frames are told on links that say nothing else of them.
+pub(super) fn profile(settings: &Settings) -> Result<Profile> {
+    let mut profile = bench(settings)?;
+    profile.camera.data_line = true;
+    let [exposure_us, period_us] = SHORT_US;
+    // As much light as before.
+    profile.projector.radiant_intensity_w_sr *= profile.camera.exposure_us / exposure_us;
+    profile.camera.exposure_us = exposure_us;
+    for sequence in &mut profile.sequence {
+        sequence.period_us = period_us;
+    }
+    Ok(profile)
+}
+
+/// Bytes of a frame on a link.
+pub(super) fn bytes(profile: &Profile) -> usize {
+    let camera = &profile.camera;
+    camera.width_px as usize * (camera.height_px as usize + 1)
+}
+
+/// Frames of the sequence.
+pub(super) fn patterns(profile: &Profile) -> usize {
+    profile.sequence[0].frame.len()
+}
+
+/// A row of a link, with what was found or why there is nothing.
+pub(super) fn row(
+    group: &str,
+    link: Link,
+    found: Result<impl FnOnce(Row) -> Row, Missing>,
+) -> Vec<Row> {
+    let row = Row::new().text("group", group).text("name", link.name());
+    vec![match found {
+        Ok(complete) => complete(row),
+        // Machines differ in what they have, so this is no failure of the study.
+        Err(Missing::Lack(why)) => row.text("state", "lacking").text("note", &why),
+        Err(Missing::Broken(why)) => row.text("state", "broken").text("note", &why),
+    }]
+}
+
+/// A conversation with a device, and its camera.
+pub(super) struct Talk {
+    pub(super) instrument: Instrument<Box<dyn CommandPort>>,
+    pub(super) camera: Box<dyn Camera>,
+}
+
+impl Talk {
+    /// Waits for triggers in a mode, and only then opens the camera, which runs free until then.
+    fn new(
+        port: Box<dyn CommandPort>,
+        mode: &str,
+        open: impl FnOnce() -> Result<Box<dyn Camera>>,
+    ) -> Result<Self> {
+        let mut instrument = Instrument::open(port, TIMEOUT)?;
+        instrument.order(&format!("ABOR;:TRIG:SOUR BUS;MODE {mode}"))?;
+        let camera = open()?;
+        Ok(Self { instrument, camera })
+    }
+
+    /// The next frame, which has to be that of a pattern.
+    pub(super) fn frame(&mut self, index: usize) -> Result<Frame> {
+        match self.camera.next_frame(TIMEOUT)? {
+            Some(frame) if is(&frame, index) => Ok(frame),
+            Some(_) => Err(Error::device(format!("frame {index} is another"))),
+            None => Err(Error::device(format!("no frame {index} within 20 s"))),
+        }
+    }
+
+    /// The frame of a pattern, behind whatever an earlier stream has left.
+    pub(super) fn first_frame(&mut self, index: usize) -> Result<Frame> {
+        for _ in 0..MOST_STALE {
+            match self.camera.next_frame(TIMEOUT) {
+                Ok(Some(frame)) if is(&frame, index) => return Ok(frame),
+                Ok(Some(_)) => {}
+                Err(_) if self.camera.has_skipped() => {}
+                Ok(None) => break,
+                Err(e) => return Err(e),
+            }
+        }
+        Err(Error::device(format!("no frame {index} within 20 s")))
+    }
+}
+
+fn is(frame: &Frame, index: usize) -> bool {
+    frame.pattern_index.is_some_and(|i| i as usize == index)
+}
+
+/// Has work done with a device at the end of a link. The trigger's mode is `STEP` or `SEQ`.
+pub(super) fn over<T>(
+    ctx: &Context<'_>,
+    (profile, scene): (&Profile, &Scene),
+    (link, mode): (Link, &str),
+    work: impl FnOnce(&mut Talk) -> Result<T>,
+) -> Result<T, Missing> {
+    if link != Link::Memory {
+        return served(ctx, (profile, scene), (link, mode), work);
+    }
+    let renderer = Renderer::new(profile, scene, ctx.seed)?;
+    let schedule = Schedule::default();
+    let carried = Carried::Identified;
+    let desk = Desk::new(profile, renderer, Port::default(), carried, &schedule)?;
+    let desk = Rc::new(RefCell::new(desk));
+    let port = Box::new(DeskPort::open(&desk));
+    let open = || Ok(Box::new(Intake::new(DeskCamera::open(&desk))) as Box<dyn Camera>);
+    Ok(work(&mut Talk::new(port, mode, open)?)?)
+}
+
+#[cfg(not(target_os = "linux"))]
+fn served<T>(
+    _: &Context<'_>,
+    _: (&Profile, &Scene),
+    _: (Link, &str),
+    _: impl FnOnce(&mut Talk) -> Result<T>,
+) -> Result<T, Missing> {
+    let why = "devices are served on Linux only";
+    Err(Missing::Lack(why.to_owned()))
+}
+
+#[cfg(target_os = "linux")]
+fn served<T>(
+    ctx: &Context<'_>,
+    (profile, scene): (&Profile, &Scene),
+    (link, mode): (Link, &str),
+    work: impl FnOnce(&mut Talk) -> Result<T>,
+) -> Result<T, Missing> {
+    let exit = match link {
+        Link::Tcp => Exit::Tcp,
+        Link::UsbIp => Exit::Usb,
+        Link::Kernel => Exit::Kernel,
+        Link::Video => Exit::Video,
+        Link::Socket | Link::Memory => Exit::None,
+    };
+    let dir = ctx.folder.path().join("run");
+    let served = Served::start(profile, scene, ctx.seed, exit, &dir)?;
+    let at = &served.at;
+    let done = if link == Link::UsbIp {
+        let address = UsbAddress::parse(&at.camera, "the served device")?;
+        let device = Arc::new(UsbDevice::open(&address, TIMEOUT)?);
+        let port = Box::new(UsbPort::open(&device)?);
+        let open = || Ok(Box::new(Intake::new(UsbCamera::open(&device, None)?)) as Box<dyn Camera>);
+        work(&mut Talk::new(port, mode, open)?)?
+    } else {
+        let address = match exit {
+            Exit::Tcp => at.camera_tcp.as_deref().unwrap_or_default(),
+            _ => &at.camera,
+        };
+        let control = match (&at.control_usb, exit) {
+            (Some(tty), Exit::Kernel) => tty.to_string_lossy(),
+            _ => at.control.to_string_lossy(),
+        };
+        let port = Box::new(SerialPort::open(&control)?);
+        let open = || open_camera(address, Capture::Auto, TIMEOUT);
+        work(&mut Talk::new(port, mode, open)?)?
+    };
+    served.stop()?;
+    Ok(done)
+}

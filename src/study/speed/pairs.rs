@@ -1,0 +1,82 @@
+//! Decoding with an option beside decoding without it, in turns: what the option costs, as a ratio
+//! that holds on any machine.
+
+use super::cases::lit_all_over;
+use super::passes::bench;
+use crate::decode::{Decoded, Options as DecodeOptions};
+use crate::emulator::render::Options;
+use crate::error::{Error, Result};
+use crate::profile::{Profile, Scene};
+use crate::study::lab::{Context, Row, Settings, Trial};
+use crate::study::scanned::Stage;
+use std::hint::black_box;
+use std::rc::Rc;
+
+/// What is compared with decoding without it.
+pub const PAIRS: [&str; 2] = ["consistency of single pixels", "weighted steps"];
+/// What the consistency of single pixels may cost: it is always on.
+pub const MOST_FOR_CONSISTENCY: f64 = 1.1;
+
+/// Decoding to depths without an option and with it.
+pub struct Pair {
+    /// Pixels.
+    pub pixels: usize,
+    /// Does it without, and with.
+    pub works: [Box<dyn FnMut()>; 2],
+}
+
+/// Makes a pair of a profile like the bench's, all pixels lit.
+///
+/// # Errors
+/// A name that is none, a profile that cannot be used.
+pub fn pair(name: &str, profile: &Profile) -> Result<Pair> {
+    let usual = DecodeOptions::default();
+    let [without, with] = match PAIRS.iter().position(|known| *known == name) {
+        Some(0) => [false, true].map(|consistency| DecodeOptions {
+            consistency,
+            ..usual
+        }),
+        Some(_) => [false, true].map(|weighted| DecodeOptions { weighted, ..usual }),
+        None => return Err(Error::input("pair", name, PAIRS.join(", "))),
+    };
+    let profile = lit_all_over(profile);
+    let mut stage = Stage::new(&profile, &Scene::load("plane")?, 1, Options::default())?;
+    let scanned = Rc::new(stage.scan(0));
+    let work = |options| -> Result<Box<dyn FnMut()>> {
+        let scanned = scanned.clone();
+        let decoder = scanned.decoder(options)?;
+        scanned.decode(&decoder)?;
+        let mut out = Decoded::default();
+        Ok(Box::new(move || {
+            // It has been decoded before, so it is again.
+            let _ = black_box(scanned.decode_into(&decoder, &mut out));
+            black_box(&out);
+        }))
+    };
+    Ok(Pair {
+        pixels: scanned.size.0 * scanned.size.1,
+        works: [work(without)?, work(with)?],
+    })
+}
+
+/// A trial for each pair.
+pub fn trials(settings: &Settings) -> Vec<Trial> {
+    let trial = |name: &'static str| {
+        let key = format!("pair/{}", name.replace(' ', "-"));
+        Trial::new(key, settings.seed, move |ctx| run(ctx, name)).alone()
+    };
+    PAIRS.into_iter().map(trial).collect()
+}
+
+fn run(ctx: &Context<'_>, name: &str) -> Result<Vec<Row>> {
+    let mut pair = pair(name, &bench(ctx.settings)?)?;
+    let enough_s = if ctx.settings.quick { 0.2 } else { 3.0 };
+    let [without, with] = ctx.stopwatch().in_turns(enough_s, &mut pair.works);
+    let row = Row::new()
+        .text("group", "pair")
+        .text("name", name)
+        .number("pixels", pair.pixels as f64)
+        .number("without_us", without * 1e6)
+        .number("pass_us", with * 1e6);
+    Ok(vec![row])
+}
