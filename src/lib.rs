@@ -90,6 +90,7 @@ pub mod link;
 pub mod measure;
 mod numbers;
 pub mod pattern;
+mod philox;
 pub mod profile;
 pub mod protocol;
 mod simd;
