@@ -2,11 +2,11 @@
 //!
 //! A cycle follows cos^2n(pi phase) (Lujan et al., Medical Physics 26, 1999), 1 at the end of
 //! inhaling (phase 0, as a 4D-CT counts) and 0 at the end of exhaling (phase 0.5), where breath
-//! rests the longer the larger n is. Each mode follows it by a lag of its own, so that tumour and
-//! skin go on loops, not lines: Seppenwoolde et al., Int. J. Radiation Oncology 53, 2002, saw 1 to
-//! 5 mm between a tumour's ways in and out in half of 21 patients, and 12 mm of motion along the body
-//! in lower lobes. The diaphragm goes 10 to 30 mm, the skin 5 to 15 mm, a cycle lasts some 4 s
-//! (Keall et al., AAPM report 91 of task group 76, Medical Physics 33, 2006).
+//! rests the longer the larger n is. Each mode follows it by a lag of its own, so that a tumour goes on
+//! a loop, and on another beside the skin: Seppenwoolde et al., Int. J. Radiation Oncology 53, 2002,
+//! saw 1 to 5 mm between a tumour's ways in and out in half of 21 patients, and 12 mm of motion along
+//! the body in lower lobes. Ranges of diaphragms and periods: Keall et al., AAPM report 91 (task group
+//! 76), Medical Physics 33, 2006.
 
 use super::modes::{ABDOMEN, DIAPHRAGM, LUNG, MODES, POSTURE, THORAX};
 use super::parameters::{Breathing, Patient, Treatment};
@@ -115,7 +115,8 @@ impl Course {
     /// Ranges that hold the weights at every moment of both days, in millimetres.
     pub(super) fn bounds(p: &Patient) -> [[f64; 2]; MODES] {
         let (course, b, t) = (Self::new(p), &p.breathing, &p.treatment);
-        let deepest = t.amplitude * (1.0 + most_of(b.amplitude_sd)) * (1.0 + most_of(b.decoupling_sd));
+        let deepest =
+            t.amplitude * (1.0 + most_of(b.amplitude_sd)) * (1.0 + most_of(b.decoupling_sd));
         let deepest = deepest.max(1.0);
         let baseline = most_of(t.wander_mm);
         std::array::from_fn(|mode| {
@@ -241,7 +242,9 @@ mod tests {
                     })
                     .sum();
                 let choose = |k: u32| {
-                    (1..=k).map(|i| f64::from(2 * n - k + i) / f64::from(i)).product::<f64>()
+                    (1..=k)
+                        .map(|i| f64::from(2 * n - k + i) / f64::from(i))
+                        .product::<f64>()
                 };
                 let closed: f64 = (1..=n)
                     .map(|k| {
@@ -250,7 +253,10 @@ mod tests {
                     })
                     .sum();
                 let closed = 150.0 * closed;
-                assert!((area - closed).abs() < 1e-4 * closed.abs() + 1e-9, "{n} {lag}: {area} {closed}");
+                assert!(
+                    (area - closed).abs() < 1e-4 * closed.abs() + 1e-9,
+                    "{n} {lag}: {area} {closed}"
+                );
                 assert!(closed.abs() > 5.0);
             }
         }
@@ -275,7 +281,11 @@ mod tests {
             let t = -20.0 + f64::from(i) * 0.01;
             let w = course.weights(Day::Treatment, t);
             for k in 0..MODES {
-                assert!(bounds[k][0] <= w[k] && w[k] <= bounds[k][1], "{k} at {t}: {}", w[k]);
+                assert!(
+                    bounds[k][0] <= w[k] && w[k] <= bounds[k][1],
+                    "{k} at {t}: {}",
+                    w[k]
+                );
                 seen[k] = [seen[k][0].min(w[k]), seen[k][1].max(w[k])];
             }
             let cycles = course.cycles(Day::Treatment, t);
@@ -333,6 +343,9 @@ mod tests {
             .map(|&t| course.weights(Day::Treatment, t)[ABDOMEN] / rest)
             .collect();
         let (mean, sd) = deviation(&depths);
-        assert!((mean - 1.0).abs() < 0.03 && (sd - 0.2).abs() < 0.03, "{mean} {sd}");
+        assert!(
+            (mean - 1.0).abs() < 0.03 && (sd - 0.2).abs() < 0.03,
+            "{mean} {sd}"
+        );
     }
 }

@@ -1,9 +1,9 @@
 //! Named checks of a patient's values, and of what follows from them together.
 
-use super::outline::Outline;
 use super::breathing::Course;
 use super::modes::Modes;
 use super::organs::Organs;
+use super::outline::Outline;
 use super::parameters::{Breathing, Patient, Scar, Treatment, Tumour};
 use super::tumour::Shape;
 use crate::error::Result;
@@ -74,7 +74,12 @@ fn check_treatment(t: &Treatment, check: &Check<'_>) -> Result<()> {
     let count = t.coughs_at_s.len();
     let coughs = field("coughs_at_s");
     let most = format!("up to {MOST_COUGHS} coughs");
-    check.that(count <= MOST_COUGHS, &coughs, format!("{count} coughs"), most)?;
+    check.that(
+        count <= MOST_COUGHS,
+        &coughs,
+        format!("{count} coughs"),
+        most,
+    )?;
     check.all_within(&coughs, &t.coughs_at_s, 0.0..=1e6)?;
     check.within(&field("cough_mm"), t.cough_mm, 0.0..=12.0)?;
     check.within(&field("posture_mm"), t.posture_mm, -5.0..=5.0)?;

@@ -43,8 +43,8 @@ impl Phantom {
             let state = self.planning_phase(tenth);
             let voxel = |x| {
                 let u = self.displacement(x, &state).as_vec3().to_array();
-                let [a, b, c] = u.map(f32::to_le_bytes);
-                [a, b, c].concat()
+                let bytes = u.map(f32::to_le_bytes);
+                std::array::from_fn::<u8, 12, _>(|i| bytes[i / 4][i % 4])
             };
             let path = folder.join(dvf(tenth));
             metaimage::write_vectors(&path, &lattice, |k| plane(&lattice, k, voxel))?;
@@ -52,7 +52,7 @@ impl Phantom {
         if ct {
             let voxel = |x| {
                 let hounsfield = self.hounsfield(x, &State::REFERENCE).round();
-                (hounsfield as i16).to_le_bytes().to_vec()
+                (hounsfield as i16).to_le_bytes()
             };
             let path = folder.join(CT);
             metaimage::write_shorts(&path, &lattice, |k| plane(&lattice, k, voxel))?;
@@ -100,14 +100,17 @@ fn lattice((lo, hi): (DVec3, DVec3), spacing_mm: f64) -> Lattice {
 }
 
 /// The bytes of the voxels of one z.
-fn plane(lattice: &Lattice, z: usize, voxel: impl Fn(DVec3) -> Vec<u8> + Sync) -> Vec<u8> {
+fn plane<const N: usize>(
+    lattice: &Lattice,
+    z: usize,
+    voxel: impl Fn(DVec3) -> [u8; N] + Sync,
+) -> Vec<u8> {
     let [nx, ny, _] = lattice.size;
-    (0..ny)
-        .into_par_iter()
-        .map(|y| {
-            let row = (0..nx).flat_map(|x| voxel(lattice.point([x, y, z])));
-            row.collect::<Vec<u8>>()
-        })
-        .collect::<Vec<_>>()
-        .concat()
+    let mut bytes = vec![[0; N]; nx * ny];
+    bytes.par_chunks_mut(nx).enumerate().for_each(|(y, row)| {
+        for (x, bytes) in row.iter_mut().enumerate() {
+            *bytes = voxel(lattice.point([x, y, z]));
+        }
+    });
+    bytes.into_flattened()
 }

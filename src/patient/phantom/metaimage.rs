@@ -64,7 +64,10 @@ fn write(
         writeln!(out, "TransformMatrix = 1 0 0 0 1 0 0 0 1")?;
         writeln!(out, "Offset = {} {} {}", o.x, o.y, o.z)?;
         writeln!(out, "CenterOfRotation = 0 0 0\nAnatomicalOrientation = RAI")?;
-        writeln!(out, "ElementSpacing = {s} {s} {s}\nDimSize = {nx} {ny} {nz}")?;
+        writeln!(
+            out,
+            "ElementSpacing = {s} {s} {s}\nDimSize = {nx} {ny} {nz}"
+        )?;
         if channels > 1 {
             writeln!(out, "ElementNumberOfChannels = {channels}")?;
         }

@@ -54,8 +54,8 @@ impl Modes {
         let from_to = |none: f64, all: f64| ((h - none) * (1.0 / (all - none))).rise();
         // The front moves, spine and back do not.
         let front = ((y - 70.0 * s) * (-1.0 / (175.0 * s))).rise();
-        let aside = (x * (1.0 / (60.0 * s))).saturated()
-            * ((y - 90.0 * s) * (-1.0 / (120.0 * s))).rise();
+        let aside =
+            (x * (1.0 / (60.0 * s))).saturated() * ((y - 90.0 * s) * (-1.0 / (120.0 * s))).rise();
 
         let breastbone = front * from_to(0.15, 0.05) * from_to(-0.07, 0.01);
         let lower_ribs = aside * from_to(0.10, 0.02) * from_to(-0.08, 0.0);
@@ -72,7 +72,11 @@ impl Modes {
             [aside * wall * 0.2, -belly, none],
             [none, belly * 0.8 - breastbone * 0.5, breastbone * 0.4],
             [none, none, -pushed],
-            [lungs * (x * (1.0 / (60.0 * s))).saturated() * 0.3, -lungs, none],
+            [
+                lungs * (x * (1.0 / (60.0 * s))).saturated() * 0.3,
+                -lungs,
+                none,
+            ],
         ]
     }
 
@@ -90,8 +94,9 @@ impl Modes {
     /// The gradients of the modes, per millimetre of weight: column j is the derivative by
     /// coordinate j.
     fn gradients(&self, x: DVec3) -> [DMat3; MODES] {
-        self.fields(Jet::place(x))
-            .map(|field| DMat3::from_cols_array_2d(&field.map(|c| c.gradient.to_array())).transpose())
+        self.fields(Jet::place(x)).map(|field| {
+            DMat3::from_cols_array_2d(&field.map(|c| c.gradient.to_array())).transpose()
+        })
     }
 
     /// The gradient of the displacement under weights.
@@ -104,22 +109,30 @@ impl Modes {
     /// weights' ranges: what is left of a volume.
     pub(super) fn least_determinant(&self, bounds: &[[f64; 2]; MODES]) -> f64 {
         const ACROSS: i32 = 9;
+        const DEEP: i32 = 7;
         const ALONG: i32 = 34;
         let step = 22.0 * self.scale;
+        let most = bounds.map(|[a, b]| a.abs().max(b.abs()));
         (0..ALONG)
             .into_par_iter()
             .map(|i| {
-                let z = -0.2 * self.stature_mm + f64::from(i) * 0.36 / 33.0 * self.stature_mm;
-                let mut least = f64::MAX;
+                let h = -0.2 + 0.36 * f64::from(i) / f64::from(ALONG - 1);
+                let mut least = 1.0f64;
                 for j in -ACROSS..=ACROSS {
-                    for k in -ACROSS..=ACROSS {
-                        let x = DVec3::new(f64::from(j) * step, f64::from(k) * step, z);
-                        least = least.min(corners(&self.gradients(x), bounds));
+                    for k in -DEEP..=DEEP {
+                        let place = DVec3::new(f64::from(j) * step, f64::from(k) * step, 0.0);
+                        let x = place + DVec3::Z * h * self.stature_mm;
+                        let gradients = self.gradients(x);
+                        // The determinant is no less than (1 - |grad u|)^3.
+                        let norm: f64 = (0..MODES).map(|k| most[k] * norm(&gradients[k])).sum();
+                        if (1.0 - norm).max(0.0).powi(3) < least {
+                            least = least.min(corners(&gradients, bounds));
+                        }
                     }
                 }
                 least
             })
-            .reduce(|| f64::MAX, f64::min)
+            .reduce(|| 1.0, f64::min)
     }
 
     /// The organs that the modes are made for.
@@ -156,6 +169,11 @@ impl Modes {
         }
         x
     }
+}
+
+/// Frobenius' norm, which no stretch exceeds.
+fn norm(m: &DMat3) -> f64 {
+    m.to_cols_array().iter().map(|v| v * v).sum::<f64>().sqrt()
 }
 
 /// The least determinant over the corners of the weights' box.

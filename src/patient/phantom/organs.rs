@@ -44,7 +44,7 @@ pub(super) struct Organs {
 
 /// Where lungs, fissures and what is between them stand, in units of the tables.
 const DOMES: [([f64; 2], f64); 2] = [([-66.0, 0.0], 22.0), ([66.0, 0.0], 10.0)];
-const HEART: ([f64; 3], [f64; 3]) = ([24.0, -34.0, 52.0], [50.0, 44.0, 56.0]);
+const HEART: ([f64; 3], [f64; 3]) = ([24.0, -34.0, 48.0], [50.0, 44.0, 58.0]);
 const SPINE: ([f64; 2], f64) = ([0.0, 62.0], 24.0);
 /// Half the width of what is between the lungs above the heart.
 const BETWEEN: f64 = 25.0;
@@ -73,7 +73,11 @@ impl Organs {
     /// Where a place is between the axis (0) and the cavity's wall (1): the 2.5th power of its
     /// distance from the axis over the wall's, twice continuously differentiable.
     pub(super) fn cavity<T: Real>(&self, [x, y, z]: [T; 3]) -> T {
-        let depth = if y.value() < 0.0 { &self.front } else { &self.back };
+        let depth = if y.value() < 0.0 {
+            &self.front
+        } else {
+            &self.back
+        };
         let (a, b) = (self.side.at(z), depth.at(z));
         (x * inverse(a)).abs_pow_5_2() + (y * inverse(b)).abs_pow_5_2()
     }
@@ -88,7 +92,8 @@ impl Organs {
     /// How far a place is outside the lungs.
     pub(super) fn lungs(&self, x: DVec3) -> f64 {
         let s = self.scale;
-        let apex = x.z - 0.125 * self.stature_mm;
+        let (u, v) = (x.x.abs() / self.across - 52.0, x.y / self.across);
+        let apex = x.z - 0.13 * self.stature_mm + (u * u + v * v) / 110.0 * s;
         let outside = [
             self.wall(x) + 6.0 * s,
             apex,
@@ -113,15 +118,17 @@ impl Organs {
         let [right, left] = DOMES.map(height);
         let round = 6.0;
         let most = right.max(left);
-        let top = most
-            + round * (((right - most) / round).exp() + ((left - most) / round).exp()).ln();
+        let top =
+            most + round * (((right - most) / round).exp() + ((left - most) / round).exp()).ln();
         top - x.z
     }
 
     /// How far a place is outside heart, spine and what else is between the lungs.
     pub(super) fn between(&self, x: DVec3) -> f64 {
         let middle = x.x.abs() - BETWEEN * self.across;
-        self.heart(x).min(self.spine(x) - 4.0 * self.across).min(middle)
+        self.heart(x)
+            .min(self.spine(x) - 4.0 * self.across)
+            .min(middle)
     }
 
     pub(super) fn heart(&self, x: DVec3) -> f64 {

@@ -35,8 +35,8 @@ struct Table {
 }
 
 const OVER_BACK: [f64; ROWS] = [
-    0.9, 0.9, 0.95, 0.95, 0.9, 0.85, 0.8, 0.8, 0.8, 0.75, 0.7, 0.65, 0.65, 0.6, 0.6, 0.6, 0.6, 0.55,
-    0.5, 0.45, 0.4, 0.4, 0.4, 0.4,
+    0.9, 0.9, 0.95, 0.95, 0.9, 0.85, 0.8, 0.8, 0.8, 0.75, 0.7, 0.65, 0.65, 0.6, 0.6, 0.6, 0.6,
+    0.55, 0.5, 0.45, 0.4, 0.4, 0.4, 0.4,
 ];
 
 const MALE: Table = Table {
@@ -45,12 +45,12 @@ const MALE: Table = Table {
         154., 160., 168., 170., 148., 82., 52., 57., 57.,
     ],
     front: [
-        70., 78., 84., 86., 84., 80., 76., 74., 74., 76., 81., 88., 96., 102., 105., 104., 99., 88.,
-        70., 54., 46., 46., 50., 50.,
+        70., 78., 84., 86., 84., 80., 76., 74., 74., 76., 81., 88., 96., 102., 105., 104., 99.,
+        88., 70., 54., 46., 46., 50., 50.,
     ],
     back: [
-        84., 96., 104., 107., 106., 100., 93., 88., 86., 87., 91., 96., 100., 102., 103., 103., 102.,
-        98., 90., 74., 60., 54., 54., 56.,
+        84., 96., 104., 107., 106., 100., 93., 88., 86., 87., 91., 96., 100., 102., 103., 103.,
+        102., 98., 90., 74., 60., 54., 54., 56.,
     ],
     over_side: [
         1.0, 1.0, 1.0, 1.0, 1.0, 1.05, 1.15, 1.3, 1.4, 1.4, 1.3, 1.15, 1.05, 1.0, 0.95, 0.9, 0.9,
@@ -78,8 +78,8 @@ const FEMALE: Table = Table {
         95., 87., 71., 57., 51., 51., 53.,
     ],
     over_side: [
-        1.4, 1.45, 1.5, 1.5, 1.5, 1.45, 1.4, 1.35, 1.3, 1.25, 1.15, 1.05, 1.0, 0.95, 0.9, 0.85, 0.8,
-        0.75, 0.7, 0.55, 0.4, 0.35, 0.35, 0.35,
+        1.4, 1.45, 1.5, 1.5, 1.5, 1.45, 1.4, 1.35, 1.3, 1.25, 1.15, 1.05, 1.0, 0.95, 0.9, 0.85,
+        0.8, 0.75, 0.7, 0.55, 0.4, 0.35, 0.35, 0.35,
     ],
     over_front: [
         1.0, 1.0, 1.1, 1.2, 1.35, 1.5, 1.65, 1.75, 1.75, 1.65, 1.5, 1.3, 1.1, 0.9, 0.8, 0.7, 0.6,
@@ -203,7 +203,11 @@ impl Outline {
     /// How far the outline is from the axis at an angle (from x over y) whose sine and cosine are
     /// given, before the ends are rounded, in millimetres.
     pub(super) fn radius(&self, sin: f64, cos: f64, z: f64) -> f64 {
-        radius([self.side.at(z), self.front.at(z), self.back.at(z)], sin, cos)
+        radius(
+            [self.side.at(z), self.front.at(z), self.back.at(z)],
+            sin,
+            cos,
+        )
     }
 
     /// The same of bone and muscle.
@@ -229,7 +233,7 @@ impl Outline {
 fn radius([side, front, back]: [f64; 3], sin: f64, cos: f64) -> f64 {
     let depth = if sin < 0.0 { front } else { back };
     let bent = |v: f64| v * v * v.abs().sqrt();
-    (bent(cos / side) .abs() + bent(sin / depth).abs()).powf(-0.4)
+    (bent(cos / side).abs() + bent(sin / depth).abs()).powf(-0.4)
 }
 
 #[cfg(test)]
@@ -257,7 +261,10 @@ mod tests {
     #[test]
     fn the_trunk_has_the_mass_that_it_is_made_for() {
         let mut p = Patient::load("p01-woman-mean").unwrap();
-        for (mass, index) in [(55.0, 55.0 / 1.63f64.powi(2)), (95.0, 95.0 / 1.63f64.powi(2))] {
+        for (mass, index) in [
+            (55.0, 55.0 / 1.63f64.powi(2)),
+            (95.0, 95.0 / 1.63f64.powi(2)),
+        ] {
             (p.mass_kg, p.stature_mm) = (mass, 1630.0);
             let share = 0.4257 * (1.0 + 0.006 * (index - 24.0));
             let found = weighed_kg(&p) / mass;
@@ -280,6 +287,9 @@ mod tests {
             assert!(outline.core_radius(sin, cos, z) < outline.radius(sin, cos, z));
         }
         let [lo, hi] = outline.ends();
-        assert_eq!((outline.cap(lo), outline.cap(hi), outline.cap(0.0)), (0.0, 0.0, 1.0));
+        assert_eq!(
+            (outline.cap(lo), outline.cap(hi), outline.cap(0.0)),
+            (0.0, 0.0, 1.0)
+        );
     }
 }

@@ -177,7 +177,8 @@ impl Relief {
         let bow = q * q;
         let upper = z + 0.035 * self.stature_mm - bow / 900.0;
         let lower = z + 0.150 * self.stature_mm - bow / 600.0;
-        let abdomen = -0.7 * line(upper, 8.0) - 1.2 * line(lower, 9.0) + 0.7 * line(lower - 30.0, 20.0);
+        let abdomen =
+            -0.7 * line(upper, 8.0) - 1.2 * line(lower, 9.0) + 0.7 * line(lower - 30.0, 20.0);
         let aside = (-0.5 * ((angle.abs() - 1.75) / 0.33).powi(2)).exp();
         let slant = 0.3 * (q.abs() - 1.75 * self.chest_mm);
         let flank = |at: f64| -0.8 * line(z - at * self.stature_mm - slant, 8.0);
@@ -245,7 +246,10 @@ mod tests {
         for volume in [150.0, 500.0] {
             let mut with = of(|p| p.chest.breast_ml = [0.0, volume]);
             // What else depends on the body's mass stays as it was.
-            with.clone_from(&Relief { breasts: with.breasts, ..without.clone() });
+            with.clone_from(&Relief {
+                breasts: with.breasts,
+                ..without.clone()
+            });
             let found = between_ml(&with, &without);
             assert!((found / volume - 1.0).abs() < 0.02, "{found} of {volume}");
         }

@@ -63,7 +63,8 @@ impl Skin {
         }
         // Over the length of the gradient of `across - radius`.
         let step = 0.05f64.min(-0.5 * beyond);
-        let along = (self.radius(angle, x.z + step) - self.radius(angle, x.z - step)) / (2.0 * step);
+        let along =
+            (self.radius(angle, x.z + step) - self.radius(angle, x.z - step)) / (2.0 * step);
         let turn = step / radius.max(1.0);
         let around = (self.radius(angle + turn, x.z) - self.radius(angle - turn, x.z))
             / (2.0 * turn * radius.max(1.0));

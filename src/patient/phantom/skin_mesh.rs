@@ -76,7 +76,11 @@ impl Measure {
             let points: Vec<_> = (0..ANGLES).map(|k| skin.point(angles(k), z)).collect();
             let next = |k: usize| points[(k + 1) % ANGLES];
             let ring = (0..ANGLES).map(|k| (next(k) - points[k]).length()).sum();
-            let step: f64 = points.iter().zip(&before).map(|(a, b)| (*a - *b).length()).sum();
+            let step: f64 = points
+                .iter()
+                .zip(&before)
+                .map(|(a, b)| (*a - *b).length())
+                .sum();
             let last = measure.along.last().copied().unwrap_or(0.0);
             measure.z.push(z);
             measure.along.push(last + step / ANGLES as f64);
@@ -199,7 +203,10 @@ mod tests {
             let mut angles: Vec<f64> = (0..mesh.triangles.len()).map(angle).collect();
             angles.sort_by(f64::total_cmp);
             let (least, hundredth) = (angles[0], angles[angles.len() / 100]);
-            assert!(least > 8.0 && hundredth > 22.0, "{least} {hundredth} degrees");
+            assert!(
+                least > 8.0 && hundredth > 22.0,
+                "{least} {hundredth} degrees"
+            );
         }
         // The volume by the closed form of the radius.
         let [lower, upper] = skin.ends();

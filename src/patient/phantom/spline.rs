@@ -91,7 +91,11 @@ mod tests {
 
     #[test]
     fn a_line_stays_a_line_and_ends_are_held() {
-        let line = Spline::new(-3.0, 0.5, (0..20).map(|i| 2.0 * f64::from(i) - 1.0).collect());
+        let line = Spline::new(
+            -3.0,
+            0.5,
+            (0..20).map(|i| 2.0 * f64::from(i) - 1.0).collect(),
+        );
         for i in 0..100 {
             let place = -2.5 + 8.0 * f64::from(i) / 100.0;
             let [x, ..] = Jet::place(DVec3::X * place);
@@ -125,7 +129,10 @@ mod tests {
             let step = 1e-6;
             let difference =
                 (wander(draws, t + step, 1.0).0 - wander(draws, t - step, 1.0).0) / (2.0 * step);
-            assert!((slope - difference).abs() < 1e-6, "{t}: {slope} {difference}");
+            assert!(
+                (slope - difference).abs() < 1e-6,
+                "{t}: {slope} {difference}"
+            );
         }
     }
 }

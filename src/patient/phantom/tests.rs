@@ -33,7 +33,10 @@ fn places(phantom: &Phantom, count: i64) -> Vec<DVec3> {
 #[test]
 fn the_gradient_is_that_of_differences() {
     let phantom = one("p14-man-deep");
-    for state in [phantom.planning_phase(0), phantom.state(Day::Treatment, 11.0)] {
+    for state in [
+        phantom.planning_phase(0),
+        phantom.state(Day::Treatment, 11.0),
+    ] {
         for x in places(&phantom, 300) {
             let gradient = phantom.gradient(x, &state);
             let step = 1e-4;
@@ -71,7 +74,10 @@ fn nothing_folds_over() {
             least = least.min((DMat3::IDENTITY + gradient).determinant());
         }
         let name = &phantom.patient.name;
-        assert!(least > 0.5 * lattice.min(0.8), "{name}: {least}, lattice {lattice}");
+        assert!(
+            least > 0.5 * lattice.min(0.8),
+            "{name}: {least}, lattice {lattice}"
+        );
         assert!(least < 1.0, "{name} moves");
     }
 }
@@ -144,7 +150,10 @@ fn the_skin_is_a_blend_of_its_keys() {
 #[test]
 fn the_target_is_that_of_its_deformed_mesh() {
     let phantom = one("p14-man-deep");
-    for state in [phantom.planning_phase(1), phantom.state(Day::Treatment, 5.0)] {
+    for state in [
+        phantom.planning_phase(1),
+        phantom.state(Day::Treatment, 5.0),
+    ] {
         let target = phantom.target(&state);
         let of_mesh = |level| {
             let mesh = phantom.tumour_mesh(&state, level);
@@ -171,7 +180,12 @@ fn the_target_is_that_of_its_deformed_mesh() {
 fn the_same_seed_is_the_same_patient_at_any_moment() {
     let (a, b) = (one("p13-man-shallow"), one("p13-man-shallow"));
     let times = [1000.0, 0.1, -3.0, 77.7, 0.1];
-    let of = |p: &Phantom, t: f64| (p.state(Day::Treatment, t), p.target(&p.state(Day::Treatment, t)));
+    let of = |p: &Phantom, t: f64| {
+        (
+            p.state(Day::Treatment, t),
+            p.target(&p.state(Day::Treatment, t)),
+        )
+    };
     for t in times {
         assert_eq!(of(&a, t), of(&b, t));
     }
@@ -180,7 +194,10 @@ fn the_same_seed_is_the_same_patient_at_any_moment() {
     other.seed += 1;
     let other = Phantom::new(&other);
     assert_ne!(other.skin(2000).unwrap(), a.skin(2000).unwrap());
-    assert_ne!(other.state(Day::Treatment, 50.0), a.state(Day::Treatment, 50.0));
+    assert_ne!(
+        other.state(Day::Treatment, 50.0),
+        a.state(Day::Treatment, 50.0)
+    );
 }
 
 /// How far a point goes over the ten phases: the largest distance between two of them.
@@ -188,7 +205,9 @@ fn excursion(phantom: &Phantom, x: DVec3) -> f64 {
     let at: Vec<DVec3> = (0..PHASES)
         .map(|k| phantom.displacement(x, &phantom.planning_phase(k)))
         .collect();
-    let pairs = at.iter().flat_map(|a| at.iter().map(move |b| (*a - *b).length()));
+    let pairs = at
+        .iter()
+        .flat_map(|a| at.iter().map(move |b| (*a - *b).length()));
     pairs.fold(0.0, f64::max)
 }
 
@@ -210,7 +229,10 @@ fn the_patients_are_plausible() {
             let z = h * p.stature_mm;
             let radius = |angle: f64| phantom.skin.radius(angle, z);
             let half = std::f64::consts::FRAC_PI_2;
-            (radius(0.0) + radius(2.0 * half), radius(half) + radius(-half))
+            (
+                radius(0.0) + radius(2.0 * half),
+                radius(half) + radius(-half),
+            )
         };
         let (breadth, depth) = around(0.04);
         let index = p.body_mass_index();
@@ -236,7 +258,10 @@ fn the_patients_are_plausible() {
             let z = h * p.stature_mm;
             phantom.skin.point(-std::f64::consts::FRAC_PI_2, z) - phantom.isocentre
         };
-        let (abdomen, chest) = (excursion(&phantom, front(-0.06)), excursion(&phantom, front(0.03)));
+        let (abdomen, chest) = (
+            excursion(&phantom, front(-0.06)),
+            excursion(&phantom, front(0.03)),
+        );
         assert!((2.0..20.0).contains(&abdomen), "{name}: abdomen {abdomen}");
         assert!((0.5..8.0).contains(&chest), "{name}: chest {chest}");
         let tumour = excursion(&phantom, DVec3::ZERO);
@@ -246,10 +271,50 @@ fn the_patients_are_plausible() {
             Lobe::RightLower | Lobe::LeftLower => 30.0,
         };
         assert!((0.5..most).contains(&tumour), "{name}: tumour {tumour}");
-        let back = phantom.skin.point(std::f64::consts::FRAC_PI_2, 0.03 * p.stature_mm);
-        assert!(excursion(&phantom, back - phantom.isocentre) < 1e-9, "{name}: on the couch");
+        let back = phantom
+            .skin
+            .point(std::f64::consts::FRAC_PI_2, 0.03 * p.stature_mm);
+        assert!(
+            excursion(&phantom, back - phantom.isocentre) < 1e-9,
+            "{name}: on the couch"
+        );
     }
     assert_eq!(count, 15);
+}
+
+/// Ways in and out: the tumour's own, apart where the diaphragm is at the same height, and the
+/// tumour's beside the abdomen's, which nothing lags before.
+#[test]
+fn tumours_go_on_loops_of_published_width() {
+    let mut wide = 0;
+    for phantom in all() {
+        let (name, breathing) = (&phantom.patient.name, &phantom.patient.breathing);
+        let apart = |mode: usize, top: f64| {
+            let at = |phase: f64| {
+                let weights_mm = phantom.course.mean(phase);
+                let state = State {
+                    weights_mm,
+                    ..State::REFERENCE
+                };
+                let gone = phantom.displacement(DVec3::ZERO, &state);
+                (weights_mm[mode], gone)
+            };
+            let apart = (1..50).map(|i| {
+                let ((a, out), (b, in_)) =
+                    (at(top + 0.01 * f64::from(i)), at(top - 0.01 * f64::from(i)));
+                assert!((a - b).abs() < 1e-9);
+                (out - in_).length()
+            });
+            apart.fold(0.0, f64::max)
+        };
+        // Seppenwoolde et al. 2002: hysteresis of 1 to 5 mm in 10 of 21 tumours.
+        let own = apart(DIAPHRAGM, breathing.diaphragm_lag);
+        assert!((0.1..5.0).contains(&own), "{name}: {own}");
+        wide += usize::from(own > 1.0);
+        let beside_skin = apart(ABDOMEN, 0.0);
+        assert!((0.3..6.0).contains(&beside_skin), "{name}: {beside_skin}");
+    }
+    assert!((4..=11).contains(&wide), "{wide} of 15 beyond 1 mm");
 }
 
 /// Volume of both lungs by counting, within ICRP 89's functional residual capacity and tissue.
@@ -332,19 +397,28 @@ fn a_planning_folder_says_what_the_phantom_does() {
     let origin = DVec3::from_slice(&field("Offset"));
     let state = phantom.planning_phase(1);
     for index in (0..voxels).step_by(97) {
-        let [i, j, k] = [index % size[0], index / size[0] % size[1], index / size[0] / size[1]];
+        let [i, j, k] = [
+            index % size[0],
+            index / size[0] % size[1],
+            index / size[0] / size[1],
+        ];
         let x = origin + 12.0 * DVec3::new(i as f64, j as f64, k as f64);
         let wanted = phantom.displacement(x, &state);
         let at = start + 12 * index;
         let number = |c: usize| {
-            f64::from(f32::from_le_bytes(bytes[at + 4 * c..][..4].try_into().unwrap()))
+            f64::from(f32::from_le_bytes(
+                bytes[at + 4 * c..][..4].try_into().unwrap(),
+            ))
         };
         let found = DVec3::new(number(0), number(1), number(2));
         assert!((found - wanted).length() < 1e-5, "{index}");
     }
     let ct = std::fs::read(folder.join("ct_50.mha")).unwrap();
     assert!(ct.len() > 2 * voxels);
-    let words = phantom.export_planning(&folder, 0.1, false).unwrap_err().to_string();
+    let words = phantom
+        .export_planning(&folder, 0.1, false)
+        .unwrap_err()
+        .to_string();
     assert!(words.contains("0.1; allowed: 1 to 20"), "{words}");
     assert!(phantom.skin(10).is_err());
 }
@@ -353,19 +427,50 @@ fn a_planning_folder_says_what_the_phantom_does() {
 fn what_cannot_be_a_patient_is_named() {
     let text = include_str!("../../../device-profiles/patients/p01-woman-mean.toml");
     for (from, to, words) in [
-        ("mass_kg = 65.0", "mass_kg = 180.0", "mass_kg: 180 for 1630 mm; allowed: "),
-        ("stature_mm = 1630.0", "stature_mm = nan", "stature_mm: NaN; allowed: 1000 to 2100"),
-        ("period_s = 3.9", "period_s = 0.0", "breathing.period_s: 0; allowed: 1.5 to 12"),
-        ("diameter_mm = 26.0", "diameter_mm = 70.0", "tumour: a tumour that is "),
-        ("roughness = 0.22", "roughness = 0.22\noffset_mm = [0, 0, 60]", "another lobe (RightUpper)"),
-        ("fitzpatrick = 2", "fitzpatrick = 7", "skin.fitzpatrick: 7; allowed: 1 to 6"),
-        ("sex = \"female\"", "sex = \"other\"", "unknown variant `other`"),
+        (
+            "mass_kg = 65.0",
+            "mass_kg = 180.0",
+            "mass_kg: 180 for 1630 mm; allowed: ",
+        ),
+        (
+            "stature_mm = 1630.0",
+            "stature_mm = nan",
+            "stature_mm: NaN; allowed: 1000 to 2100",
+        ),
+        (
+            "period_s = 3.9",
+            "period_s = 0.0",
+            "breathing.period_s: 0; allowed: 1.5 to 12",
+        ),
+        (
+            "diameter_mm = 26.0",
+            "diameter_mm = 70.0",
+            "tumour: a tumour that is ",
+        ),
+        (
+            "roughness = 0.22",
+            "roughness = 0.22\noffset_mm = [0, 0, 60]",
+            "another lobe (RightUpper)",
+        ),
+        (
+            "fitzpatrick = 2",
+            "fitzpatrick = 7",
+            "skin.fitzpatrick: 7; allowed: 1 to 6",
+        ),
+        (
+            "sex = \"female\"",
+            "sex = \"other\"",
+            "unknown variant `other`",
+        ),
         ("[skin]", "[skin]\ncolour = 3", "unknown field `colour`"),
     ] {
         assert!(text.contains(from), "{from}");
         let found = Patient::parse(&text.replace(from, to), "file.toml").unwrap_err();
         let found = found.to_string();
-        assert!(found.starts_with("file.toml:") && found.contains(words), "{found}");
+        assert!(
+            found.starts_with("file.toml:") && found.contains(words),
+            "{found}"
+        );
     }
     // Each by itself is allowed; together they squeeze.
     let mad = text
@@ -373,7 +478,10 @@ fn what_cannot_be_a_patient_is_named() {
         .replace("amplitude = 1.1", "amplitude = 2.0")
         .replace("amplitude_sd = 0.12", "amplitude_sd = 0.3");
     let found = Patient::parse(&mad, "file.toml").unwrap_err().to_string();
-    assert!(found.contains("breathing: motion that squeezes tissue to"), "{found}");
+    assert!(
+        found.contains("breathing: motion that squeezes tissue to"),
+        "{found}"
+    );
     let absent = Patient::load("p99").unwrap_err();
     assert_eq!(absent.exit_code(), 2);
 }

@@ -157,7 +157,8 @@ fn harmonics(l: usize, n: DVec3) -> Vec<f64> {
         let mut before = 0.0;
         let mut at: f64 = (1..=m).map(|i| (2 * i - 1) as f64).product();
         for k in m + 1..=l {
-            let next = ((2 * k - 1) as f64 * n.z * at - (k + m - 1) as f64 * before) / (k - m) as f64;
+            let next =
+                ((2 * k - 1) as f64 * n.z * at - (k + m - 1) as f64 * before) / (k - m) as f64;
             (before, at) = (at, next);
         }
         let ratio: f64 = (l - m + 1..=l + m).map(|i| i as f64).product();
