@@ -8,8 +8,8 @@
 //!                                                 '-- breathing: how many millimetres, when
 //! ```
 //!
-//! Displacement is u(x, t) = sum over k of w_k(t) m_k(x): five fields of the body ([`modes`]) and their
-//! weights over device time ([`breathing`]). At the reference phase, the end of exhaling of the mean
+//! Displacement is u(x, t) = sum over k of w_k(t) m_k(x): five fields of the body (`modes.rs`) and their
+//! weights over device time (`breathing.rs`). At the reference phase, the end of exhaling of the mean
 //! cycle at planning, all weights are 0. Three fields move the skin, so that it is at any time a
 //! blend of four key meshes; the others move lungs, diaphragm and tumour under it and lag behind,
 //! which makes the hysteresis between skin and tumour.

@@ -12,7 +12,7 @@ use super::real::{Jet, Real};
 use glam::{DMat3, DVec3};
 use rayon::prelude::*;
 
-/// How many modes there are, and how many of them, the first, move the skin.
+/// How many modes there are. The first three move the skin.
 pub const MODES: usize = 5;
 /// The breastbone's way to the front (pump handle) with the lower ribs' to the sides (bucket
 /// handle).

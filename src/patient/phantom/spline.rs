@@ -60,7 +60,7 @@ fn blend(c: [f64; 4], share: f64) -> (f64, f64) {
 
 /// Standard deviation of [`wander`] at whole numbers, and of its difference between neighbouring
 /// ones, over that of its coefficients.
-const AT_KNOTS: f64 = 0.707_106_781_186_547_6;
+const AT_KNOTS: f64 = std::f64::consts::FRAC_1_SQRT_2;
 const BETWEEN_KNOTS: f64 = 0.745_355_992_499_929_9;
 
 /// A random course without end, at any moment without those before it: coefficients at the whole

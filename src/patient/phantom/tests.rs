@@ -63,7 +63,11 @@ fn nothing_folds_over() {
             // Corners of the ranges and what is between them.
             let weights_mm = std::array::from_fn(|k| {
                 let share = draws.unit((i * MODES + k) as i64);
-                let share = if i % 2 == 0 { share.round() } else { share };
+                let share = if i.is_multiple_of(2) {
+                    share.round()
+                } else {
+                    share
+                };
                 bounds[k][0] + share * (bounds[k][1] - bounds[k][0])
             });
             let state = State {

@@ -100,11 +100,10 @@ impl Shape {
         let radial = gauss(RADIAL);
         directions().flat_map(move |(n, w)| {
             let radius = self.radius(n);
-            let at = radial.clone().into_iter().map(move |(u, v)| {
+            radial.clone().into_iter().map(move |(u, v)| {
                 let r = radius * 0.5 * (u + 1.0);
                 (self.centre + n * r, w * v * 0.5 * radius * r * r)
-            });
-            at
+            })
         })
     }
 
