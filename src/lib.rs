@@ -17,6 +17,7 @@
 //! | layer  | module | holds |
 //! | ------ | ------ | ----- |
 //! | ground | [`geometry`] | poses, the lens model, rigs, solids, meshes and their files, ray casting |
+//! | ground | [`patient`] | generated patients: a breathing thorax with a tumour |
 //! | ground | [`pattern`] | what a projector shows; the sequence manifest |
 //! | ground | [`profile`] | devices, scenes, stations and schedules of faults as typed, checked structs; the built-in ones |
 //! | ground | [`protocol`] | SCPI, dialects, the frame socket's header, the data line, USB and USB/IP, recordings, the service channel, `device.json` |
@@ -89,7 +90,9 @@ pub mod host;
 pub mod link;
 pub mod measure;
 mod numbers;
+pub mod patient;
 pub mod pattern;
+mod philox;
 pub mod profile;
 pub mod protocol;
 mod simd;

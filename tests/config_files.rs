@@ -2,6 +2,7 @@
 //! found and what is allowed; and no text at all that makes a reader panic.
 
 use phasma::geometry::Rig;
+use phasma::patient::phantom::Patient;
 use phasma::pattern::Manifest;
 use phasma::profile::faults::Schedule;
 use phasma::profile::{Profile, Scene, Station, TomlSource, profile_names, scene_names};
@@ -559,7 +560,7 @@ fn lists_of_numbers_have_the_length_that_they_have_everywhere() {
     const AT: &str = "file.toml";
     let mut lists = 0;
     let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("device-profiles");
-    for folder in ["", "scenes", "stations", "faults"] {
+    for folder in ["", "scenes", "stations", "faults", "patients"] {
         for entry in std::fs::read_dir(root.join(folder)).unwrap() {
             let path = entry.unwrap().path();
             if !path.is_file() {
@@ -571,6 +572,7 @@ fn lists_of_numbers_have_the_length_that_they_have_everywhere() {
                 "" => Profile::parse(text, AT).map(drop),
                 "scenes" => Scene::parse(text, AT).map(drop),
                 "stations" => Station::parse(text, AT).map(drop),
+                "patients" => Patient::parse(text, AT).map(drop),
                 _ => Schedule::from_source(&TomlSource::new(text, AT)).map(drop),
             });
         }

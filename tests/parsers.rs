@@ -123,6 +123,7 @@ parsers!(
     dialect_wire,
     faults,
     scene,
+    patient,
     stl,
     obj,
     ply,

@@ -4,7 +4,9 @@ use std::path::{Path, PathBuf};
 
 const DEVICE: [&str; 2] = ["emulator", "link"];
 const HOST: [&str; 4] = ["host", "decode", "calibrate", "measure"];
-const GROUND: [&str; 5] = ["geometry", "pattern", "profile", "protocol", "v4l2"];
+const GROUND: [&str; 6] = [
+    "geometry", "patient", "pattern", "profile", "protocol", "v4l2",
+];
 const TOP: [&str; 3] = ["study", "cli", "doctor"];
 
 fn sources(module: &str) -> Vec<(PathBuf, String)> {
@@ -89,6 +91,18 @@ fn neither_half_imports_the_other() {
 fn the_ground_stands_on_nothing_and_no_half_on_the_top() {
     assert_apart(&GROUND, &[&DEVICE[..], &HOST, &TOP].concat());
     assert_apart(&[&DEVICE[..], &HOST].concat(), &TOP);
+}
+
+/// A phantom is the truth about a patient: what a host would have to find out.
+#[test]
+fn the_host_knows_no_phantom() {
+    for module in HOST {
+        for (path, text) in sources(module) {
+            let mut code = text.lines().map(|l| l.split("//").next().unwrap_or(""));
+            let named = code.any(|line| line.contains("phantom"));
+            assert!(!named, "{} names the phantom", path.display());
+        }
+    }
 }
 
 #[test]

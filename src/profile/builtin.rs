@@ -87,7 +87,11 @@ pub(super) fn scene_source(name_or_path: &str) -> Result<(TomlSource, PathBuf)> 
     source(name_or_path, &SCENES, "scene")
 }
 
-fn source(
+/// The text of what ships under a name, or of a file, with the file's folder.
+///
+/// # Errors
+/// A name that is neither, with those that ship; an unreadable file.
+pub(crate) fn source(
     name_or_path: &str,
     shipped: &[(&str, &str)],
     kind: &str,

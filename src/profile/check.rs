@@ -7,17 +7,17 @@ use std::fmt::{Display, LowerExp};
 use std::ops::RangeInclusive;
 
 /// A source with the checks that its values go through.
-pub(super) struct Check<'a> {
-    pub(super) source: &'a TomlSource,
+pub(crate) struct Check<'a> {
+    pub(crate) source: &'a TomlSource,
 }
 
 impl<'a> Check<'a> {
-    pub(super) fn new(source: &'a TomlSource) -> Self {
+    pub(crate) fn new(source: &'a TomlSource) -> Self {
         Self { source }
     }
 
     /// A finite number in an inclusive range.
-    pub(super) fn within<T>(&self, field: &str, value: T, range: RangeInclusive<T>) -> Result<()>
+    pub(crate) fn within<T>(&self, field: &str, value: T, range: RangeInclusive<T>) -> Result<()>
     where
         T: PartialOrd + Display + LowerExp + Copy,
     {
@@ -41,7 +41,7 @@ impl<'a> Check<'a> {
         Err(self.source.violation(field, found, allowed))
     }
 
-    pub(super) fn all_within(
+    pub(crate) fn all_within(
         &self,
         field: &str,
         values: &[f64],
@@ -52,7 +52,7 @@ impl<'a> Check<'a> {
             .try_for_each(|&value| self.within(field, value, range.clone()))
     }
 
-    pub(super) fn that(
+    pub(crate) fn that(
         &self,
         ok: bool,
         field: &str,
@@ -67,7 +67,7 @@ impl<'a> Check<'a> {
     }
 }
 
-pub(super) fn name(text: &str, field: &str, check: &Check<'_>) -> Result<()> {
+pub(crate) fn name(text: &str, field: &str, check: &Check<'_>) -> Result<()> {
     let ok = (1..=64).contains(&text.len())
         && text
             .chars()
@@ -81,7 +81,7 @@ pub(super) fn name(text: &str, field: &str, check: &Check<'_>) -> Result<()> {
 }
 
 /// Refuses coefficients for which the image folds over: some pixel would have no ray, or two.
-pub(super) fn distortion(lens: &Lens, field: &str, check: &Check<'_>) -> Result<()> {
+pub(crate) fn distortion(lens: &Lens, field: &str, check: &Check<'_>) -> Result<()> {
     check.all_within(field, &lens.distortion, -1e3..=1e3)?;
     lens.folds_before().map_or(Ok(()), |px| {
         Err(check

@@ -1,10 +1,10 @@
 //! `device-profiles/*.toml` and scene files as typed, validated structs.
 
-mod builtin;
+pub(crate) mod builtin;
 mod calibration;
 mod camera;
 mod camera_response;
-mod check;
+pub(crate) mod check;
 mod control;
 mod device;
 pub mod faults;
@@ -21,7 +21,7 @@ mod response;
 mod scene;
 mod sensor;
 mod sequence;
-mod skin;
+pub(crate) mod skin;
 mod source;
 mod station;
 mod surface;

@@ -28,7 +28,7 @@ fn index() -> f64 {
     1.4
 }
 
-pub(super) fn check(skin: &Skin, at: &str, check: &Check<'_>) -> Result<()> {
+pub(crate) fn check(skin: &Skin, at: &str, check: &Check<'_>) -> Result<()> {
     let field = |name: &str| format!("{at}.{name}");
     let coefficients = [skin.absorption_per_mm, skin.reduced_scattering_per_mm];
     let given = coefficients.iter().flatten().count();

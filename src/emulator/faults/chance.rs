@@ -1,7 +1,7 @@
 //! Chance by counters: what a fault draws depends on the schedule's seed, the device's name, the
 //! fault's number and the event's, and on nothing else that has happened.
 
-use crate::emulator::render::philox;
+use crate::philox::philox;
 
 /// The chance of a schedule on one device.
 #[derive(Debug, Clone, Copy, Default)]

@@ -45,6 +45,5 @@ pub use gpu::{Adapter, PassTime};
 pub use options::{Backend, Options};
 pub use plan::{Decision, Plan};
 pub use renderer::{Pending, Renderer};
-pub(crate) use sensor::philox;
 pub use sensor::read_out;
 pub use term::{Pass, Term};

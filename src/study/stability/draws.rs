@@ -1,6 +1,6 @@
 //! Random numbers of the study: Philox4x32-10 by seed, stream and index.
 
-use crate::emulator::render::philox;
+use crate::philox::philox;
 use glam::DVec2;
 use std::f64::consts::TAU;
 

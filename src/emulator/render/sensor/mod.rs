@@ -16,8 +16,6 @@ mod response;
 pub use alone::read_out;
 pub(super) use fixed::FixedPattern;
 
-pub(crate) use philox::philox;
-
 use super::{Plan, Term};
 use crate::profile::Sensor as Parameters;
 use crate::protocol::PixelFormat;

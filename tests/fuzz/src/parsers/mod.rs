@@ -58,6 +58,7 @@ pub const PARSERS: &[Parser] = &[
     parser("dialect_wire", control::dialect_wire),
     of_files("faults", text::faults, "device-profiles/faults", "toml"),
     of_files("scene", text::scene, "device-profiles/scenes", "toml"),
+    of_files("patient", text::patient, "device-profiles/patients", "toml"),
     parser("stl", files::stl),
     parser("obj", files::obj),
     parser("ply", files::ply),

@@ -4,6 +4,7 @@ use phasma::decode::Plan;
 use phasma::emulator::Firmware;
 use phasma::geometry::Rig;
 use phasma::host::usb::UsbAddress;
+use phasma::patient::phantom::Patient;
 use phasma::pattern::Manifest;
 use phasma::profile::faults::Schedule;
 use phasma::profile::{Profile, Scene, Station, TomlSource};
@@ -50,6 +51,15 @@ pub fn scene(bytes: &[u8]) -> bool {
         return false;
     };
     assert!(scene.rig_from_scene().translation_mm.is_finite());
+    true
+}
+
+/// A patient that is read has a mass that a body can have.
+pub fn patient(bytes: &[u8]) -> bool {
+    let Ok(patient) = Patient::parse(&text(bytes), "fuzz") else {
+        return false;
+    };
+    assert!(patient.body_mass_index() > 5.0);
     true
 }
 

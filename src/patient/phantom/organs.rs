@@ -1,0 +1,216 @@
+//! Organs in the body frame at the reference phase: the cavity within ribs and abdominal wall, the
+//! diaphragm's domes, two lungs with their fissures, the heart and the spine.
+//!
+//! Distances are signed, negative inside, and close to millimetres near a surface: they say which
+//! side a place is on and how a voxel at the border is shared, not how far it is elsewhere.
+//!
+//! At end-exhale the right dome stands 2 cm above the breastbone's tip and the left one 12 mm lower,
+//! and the lungs hold with their tissue some 4 litres in a man (functional residual capacity 3.3 l and
+//! 0.5 kg of tissue: ICRP Publication 89, 2002).
+
+use super::outline::{FIRST, ROWS, STATURE_MM, STEP};
+use super::parameters::{Lobe, Patient, Sex};
+use super::real::Real;
+use super::spline::Spline;
+use super::tumour::Shape;
+use glam::DVec3;
+
+const SIDE: [f64; ROWS] = [
+    118., 125., 130., 130., 128., 125., 122., 119., 118., 118., 119., 122., 126., 129., 131., 130.,
+    125., 112., 88., 60., 44., 40., 40., 40.,
+];
+const FRONT: [f64; ROWS] = [
+    45., 52., 58., 62., 62., 61., 60., 60., 61., 63., 67., 73., 80., 86., 89., 87., 80., 66., 50.,
+    38., 32., 30., 30., 30.,
+];
+const BACK: [f64; ROWS] = [
+    55., 62., 68., 72., 74., 74., 74., 74., 75., 77., 80., 84., 88., 90., 91., 90., 86., 78., 66.,
+    52., 42., 38., 38., 38.,
+];
+/// A woman's cavity over a man's of the same stature.
+const FEMALE: f64 = 0.93;
+
+/// The organs of one patient.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Organs {
+    side: Spline,
+    front: Spline,
+    back: Spline,
+    /// Stature over that of the tables, and the same across the body.
+    scale: f64,
+    across: f64,
+    stature_mm: f64,
+}
+
+/// Where lungs, fissures and what is between them stand, in units of the tables.
+const DOMES: [([f64; 2], f64); 2] = [([-66.0, 0.0], 22.0), ([66.0, 0.0], 10.0)];
+const HEART: ([f64; 3], [f64; 3]) = ([24.0, -34.0, 48.0], [50.0, 44.0, 58.0]);
+const SPINE: ([f64; 2], f64) = ([0.0, 62.0], 24.0);
+/// Half the width of what is between the lungs above the heart.
+const BETWEEN: f64 = 25.0;
+
+impl Organs {
+    pub(super) fn new(p: &Patient) -> Self {
+        let scale = p.stature_mm / STATURE_MM;
+        let across = match p.sex {
+            Sex::Female => scale * FEMALE,
+            Sex::Male => scale,
+        };
+        let spline = |rows: &[f64; ROWS]| {
+            let rows = rows.iter().map(|v| v * across).collect();
+            Spline::new(FIRST * p.stature_mm, STEP * p.stature_mm, rows)
+        };
+        Self {
+            side: spline(&SIDE),
+            front: spline(&FRONT),
+            back: spline(&BACK),
+            scale,
+            across,
+            stature_mm: p.stature_mm,
+        }
+    }
+
+    /// Where a place is between the axis (0) and the cavity's wall (1): the 2.5th power of its
+    /// distance from the axis over the wall's, twice continuously differentiable.
+    pub(super) fn cavity<T: Real>(&self, [x, y, z]: [T; 3]) -> T {
+        let depth = if y.value() < 0.0 {
+            &self.front
+        } else {
+            &self.back
+        };
+        let (a, b) = (self.side.at(z), depth.at(z));
+        (x * inverse(a)).abs_pow_5_2() + (y * inverse(b)).abs_pow_5_2()
+    }
+
+    /// How far a place is outside the cavity.
+    pub(super) fn wall(&self, x: DVec3) -> f64 {
+        let depth = if x.y < 0.0 { &self.front } else { &self.back };
+        let inwards = self.side.at(x.z).min(depth.at(x.z));
+        (self.cavity(x.to_array()).powf(0.4) - 1.0) * inwards
+    }
+
+    /// How far a place is outside the lungs.
+    pub(super) fn lungs(&self, x: DVec3) -> f64 {
+        let s = self.scale;
+        let (u, v) = (x.x.abs() / self.across - 52.0, x.y / self.across);
+        let apex = x.z - 0.13 * self.stature_mm + (u * u + v * v) / 110.0 * s;
+        let outside = [
+            self.wall(x) + 6.0 * s,
+            apex,
+            self.diaphragm(x),
+            -self.between(x),
+        ];
+        // A smooth maximum, so that edges are rounded by some 3 mm.
+        const ROUND: f64 = 2.0;
+        let most = outside.into_iter().fold(f64::MIN, f64::max);
+        let sum: f64 = outside.iter().map(|d| ((d - most) / ROUND).exp()).sum();
+        most + ROUND * sum.ln()
+    }
+
+    /// How far a place is below the domes.
+    pub(super) fn diaphragm(&self, x: DVec3) -> f64 {
+        let height = |(at, top): ([f64; 2], f64)| {
+            let u = (x.x / self.across - at[0]) / 66.0;
+            let v = (x.y / self.across - at[1]) / 78.0;
+            // It falls to the recess at the wall behind, less in front.
+            (top - 34.0 * u * u - if v > 0.0 { 52.0 } else { 30.0 } * v * v) * self.scale
+        };
+        let [right, left] = DOMES.map(height);
+        let round = 6.0;
+        let most = right.max(left);
+        let top =
+            most + round * (((right - most) / round).exp() + ((left - most) / round).exp()).ln();
+        top - x.z
+    }
+
+    /// How far a place is outside heart, spine and what else is between the lungs.
+    pub(super) fn between(&self, x: DVec3) -> f64 {
+        let middle = x.x.abs() - BETWEEN * self.across;
+        self.heart(x)
+            .min(self.spine(x) - 4.0 * self.across)
+            .min(middle)
+    }
+
+    pub(super) fn heart(&self, x: DVec3) -> f64 {
+        let (at, size) = HEART;
+        let scale = DVec3::new(self.across, self.across, self.scale);
+        let q = (x / scale - DVec3::from_array(at)) / DVec3::from_array(size);
+        (q.length() - 1.0) * size[1] * self.across
+    }
+
+    pub(super) fn spine(&self, x: DVec3) -> f64 {
+        let (at, radius) = SPINE;
+        (x.x - at[0] * self.across).hypot(x.y - at[1] * self.across) - radius * self.across
+    }
+
+    /// How far a place is outside the ribs, which slope down to the front within the cavity's wall.
+    pub(super) fn ribs(&self, x: DVec3) -> f64 {
+        let s = self.scale;
+        let shell = (self.wall(x) - 4.0 * s).abs() - 3.5 * s;
+        let along = x.z - 0.45 * x.y;
+        let turn = (along / (27.0 * s)).rem_euclid(1.0) - 0.5;
+        let rib = turn.abs() * 27.0 * s - 6.0 * s;
+        let caged = (-0.04 * self.stature_mm - x.z).max(x.z - 0.125 * self.stature_mm);
+        shell.max(rib).max(caged)
+    }
+
+    /// How far a place is outside the liver, which fills the right half under the dome.
+    pub(super) fn liver(&self, x: DVec3) -> f64 {
+        let low = -0.065 * self.stature_mm + 0.35 * x.x - x.z;
+        let left = x.x - 40.0 * self.across;
+        (4.0 * self.scale - self.diaphragm(x))
+            .max(self.wall(x) + 6.0 * self.scale)
+            .max(low)
+            .max(left)
+            .max(6.0 * self.scale - self.spine(x))
+    }
+
+    /// The lobe that a place of a lung is in.
+    pub(super) fn lobe(&self, x: DVec3) -> Option<Lobe> {
+        if self.lungs(x) > 0.0 {
+            return None;
+        }
+        // The oblique fissures run from high behind to low in front.
+        let s = self.scale;
+        let lower = x.z < 66.0 * s + 0.73 * x.y;
+        let middle = x.z < 97.0 * s;
+        Some(match (x.x < 0.0, lower, middle) {
+            (true, true, _) => Lobe::RightLower,
+            (true, false, true) => Lobe::RightMiddle,
+            (true, false, false) => Lobe::RightUpper,
+            (false, true, _) => Lobe::LeftLower,
+            (false, false, _) => Lobe::LeftUpper,
+        })
+    }
+
+    /// Where tumours of a lobe stand.
+    pub(super) fn place(&self, lobe: Lobe) -> DVec3 {
+        let at = match lobe {
+            Lobe::RightUpper => [-66.0, -4.0, 148.0],
+            Lobe::RightMiddle => [-78.0, -40.0, 74.0],
+            Lobe::RightLower => [-76.0, 42.0, 46.0],
+            Lobe::LeftUpper => [66.0, -4.0, 148.0],
+            Lobe::LeftLower => [78.0, 44.0, 48.0],
+        };
+        DVec3::from_array(at) * DVec3::new(self.across, self.across, self.scale)
+    }
+
+    /// What of a tumour is not where its lobe is, in words.
+    pub(super) fn out_of_lobe(&self, lobe: Lobe, shape: &Shape) -> Option<String> {
+        let found = self.lobe(shape.centre());
+        if found != Some(lobe) {
+            return Some(match found {
+                Some(other) => format!("the middle of the tumour in another lobe ({other:?})"),
+                None => "the middle of the tumour outside the lungs".to_owned(),
+            });
+        }
+        let out = (shape.surface().map(|x| self.lungs(x))).fold(f64::MIN, f64::max);
+        (out > 0.0).then(|| format!("a tumour that is {out:.1} mm out of the lung"))
+    }
+}
+
+/// 1 / v of what is never 0.
+fn inverse<T: Real>(v: T) -> T {
+    let value = v.value();
+    v.chain(1.0 / value, -1.0 / (value * value))
+}
