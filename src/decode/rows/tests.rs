@@ -1,6 +1,7 @@
 //! One row by both instruction sets.
 
 use super::*;
+use crate::decode::Options;
 use crate::decode::plan::Plan;
 use crate::geometry::NoiseModel;
 use crate::pattern::Manifest;

@@ -42,14 +42,20 @@ pub(super) fn section(frames: &[&Row], bound_um: f64) -> Section {
     let best = front(&places);
     for (row, best) in frames.iter().zip(&best) {
         let [filter, rays] = frame_name(row);
+        let edges = row.value("crease_rmse_mm");
         errors.row([
             filter.clone(),
             rays.clone(),
             um(row.value("inlier_rmse_mm")),
             of_bound(row, bound_um),
             figures(row.value("levels"), 3),
-            um(row.value("crease_rmse_mm")),
-            percent(row.value("gross")),
+            um(edges),
+            // The closed form in f64 has no edges, and so no gross errors of them.
+            percent(if edges.is_nan() {
+                f64::NAN
+            } else {
+                row.value("gross")
+            }),
         ]);
         if row.value("ns").is_nan() {
             continue;
