@@ -127,4 +127,7 @@ parsers!(
     obj,
     ply,
     picture,
+    metaimage,
+    dicom,
+    planning,
 );

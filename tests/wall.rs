@@ -4,7 +4,9 @@ use std::path::{Path, PathBuf};
 
 const DEVICE: [&str; 2] = ["emulator", "link"];
 const HOST: [&str; 4] = ["host", "decode", "calibrate", "measure"];
-const GROUND: [&str; 5] = ["geometry", "pattern", "profile", "protocol", "v4l2"];
+const GROUND: [&str; 6] = [
+    "geometry", "patient", "pattern", "profile", "protocol", "v4l2",
+];
 const TOP: [&str; 3] = ["study", "cli", "doctor"];
 
 fn sources(module: &str) -> Vec<(PathBuf, String)> {

@@ -23,12 +23,18 @@ const UNDEFINED: u32 = u32::MAX;
 const SYNTAXES: [(&str, &str); 12] = [
     ("1.2.840.10008.1.2", "implicit VR little endian"),
     ("1.2.840.10008.1.2.1", "explicit VR little endian"),
-    ("1.2.840.10008.1.2.1.99", "deflated explicit VR little endian"),
+    (
+        "1.2.840.10008.1.2.1.99",
+        "deflated explicit VR little endian",
+    ),
     ("1.2.840.10008.1.2.2", "explicit VR big endian"),
     ("1.2.840.10008.1.2.4.50", "JPEG baseline"),
     ("1.2.840.10008.1.2.4.51", "JPEG extended"),
     ("1.2.840.10008.1.2.4.57", "JPEG lossless"),
-    ("1.2.840.10008.1.2.4.70", "JPEG lossless, first-order prediction"),
+    (
+        "1.2.840.10008.1.2.4.70",
+        "JPEG lossless, first-order prediction",
+    ),
     ("1.2.840.10008.1.2.4.80", "JPEG-LS lossless"),
     ("1.2.840.10008.1.2.4.90", "JPEG 2000 lossless"),
     ("1.2.840.10008.1.2.4.91", "JPEG 2000"),
@@ -70,8 +76,12 @@ impl<'a> Elements<'a> {
                 let length = walk.u32()?;
                 match tag {
                     ITEM if length == UNDEFINED => open.push(*open.last().unwrap_or(&implicit)),
-                    ITEM => drop(walk.take(length as usize)?),
-                    ITEM_END | SEQUENCE_END if open.len() > 1 => drop(open.pop()),
+                    ITEM => {
+                        walk.take(length as usize)?;
+                    }
+                    ITEM_END | SEQUENCE_END if open.len() > 1 => {
+                        open.pop();
+                    }
                     _ => return Err(walk.wrong(from, "a delimiter of nothing", "data elements")),
                 }
             } else {

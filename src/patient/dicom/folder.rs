@@ -19,10 +19,7 @@ pub(super) fn slices(folder: &Path) -> Result<Vec<Slice>> {
     if files.is_empty() {
         return Err(Error::input(folder.display(), "no file", "CT images"));
     }
-    let read: Vec<Result<Slice>> = files
-        .par_iter()
-        .map(|path| Slice::look(path))
-        .collect();
+    let read: Vec<Result<Slice>> = files.par_iter().map(|path| Slice::look(path)).collect();
     // The first complaint in order of the paths, whoever was first.
     read.into_iter().collect()
 }

@@ -165,7 +165,10 @@ fn divided(slices: Vec<Slice>) -> Vec<(f64, Vec<Slice>)> {
         return parts;
     }
     let percent = percent_of(&slices);
-    percent.map(|percent| (percent, slices)).into_iter().collect()
+    percent
+        .map(|percent| (percent, slices))
+        .into_iter()
+        .collect()
 }
 
 /// The percentage in a series' description: a number before `%`, or whole per cent after `T`, `T=` or
@@ -176,7 +179,9 @@ pub(super) fn in_words(text: &str) -> Option<f64> {
         let before = before.trim_end();
         let from = before
             .rfind(|c: char| !digit(c) && c != '.')
-            .map_or(0, |at| at + before[at..].chars().next().map_or(1, char::len_utf8));
+            .map_or(0, |at| {
+                at + before[at..].chars().next().map_or(1, char::len_utf8)
+            });
         return before[from..].parse().ok();
     }
     let lower = text.to_ascii_lowercase();

@@ -112,7 +112,8 @@ pub(super) struct Slice {
 impl Slice {
     /// Reads what an image says.
     pub(super) fn look(path: &Path) -> Result<Self> {
-        Self::with(path, |slice, elements| slice.stored(elements).map(|_| ())).map(|(slice, ())| slice)
+        Self::with(path, |slice, elements| slice.stored(elements).map(|_| ()))
+            .map(|(slice, ())| slice)
     }
 
     /// Reads an image: what it says and its pixels, in Hounsfield units of at least -1024, columns
@@ -121,7 +122,10 @@ impl Slice {
         Self::with(path, |slice, elements| slice.pixels(elements))
     }
 
-    fn with<T>(path: &Path, use_it: impl Fn(&Self, &Elements<'_>) -> Result<T>) -> Result<(Self, T)> {
+    fn with<T>(
+        path: &Path,
+        use_it: impl Fn(&Self, &Elements<'_>) -> Result<T>,
+    ) -> Result<(Self, T)> {
         let bytes = crate::file::read(path, MOST_BYTES)?;
         let place = path.display().to_string();
         let elements = Elements::parse(&bytes, &WANTED, &place)?;
@@ -243,7 +247,12 @@ impl Slice {
 fn representation(e: &Elements<'_>) -> Result<(u16, bool)> {
     let allocated = e.short(ALLOCATED, "BitsAllocated")?;
     if allocated != 16 {
-        return Err(e.wrong(ALLOCATED, "BitsAllocated", allocated, "16, as CT images have"));
+        return Err(e.wrong(
+            ALLOCATED,
+            "BitsAllocated",
+            allocated,
+            "16, as CT images have",
+        ));
     }
     let bits = e.short(STORED, "BitsStored")?;
     if !(1..=16).contains(&bits) {
@@ -256,6 +265,11 @@ fn representation(e: &Elements<'_>) -> Result<(u16, bool)> {
     match e.short(SIGNED, "PixelRepresentation")? {
         0 => Ok((bits, false)),
         1 => Ok((bits, true)),
-        n => Err(e.wrong(SIGNED, "PixelRepresentation", n, "0 (unsigned) or 1 (signed)")),
+        n => Err(e.wrong(
+            SIGNED,
+            "PixelRepresentation",
+            n,
+            "0 (unsigned) or 1 (signed)",
+        )),
     }
 }

@@ -112,7 +112,11 @@ fn alike(slices: &[Slice]) -> Result<()> {
             return differs("patient", slice.patient.clone(), first.patient.clone());
         }
         if slice.frame != first.frame {
-            return differs("frame of reference", slice.frame.clone(), first.frame.clone());
+            return differs(
+                "frame of reference",
+                slice.frame.clone(),
+                first.frame.clone(),
+            );
         }
         if slice.size != first.size {
             let words = |s: &Slice| format!("{} x {} pixels", s.size[0], s.size[1]);
@@ -148,7 +152,10 @@ fn upright(slices: &[Slice]) -> Result<()> {
             };
             return Err(Error::input(
                 slice.place(),
-                format!("a slice {aside:.3} mm beside that of {}{tilt}", first.place()),
+                format!(
+                    "a slice {aside:.3} mm beside that of {}{tilt}",
+                    first.place()
+                ),
                 "slices straight above each other: no gantry tilt, no shift",
             ));
         }

@@ -31,7 +31,9 @@ pub(super) fn mesh(volume: &Volume, level: f64, bits: &Bits, place: &str) -> Res
                 row_triangles(bits, &starts, [j, k], &mut triangles);
             }
             if mirrored {
-                triangles.iter_mut().for_each(|t: &mut [u32; 3]| t.swap(1, 2));
+                triangles
+                    .iter_mut()
+                    .for_each(|t: &mut [u32; 3]| t.swap(1, 2));
             }
             triangles
         })

@@ -49,7 +49,11 @@ pub enum Parts {
 /// 2^26 runs of voxels or vertices.
 pub fn isosurface(volume: &Volume, level: f64, parts: Parts, place: &str) -> Result<Mesh> {
     if !level.is_finite() {
-        return Err(Error::input(place, format!("a level of {level}"), "a number"));
+        return Err(Error::input(
+            place,
+            format!("a level of {level}"),
+            "a number",
+        ));
     }
     let mut bits = Bits::of(volume, level);
     if bits.is_empty() {

@@ -56,8 +56,7 @@ fn loops(inside: usize) -> Vec<Vec<usize>> {
             while is_in(face[(end + 1) % 4]) {
                 end += 1;
             }
-            next[between(before, face[begin])] =
-                Some(between(face[end % 4], face[(end + 1) % 4]));
+            next[between(before, face[begin])] = Some(between(face[end % 4], face[(end + 1) % 4]));
         }
     }
     let mut loops = Vec::new();
@@ -77,7 +76,9 @@ fn loops(inside: usize) -> Vec<Vec<usize>> {
 
 /// Whether two edges of the cell lie in one face.
 fn share_a_face(a: usize, b: usize) -> bool {
-    let on = |edge: usize, face: &[usize; 4]| (0..4).any(|i| between(face[i], face[(i + 1) % 4]) == edge);
+    let on = |edge: usize, face: &[usize; 4]| {
+        (0..4).any(|i| between(face[i], face[(i + 1) % 4]) == edge)
+    };
     faces().iter().any(|face| on(a, face) && on(b, face))
 }
 
@@ -85,7 +86,10 @@ fn triangles(inside: usize) -> Vec<[u8; 3]> {
     let mut triangles = Vec::new();
     for list in loops(inside) {
         let found = cut(&list, 0, list.len() - 1, &mut triangles);
-        debug_assert!(found, "every loop has a triangulation without diagonals in faces");
+        debug_assert!(
+            found,
+            "every loop has a triangulation without diagonals in faces"
+        );
     }
     triangles
 }

@@ -93,11 +93,7 @@ impl<'a> Data<'a> {
 }
 
 /// At most `most` bytes of a source by pieces; how many there were.
-fn pieces(
-    source: &mut impl Read,
-    most: u64,
-    take: &mut impl FnMut(&[u8]),
-) -> std::io::Result<u64> {
+fn pieces(source: &mut impl Read, most: u64, take: &mut impl FnMut(&[u8])) -> std::io::Result<u64> {
     let mut piece = vec![0; PIECE];
     let mut done = 0;
     while done < most {

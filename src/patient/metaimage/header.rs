@@ -1,8 +1,8 @@
 //! The text at the head: `Key = Value` by lines, the last of them `ElementDataFile`.
 
 use super::element::{ALLOWED, Element};
+use super::lines::{Lines, shown};
 use crate::error::{Error, Result};
-use crate::geometry::file::{next_line, quoted};
 use crate::patient::volume::Grid;
 use glam::{DMat3, DVec3};
 use std::fs::File;
@@ -65,12 +65,6 @@ impl Header {
     }
 }
 
-/// The lines that matter, each with its number.
-struct Lines<'a> {
-    place: String,
-    lines: Vec<(usize, &'a str, &'a str)>,
-}
-
 fn parse(bytes: &[u8], path: &Path) -> Result<Header> {
     let (lines, end) = Lines::read(bytes, path)?;
     lines.is("ObjectType", "Image")?;
@@ -96,8 +90,8 @@ fn parse(bytes: &[u8], path: &Path) -> Result<Header> {
         return Err(lines.wrong("DimSize", found, allowed));
     }
     let element = lines.needed("ElementType")?;
-    let element =
-        Element::named(element).ok_or_else(|| lines.wrong("ElementType", shown(element), ALLOWED))?;
+    let element = Element::named(element)
+        .ok_or_else(|| lines.wrong("ElementType", shown(element), ALLOWED))?;
     let big_endian = lines
         .flag(&["BinaryDataByteOrderMSB", "ElementByteOrderMSB"])?
         .unwrap_or(false);
@@ -119,121 +113,7 @@ fn parse(bytes: &[u8], path: &Path) -> Result<Header> {
     })
 }
 
-impl<'a> Lines<'a> {
-    /// All lines, and the offset of what follows them.
-    fn read(bytes: &'a [u8], path: &Path) -> Result<(Self, u64)> {
-        let mut lines = Self {
-            place: path.display().to_string(),
-            lines: Vec::new(),
-        };
-        let mut rest = bytes;
-        let mut number = 0;
-        while let Some(line) = next_line(&mut rest) {
-            number += 1;
-            let text = str::from_utf8(line).ok();
-            let split = text.and_then(|line| line.split_once('='));
-            let Some((key, value)) = split.map(|(k, v)| (k.trim(), v.trim())) else {
-                if line.trim_ascii().is_empty() {
-                    continue;
-                }
-                return Err(Error::input(
-                    format!("{}:{number}", lines.place),
-                    quoted(line),
-                    "a MetaImage's header: lines `Key = Value`, the last of them ElementDataFile",
-                ));
-            };
-            lines.lines.push((number, key, value));
-            if key == "ElementDataFile" {
-                return Ok((lines, (bytes.len() - rest.len()) as u64));
-            }
-        }
-        Err(Error::input(
-            format!("{}:{number}", lines.place),
-            "no ElementDataFile",
-            "a MetaImage's header, whose last line says ElementDataFile",
-        ))
-    }
-
-    /// The value of a key that has several names.
-    ///
-    /// # Errors
-    /// Two values that are not the same.
-    fn any_of(&self, keys: &[&'static str]) -> Result<Option<(&'static str, &'a str)>> {
-        let mut found: Option<(&'static str, &'a str)> = None;
-        for &(_, key, value) in &self.lines {
-            let Some(&key) = keys.iter().find(|&&k| k == key) else {
-                continue;
-            };
-            if let Some((_, before)) = found
-                && before != value
-            {
-                let found = format!("{} after {}", shown(value), shown(before));
-                return Err(self.wrong(key, found, "one value"));
-            }
-            found = Some((key, value));
-        }
-        Ok(found)
-    }
-
-    fn get(&self, key: &'static str) -> Result<Option<&'a str>> {
-        Ok(self.any_of(&[key])?.map(|(_, value)| value))
-    }
-
-    fn needed(&self, key: &'static str) -> Result<&'a str> {
-        self.get(key)?
-            .ok_or_else(|| Error::input(&self.place, format!("no {key}"), "a line that says it"))
-    }
-
-    /// Checks a key that has only one value that is read here, where it stands at all.
-    fn is(&self, key: &str, wanted: &str) -> Result<()> {
-        let same = |value: &str| value.eq_ignore_ascii_case(wanted);
-        match self.lines.iter().find(|(_, k, _)| *k == key) {
-            Some((_, _, value)) if !same(value) => Err(self.wrong(key, shown(value), wanted)),
-            _ => Ok(()),
-        }
-    }
-
-    fn flag(&self, keys: &[&'static str]) -> Result<Option<bool>> {
-        let Some((key, value)) = self.any_of(keys)? else {
-            return Ok(None);
-        };
-        match value.bytes().next().map(|b| b.to_ascii_lowercase()) {
-            // As MetaIO reads them.
-            Some(b't' | b'1') => Ok(Some(true)),
-            Some(b'f' | b'0') => Ok(Some(false)),
-            _ => Err(self.wrong(key, shown(value), "True or False")),
-        }
-    }
-
-    fn number<T: std::str::FromStr>(&self, key: &'static str, allowed: &str) -> Result<Option<T>> {
-        let Some(value) = self.get(key)? else {
-            return Ok(None);
-        };
-        match value.parse() {
-            Ok(number) => Ok(Some(number)),
-            Err(_) => Err(self.wrong(key, shown(value), allowed)),
-        }
-    }
-
-    fn numbers<T: std::str::FromStr, const N: usize>(
-        &self,
-        keys: &[&'static str],
-    ) -> Result<Option<(&'static str, [T; N])>> {
-        let Some((key, value)) = self.any_of(keys)? else {
-            return Ok(None);
-        };
-        let parsed: Vec<T> = value
-            .split_whitespace()
-            .map_while(|word| word.parse().ok())
-            .take(N + 1)
-            .collect();
-        let words = value.split_whitespace().count();
-        match <[T; N]>::try_from(parsed) {
-            Ok(numbers) if words == N => Ok(Some((key, numbers))),
-            _ => Err(self.wrong(key, shown(value), format!("{N} numbers"))),
-        }
-    }
-
+impl Lines<'_> {
     fn grid(&self) -> Result<Grid> {
         let Some((_, size)) = self.numbers::<usize, 3>(&["DimSize"])? else {
             return Err(Error::input(&self.place, "no DimSize", "three numbers"));
@@ -299,25 +179,13 @@ impl<'a> Lines<'a> {
             None => Skip::Bytes(0),
             Some(-1) => Skip::AllButTheData,
             Some(n) => Skip::Bytes(u64::try_from(n).map_err(|_| {
-                self.wrong("HeaderSize", n, "-1 (the data are last), or 0 or more bytes")
+                self.wrong(
+                    "HeaderSize",
+                    n,
+                    "-1 (the data are last), or 0 or more bytes",
+                )
             })?),
         };
         Ok((path.with_file_name("").join(name), skip))
     }
-
-    /// A complaint about a key's value, with its line.
-    fn wrong(
-        &self,
-        key: &str,
-        found: impl std::fmt::Display,
-        allowed: impl std::fmt::Display,
-    ) -> Error {
-        let line = self.lines.iter().rev().find(|(_, k, _)| *k == key);
-        let line = line.map_or(1, |&(number, _, _)| number);
-        Error::input(format!("{}:{line}: {key}", self.place), found, allowed)
-    }
-}
-
-fn shown(text: &str) -> String {
-    quoted(text.as_bytes())
 }

@@ -8,6 +8,7 @@
 mod data;
 mod element;
 mod header;
+mod lines;
 #[cfg(test)]
 mod tests;
 mod write;
@@ -78,10 +79,14 @@ impl Header {
         if self.channels == wanted {
             return Ok(());
         }
-        let found = match self.channels {
-            1 => "1 number a voxel".to_owned(),
-            n => format!("{n} numbers a voxel"),
-        };
-        Err(Error::input(&self.place, found, allowed))
+        Err(Error::input(&self.place, channels(self.channels), allowed))
+    }
+}
+
+/// So many numbers a voxel, in words.
+pub(super) fn channels(count: usize) -> String {
+    match count {
+        1 => "1 number a voxel".to_owned(),
+        n => format!("{n} numbers a voxel"),
     }
 }

@@ -32,7 +32,10 @@ fn volumes_of_itk_are_read_as_it_meant_them() {
         assert_eq!(grid.spacing_mm, DVec3::new(0.9, 1.25, 2.5));
         assert_eq!(grid.origin_mm, DVec3::new(-12.5, 33.0, -810.25));
         let wanted = direction.unwrap_or(DMat3::IDENTITY);
-        assert!((grid.direction - wanted).abs_diff_eq(DMat3::ZERO, 1e-12), "{name}");
+        assert!(
+            (grid.direction - wanted).abs_diff_eq(DMat3::ZERO, 1e-12),
+            "{name}"
+        );
         assert_eq!(matches!(volume.voxels(), Voxels::I16(_)), whole, "{name}");
         for (n, [i, j, k]) in each_voxel() {
             let exact = -1000.0 + i + 10.0 * j + 100.0 * k + offset;
@@ -137,58 +140,120 @@ fn other_names_and_orders_mean_the_same() {
     assert_eq!(volume.grid().origin_mm, DVec3::new(1.0, 2.0, 3.0));
     assert_eq!(volume.voxels().get(23), (256 * 23 + 3) as f32);
     // As plastimatch writes them, with a spacing beside a size that says something else.
-    let both = read(&with(&[("ElementSpacing", "2 2 2"), ("Modality", "MET_MOD_CT")]));
+    let both = read(&with(&[
+        ("ElementSpacing", "2 2 2"),
+        ("Modality", "MET_MOD_CT"),
+    ]));
     assert_eq!(both.unwrap().grid().spacing_mm, DVec3::splat(2.0));
-    let bare = read(&with(&[("Position", "-"), ("AnatomicalOrientation", "RAI")]));
+    let bare = read(&with(&[
+        ("Position", "-"),
+        ("AnatomicalOrientation", "RAI"),
+    ]));
     assert_eq!(bare.unwrap().grid().origin_mm, DVec3::ZERO);
 }
 
 #[test]
 fn what_is_wrong_is_named_with_its_line() {
     for (line, words) in [
-        (("ObjectType", "Scene"), "f.mha:1: ObjectType: `Scene`; allowed: Image"),
-        (("NDims", "4"), "f.mha:2: NDims: 4: a series of volumes in one file"),
+        (
+            ("ObjectType", "Scene"),
+            "f.mha:1: ObjectType: `Scene`; allowed: Image",
+        ),
+        (
+            ("NDims", "4"),
+            "f.mha:2: NDims: 4: a series of volumes in one file",
+        ),
         (("NDims", "2"), "NDims: 2; allowed: 3"),
         (("NDims", "three"), "NDims: `three`; allowed: 3"),
-        (("BinaryData", "False"), "BinaryData: `False`; allowed: True"),
-        (("ElementByteOrderMSB", "big"), "`big`; allowed: True or False"),
-        (("Position", "1 2"), "f.mha:5: Position: `1 2`; allowed: 3 numbers"),
+        (
+            ("BinaryData", "False"),
+            "BinaryData: `False`; allowed: True",
+        ),
+        (
+            ("ElementByteOrderMSB", "big"),
+            "`big`; allowed: True or False",
+        ),
+        (
+            ("Position", "1 2"),
+            "f.mha:5: Position: `1 2`; allowed: 3 numbers",
+        ),
         (("Position", "1 2 3 4"), "`1 2 3 4`; allowed: 3 numbers"),
-        (("Offset", "0 0 0"), "`1 2 3` after `0 0 0`; allowed: one value"),
+        (
+            ("Offset", "0 0 0"),
+            "`1 2 3` after `0 0 0`; allowed: one value",
+        ),
         (("ElementSize", "-"), "no ElementSpacing"),
         (("ElementSize", "1 0 1"), "a spacing of (1, 0, 1)"),
         (("ElementSize", "1 nan 1"), "a spacing of (1, NaN, 1)"),
         (("DimSize", "-"), "no DimSize"),
         (("DimSize", "4 -3 2"), "`4 -3 2`; allowed: 3 numbers"),
         (("DimSize", "4 3 0"), "4 x 3 x 0 voxels"),
-        (("DimSize", "4 3 3"), "48 bytes of data; allowed: 4 x 3 x 3 voxels x 1 x 2 bytes = 72 bytes"),
-        (("DimSize", "4 3 1"), "48 bytes of data; allowed: 4 x 3 x 1 voxels"),
-        (("DimSize", "18446744073709551615 2 1"), "voxels along each axis"),
+        (
+            ("DimSize", "4 3 3"),
+            "48 bytes of data; allowed: 4 x 3 x 3 voxels x 1 x 2 bytes = 72 bytes",
+        ),
+        (
+            ("DimSize", "4 3 1"),
+            "48 bytes of data; allowed: 4 x 3 x 1 voxels",
+        ),
+        (
+            ("DimSize", "18446744073709551615 2 1"),
+            "voxels along each axis",
+        ),
         (("DimSize", "16384 16384 2"), "voxels in all"),
-        (("TransformMatrix", "1 0 0 0 1 0 0 0 0"), "directions (1, 0, 0)"),
+        (
+            ("TransformMatrix", "1 0 0 0 1 0 0 0 0"),
+            "directions (1, 0, 0)",
+        ),
         (("TransformMatrix", "1 0 0 0 1 0"), "allowed: 9 numbers"),
-        (("AnatomicalOrientation", "LPS"), "`LPS` without a TransformMatrix"),
-        (("ElementNumberOfChannels", "3"), "3 numbers a voxel; allowed: one number a voxel"),
-        (("ElementNumberOfChannels", "2"), "ElementNumberOfChannels: 2; allowed: 1 or 3"),
-        (("ElementType", "MET_OTHER"), "`MET_OTHER`; allowed: MET_CHAR"),
+        (
+            ("AnatomicalOrientation", "LPS"),
+            "`LPS` without a TransformMatrix",
+        ),
+        (
+            ("ElementNumberOfChannels", "3"),
+            "3 numbers a voxel; allowed: one number a voxel",
+        ),
+        (
+            ("ElementNumberOfChannels", "2"),
+            "ElementNumberOfChannels: 2; allowed: 1 or 3",
+        ),
+        (
+            ("ElementType", "MET_OTHER"),
+            "`MET_OTHER`; allowed: MET_CHAR",
+        ),
         (("ElementType", "-"), "no ElementType"),
         (("CompressedData", "True"), "cannot be unpacked"),
         (("ElementDataFile", "LIST"), "slices in files of their own"),
-        (("ElementDataFile", "s%03d.raw 1 2 1"), "slices in files of their own"),
+        (
+            ("ElementDataFile", "s%03d.raw 1 2 1"),
+            "slices in files of their own",
+        ),
         (("ElementDataFile", "absent.raw"), "a file that is there"),
         (("ElementDataFile", "-"), "f.mha:9: "),
-        (("HeaderSize", "4"), "HeaderSize: 4; allowed: 0 where the data are LOCAL"),
+        (
+            ("HeaderSize", "4"),
+            "HeaderSize: 4; allowed: 0 where the data are LOCAL",
+        ),
     ] {
         let error = read(&with(&[line])).unwrap_err();
         assert!(error.to_string().contains(words), "{line:?}: {error}");
         assert_eq!(error.exit_code(), 2, "{line:?}: {error}");
     }
     let error = read(b"\x89PNG\r\n").unwrap_err().to_string();
-    assert!(error.contains("f.mha:1: `\u{fffd}PNG`; allowed: a MetaImage's header"), "{error}");
+    assert!(
+        error.contains("f.mha:1: `\u{fffd}PNG`; allowed: a MetaImage's header"),
+        "{error}"
+    );
     let error = read(b"").unwrap_err().to_string();
     assert!(error.contains("no ElementDataFile"), "{error}");
-    let channels = read_volume(&itk("field_float.mha")).unwrap_err().to_string();
-    assert!(channels.contains("3 numbers a voxel; allowed: one number"), "{channels}");
+    let channels = read_volume(&itk("field_float.mha"))
+        .unwrap_err()
+        .to_string();
+    assert!(
+        channels.contains("3 numbers a voxel; allowed: one number"),
+        "{channels}"
+    );
     let channels = read_field(&itk("ushort.mha")).unwrap_err().to_string();
     assert!(channels.contains("1 number a voxel"), "{channels}");
     let four = read_volume(&itk("four.mha")).unwrap_err().to_string();
@@ -211,7 +276,10 @@ fn packed_data_that_are_not_the_declared_ones_are_named() {
         read_volume(&path).unwrap_err().to_string()
     };
     let long = changed("DimSize = 5 4 3", "DimSize = 5 4 4", 0);
-    assert!(long.contains("120 bytes of data; allowed: 5 x 4 x 4"), "{long}");
+    assert!(
+        long.contains("120 bytes of data; allowed: 5 x 4 x 4"),
+        "{long}"
+    );
     let short = changed("DimSize = 5 4 3", "DimSize = 5 4 2", 0);
     assert!(short.contains("more than 80 bytes of data"), "{short}");
     let cut = changed("NDims = 3", "NDims = 3", 3);
@@ -234,7 +302,10 @@ fn numbers_that_are_none_are_named() {
     raw[8..12].copy_from_slice(&f32::NAN.to_le_bytes());
     std::fs::write(dir.path().join("f.raw"), &raw).unwrap();
     let words = read_volume(&path).unwrap_err().to_string();
-    assert!(words.contains("f.mhd: voxel 2: NaN; allowed: finite numbers"), "{words}");
+    assert!(
+        words.contains("f.mhd: voxel 2: NaN; allowed: finite numbers"),
+        "{words}"
+    );
     // A file with something before the numbers.
     let text = std::fs::read_to_string(&path).unwrap();
     let mut long = b"what the scanner said first".to_vec();

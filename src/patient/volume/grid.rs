@@ -121,10 +121,10 @@ impl Grid {
     }
 
     /// Whether an index lies in the space of the voxels, which reaches half a voxel beyond the
-    /// outermost centres.
+    /// outermost centres (and a millionth, so that what is cut there lies in it).
     pub fn holds(&self, index: DVec3) -> bool {
-        let last = self.last();
-        index.cmpge(DVec3::splat(-0.5)).all() && index.cmple(last + 0.5).all()
+        let reach = DVec3::splat(0.5 + 1e-6);
+        index.cmpge(-reach).all() && index.cmple(self.last() + reach).all()
     }
 
     /// The index of the last voxel.

@@ -9,4 +9,5 @@ mod trilinear;
 
 pub use field::Field;
 pub use grid::Grid;
+pub(super) use grid::listed;
 pub use scalar::{Volume, Voxels};

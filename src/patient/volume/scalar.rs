@@ -119,4 +119,11 @@ impl Volume {
             .map(|c| cell.weights[c] * f64::from(self.voxels.get(cell.offsets[c])))
             .sum()
     }
+
+    /// The same volume with its grid elsewhere by `shift_mm`.
+    #[must_use]
+    pub fn shifted(mut self, shift_mm: DVec3) -> Self {
+        self.grid = self.grid.shifted(shift_mm);
+        self
+    }
 }
