@@ -268,8 +268,8 @@ impl<'a> Walk<'a, '_> {
                 Err(Error::input(
                     format!("{}: TransferSyntaxUID (0002,0010)", self.place),
                     format!("`{}` {name}", syntax.escape_debug()).trim_end(),
-                    "implicit or explicit VR little endian, uncompressed (`gdcmconv --raw` and \
-                     `dcmdjpeg` make it so)",
+                    "implicit or explicit VR little endian, uncompressed (`gdcmconv --raw` makes it \
+                     so)",
                 ))
             }
         }

@@ -139,7 +139,7 @@ fn other_names_and_orders_mean_the_same() {
     assert_eq!(volume.grid().spacing_mm, DVec3::new(1.0, 1.0, 2.0));
     assert_eq!(volume.grid().origin_mm, DVec3::new(1.0, 2.0, 3.0));
     assert_eq!(volume.voxels().get(23), (256 * 23 + 3) as f32);
-    // As plastimatch writes them, with a spacing beside a size that says something else.
+    // With a spacing beside a size that says something else.
     let both = read(&with(&[
         ("ElementSpacing", "2 2 2"),
         ("Modality", "MET_MOD_CT"),
@@ -150,6 +150,32 @@ fn other_names_and_orders_mean_the_same() {
         ("AnatomicalOrientation", "RAI"),
     ]));
     assert_eq!(bare.unwrap().grid().origin_mm, DVec3::ZERO);
+}
+
+#[test]
+fn fields_of_plastimatch_are_read() {
+    // The text of its own writer, numbers by C's %g and %f.
+    let head = "ObjectType = Image\nNDims = 3\nBinaryData = True\n\
+                BinaryDataByteOrderMSB = False\nTransformMatrix = 1 0 0 0 1 0 0 0 1\n\
+                Offset = -250. 0. 1e+02\nCenterOfRotation = 0 0 0\n\
+                ElementSpacing = 0.976562 0.976562 2.500000\nDimSize = 2 1 2\n\
+                AnatomicalOrientation = RAI\nElementNumberOfChannels = 3\n\
+                ElementType = MET_FLOAT\nElementDataFile = LOCAL\n";
+    let numbers = (0..12).flat_map(|n| (0.5 * n as f32).to_le_bytes());
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("vf.mha");
+    std::fs::write(
+        &path,
+        [head.as_bytes(), &numbers.collect::<Vec<u8>>()].concat(),
+    )
+    .unwrap();
+    let field = read_field(&path).unwrap();
+    assert_eq!(field.grid().origin_mm, DVec3::new(-250.0, 0.0, 100.0));
+    assert_eq!(field.vectors()[3], [4.5, 5.0, 5.5]);
+    // What six digits lose of 1000 / 1024 mm is no other grid.
+    let exact = DVec3::new(0.9765625, 0.9765625, 2.5);
+    let ct = Grid::upright([2, 1, 2], exact, field.grid().origin_mm);
+    assert_eq!(field.grid().difference(&ct), None);
 }
 
 #[test]

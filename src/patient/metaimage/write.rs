@@ -7,7 +7,7 @@ use crate::patient::volume::{Field, Grid, Volume, Voxels};
 use flate2::Compression;
 use flate2::write::ZlibEncoder;
 use glam::DVec3;
-use std::io::Write;
+use std::io::{BufWriter, Write};
 use std::path::Path;
 
 /// Whether numbers are packed on writing.
@@ -58,8 +58,12 @@ fn write(
     let packed = match packing {
         Packing::Plain => None,
         Packing::Zlib => {
-            let mut encoder = ZlibEncoder::new(Vec::new(), Compression::fast());
-            let done = numbers(&mut encoder).and_then(|()| encoder.finish());
+            // Numbers come one by one, and the encoder is slow to take little at a time.
+            let encoder = ZlibEncoder::new(Vec::new(), Compression::fast());
+            let mut buffered = BufWriter::with_capacity(1 << 16, encoder);
+            let done = numbers(&mut buffered)
+                .and_then(|()| Ok(buffered.into_inner()?))
+                .and_then(ZlibEncoder::finish);
             Some(done.map_err(|e| Error::io(path, e))?)
         }
     };
