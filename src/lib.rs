@@ -19,6 +19,7 @@
 //! | ground | [`geometry`] | poses, the lens model, rigs, solids, meshes and their files, ray casting |
 //! | ground | [`patient`] | generated patients: a breathing thorax with a tumour |
 //! | ground | [`pattern`] | what a projector shows; the sequence manifest |
+//! | ground | [`patient`] | volumes, MetaImage, CT series of DICOM, the skin as an iso-surface, the planning folder |
 //! | ground | [`profile`] | devices, scenes, stations and schedules of faults as typed, checked structs; the built-in ones |
 //! | ground | [`protocol`] | SCPI, dialects, the frame socket's header, the data line, USB and USB/IP, recordings, the service channel, `device.json` |
 //! | ground | `v4l2` | nodes and queues of buffers of the kernel's camera interface (Linux only) |
@@ -60,6 +61,8 @@
 //!   name. Ground truth comes from the CPU whatever renders the frames: it is f64's to say.
 //! - STL, OBJ, PLY, `.npy` and OpenCV's YAML and XML are read and written here: the crates lose the
 //!   line of an error, f64 vertices, or bounds on memory.
+//! - DICOM is read here as far as CT images go: the crate for it makes room for whatever length a file
+//!   declares, and recurses into sequences as deep as they are.
 //! - Ambient light, radiometry and the sensor work in SI units and electrons from the start, so that
 //!   an exposure in a profile means what it means on a camera.
 //! - The embedded data line is in the frames of every link, as a sensor puts it there, so that they

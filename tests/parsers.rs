@@ -128,4 +128,7 @@ parsers!(
     obj,
     ply,
     picture,
+    metaimage,
+    dicom,
+    planning,
 );

@@ -25,6 +25,7 @@ pub use closest::{Closest, MeshTree};
 pub use cloud::Cloud;
 pub use lens::Lens;
 pub use mesh::Mesh;
+pub(crate) use mesh::extension;
 pub use neighbours::Neighbours;
 pub use pose::Pose;
 pub use rig::{NoiseModel, Rig, View, Violation};

@@ -1,6 +1,13 @@
-//! Patients: the generated one.
+//! Patients: volumes and their files, the skin as an iso-surface, the planning folder, and the
+//! generated ones.
 //!
-//! The patient frame is DICOM's LPS in millimetres (x to the patient's left, y to posterior, z to
-//! the head) with its origin at the planning isocentre.
+//! The patient frame is DICOM's LPS in millimetres: x to the patient's left, y to posterior, z to
+//! the head. What a file of a scanner says stands in that scanner's own LPS; what
+//! [`planning`] and [`phantom`] hand out has its origin at the planning isocentre.
 
+pub mod dicom;
+pub mod isosurface;
+pub mod metaimage;
 pub mod phantom;
+pub mod planning;
+pub mod volume;

@@ -6,7 +6,7 @@ use phasma::pattern::Manifest;
 use std::path::PathBuf;
 
 /// A file with these bytes, for as long as the function runs.
-fn with_file(extension: &str, bytes: &[u8], read: impl FnOnce(PathBuf) -> bool) -> bool {
+pub fn with_file(extension: &str, bytes: &[u8], read: impl FnOnce(PathBuf) -> bool) -> bool {
     let thread = std::thread::current().id();
     let name = format!("phasma-fuzz-{}-{thread:?}.{extension}", std::process::id());
     let path = std::env::temp_dir().join(name);

@@ -6,6 +6,7 @@
 
 mod control;
 mod files;
+mod patient;
 mod text;
 mod wire;
 
@@ -63,6 +64,9 @@ pub const PARSERS: &[Parser] = &[
     parser("obj", files::obj),
     parser("ply", files::ply),
     parser("picture", files::picture),
+    parser("metaimage", patient::metaimage),
+    parser("dicom", patient::dicom),
+    parser("planning", patient::planning),
 ];
 
 /// Runs the parser of a name.

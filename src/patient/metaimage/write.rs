@@ -1,0 +1,145 @@
+//! Writing, little endian, with the keys and in the order that ITK has.
+
+use crate::error::{Error, Result};
+use crate::geometry::extension;
+use crate::geometry::file::write_whole;
+use crate::patient::volume::{Field, Grid, Volume, Voxels};
+use flate2::Compression;
+use flate2::write::ZlibEncoder;
+use glam::DVec3;
+use std::io::{BufWriter, Write};
+use std::path::Path;
+
+/// Whether numbers are packed on writing.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Packing {
+    /// As they are.
+    Plain,
+    /// By zlib.
+    Zlib,
+}
+
+/// Writes a volume: `.mha`, or `.mhd` with its numbers in a `.raw` (`.zraw` if packed) beside it.
+///
+/// # Errors
+/// Another extension, and what the system refuses.
+pub fn write_volume(path: &Path, volume: &Volume, packing: Packing) -> Result<()> {
+    match volume.voxels() {
+        Voxels::I16(v) => write(path, volume.grid(), "MET_SHORT", 1, packing, |out| {
+            v.iter().try_for_each(|x| out.write_all(&x.to_le_bytes()))
+        }),
+        Voxels::F32(v) => write(path, volume.grid(), "MET_FLOAT", 1, packing, |out| {
+            v.iter().try_for_each(|x| out.write_all(&x.to_le_bytes()))
+        }),
+    }
+}
+
+/// Writes a displacement field, three `MET_FLOAT` a voxel; files as for [`write_volume`].
+///
+/// # Errors
+/// As for [`write_volume`].
+pub fn write_field(path: &Path, field: &Field, packing: Packing) -> Result<()> {
+    write(path, field.grid(), "MET_FLOAT", 3, packing, |out| {
+        let numbers = field.vectors().as_flattened();
+        numbers
+            .iter()
+            .try_for_each(|x| out.write_all(&x.to_le_bytes()))
+    })
+}
+
+fn write(
+    path: &Path,
+    grid: &Grid,
+    element: &str,
+    channels: usize,
+    packing: Packing,
+    numbers: impl Fn(&mut dyn Write) -> std::io::Result<()>,
+) -> Result<()> {
+    let packed = match packing {
+        Packing::Plain => None,
+        Packing::Zlib => {
+            // Numbers come one by one, and the encoder is slow to take little at a time.
+            let encoder = ZlibEncoder::new(Vec::new(), Compression::fast());
+            let mut buffered = BufWriter::with_capacity(1 << 16, encoder);
+            let done = numbers(&mut buffered)
+                .and_then(|()| Ok(buffered.into_inner()?))
+                .and_then(ZlibEncoder::finish);
+            Some(done.map_err(|e| Error::io(path, e))?)
+        }
+    };
+    let body = |out: &mut dyn Write| match &packed {
+        Some(bytes) => out.write_all(bytes),
+        None => numbers(out),
+    };
+    let head = |data: &str| {
+        let packed = packed.as_ref().map(Vec::len);
+        header(grid, element, channels, packed, data)
+    };
+    match extension(path).as_str() {
+        "mha" => write_whole(path, |out| {
+            out.write_all(head("LOCAL").as_bytes())?;
+            body(out)
+        }),
+        "mhd" => {
+            let data = path.with_extension(if packed.is_some() { "zraw" } else { "raw" });
+            write_whole(&data, |out| body(out))?;
+            let name = data.file_name().unwrap_or_default().to_string_lossy();
+            write_whole(path, |out| out.write_all(head(&name).as_bytes()))
+        }
+        other => Err(Error::input(
+            path.display(),
+            format!("extension `{other}`"),
+            ".mha or .mhd",
+        )),
+    }
+}
+
+fn header(
+    grid: &Grid,
+    element: &str,
+    channels: usize,
+    packed: Option<usize>,
+    data: &str,
+) -> String {
+    let mut text = "ObjectType = Image\nNDims = 3\nBinaryData = True\n\
+                    BinaryDataByteOrderMSB = False\n"
+        .to_owned();
+    match packed {
+        Some(bytes) => {
+            text += &format!("CompressedData = True\nCompressedDataSize = {bytes}\n");
+        }
+        None => text += "CompressedData = False\n",
+    }
+    let axes = grid.direction.to_cols_array().map(|x| x.to_string());
+    let three = |v: DVec3| format!("{} {} {}", v.x, v.y, v.z);
+    text += &format!("TransformMatrix = {}\n", axes.join(" "));
+    text += &format!("Offset = {}\n", three(grid.origin_mm));
+    text += "CenterOfRotation = 0 0 0\n";
+    text += &format!("AnatomicalOrientation = {}\n", letters(grid));
+    text += &format!("ElementSpacing = {}\n", three(grid.spacing_mm));
+    let [ni, nj, nk] = grid.size;
+    text += &format!("DimSize = {ni} {nj} {nk}\n");
+    if channels > 1 {
+        text += &format!("ElementNumberOfChannels = {channels}\n");
+    }
+    text + &format!("ElementType = {element}\nElementDataFile = {data}\n")
+}
+
+/// Where i, j and k come from, each by the nearest side of the patient: RAI for the axes of LPS.
+fn letters(grid: &Grid) -> String {
+    let mut taken = [false; 3];
+    let mut letters = String::new();
+    for axis in 0..3 {
+        let towards = grid.direction.col(axis);
+        let side = towards.abs().to_array();
+        let nearest = (0..3).fold(0, |a, b| if side[b] > side[a] { b } else { a });
+        taken[nearest] = true;
+        let from = [['R', 'L'], ['A', 'P'], ['I', 'S']][nearest];
+        letters.push(from[usize::from(towards[nearest] < 0.0)]);
+    }
+    if taken == [true; 3] {
+        letters
+    } else {
+        "???".to_owned()
+    }
+}

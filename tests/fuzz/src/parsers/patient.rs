@@ -1,0 +1,58 @@
+//! Files of patients.
+
+use super::files::with_file;
+use phasma::patient::isosurface::{Parts, isosurface};
+use phasma::patient::planning::PlanningFile;
+use phasma::patient::volume::Volume;
+use phasma::patient::{dicom as ct, metaimage as image};
+
+/// MetaImage, a volume or a field: what is written of it is read again the same.
+pub fn metaimage(bytes: &[u8]) -> bool {
+    with_file("mha", bytes, |path| {
+        if let Ok(volume) = image::read_volume(&path) {
+            image::write_volume(&path, &volume, image::Packing::Zlib).expect("room for it");
+            assert_eq!(
+                image::read_volume(&path).expect("as it was written"),
+                volume
+            );
+            surface(&volume);
+            return true;
+        }
+        let Ok(field) = image::read_field(&path) else {
+            return false;
+        };
+        assert_eq!(field.vectors().len(), field.grid().voxels());
+        image::write_field(&path, &field, image::Packing::Plain).expect("room for it");
+        assert_eq!(image::read_field(&path).expect("as it was written"), field);
+        true
+    })
+}
+
+/// A CT image of DICOM.
+pub fn dicom(bytes: &[u8]) -> bool {
+    with_file("dcm", bytes, |path| {
+        let Ok(volume) = ct::read_slice(&path) else {
+            return false;
+        };
+        assert_eq!(volume.voxels().len(), volume.grid().voxels());
+        surface(&volume);
+        true
+    })
+}
+
+/// The surface of what is read has vertices that exist.
+fn surface(volume: &Volume) {
+    if let Ok(mesh) = isosurface(volume, -500.0, Parts::LargestFilled, "fuzz") {
+        mesh.checked("fuzz").expect("a surface of voxels");
+    }
+}
+
+/// A planning file that is read is written and read again the same.
+pub fn planning(bytes: &[u8]) -> bool {
+    let Ok(file) = PlanningFile::parse(&String::from_utf8_lossy(bytes), "fuzz") else {
+        return false;
+    };
+    let again = PlanningFile::parse(&file.to_toml(), "fuzz").expect("as it was written");
+    assert_eq!(again, file);
+    true
+}
