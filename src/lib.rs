@@ -24,9 +24,10 @@
 //! | device | [`emulator`] | firmware, control port and line, faults, slides, light source, [rendering](emulator::render), ground truth |
 //! | device | `link` | how a device reaches the world: pty, frame socket, V4L2 node, USB device, service socket, the time and the scene that several devices share, replay (Linux only) |
 //! | host   | [`host`] | how an application reaches a device: camera, port (SCPI or a dialect), scanner |
+//! | host   | [`host::track`] | a patient by the skin: six degrees of freedom, the tumour by a motion model, beam-hold |
 //! | host   | [`decode`] | frames to projector coordinates to points |
 //! | host   | [`calibrate`] | boards in pictures, solving for the rig, its files and report; triangulation |
-//! | host   | [`measure`] | distances to the truth, registration, pictures, plots |
+//! | host   | [`measure`] | distances to the truth, overlap of solids, registration, pictures, plots |
 //! | top    | [`study`], `doctor`, [`cli`] | what needs both halves; what a machine lacks (Linux only); the commands |
 //!
 //! The wall: host-side modules never import device-side ones, nor the reverse; `tests/wall.rs`
