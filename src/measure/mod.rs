@@ -13,6 +13,6 @@ mod visible;
 
 pub use icp::{Alignment, IcpOptions, align};
 pub use metrics::{Comparison, Directed, GROSS_MM, compare};
-pub use overlap::{COLUMNS, Overlap, PositionErrors, TargetError, overlap, solid_moments};
+pub use overlap::{OVERLAP_COLUMNS, Overlap, PositionErrors, TargetError, overlap, solid_moments};
 pub use surface::{Foot, Surface, Surfels, Truth};
 pub use visible::{GRAZING_DEG, lit_and_seen};

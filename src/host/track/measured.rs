@@ -14,18 +14,19 @@ const LEAST_COSINE: f64 = 0.2;
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Measured {
     /// Positions in millimetres, finite.
-    pub points: Vec<DVec3>,
+    pub(super) points: Vec<DVec3>,
     /// Standard deviation of each in millimetres: along the ray from its pod where that has an eye,
     /// along any direction otherwise.
-    pub sigma_mm: Vec<f64>,
+    pub(super) sigma_mm: Vec<f64>,
     /// Which pod has measured it: an index into `eyes`.
-    pub pod: Vec<u8>,
+    pub(super) pod: Vec<u8>,
     /// Where the camera of each pod stands, in millimetres; `None` where that is not known.
-    pub eyes: Vec<Option<DVec3>>,
+    pub(super) eyes: Vec<Option<DVec3>>,
 }
 
 impl Measured {
-    /// Points with one deviation for all, of an unknown source.
+    /// Points with one deviation for all, of an unknown source. Those that are not finite are left
+    /// out, and all of them for a deviation that is not positive.
     pub fn isotropic(points: Vec<DVec3>, sigma_mm: f64) -> Self {
         let mut measured = Self {
             eyes: vec![None],

@@ -21,7 +21,7 @@ use serde::Serialize;
 
 /// Columns along the longer side of the grid that [`overlap`] takes by default: 1e-4 in Dice's
 /// coefficient for solids like a tumour.
-pub const COLUMNS: usize = 256;
+pub const OVERLAP_COLUMNS: usize = 256;
 
 /// Two solids and what they share, in cubic millimetres.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]

@@ -3,7 +3,7 @@
 use glam::DVec3;
 use serde::Serialize;
 
-/// One scan: where a target was said to be, and how sure of it.
+/// One scan: by how much a target was not where it was said to be.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TargetError {
     /// Estimate less truth, in millimetres along the room's axes (LAT, LNG, VRT).

@@ -78,17 +78,17 @@ fn balls_apart_share_a_lens() {
         let b = ball(along * d, r);
         // Two caps: V = pi (4 r + d) (2 r - d)^2 / 12, so Dice's is that over one ball.
         let told = (4.0 * r + d) * (2.0 * r - d).powi(2) / (16.0 * r.powi(3));
-        let found = overlap(&a, &b, COLUMNS).unwrap();
+        let found = overlap(&a, &b, OVERLAP_COLUMNS).unwrap();
         assert!(
             (found.dice - told).abs() < 3e-4,
             "{d}: {} for {told}",
             found.dice
         );
         assert!(found.error < 3e-4, "{}", found.error);
-        let back = overlap(&b, &a, COLUMNS).unwrap();
+        let back = overlap(&b, &a, OVERLAP_COLUMNS).unwrap();
         assert!((found.dice - back.dice).abs() < 1e-12);
     }
-    let apart = overlap(&a, &ball(DVec3::X * 31.0, r), COLUMNS).unwrap();
+    let apart = overlap(&a, &ball(DVec3::X * 31.0, r), OVERLAP_COLUMNS).unwrap();
     assert_eq!((apart.dice, apart.both_mm3), (0.0, 0.0));
 }
 

@@ -183,7 +183,8 @@ impl Reference {
     }
 
     /// By how much a point whose error is isotropic with this deviation lies outside of the surface
-    /// near a triangle on average, in millimetres; see [`Bend`].
+    /// near a triangle on average, in millimetres: half the deviation's square times the sum of the
+    /// principal curvatures.
     #[inline]
     pub fn lift_mm(&self, triangle: u32, sigma_mm: f64) -> f64 {
         self.bends[triangle as usize].isotropic(sigma_mm)
