@@ -17,18 +17,18 @@
 //! | layer  | module | holds |
 //! | ------ | ------ | ----- |
 //! | ground | [`geometry`] | poses, the lens model, rigs, solids, meshes and their files, ray casting |
-//! | ground | [`patient`] | generated patients: a breathing thorax with a tumour |
 //! | ground | [`pattern`] | what a projector shows; the sequence manifest |
-//! | ground | [`patient`] | volumes, MetaImage, CT series of DICOM, the skin as an iso-surface, the planning folder |
+//! | ground | [`patient`] | volumes, MetaImage, CT series of DICOM, the skin as an iso-surface, the planning folder; generated patients: a breathing thorax with a tumour |
 //! | ground | [`profile`] | devices, scenes, stations and schedules of faults as typed, checked structs; the built-in ones |
 //! | ground | [`protocol`] | SCPI, dialects, the frame socket's header, the data line, USB and USB/IP, recordings, the service channel, `device.json` |
 //! | ground | `v4l2` | nodes and queues of buffers of the kernel's camera interface (Linux only) |
 //! | device | [`emulator`] | firmware, control port and line, faults, slides, light source, [rendering](emulator::render), ground truth |
 //! | device | `link` | how a device reaches the world: pty, frame socket, V4L2 node, USB device, service socket, the time and the scene that several devices share, replay (Linux only) |
 //! | host   | [`host`] | how an application reaches a device: camera, port (SCPI or a dialect), scanner |
+//! | host   | [`host::track`] | a patient by the skin: six degrees of freedom, the tumour by a motion model, beam-hold |
 //! | host   | [`decode`] | frames to projector coordinates to points |
 //! | host   | [`calibrate`] | boards in pictures, solving for the rig, its files and report; triangulation |
-//! | host   | [`measure`] | distances to the truth, registration, pictures, plots |
+//! | host   | [`measure`] | distances to the truth, overlap of solids, registration, pictures, plots |
 //! | top    | [`study`], `doctor`, [`cli`] | what needs both halves; what a machine lacks (Linux only); the commands |
 //!
 //! The wall: host-side modules never import device-side ones, nor the reverse; `tests/wall.rs`

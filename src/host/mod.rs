@@ -3,6 +3,8 @@
 //! Addresses say where, never who: the host opens one and takes what is behind it as a device.
 //! The system's monotonic clock is read here for two purposes only: to end waits in time, and to
 //! tell frames that a camera took before it was triggered from those it took after.
+//!
+//! What an application of radiotherapy does with the scans is in [`track`].
 
 mod camera;
 mod captured;
@@ -18,6 +20,7 @@ mod port;
 mod record;
 mod scanner;
 mod tcp;
+pub mod track;
 pub mod usb;
 
 #[cfg(target_os = "linux")]

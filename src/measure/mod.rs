@@ -1,9 +1,11 @@
-//! Error against truth: distances between clouds and surfaces, registration, pictures, plots.
+//! Error against truth: distances between clouds and surfaces, overlap of solids, registration,
+//! pictures, plots.
 
 mod colour;
 pub(crate) mod font;
 mod icp;
 mod metrics;
+mod overlap;
 pub mod picture;
 pub mod plot;
 mod surface;
@@ -11,5 +13,6 @@ mod visible;
 
 pub use icp::{Alignment, IcpOptions, align};
 pub use metrics::{Comparison, Directed, GROSS_MM, compare};
+pub use overlap::{OVERLAP_COLUMNS, Overlap, PositionErrors, TargetError, overlap, solid_moments};
 pub use surface::{Foot, Surface, Surfels, Truth};
 pub use visible::{GRAZING_DEG, lit_and_seen};

@@ -1,0 +1,132 @@
+//! Tukey's biweight, its scale, and what it does to a covariance.
+
+/// Where the biweight ends, in deviations: 95 % efficient for normal errors (P. Huber and
+/// E. Ronchetti, "Robust Statistics", 2009).
+const END: f64 = 4.685;
+/// Median and 80th percentile of the absolute value of a standard normal variable.
+const MEDIAN: f64 = 0.674_489_750_196_081_7;
+const Q80: f64 = 1.281_551_565_544_600_4;
+
+/// How the scale of residuals is taken.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Spread {
+    /// From the 80th percentile: far from the solution most of a flat surface has small residuals
+    /// wherever it is, and those on slopes, which alone tell where to go, must not pass for outliers.
+    Wide,
+    /// From the median absolute residual: up to half may be outliers.
+    Narrow,
+}
+
+impl Spread {
+    /// Scale of residuals in units of their deviations. They are put out of order.
+    pub(super) fn scale(self, residuals: &mut [f64]) -> f64 {
+        let (rank, of_one) = match self {
+            Self::Wide => (0.8, Q80),
+            Self::Narrow => (0.5, MEDIAN),
+        };
+        if residuals.is_empty() {
+            return 1.0;
+        }
+        let at = (residuals.len() as f64 * rank) as usize;
+        let at = at.min(residuals.len() - 1);
+        residuals.select_nth_unstable_by(at, f64::total_cmp).1.abs() / of_one
+    }
+}
+
+/// Weight of a residual in units of deviation times scale.
+#[inline]
+pub(super) fn weight(u: f64) -> f64 {
+    let x = u / END;
+    if x.abs() < 1.0 {
+        let y = 1.0 - x * x;
+        y * y
+    } else {
+        0.0
+    }
+}
+
+/// Sums over inliers that say by how much a covariance grows: n sum(psi^2) / sum(psi')^2 (Huber and
+/// Ronchetti, equation 7.81), psi the influence function in units of deviations. It is the residuals'
+/// own variance over what was claimed, for their true spread is in it, divided by the efficiency.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Inflation {
+    count: f64,
+    squares: f64,
+    slopes: f64,
+    weights: f64,
+}
+
+impl Inflation {
+    /// Takes a residual in deviations, where the biweight has this scale.
+    #[inline]
+    pub(super) fn add(&mut self, residual: f64, scale: f64) {
+        let x = residual / (scale * END);
+        if x.abs() < 1.0 {
+            let y = 1.0 - x * x;
+            let psi = residual * y * y;
+            self.count += 1.0;
+            self.squares += psi * psi;
+            self.slopes += y * (1.0 - 5.0 * x * x);
+            self.weights += y * y;
+        }
+    }
+
+    pub(super) fn merge(&mut self, other: &Self) {
+        self.count += other.count;
+        self.squares += other.squares;
+        self.slopes += other.slopes;
+        self.weights += other.weights;
+    }
+
+    /// The factor of the inverse of the system in which every row has its biweight, for so many
+    /// unknowns. A scan is not believed to be better than its noise.
+    pub(super) fn factor(&self, unknowns: usize) -> f64 {
+        let freedom = (self.count - unknowns as f64).max(1.0);
+        let slope = self.slopes / self.count.max(1.0);
+        if slope <= 0.0 {
+            return f64::INFINITY;
+        }
+        // The formula is for rows of full weight, of which the system's are a part.
+        (self.squares / freedom / (slope * slope)).max(1.0) * self.weights / self.count
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::testing::Random;
+    use super::*;
+
+    #[test]
+    fn scale_and_inflation_of_normal_residuals() {
+        let mut random = Random::new(5);
+        let mut residuals: Vec<f64> = (0..200_000).map(|_| 2.0 * random.normal()).collect();
+        let mut inflation = Inflation::default();
+        for &r in &residuals {
+            inflation.add(r, 2.0);
+        }
+        for spread in [Spread::Wide, Spread::Narrow] {
+            let mut sizes: Vec<f64> = residuals.iter().map(|r| r.abs()).collect();
+            let scale = spread.scale(&mut sizes);
+            assert!((scale - 2.0).abs() < 0.02, "{scale}");
+        }
+        // Four times the variance, over an efficiency of 95 %.
+        let mean_weight = residuals.iter().map(|r| weight(r / 2.0)).sum::<f64>() / 200_000.0;
+        let factor = inflation.factor(6) / mean_weight;
+        assert!((factor - 4.0 / 0.95).abs() < 0.05, "{factor}");
+        // A fifth of gross errors: the median's scale stays near, and the factor with it.
+        for r in residuals.iter_mut().step_by(5) {
+            *r = 100.0;
+        }
+        let mut sizes: Vec<f64> = residuals.iter().map(|r| r.abs()).collect();
+        let scale = Spread::Narrow.scale(&mut sizes);
+        assert!((2.0..2.7).contains(&scale), "{scale}");
+    }
+
+    #[test]
+    fn weights_fall_to_nothing() {
+        assert_eq!(weight(0.0), 1.0);
+        assert!(weight(2.0) > weight(3.0) && weight(3.0) > 0.0);
+        assert_eq!(weight(4.7), 0.0);
+        assert_eq!(weight(f64::NAN), 0.0);
+    }
+}

@@ -1,0 +1,134 @@
+//! A grid of triangles to start a search at.
+//!
+//! Cells through which the surface passes know a triangle; the others learn from their neighbours, by
+//! sweeps over the grid in all eight directions of its diagonals (H. Zhao, "A fast sweeping method
+//! for Eikonal equations", 2005; P. Danielsson, "Euclidean distance mapping", 1980), each cell going on
+//! from its neighbour's triangle to the one that is nearest to its own centre.
+
+use super::Reference;
+use glam::{DVec3, IVec3, UVec3};
+use rayon::prelude::*;
+
+/// Cells at most, so that a grid is made in some tenths of a second and stays in a megabyte.
+const MOST: f64 = 250_000.0;
+/// The finest cells worth having, in millimetres: about an edge of a triangle.
+const FINEST_MM: f64 = 4.0;
+/// A cell that knows no triangle yet.
+const NONE: u32 = u32::MAX;
+
+/// A triangle near the centre of each cell of a box.
+pub(super) struct Hints {
+    lo: DVec3,
+    per_mm: f64,
+    size: UVec3,
+    triangles: Vec<u32>,
+}
+
+impl Hints {
+    pub(super) fn none() -> Self {
+        Self {
+            lo: DVec3::ZERO,
+            per_mm: 1.0,
+            size: UVec3::ONE,
+            triangles: vec![0],
+        }
+    }
+
+    /// Over a box around the reference that is not flat.
+    pub(super) fn new(reference: &Reference, lo: DVec3, hi: DVec3) -> Self {
+        let sides = hi - lo;
+        let cell = FINEST_MM.max((sides.element_product() / MOST).cbrt());
+        let size = (sides / cell).ceil().max(DVec3::ONE).as_uvec3();
+        let mut hints = Self {
+            lo,
+            per_mm: 1.0 / cell,
+            size,
+            triangles: vec![NONE; (size.x * size.y * size.z) as usize],
+        };
+        let mut distances = vec![f64::INFINITY; hints.triangles.len()];
+        for (i, facet) in reference.facets.iter().enumerate() {
+            let [a, b, c] = facet.corners;
+            let at = hints.cell((a + b + c) / 3.0);
+            let index = hints.index(at);
+            let found = facet.nearest(hints.centre(at)).distance_squared;
+            if found < distances[index] {
+                (hints.triangles[index], distances[index]) = (i as u32, found);
+            }
+        }
+        for sweep in 0..8 {
+            hints.sweep(reference, &mut distances, sweep);
+        }
+        let mut triangles = std::mem::take(&mut hints.triangles);
+        let row = size.x as usize;
+        triangles
+            .par_chunks_mut(row)
+            .enumerate()
+            .for_each(|(k, row)| {
+                let (y, z) = (k as u32 % size.y, k as u32 / size.y);
+                for (x, triangle) in row.iter_mut().enumerate() {
+                    let centre = hints.centre(UVec3::new(x as u32, y, z));
+                    *triangle = reference.walk(centre, *triangle).0;
+                }
+            });
+        hints.triangles = triangles;
+        hints
+    }
+
+    /// One pass over all cells, along or against each axis by the bits of `direction`.
+    fn sweep(&mut self, reference: &Reference, distances: &mut [f64], direction: u32) {
+        let size = self.size.as_ivec3();
+        let against = [1, 2, 4].map(|bit| direction & bit != 0);
+        let along = |k: i32, axis: usize| match against[axis] {
+            true => size[axis] - 1 - k,
+            false => k,
+        };
+        for z in 0..size.z {
+            for y in 0..size.y {
+                for x in 0..size.x {
+                    let at = IVec3::new(along(x, 0), along(y, 1), along(z, 2));
+                    let index = self.index(at.as_uvec3());
+                    let centre = self.centre(at.as_uvec3());
+                    for axis in 0..3 {
+                        let mut before = at;
+                        before[axis] += if against[axis] { 1 } else { -1 };
+                        if before[axis] < 0 || before[axis] >= size[axis] {
+                            continue;
+                        }
+                        let known = self.triangles[self.index(before.as_uvec3())];
+                        if known == NONE || known == self.triangles[index] {
+                            continue;
+                        }
+                        let found = reference.facets[known as usize].nearest(centre);
+                        if found.distance_squared < distances[index] {
+                            self.triangles[index] = known;
+                            distances[index] = found.distance_squared;
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    /// Where to start for a finite point; beyond the box, where one would at its side.
+    #[inline]
+    pub(super) fn at(&self, p: DVec3) -> u32 {
+        self.triangles[self.index(self.cell(p))]
+    }
+
+    #[inline]
+    fn cell(&self, p: DVec3) -> UVec3 {
+        let last = (self.size - UVec3::ONE).as_dvec3();
+        ((p - self.lo) * self.per_mm)
+            .clamp(DVec3::ZERO, last)
+            .as_uvec3()
+    }
+
+    #[inline]
+    fn index(&self, at: UVec3) -> usize {
+        ((at.z * self.size.y + at.y) * self.size.x + at.x) as usize
+    }
+
+    fn centre(&self, at: UVec3) -> DVec3 {
+        self.lo + (at.as_dvec3() + 0.5) / self.per_mm
+    }
+}

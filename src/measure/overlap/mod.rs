@@ -1,0 +1,109 @@
+//! How much of two solids is common: Dice's coefficient, volumes and centroids of closed meshes.
+//!
+//! Volume and centroid are exact, by the divergence theorem. The intersection is integrated over
+//! columns along z: along a column exactly, from the heights at which it enters and leaves each
+//! solid; across, by the midpoints of a square grid. For smooth solids the error falls with the width
+//! of a column to the power of 3/2 or faster; the same columns' volume of each solid, which is known
+//! exactly, tells how large it is, and is handed out with the result.
+
+mod columns;
+mod target;
+#[cfg(test)]
+mod tests;
+
+pub use target::{PositionErrors, TargetError};
+
+use crate::error::{Error, Result};
+use crate::geometry::Mesh;
+use columns::Columns;
+use glam::DVec3;
+use serde::Serialize;
+
+/// Columns along the longer side of the grid that [`overlap`] takes by default: 1e-4 in Dice's
+/// coefficient for solids like a tumour.
+pub const OVERLAP_COLUMNS: usize = 256;
+
+/// Two solids and what they share, in cubic millimetres.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Overlap {
+    /// Dice's coefficient, 2 |A and B| / (|A| + |B|): 0 for solids apart, 1 for the same (L. Dice,
+    /// "Measures of the amount of ecologic association between species", 1945).
+    pub dice: f64,
+    /// Volume of the first.
+    pub a_mm3: f64,
+    /// Volume of the second.
+    pub b_mm3: f64,
+    /// Volume that both share.
+    pub both_mm3: f64,
+    /// By what part the columns' volumes differ from the true ones, the larger of the two: about the
+    /// relative error of the above.
+    pub error: f64,
+}
+
+/// Volume in cubic millimetres and centroid of a closed mesh whose triangles look outwards, by the
+/// signed volumes of tetrahedra. The centroid of no volume is that of the vertices.
+pub fn solid_moments(vertices: &[DVec3], triangles: &[[u32; 3]]) -> (f64, DVec3) {
+    let count = vertices.len().max(1) as f64;
+    // From near the solid, so that nothing cancels.
+    let middle = vertices.iter().sum::<DVec3>() / count;
+    let (mut volume, mut moment) = (0.0, DVec3::ZERO);
+    for t in triangles {
+        let [a, b, c] = t.map(|i| vertices[i as usize] - middle);
+        let sixth = a.dot(b.cross(c)) / 6.0;
+        volume += sixth;
+        moment += (a + b + c) * (sixth / 4.0);
+    }
+    if volume == 0.0 {
+        return (0.0, middle);
+    }
+    (volume, middle + moment / volume)
+}
+
+/// Compares two closed meshes whose triangles look outwards, in one frame, over a grid of `columns`
+/// (8 to 4096) along its longer side.
+///
+/// # Errors
+/// A mesh that encloses no volume, and a number of columns out of range.
+pub fn overlap(a: &Mesh, b: &Mesh, columns: usize) -> Result<Overlap> {
+    if !(8..=4096).contains(&columns) {
+        return Err(Error::input("columns", columns, "8 to 4096"));
+    }
+    let mut volumes = [0.0; 2];
+    for (k, mesh) in [a, b].into_iter().enumerate() {
+        volumes[k] = solid_moments(&mesh.vertices, &mesh.triangles).0;
+        if !(volumes[k] > 0.0) {
+            return Err(Error::input(
+                format!("mesh {}", ["a", "b"][k]),
+                format!("a volume of {} mm3", volumes[k]),
+                "a closed mesh whose triangles look outwards",
+            ));
+        }
+    }
+    let bounds = [a, b].map(|m| m.bounds().unwrap_or_default());
+    let lo = bounds[0].0.min(bounds[1].0).truncate();
+    let hi = bounds[0].1.max(bounds[1].1).truncate();
+    let grid = Columns::over(lo, hi, columns);
+    let (inside_a, inside_b) = (grid.spans(a), grid.spans(b));
+    let (mut lengths, mut shared) = ([0.0; 2], 0.0);
+    for (spans_a, spans_b) in inside_a.iter().zip(&inside_b) {
+        for (sum, spans) in lengths.iter_mut().zip([spans_a, spans_b]) {
+            *sum += spans.iter().map(|s| s[1] - s[0]).sum::<f64>();
+        }
+        for s in spans_a {
+            for t in spans_b {
+                shared += (s[1].min(t[1]) - s[0].max(t[0])).max(0.0);
+            }
+        }
+    }
+    let area = grid.area_mm2();
+    let [sampled_a, sampled_b] = lengths.map(|l| l * area);
+    let error = ((sampled_a / volumes[0] - 1.0).abs()).max((sampled_b / volumes[1] - 1.0).abs());
+    Ok(Overlap {
+        // By the columns throughout: what they get wrong of all three cancels in the ratio.
+        dice: 2.0 * shared * area / (sampled_a + sampled_b),
+        a_mm3: volumes[0],
+        b_mm3: volumes[1],
+        both_mm3: shared * area,
+        error,
+    })
+}
