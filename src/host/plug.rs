@@ -14,28 +14,11 @@ use std::path::{Path, PathBuf};
 /// Where the kernel tells it.
 const SYSFS: &str = "/sys";
 
-/// A kind of nodes, by the kernel's name of it.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Class {
-    /// Serial ports.
-    Tty,
-    /// Cameras.
-    Video,
-}
-
-impl Class {
-    fn folder(self) -> &'static str {
-        match self {
-            Self::Tty => "class/tty",
-            Self::Video => "class/video4linux",
-        }
-    }
-}
-
 /// One function of a USB device, by which its node is found again.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Plug {
-    class: Class,
+    /// What the kernel calls its kind of nodes: `tty` or `video4linux`.
+    class: &'static str,
     device: Label,
     /// `bInterfaceNumber`.
     interface: String,
@@ -56,8 +39,9 @@ struct Label {
 }
 
 impl Plug {
-    /// The device that a node, or a link to one, belongs to; `None` where it is none of USB's.
-    pub(super) fn of(class: Class, node: &str) -> Option<Self> {
+    /// The device that a node, or a link to one, belongs to; `None` where it is none of USB's. `class`
+    /// is what the kernel calls nodes of its kind, `tty` or `video4linux`.
+    pub(super) fn of(class: &'static str, node: &str) -> Option<Self> {
         Self::of_node(Path::new(SYSFS), class, Path::new(node))
     }
 
@@ -82,7 +66,7 @@ impl Plug {
         })
     }
 
-    fn of_node(sysfs: &Path, class: Class, node: &Path) -> Option<Self> {
+    fn of_node(sysfs: &Path, class: &'static str, node: &Path) -> Option<Self> {
         let node = fs::canonicalize(node).ok()?;
         let mut plug = Self::read(sysfs, class, node.file_name()?.as_ref())?;
         let twins = plug.all(sysfs);
@@ -97,7 +81,7 @@ impl Plug {
         if self.stays && plug.place != self.place {
             return None;
         }
-        let event = sysfs.join(self.class.folder()).join(&name).join("uevent");
+        let event = sysfs.join(folder(self.class)).join(&name).join("uevent");
         let event = fs::read_to_string(event).ok()?;
         let name = event
             .lines()
@@ -107,7 +91,7 @@ impl Plug {
 
     /// Nodes that may be this one's, by their names.
     fn all(&self, sysfs: &Path) -> Vec<(PathBuf, Self)> {
-        let Ok(entries) = fs::read_dir(sysfs.join(self.class.folder())) else {
+        let Ok(entries) = fs::read_dir(sysfs.join(folder(self.class))) else {
             return Vec::new();
         };
         let names = entries
@@ -128,8 +112,8 @@ impl Plug {
     }
 
     /// What sysfs says of a node; it may go while it is looked at.
-    fn read(sysfs: &Path, class: Class, name: &Path) -> Option<Self> {
-        let entry = sysfs.join(class.folder()).join(name);
+    fn read(sysfs: &Path, class: &'static str, name: &Path) -> Option<Self> {
+        let entry = sysfs.join(folder(class)).join(name);
         let lowest = fs::canonicalize(entry.join("device")).ok()?;
         // An adapter's port hangs on the interface, and is not it.
         let interface = lowest
@@ -168,6 +152,11 @@ impl Display for Plug {
             false => Ok(()),
         }
     }
+}
+
+/// Where the kernel lists nodes of a kind.
+fn folder(class: &str) -> PathBuf {
+    Path::new("class").join(class)
 }
 
 /// An attribute; `None` where it is not, or empty.
@@ -238,7 +227,7 @@ mod tests {
             }
         }
 
-        fn of(&self, class: Class, node: &str) -> Option<Plug> {
+        fn of(&self, class: &'static str, node: &str) -> Option<Plug> {
             let root = self.0.path();
             Plug::of_node(root, class, &root.join("dev").join(node))
         }
@@ -256,8 +245,8 @@ mod tests {
         fake.plug("1-2", "0002", ["video2", "video3"], "ttyACM1");
         // A link that a user has, as udev makes them.
         symlink("ttyACM0", fake.0.path().join("dev/scanner")).unwrap();
-        let port = fake.of(Class::Tty, "scanner").unwrap();
-        let camera = fake.of(Class::Video, "video0").unwrap();
+        let port = fake.of("tty", "scanner").unwrap();
+        let camera = fake.of("video4linux", "video0").unwrap();
         assert_eq!(fake.node(&port).unwrap(), "/dev/ttyACM0");
         assert_eq!(fake.node(&camera).unwrap(), "/dev/video0");
         assert_eq!(
@@ -280,7 +269,7 @@ mod tests {
             let fake = Fake::new();
             fake.plug("1-1", serial, ["video0", "video1"], "ttyACM0");
             fake.plug("1-2", serial, ["video2", "video3"], "ttyACM1");
-            let port = fake.of(Class::Tty, "ttyACM0").unwrap();
+            let port = fake.of("tty", "ttyACM0").unwrap();
             fake.unplug("1-1", &["video0", "video1", "ttyACM0"]);
             assert_eq!(fake.node(&port), None, "its twin is not it");
             fake.plug("1-1", serial, ["video0", "video1"], "ttyACM2");
@@ -298,7 +287,7 @@ mod tests {
         fake.put("class/tty/ttyUSB0/uevent", "DEVNAME=ttyUSB0\n");
         fake.put("dev/ttyUSB0", "");
         symlink(&below, fake.0.path().join("class/tty/ttyUSB0/device")).unwrap();
-        let port = fake.of(Class::Tty, "ttyUSB0").unwrap();
+        let port = fake.of("tty", "ttyUSB0").unwrap();
         assert_eq!(port.interface, "02");
         // A serial port of the board, a pty, nothing at all.
         let board = fake.0.path().join("devices/pnp0");
@@ -308,7 +297,7 @@ mod tests {
         symlink(&board, fake.0.path().join("class/tty/ttyS0/device")).unwrap();
         fake.put("dev/pts/3", "");
         for node in ["ttyS0", "pts/3", "nothing"] {
-            assert_eq!(fake.of(Class::Tty, node), None, "{node}");
+            assert_eq!(fake.of("tty", node), None, "{node}");
         }
     }
 }

@@ -4,7 +4,7 @@ use super::open::{Capture, open_node};
 use super::{Camera, Result};
 use crate::error::Error;
 use crate::host::patience::again;
-use crate::host::plug::{Class, Plug};
+use crate::host::plug::Plug;
 use crate::protocol::Frame;
 use std::time::{Duration, Instant};
 
@@ -28,7 +28,7 @@ impl PluggedCamera {
     /// As for [`open_node`].
     pub(super) fn open(address: &str, how: Capture, timeout: Duration) -> Result<Box<dyn Camera>> {
         let camera = open_node(address, how, timeout)?;
-        Ok(match Plug::of(Class::Video, address) {
+        Ok(match Plug::of("video4linux", address) {
             None => camera,
             Some(plug) => Box::new(Self {
                 identifies: camera.identifies(),

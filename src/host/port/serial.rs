@@ -4,7 +4,7 @@ use super::CommandPort;
 use super::line::Line;
 use crate::error::{Error, Result};
 use crate::host::patience::again;
-use crate::host::plug::{Class, Plug};
+use crate::host::plug::Plug;
 use std::io::ErrorKind;
 use std::time::Duration;
 
@@ -48,7 +48,7 @@ impl SerialPort {
             line: Some(line),
             path: path.to_owned(),
             given: path.to_owned(),
-            plug: Plug::of(Class::Tty, path),
+            plug: Plug::of("tty", path),
         })
     }
 
