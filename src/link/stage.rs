@@ -114,7 +114,7 @@ impl Stage {
             object: number,
             shape: kind(&object.shape).to_owned(),
             moves: object.motion.as_ref().is_some_and(|m| m.goes_anywhere()),
-            deforms: object.deform.is_some(),
+            deforms: object.deform.is_some() || object.shape.breathes(),
             place: place(object, time_ns),
         };
         Some(Objects {
@@ -193,6 +193,7 @@ fn kind(shape: &Shape) -> &'static str {
         Shape::Frustum { .. } => "frustum",
         Shape::Torso { .. } => "torso",
         Shape::Couch { .. } => "couch",
+        Shape::Patient { .. } => "patient",
         Shape::Mesh { .. } => "mesh",
     }
 }

@@ -5,7 +5,7 @@ use crate::error::{Error, Result};
 use std::path::{Path, PathBuf};
 
 /// Name and text of each profile.
-const PROFILES: [(&str, &str); 4] = [
+const PROFILES: [(&str, &str); 5] = [
     (
         "dlp-evm",
         include_str!("../../device-profiles/dlp-evm.toml"),
@@ -19,19 +19,29 @@ const PROFILES: [(&str, &str); 4] = [
         include_str!("../../device-profiles/pmp-real.toml"),
     ),
     (
+        "sgrt-pod",
+        include_str!("../../device-profiles/sgrt-pod.toml"),
+    ),
+    (
         "webcam-grey",
         include_str!("../../device-profiles/webcam-grey.toml"),
     ),
 ];
 
 /// Name and text of each station.
-const STATIONS: [(&str, &str); 1] = [(
-    "two-pods",
-    include_str!("../../device-profiles/stations/two-pods.toml"),
-)];
+const STATIONS: [(&str, &str); 2] = [
+    (
+        "two-pods",
+        include_str!("../../device-profiles/stations/two-pods.toml"),
+    ),
+    (
+        "sgrt-ceiling",
+        include_str!("../../device-profiles/stations/sgrt-ceiling.toml"),
+    ),
+];
 
 /// Name and text of each scene.
-const SCENES: [(&str, &str); 6] = [
+const SCENES: [(&str, &str); 7] = [
     (
         "trapezoid",
         include_str!("../../device-profiles/scenes/trapezoid.toml"),
@@ -55,6 +65,10 @@ const SCENES: [(&str, &str); 6] = [
     (
         "board",
         include_str!("../../device-profiles/scenes/board.toml"),
+    ),
+    (
+        "treatment-room",
+        include_str!("../../device-profiles/scenes/treatment-room.toml"),
     ),
 ];
 

@@ -7,9 +7,10 @@ use super::skin::{self, Skin};
 use super::surface::{self, Specular};
 use crate::error::Result;
 use crate::geometry::{Board, Pose, shapes};
+use crate::patient::phantom::{self, Day, Patient};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// A shape with its place and its surface.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -123,6 +124,23 @@ pub enum Shape {
     },
     /// A treatment couch top, generated.
     Couch {},
+    /// A generated patient that breathes, in the patient's frame: x to its left, y to its back, z to
+    /// its head, the origin at the planning isocentre, which is the middle of its tumour. Its skin is what
+    /// its own file says unless the object has one.
+    Patient {
+        /// A built-in patient, or a file relative to the scene file.
+        patient: String,
+        /// The day: as planned, or as treated, with the set-up, drift and depth of that day.
+        #[serde(default = "treatment")]
+        day: Day,
+        /// Breath held at this phase of planning, in per cent of the cycle from the end of inhaling;
+        /// breathing when absent.
+        #[serde(default)]
+        held_percent: Option<f64>,
+        /// About how many triangles the skin has.
+        #[serde(default = "patient_triangles")]
+        triangles: u32,
+    },
     /// A triangle mesh from a file.
     Mesh {
         /// STL, OBJ or PLY, relative to the scene file.
@@ -130,6 +148,12 @@ pub enum Shape {
     },
 }
 
+fn treatment() -> Day {
+    Day::Treatment
+}
+fn patient_triangles() -> u32 {
+    phantom::SKIN_TRIANGLES
+}
 fn ink() -> f64 {
     0.06
 }
@@ -146,7 +170,45 @@ fn torso_triangles() -> u32 {
     65_000
 }
 
+impl Shape {
+    /// The patient that it is, of files relative to a folder; `None` of any other shape.
+    ///
+    /// # Errors
+    /// A name that is neither built in nor a file, and all that [`Patient::parse`] refuses.
+    pub fn patient(&self, folder: &Path) -> Result<Option<Patient>> {
+        let Self::Patient { patient, .. } = self else {
+            return Ok(None);
+        };
+        let built_in = phantom::patient_names().any(|name| name == patient);
+        let path = folder.join(patient);
+        let name = match built_in {
+            true => patient.clone(),
+            false => path.display().to_string(),
+        };
+        Patient::load(&name).map(Some)
+    }
+
+    /// Whether it is a patient that breathes.
+    pub fn breathes(&self) -> bool {
+        let held = |held: &Option<f64>| held.is_some();
+        matches!(self, Self::Patient { held_percent, .. } if !held(held_percent))
+    }
+}
+
 impl Object {
+    /// The skin of a patient that the object does not say otherwise of.
+    ///
+    /// # Errors
+    /// As for [`Shape::patient`].
+    pub(super) fn settle(&mut self, folder: &Path) -> Result<()> {
+        if let Some(patient) = self.shape.patient(folder)?
+            && self.skin.is_none()
+        {
+            self.skin = Some(patient.skin);
+        }
+        Ok(())
+    }
+
     /// Its specular lobe; none of a surface that reflects nothing at right angles, whose refractive
     /// index is the air's.
     pub fn lobe(&self) -> Option<Specular> {
@@ -275,6 +337,27 @@ pub(super) fn check(o: &Object, at: &str, check: &Check<'_>) -> Result<()> {
         .check()
         .map_err(|(name, found, allowed)| check.source.violation(&shape(name), found, allowed)),
         Shape::Couch {} => Ok(()),
+        Shape::Patient {
+            patient,
+            held_percent,
+            triangles,
+            ..
+        } => {
+            check.that(
+                !patient.is_empty(),
+                &shape("patient"),
+                "an empty name",
+                "a built-in patient, or the path of a TOML file",
+            )?;
+            check.within(&shape("held_percent"), held_percent.unwrap_or(0.0), 0.0..=100.0)?;
+            let (least, most) = phantom::TRIANGLES.into_inner();
+            check.that(
+                phantom::TRIANGLES.contains(triangles),
+                &shape("triangles"),
+                triangles,
+                format!("{least} to {most}"),
+            )
+        }
         Shape::Mesh { file } => check.that(
             !file.as_os_str().is_empty(),
             &shape("file"),

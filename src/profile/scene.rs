@@ -71,9 +71,7 @@ impl Scene {
     /// A name that is neither, unreadable files, and all that [`Self::parse`] refuses.
     pub fn load(name_or_path: &str) -> Result<Self> {
         let (source, folder) = builtin::scene_source(name_or_path)?;
-        let mut scene = Self::from_source(&source)?;
-        scene.folder = folder;
-        Ok(scene)
+        Self::from_source(&source, folder)
     }
 
     /// Reads and checks a scene from text; `place` stands for the file in messages.
@@ -81,12 +79,17 @@ impl Scene {
     /// # Errors
     /// Syntax, unknown fields, wrong types and impossible values, each with its line.
     pub fn parse(text: &str, place: &str) -> Result<Self> {
-        Self::from_source(&TomlSource::new(text, place))
+        Self::from_source(&TomlSource::new(text, place), PathBuf::new())
     }
 
-    fn from_source(source: &TomlSource) -> Result<Self> {
-        let scene: Self = source.deserialize()?;
+    fn from_source(source: &TomlSource, folder: PathBuf) -> Result<Self> {
+        let mut scene: Self = source.deserialize()?;
         check(&scene, &Check::new(source))?;
+        scene.folder = folder;
+        for (i, object) in scene.object.iter_mut().enumerate() {
+            let place = || source.place_of(&format!("object[{i}].shape.patient"));
+            object.settle(&scene.folder).map_err(|e| e.at(place()))?;
+        }
         Ok(scene)
     }
 }

@@ -231,7 +231,7 @@ mod tests {
         }
         let unknown = Configuration::load("no-such").unwrap_err().to_string();
         assert!(
-            unknown.contains("webcam-grey, two-pods or the path"),
+            unknown.contains("webcam-grey, two-pods, sgrt-ceiling or the path"),
             "{unknown}"
         );
     }

@@ -2,7 +2,8 @@
 
 use crate::error::{Error, Result};
 use crate::geometry::{Mesh, Pose, Timeline, Trajectory};
-use crate::profile::{Motion, Object, Scene};
+use crate::patient::phantom::{Day, Phantom};
+use crate::profile::{Motion, Object, Scene, Shape};
 use glam::DVec3;
 
 /// Most vertices of all meshes of a deformation together: 1.2 GB.
@@ -14,7 +15,54 @@ pub(super) struct Path {
     pub(super) part: Part,
     pub(super) rig_from_rest: Pose,
     trajectory: Option<Trajectory>,
-    deformation: Option<Timeline>,
+    deformation: Option<Deformation>,
+}
+
+/// How a mesh deforms.
+enum Deformation {
+    /// From keyframe to keyframe.
+    Keys(Timeline),
+    /// As a patient breathes.
+    Breath(Box<Phantom>, Day),
+}
+
+impl Deformation {
+    fn of(scene: &Scene, object: &Object) -> Result<Option<Self>> {
+        if let Some(deform) = &object.deform {
+            return Ok(Some(Self::Keys(deform.timeline())));
+        }
+        let Shape::Patient { day, .. } = object.shape else {
+            return Ok(None);
+        };
+        let patient = object.shape.patient(&scene.folder)?;
+        let patient = patient.filter(|_| object.shape.breathes());
+        Ok(patient.map(|patient| Self::Breath(Box::new(Phantom::new(&patient)), day)))
+    }
+
+    fn blend(&self, time_s: f64) -> Blend {
+        match self {
+            Self::Keys(timeline) => {
+                let span = timeline.span(time_s);
+                (span.keys, span.weights())
+            }
+            Self::Breath(phantom, day) => {
+                let state = phantom.state(*day, time_s);
+                ([0, 1, 2, 3], phantom.skin_weights(&state))
+            }
+        }
+    }
+
+    /// How far from its rest in millimetres it takes a vertex, beyond its keyframes.
+    fn reach_mm(&self) -> f64 {
+        match self {
+            Self::Keys(_) => 0.0,
+            // No mode takes tissue farther than twice its weight.
+            Self::Breath(phantom, _) => {
+                let bounds = phantom.weight_bounds_mm();
+                bounds.iter().map(|b| 2.0 * b[0].abs().max(b[1].abs())).sum()
+            }
+        }
+    }
 }
 
 /// Which of the world's parts it is.
@@ -40,23 +88,26 @@ pub(super) struct State(pub(super) Vec<Placement>);
 
 /// Whether an object ever leaves its place or its shape.
 pub(super) fn moves(object: &Object) -> bool {
-    object.motion.as_ref().is_some_and(Motion::goes_anywhere) || object.deform.is_some()
+    object.motion.as_ref().is_some_and(Motion::goes_anywhere)
+        || object.deform.is_some()
+        || object.shape.breathes()
 }
 
 impl Path {
-    pub(super) fn new(scene: &Scene, object: &Object, index: u16, part: Part) -> Self {
-        Self {
+    pub(super) fn new(scene: &Scene, object: &Object, index: u16, part: Part) -> Result<Self> {
+        Ok(Self {
             object: index,
             part,
             rig_from_rest: scene.rig_from_object(object),
             trajectory: object.motion.as_ref().map(|m| m.trajectory()),
-            deformation: object.deform.as_ref().map(|d| d.timeline()),
-        }
+            deformation: Deformation::of(scene, object)?,
+        })
     }
 
-    /// How far its keyframes are from where it rests, in millimetres.
+    /// How far its keyframes, or breathing, take it from where it rests, in millimetres.
     pub(super) fn reach_mm(&self) -> f64 {
-        self.trajectory.as_ref().map_or(0.0, Trajectory::reach_mm)
+        let carried = self.trajectory.as_ref().map_or(0.0, Trajectory::reach_mm);
+        carried + self.deformation.as_ref().map_or(0.0, Deformation::reach_mm)
     }
 
     /// Where the object is at a device time in nanoseconds.
@@ -67,10 +118,7 @@ impl Path {
                 Some(trajectory) => self.rig_from_rest * trajectory.pose(time_s),
                 None => self.rig_from_rest,
             },
-            blend: self.deformation.as_ref().map(|timeline| {
-                let span = timeline.span(time_s);
-                (span.keys, span.weights())
-            }),
+            blend: self.deformation.as_ref().map(|d| d.blend(time_s)),
         }
     }
 }
@@ -80,6 +128,17 @@ impl Path {
 /// # Errors
 /// Files that cannot be read, or whose triangles are not those of the object's own mesh.
 pub(super) fn keys(scene: &Scene, object: &Object, mesh: &Mesh) -> Result<Vec<Vec<DVec3>>> {
+    if let Shape::Patient { triangles, day, .. } = object.shape
+        && object.shape.breathes()
+        && let Some(patient) = object.shape.patient(&scene.folder)?
+    {
+        let phantom = Phantom::new(&patient);
+        let (keys, setup) = (phantom.skin_keys(triangles)?, phantom.setup(day));
+        // A blend's weights add up to 1, so what is rigid may come first.
+        let placed = |v: DVec3| setup.point(v) * object.scale;
+        let key = |mesh: Mesh| mesh.vertices.into_iter().map(placed).collect();
+        return Ok(keys.map(key).into());
+    }
     let Some(deform) = &object.deform else {
         return Ok(Vec::new());
     };

@@ -2,9 +2,13 @@
 
 use crate::error::Result;
 use crate::geometry::{Mesh, Solid, shapes};
+use crate::patient::phantom::{Phantom, REFERENCE_PHASE};
 use crate::profile::Shape;
 use glam::DVec2;
 use std::path::Path;
+
+/// Where the skin of a patient that breathes rests: the reference phase, a share of the cycle.
+const REST: f64 = REFERENCE_PHASE as f64 / 10.0;
 
 /// The closed form of a shape, scaled; `None` for meshes.
 pub(super) fn solid(shape: &Shape, scale: f64) -> Option<Solid> {
@@ -30,7 +34,9 @@ pub(super) fn solid(shape: &Shape, scale: f64) -> Option<Solid> {
             top_mm,
             height_mm,
         } => Solid::frustum(base_mm * scale, top_mm * scale, height_mm * scale),
-        Shape::Torso { .. } | Shape::Couch {} | Shape::Mesh { .. } => return None,
+        Shape::Torso { .. } | Shape::Couch {} | Shape::Patient { .. } | Shape::Mesh { .. } => {
+            return None;
+        }
     })
 }
 
@@ -51,6 +57,19 @@ pub(super) fn mesh(shape: &Shape, folder: &Path) -> Result<Mesh> {
             triangles,
         })),
         Shape::Couch {} => Ok(shapes::couch(&shapes::Couch::default())),
+        Shape::Patient {
+            day,
+            held_percent,
+            triangles,
+            ..
+        } => {
+            let Some(patient) = shape.patient(folder)? else {
+                return Ok(Mesh::default());
+            };
+            let phantom = Phantom::new(&patient);
+            let state = phantom.held(day, held_percent.map_or(REST, |percent| percent / 100.0));
+            Ok(phantom.deformed(&phantom.skin(triangles)?, &state))
+        }
         Shape::Mesh { ref file } => Mesh::read(&folder.join(file)),
         Shape::Plane { .. }
         | Shape::Board { .. }

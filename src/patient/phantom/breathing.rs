@@ -8,6 +8,7 @@
 //! the body in lower lobes. Ranges of diaphragms and periods: Keall et al., AAPM report 91 (task group
 //! 76), Medical Physics 33, 2006.
 
+use serde::{Deserialize, Serialize};
 use super::modes::{ABDOMEN, DIAPHRAGM, LUNG, MODES, POSTURE, THORAX};
 use super::parameters::{Breathing, Patient, Treatment};
 use super::random::Draws;
@@ -39,7 +40,8 @@ const THORAX_DRIFT: f64 = 0.4;
 const THROWN_UP: f64 = 0.5;
 
 /// A day.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub enum Day {
     /// The mean cycle, again and again: what a 4D-CT bins.
     Planning,

@@ -58,7 +58,7 @@ pub const SKIN_TRIANGLES: u32 = 60_000;
 /// How far a key mesh is from the one at rest, in millimetres of its mode.
 pub const KEY_MM: f64 = 10.0;
 /// Fewest and most triangles of a skin.
-const TRIANGLES: std::ops::RangeInclusive<u32> = 1000..=4_000_000;
+pub const TRIANGLES: std::ops::RangeInclusive<u32> = 1000..=4_000_000;
 /// Finest tumour: 20 * 4^7 triangles.
 const FINEST: u32 = 7;
 
@@ -138,21 +138,31 @@ impl Phantom {
     pub fn state(&self, day: Day, time_s: f64) -> State {
         State {
             weights_mm: self.course.weights(day, time_s),
-            setup: match day {
-                Day::Planning => Pose::IDENTITY,
-                Day::Treatment => self.setup(),
-            },
+            setup: self.setup(day),
             phase: self.course.cycles(day, time_s).rem_euclid(1.0),
         }
     }
 
-    /// The set-up of the day of treatment.
-    pub fn setup(&self) -> Pose {
+    /// Breath held on a day, at a share of planning's mean cycle from the end of inhaling: 0.5 is the
+    /// reference phase.
+    pub fn held(&self, day: Day, phase: f64) -> State {
+        State {
+            weights_mm: self.course.mean(phase),
+            setup: self.setup(day),
+            phase,
+        }
+    }
+
+    /// The set-up of a day.
+    pub fn setup(&self, day: Day) -> Pose {
         let t = &self.patient.treatment;
-        Pose::from_xyz_deg(
-            DVec3::from_array(t.setup_mm),
-            DVec3::from_array(t.setup_deg),
-        )
+        match day {
+            Day::Planning => Pose::IDENTITY,
+            Day::Treatment => Pose::from_xyz_deg(
+                DVec3::from_array(t.setup_mm),
+                DVec3::from_array(t.setup_deg),
+            ),
+        }
     }
 
     /// Ranges in millimetres that hold the weights of each mode at every moment of both days.

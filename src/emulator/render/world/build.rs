@@ -91,11 +91,12 @@ impl Builder<'_> {
         Ok(Part::Body(self.bodies.len() - 1))
     }
 
-    fn path(&mut self, object: &Object, index: u16, part: Part) {
+    fn path(&mut self, object: &Object, index: u16, part: Part) -> Result<()> {
         if path::moves(object) {
-            let path = Path::new(self.scene, object, index, part);
+            let path = Path::new(self.scene, object, index, part)?;
             self.fixed.paths.push(path);
         }
+        Ok(())
     }
 }
 
@@ -114,7 +115,7 @@ impl World {
             match solid(&object.shape, object.scale) {
                 Some(solid) => {
                     let part = builder.solid(solid, object, index);
-                    builder.path(object, index, part);
+                    builder.path(object, index, part)?;
                 }
                 None if path::moves(object) => {}
                 None => builder.mesh(object, index)?,
@@ -124,7 +125,7 @@ impl World {
         for (object, index) in objects() {
             if path::moves(object) && solid(&object.shape, object.scale).is_none() {
                 let part = builder.body(object, index)?;
-                builder.path(object, index, part);
+                builder.path(object, index, part)?;
             }
         }
         let mut fixed = builder.fixed;
