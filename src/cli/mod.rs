@@ -32,6 +32,7 @@ mod doctor;
 mod faults;
 mod interrupt;
 mod method;
+mod patient;
 mod plan;
 mod profile;
 mod record;
@@ -45,6 +46,7 @@ mod serve;
 #[cfg(target_os = "linux")]
 mod served;
 mod study;
+mod track;
 #[cfg(not(target_os = "linux"))]
 mod without_link;
 #[cfg(not(target_os = "linux"))]
@@ -76,6 +78,8 @@ enum Command {
     Profile(profile::Args),
     Dialect(dialect::Args),
     Scene(scene::Args),
+    Patient(patient::Args),
+    Track(track::Args),
     Plan(plan::Args),
     Bench(bench::Args),
     Board(board::Args),
@@ -128,6 +132,8 @@ fn dispatch(command: Command) -> Result<()> {
         Command::Profile(args) => profile::run(&args),
         Command::Dialect(args) => dialect::run(&args),
         Command::Scene(args) => scene::run(&args),
+        Command::Patient(args) => patient::run(&args),
+        Command::Track(args) => track::run(&args),
         Command::Plan(args) => plan::run(&args),
         Command::Bench(args) => bench::run(&args),
         Command::Board(args) => board::run(&args),

@@ -349,7 +349,11 @@ pub(super) fn check(o: &Object, at: &str, check: &Check<'_>) -> Result<()> {
                 "an empty name",
                 "a built-in patient, or the path of a TOML file",
             )?;
-            check.within(&shape("held_percent"), held_percent.unwrap_or(0.0), 0.0..=100.0)?;
+            check.within(
+                &shape("held_percent"),
+                held_percent.unwrap_or(0.0),
+                0.0..=100.0,
+            )?;
             let (least, most) = phantom::TRIANGLES.into_inner();
             check.that(
                 phantom::TRIANGLES.contains(triangles),

@@ -59,7 +59,10 @@ impl Deformation {
             // No mode takes tissue farther than twice its weight.
             Self::Breath(phantom, _) => {
                 let bounds = phantom.weight_bounds_mm();
-                bounds.iter().map(|b| 2.0 * b[0].abs().max(b[1].abs())).sum()
+                bounds
+                    .iter()
+                    .map(|b| 2.0 * b[0].abs().max(b[1].abs()))
+                    .sum()
             }
         }
     }

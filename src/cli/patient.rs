@@ -1,0 +1,100 @@
+//! `phasma patient`: the generated patients, and what planning knows of each.
+
+use crate::error::{Error, Result};
+use crate::patient::phantom::{Patient, Phantom, patient_names};
+use std::path::{Path, PathBuf};
+
+/// Generated patients who breathe: list them, describe one, write its planning folder
+#[derive(Debug, clap::Args)]
+pub(super) struct Args {
+    #[command(subcommand)]
+    action: Action,
+}
+
+#[derive(Debug, clap::Subcommand)]
+enum Action {
+    /// List the patients that are built in.
+    List,
+    /// Check a patient and say what it is.
+    Check {
+        /// A built-in patient, or a TOML file.
+        patient: String,
+    },
+    /// Write what planning knows of a patient: the skin, the tumour and how both move over ten phases of
+    /// breathing, as `phasma track` takes it.
+    Plan {
+        /// A built-in patient, or a TOML file.
+        patient: String,
+        /// Folder for the files; it must not hold a planning already.
+        #[arg(long, value_name = "DIR")]
+        out: PathBuf,
+        /// Distance of the voxels of displacement fields and CT.
+        #[arg(long, value_name = "MM", default_value_t = 5.0)]
+        spacing_mm: f64,
+        /// Write the CT of the reference phase too.
+        #[arg(long)]
+        ct: bool,
+    },
+}
+
+pub(super) fn run(args: &Args) -> Result<()> {
+    match &args.action {
+        Action::List => {
+            for name in patient_names() {
+                println!("{name:<24}  {}", Patient::load(name)?.description);
+            }
+            Ok(())
+        }
+        Action::Check { patient } => {
+            let patient = Patient::load(patient)?;
+            describe(&patient);
+            Ok(())
+        }
+        Action::Plan {
+            patient,
+            out,
+            spacing_mm,
+            ct,
+        } => plan(&Patient::load(patient)?, out, *spacing_mm, *ct),
+    }
+}
+
+fn describe(patient: &Patient) {
+    let (breathing, day) = (&patient.breathing, &patient.treatment);
+    println!("{}: ok", patient.name);
+    println!("  {}", patient.description);
+    println!(
+        "  body        {} years, {:.0} mm, {:.0} kg, {:.1} kg/m2",
+        patient.age_years,
+        patient.stature_mm,
+        patient.mass_kg,
+        patient.body_mass_index()
+    );
+    println!("  tumour      {:.0} mm", patient.tumour.diameter_mm);
+    println!(
+        "  breathing   every {:.1} s: thorax {:.1} mm, abdomen {:.1} mm, diaphragm {:.1} mm",
+        breathing.period_s, breathing.thorax_mm, breathing.abdomen_mm, breathing.diaphragm_mm
+    );
+    println!(
+        "  treatment   {:.2} times as deep, abdomen drifts {:.1} mm, set up {:?} mm and {:?} degrees off",
+        day.amplitude, day.drift_mm, day.setup_mm, day.setup_deg
+    );
+}
+
+fn plan(patient: &Patient, out: &Path, spacing_mm: f64, ct: bool) -> Result<()> {
+    let file = out.join("planning.toml");
+    if file.exists() {
+        return Err(Error::input(
+            format!("--out {}", out.display()),
+            "planning.toml, of an earlier planning",
+            "another folder",
+        ));
+    }
+    super::step(&format!("{}: skin, tumour and ten fields", patient.name));
+    Phantom::new(patient).export_planning(out, spacing_mm, ct)?;
+    println!(
+        "{}: planning.toml, skin.ply, tumour.ply, dvf_00.mha to dvf_90.mha",
+        out.display()
+    );
+    Ok(())
+}
