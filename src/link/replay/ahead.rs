@@ -5,7 +5,7 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 
 /// What is read ahead of its time, in pieces and in bytes; at least one piece.
-const MAX_AHEAD: (usize, usize) = (256, 64 << 20);
+pub(super) const MAX_AHEAD: (usize, usize) = (256, 64 << 20);
 
 /// What the device does.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -49,7 +49,12 @@ pub(super) struct Ahead {
 impl Ahead {
     /// Enough is read ahead.
     pub(super) fn is_full(&self) -> bool {
-        self.queue.len() >= MAX_AHEAD.0 || self.bytes >= MAX_AHEAD.1
+        self.len() >= MAX_AHEAD.0 || self.bytes >= MAX_AHEAD.1
+    }
+
+    /// In how many pieces it is.
+    pub(super) fn len(&self) -> usize {
+        self.queue.len()
     }
 
     /// Puts what happens behind all others, at this time at the earliest.

@@ -1,8 +1,10 @@
 //! Clients that follow a recording, and clients that do not.
 
+use super::super::ahead::MAX_AHEAD;
 use super::*;
-use crate::protocol::PixelFormat;
-use crate::protocol::record::{Channel, encode_head, encode_record};
+use crate::protocol::record::{Channel, Event, encode_head, encode_record};
+use crate::protocol::{Frame, PixelFormat};
+use std::sync::Arc;
 
 const PORT: Channel = Channel::Control;
 
