@@ -48,7 +48,6 @@ pub(super) struct Ahead {
 
 impl Ahead {
     /// How many things it will do.
-    #[cfg(test)]
     pub(super) fn len(&self) -> usize {
         self.queue.len()
     }
