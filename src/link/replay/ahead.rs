@@ -47,11 +47,6 @@ pub(super) struct Ahead {
 }
 
 impl Ahead {
-    /// How many things it will do.
-    pub(super) fn len(&self) -> usize {
-        self.queue.len()
-    }
-
     /// Enough is read ahead.
     pub(super) fn is_full(&self) -> bool {
         self.len() >= MAX_AHEAD.0 || self.bytes >= MAX_AHEAD.1
