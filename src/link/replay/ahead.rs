@@ -47,15 +47,14 @@ pub(super) struct Ahead {
 }
 
 impl Ahead {
-    /// How many things it will do.
-    #[cfg(test)]
-    pub(super) fn len(&self) -> usize {
-        self.queue.len()
-    }
-
     /// Enough is read ahead.
     pub(super) fn is_full(&self) -> bool {
-        self.queue.len() >= MAX_AHEAD.0 || self.bytes >= MAX_AHEAD.1
+        self.len() >= MAX_AHEAD.0 || self.bytes >= MAX_AHEAD.1
+    }
+
+    /// In how many pieces it is.
+    pub(super) fn len(&self) -> usize {
+        self.queue.len()
     }
 
     /// Puts what happens behind all others, at this time at the earliest.
