@@ -4,9 +4,8 @@ mod shapes;
 
 use super::super::surface::Region;
 use super::super::testing::{Random, is_front, moved, patient, scan, sphere};
-use super::rows::Row;
 use super::*;
-use crate::calibrate::chi_square_below;
+use crate::calibrate::solve::chi_square_below;
 use crate::geometry::Mesh;
 use nalgebra::Vector6;
 use std::sync::LazyLock;
