@@ -295,8 +295,9 @@ mod tests {
             assert!(!joined(&mixed(cell, 0.3), half).1, "{cell}");
             assert!(joined(&mixed(cell, 0.1), half).1, "{cell}");
         }
-        // Faint bits in noise say nothing of places.
-        assert!(joined(&word(here, 4.0), 4.0).1);
+        // What noise can have made of a full contrast says nothing of places.
+        assert!(!GrayJoin::two_places(1.5, 4.0, 6.0));
+        assert!(GrayJoin::two_places(12.0, 40.0, 6.0));
     }
 
     #[test]

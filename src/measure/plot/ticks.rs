@@ -66,10 +66,15 @@ pub(super) fn logarithmic(low: f64, high: f64) -> Vec<(f64, String)> {
             (value, text)
         })
         .collect();
-    if ticks.len() < FEWEST {
-        return linear(low, high, 2 * FEWEST);
+    if ticks.len() >= FEWEST {
+        return ticks;
     }
-    ticks
+    // A step that is twice as fine has at least twice as many but one.
+    let coarse = linear(low, high, 2 * FEWEST);
+    match coarse.len() < FEWEST {
+        true => linear(low, high, 4 * FEWEST),
+        false => coarse,
+    }
 }
 
 /// Ticks without which a logarithmic axis cannot be read.
