@@ -119,6 +119,10 @@ fn weights_win_what_the_study_of_noise_says() {
     let won: Vec<f64> = won.map(f64::round).collect();
     assert!(won.len() >= 2);
     let [least, most] = [f64::min, f64::max].map(|f| won.iter().copied().reduce(f).unwrap());
-    let words = format!("{least} to {most} % less depth noise on `pmp-bench`");
+    let range = match least == most {
+        true => format!("{least}"),
+        false => format!("{least} to {most}"),
+    };
+    let words = format!("{range} % less depth noise on `pmp-bench`");
     assert!(README.contains(&words), "{words}");
 }
