@@ -55,7 +55,10 @@ mod tests {
 
     #[test]
     fn whole_numbers_of_which_most_are_zero_have_one() {
-        let mut sizes: Vec<f64> = normal(20_000, 0.6).iter().map(|v| v.round().abs()).collect();
+        let mut sizes: Vec<f64> = normal(20_000, 0.6)
+            .iter()
+            .map(|v| v.round().abs())
+            .collect();
         // Rounding adds a twelfth.
         let want = (0.36f64 + 1.0 / 12.0).sqrt();
         let found = of_most(&mut sizes, 1.0, 0.3);

@@ -6,9 +6,9 @@
 //! capture knows them, and takes them off; a damaged pixel of one frame is not usual. What is left is
 //! held against the camera's noise, or against what is left of most pixels where that is more.
 
-use super::{Options, deviation};
 use super::phase::{RowNoise, SetKernel};
 use super::samples::Sample;
+use super::{Options, deviation};
 use crate::geometry::NoiseModel;
 use nalgebra::{SMatrix, SVector};
 

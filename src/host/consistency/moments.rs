@@ -51,7 +51,11 @@ impl Moments {
     pub(super) fn residual(&self, rest: &DMatrix<f64>, frames: &[usize]) -> f64 {
         let sums = self.ordered(frames);
         let left = rest.dot(&sums);
-        if left > ROUNDING * sums.trace() { left } else { 0.0 }
+        if left > ROUNDING * sums.trace() {
+            left
+        } else {
+            0.0
+        }
     }
 
     /// Sum of squared deviations from each pixel's mean over `frames`, in DN^2.
