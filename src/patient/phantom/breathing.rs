@@ -8,11 +8,11 @@
 //! the body in lower lobes. Ranges of diaphragms and periods: Keall et al., AAPM report 91 (task group
 //! 76), Medical Physics 33, 2006.
 
-use serde::{Deserialize, Serialize};
 use super::modes::{ABDOMEN, DIAPHRAGM, LUNG, MODES, POSTURE, THORAX};
 use super::parameters::{Breathing, Patient, Treatment};
 use super::random::Draws;
 use super::spline::{most_of, most_of_differences, wander};
+use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
 
 /// The end of exhaling, where everything rests at planning: phase 50 of a 4D-CT.
