@@ -118,10 +118,15 @@ fn profile(name: &str, dimmed: f64) -> Profile {
     profile
 }
 
+/// Scenes at the distance of a bench; the treatment room is larger, and its patient breathes.
+fn bench_scenes() -> impl Iterator<Item = &'static str> {
+    phasma::profile::scene_names().filter(|name| *name != "treatment-room")
+}
+
 /// Every capture that is looked at: both built-in sequences, all scenes, and a dim projector.
 fn captures(name: &str) -> impl Iterator<Item = (String, Captured)> {
-    let scenes = phasma::profile::scene_names().map(|scene| (scene, 1.0));
-    scenes
+    bench_scenes()
+        .map(|scene| (scene, 1.0))
         .chain([("plane", 0.15), ("torso", 0.15)])
         .map(move |(scene, dimmed)| {
             let what = format!("{name}, {scene}, {dimmed} of the light");
@@ -286,7 +291,7 @@ fn every_fault_of_other_sequences_is_found_and_no_sound_capture_doubted() {
     ];
     let single = (unresolved, (0..10).rev().flat_map(single).collect());
     for (name, patterns) in sequences.into_iter().chain([single]) {
-        let scenes = phasma::profile::scene_names().map(|scene| (scene, 1.0));
+        let scenes = bench_scenes().map(|scene| (scene, 1.0));
         for (scene, dimmed) in scenes.chain([("torso", 0.15)]) {
             let what = format!("{name}, {scene}, {dimmed} of the light");
             let captured = scan(&with_patterns(&patterns, dimmed), scene, |frames| frames, 0);
