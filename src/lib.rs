@@ -76,6 +76,11 @@
 //!   knows commands, whatever the dialect, and nothing of what goes wrong.
 //! - The light source's matrix exponential is not computed by a general algorithm: the lifted
 //!   system's is known in closed form, and as sums of positive terms it loses no digit at any step.
+//! - A serial port of a Unix is opened by rustix and not by serialport, whose writes block in the
+//!   kernel where a line takes nothing, and whose descriptor cannot be told otherwise without unsafe
+//!   code. Elsewhere it is serialport's.
+//! - Patients are ground: planning folders, volumes and iso-surfaces are both halves' to read. The
+//!   generated ones, [`patient::phantom`], are truth, and the host's half never imports them.
 //! - Frames go to a V4L2 node no faster than they were exposed: a v4l2loopback reader that is more
 //!   than two frames behind loses all but the newest.
 
