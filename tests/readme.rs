@@ -71,6 +71,8 @@ fn every_command_runs() {
         "from-captures/calibration.yml",
         "dots.svg",
         "chess.svg",
+        "planning/dvf_90.mha",
+        "track.csv",
     ] {
         assert!(folder.path().join(file).is_file(), "{file}\n{out}");
     }
