@@ -128,7 +128,7 @@ fn what_does_not_fit_at_once_is_sent_while_the_device_reads() {
     in_time(|| {
         let (device, path) = pty();
         let mut port = SerialPort::open(&path).unwrap();
-        let sent: Vec<u8> = (0..1 << 20).map(|i: u32| (i * 7 >> 3) as u8).collect();
+        let sent: Vec<u8> = (0..1 << 20).map(|i: u32| ((i * 7) >> 3) as u8).collect();
         let want = sent.clone();
         let writer = thread::spawn(move || {
             port.send(&sent, LONG).unwrap();

@@ -96,7 +96,8 @@ fn label(value: f64, step: f64, decimals: usize) -> String {
     }
     if size >= 1e7 || decimals > 6 {
         // As many digits as tell neighbours apart.
-        let digits = ((size / step).log10().floor() as i32).clamp(0, 12) as usize;
+        let place = |v: f64| (v.log10() + 1e-9).floor() as i32;
+        let digits = (place(size) - place(step)).clamp(0, 12) as usize;
         return format!("{value:.digits$e}");
     }
     format!("{value:.decimals$}")
