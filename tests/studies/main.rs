@@ -32,7 +32,7 @@ fn speed() {
 }
 
 #[test]
-#[ignore = "takes minutes; a lane of .ci/run does it"]
+#[ignore = "takes minutes; a lane of `.ci/run --whole` does it"]
 fn whole_forms() {
     for name in ["paper", "stability", "noise"] {
         whole(name);
