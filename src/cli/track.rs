@@ -6,8 +6,8 @@ mod table;
 use crate::error::{Error, Result};
 use crate::geometry::Pose;
 use crate::host::track::{
-    Beam, FitOptions, Hold, HoldRules, Measured, ModelOptions, MotionState, MotionTracker, Planned,
-    Quantity, Reading, Region, RigidOptions, SetUp, Start, track_rigid,
+    Beam, FitOptions, Hold, HoldRules, Measured, ModelOptions, MotionState, MotionTracker, POINTS,
+    Planned, Quantity, Reading, Region, RigidOptions, Start, track_rigid,
 };
 use crate::patient::planning::Planning;
 use crate::profile::{Configuration, Station};
@@ -17,19 +17,8 @@ use std::path::PathBuf;
 use std::time::{Duration, Instant};
 use table::{Row, Table};
 
-/// Points of a scan that are fitted, of all pods together.
-const POINTS: usize = 10_000;
-/// How far from the isocentre skin is tracked, along the couch and across it, in millimetres,
-const REACH_MM: f64 = 250.0;
-/// and how far below it: the couch is no skin.
-const BELOW_MM: f64 = 40.0;
 /// How far off a patient is looked for at first.
 const RANGE_MM: f64 = 50.0;
-/// Deviations of a set-up that are believed beside the breathing.
-const SET_UP: SetUp = SetUp {
-    shift_sd_mm: 5.0,
-    turn_sd_deg: 2.0,
-};
 /// Longest timeout in seconds.
 const MAX_TIMEOUT_S: f64 = 3600.0;
 
@@ -84,12 +73,8 @@ pub(super) fn run(args: &Args) -> Result<()> {
     };
     let table = Table::create(args.out.as_deref())?;
     super::step("planning");
-    let region = Region::Box {
-        lo: DVec3::new(-REACH_MM, -REACH_MM, -BELOW_MM),
-        hi: DVec3::new(REACH_MM, REACH_MM, 4.0 * REACH_MM),
-    };
     let planning = Planning::load(&args.planning)?;
-    let planned = Planned::new(&planning, &region, &ModelOptions::default())?;
+    let planned = Planned::new(&planning, &Region::chest(), &ModelOptions::default())?;
     let mut pods = pods(args, &station)?;
     let followed = follow(args, &planned, &mut pods, table);
     for pod in pods {
@@ -117,10 +102,7 @@ fn pods(args: &Args, station: &Station) -> Result<Vec<Pod>> {
 /// Scans, fits, decides and tells, until told to stop.
 fn follow(args: &Args, planned: &Planned, pods: &mut [Pod], mut table: Table) -> Result<()> {
     let mut hold = Hold::new(HoldRules::default())?;
-    let options = FitOptions {
-        set_up: Some(SET_UP),
-        ..FitOptions::default()
-    };
+    let options = FitOptions::by_hand();
     let tracker = MotionTracker::new(&planned.reference, &planned.model, Pose::IDENTITY, &options)?;
     let mut state = MotionState::mean(&planned.model);
     let mut start = Start::Within {

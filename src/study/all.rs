@@ -3,9 +3,10 @@
 use super::lab::Study;
 use super::noise::Noise;
 use super::paper::Paper;
+use super::sgrt::Sgrt;
 use super::speed::Speed;
 use super::stability::Stability;
 use super::work_precision::WorkPrecision;
 
 /// All studies, in the order in which a report has them.
-pub const ALL: &[&dyn Study] = &[&Paper, &WorkPrecision, &Stability, &Noise, &Speed];
+pub const ALL: &[&dyn Study] = &[&Paper, &WorkPrecision, &Stability, &Noise, &Speed, &Sgrt];

@@ -3,6 +3,8 @@
 
 mod all;
 pub mod calibration;
+pub mod clinic;
+mod draws;
 pub mod faults;
 pub mod lab;
 pub mod noise;
@@ -10,6 +12,7 @@ pub mod paper;
 pub mod report;
 pub mod scanned;
 pub mod score;
+pub mod sgrt;
 pub mod speed;
 pub mod stability;
 pub mod timing;

@@ -20,6 +20,10 @@ pub(super) struct Model {
     pub(super) rig_from_rest: Pose,
     /// The same vertices at each keyframe of its deformation; empty where it is stiff.
     pub(super) keys: Vec<Vec<DVec3>>,
+    /// The farthest that any shape has a vertex from the mesh's own origin, in millimetres,
+    pub(super) radius_mm: f64,
+    /// and the farthest that each keyframe takes a vertex from where it rests.
+    pub(super) key_reach_mm: Vec<f64>,
     /// Makes its smooth normals, where something needs them and it deforms.
     pub(super) smoother: Option<Smoother>,
 }

@@ -13,7 +13,8 @@ pub struct Options {
     pub samples: u32,
     /// Instants of an exposure at which a scene that moves is looked at, 1 to 256: each costs a
     /// geometry pass, and the error of what they blur falls as the square of their number. A scene
-    /// that stands still while an exposure lasts is looked at once.
+    /// in which nothing goes farther than an eighth of a pixel while an exposure lasts is looked at
+    /// once.
     pub time_samples: u32,
     /// What runs the passes.
     pub backend: Backend,

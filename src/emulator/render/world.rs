@@ -4,6 +4,7 @@
 mod build;
 mod extent;
 mod leaving;
+mod moving;
 
 use super::body::Body;
 use super::look::{Looks, Spot};

@@ -1,7 +1,6 @@
 //! Calibrations that hardly determine a rig, or not at all.
 
 use super::case::Case;
-use super::draws::Draws;
 use super::sweep::{Group, Sweep};
 use crate::calibrate::board::{Lit, Sighting};
 use crate::calibrate::solve::{
@@ -10,6 +9,7 @@ use crate::calibrate::solve::{
 use crate::error::Result;
 use crate::geometry::{Board, Pose, Rig};
 use crate::profile::Profile;
+use crate::study::draws::Draws;
 use crate::study::lab::Context;
 use glam::{DMat2, DMat3, DVec2, DVec3};
 

@@ -11,7 +11,6 @@ mod bent;
 mod boards;
 mod case;
 mod document;
-mod draws;
 mod exposures;
 mod lenses;
 mod levels;

@@ -2,12 +2,12 @@
 
 use super::bent;
 use super::case::{Case, worse};
-use super::draws::Draws;
 use super::parallel;
 use super::sweep::{Group, Sweep};
 use crate::calibrate::{CoordinateRow, Measured, Triangulator};
 use crate::error::Result;
 use crate::geometry::{Lens, Pose, Rig, View};
+use crate::study::draws::Draws;
 use crate::study::lab::Context;
 use glam::{DVec2, DVec3};
 

@@ -1,12 +1,12 @@
 //! Frames made of the patterns' formulas in f64, without any of the decoder's code, and how far off
 //! what they decode to is.
 
-use super::draws::Draws;
 use super::rays::EPS_F32;
 use crate::decode::{Decoder, FrameStack, Options, Samples, Verdict};
 use crate::error::Result;
 use crate::geometry::NoiseModel;
 use crate::pattern::{Axis, Manifest, ManifestFrame, Pattern, ProjectorSize};
+use crate::study::draws::Draws;
 use crate::study::lab::Context;
 use rayon::prelude::*;
 use std::f64::consts::TAU;

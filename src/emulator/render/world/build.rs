@@ -80,8 +80,16 @@ impl Builder<'_> {
         let shines = object.lobe().is_some() && !keys.is_empty();
         let smoother = shines.then(|| Smoother::new(&scaled, &mesh.triangles));
         self.fixed.owner.resize(first + mesh.triangles.len(), index);
+        let farthest = |way: &mut dyn Iterator<Item = f64>| way.fold(0.0, f64::max);
+        let shapes = std::iter::once(&scaled).chain(&keys);
+        let reach = |key: &Vec<DVec3>| {
+            let pairs = key.iter().zip(&scaled);
+            farthest(&mut pairs.map(|(there, rest)| there.distance(*rest)))
+        };
         self.bodies.push(Body::new(Model {
             first: first as u32,
+            radius_mm: farthest(&mut shapes.flatten().map(|v| v.length())),
+            key_reach_mm: keys.iter().map(reach).collect(),
             triangles: mesh.triangles,
             vertices: scaled,
             rig_from_rest,

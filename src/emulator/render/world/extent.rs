@@ -8,7 +8,7 @@ use crate::geometry::raycast::Bvh;
 const SWING: f64 = 1.25;
 
 /// Distance from its own origin that a solid reaches; endless planes none.
-fn radius(solid: &Solid) -> f64 {
+pub(super) fn radius(solid: &Solid) -> f64 {
     match *solid {
         Solid::Plane { half } if half.is_finite() => half.length(),
         Solid::Plane { .. } => 0.0,

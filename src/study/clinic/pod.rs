@@ -1,0 +1,137 @@
+//! One pod: its frames at a device time, decoded into what it measures.
+
+use crate::decode::{Decoded, Decoder, Options};
+use crate::emulator::render;
+use crate::emulator::{Firmware, Renderer, Shot, Truth};
+use crate::error::Result;
+use crate::geometry::{Pose, Rig};
+use crate::host::track::Measured;
+use crate::pattern::Pattern;
+use crate::profile::{Profile, RigPlace, Scene};
+use crate::protocol::PixelFormat;
+use crate::study::scanned::{Levels, Scanned};
+use glam::DVec3;
+
+/// A pod before a scene.
+pub struct Pod {
+    profile: Profile,
+    rig: Rig,
+    renderer: Renderer,
+    shots: Vec<(Pattern, Shot)>,
+    decoder: Decoder,
+    room_from_rig: Pose,
+    scans: u64,
+}
+
+impl Pod {
+    /// A device that stands at a place before a scene. `seed` keys its noise.
+    ///
+    /// # Errors
+    /// What [`Renderer::with_options`], [`Firmware::new`] and [`Decoder::new`] refuse.
+    pub fn new(profile: &Profile, scene: &Scene, place: RigPlace, seed: u64) -> Result<Self> {
+        let scene = Scene {
+            rig: place,
+            ..scene.clone()
+        };
+        let shots = Firmware::new(profile, &[])?.selected_sequence();
+        let mut renderer =
+            Renderer::with_options(profile, &scene, seed, render::Options::default())?;
+        renderer.expect_slides(shots.iter().filter_map(|(_, shot)| shot.slide.as_deref()));
+        let (rig, manifest) = (
+            profile.nominal_rig(),
+            profile.manifest(&profile.sequence[0]),
+        );
+        let camera = &profile.camera;
+        let [width, height] = [camera.width_px, camera.height_px].map(|n| n as usize);
+        Ok(Self {
+            decoder: Decoder::new(&manifest, width, height, Some(&rig), Options::default())?,
+            profile: profile.clone(),
+            rig,
+            renderer,
+            shots,
+            room_from_rig: scene.rig_from_scene().inverse(),
+            scans: 0,
+        })
+    }
+
+    /// The rendering, to be forced.
+    pub fn renderer(&mut self) -> &mut Renderer {
+        &mut self.renderer
+    }
+
+    /// Nanoseconds from the first exposure's start to the last one's end.
+    pub fn duration_ns(&self) -> u64 {
+        let ends = self.shots.iter().map(|(_, shot)| shot.end_ns()).max();
+        let begin = self.shots.iter().map(|(_, shot)| shot.start_ns).min();
+        ends.unwrap_or(0) - begin.unwrap_or(0)
+    }
+
+    /// Nanoseconds after which the next pod may begin.
+    pub fn turn_ns(&self) -> u64 {
+        let period = match self.shots.as_slice() {
+            [(_, first), (_, second), ..] => second.start_ns - first.start_ns,
+            _ => self.duration_ns(),
+        };
+        period * self.shots.len() as u64
+    }
+
+    /// Takes frames from a device time on, with noise of their own; all of them in the middle of one
+    /// exposure at `still_ns`, where that is given.
+    pub fn scan(&mut self, start_ns: u64, still_ns: Option<u64>) -> Scanned {
+        let count = self.shots.len() as u64;
+        let zero_ns = self.shots.first().map_or(0, |(_, shot)| shot.start_ns);
+        let frames = self.shots.iter().enumerate().map(|(i, (_, shot))| {
+            let id = self.scans * count + i as u64;
+            let shot = Shot {
+                id,
+                noise_id: id,
+                start_ns: match still_ns {
+                    None => start_ns + (shot.start_ns - zero_ns),
+                    Some(then_ns) => then_ns.saturating_sub(shot.exposure_ns / 2),
+                },
+                ..shot.clone()
+            };
+            let frame = self.renderer.expose(&shot);
+            Levels::of_bytes(frame.data, frame.format == PixelFormat::Grey)
+        });
+        let frames = frames.collect();
+        self.scans += 1;
+        let camera = &self.profile.camera;
+        Scanned {
+            manifest: self.profile.manifest(&self.profile.sequence[0]),
+            rig: self.rig.clone(),
+            size: (camera.width_px as usize, camera.height_px as usize),
+            frames,
+        }
+    }
+
+    /// Decodes.
+    ///
+    /// # Errors
+    /// What the decoder refuses.
+    pub fn decode(&self, scanned: &Scanned) -> Result<Decoded> {
+        scanned.decode(&self.decoder)
+    }
+
+    /// Adds what was decoded to what is measured, at most so many points.
+    pub fn measure(&self, decoded: &Decoded, measured: &mut Measured, most: usize) {
+        let cloud = self.decoder.cloud(decoded);
+        let depths = decoded.depth.iter().zip(&decoded.depth_sigma);
+        let known = depths.filter(|(depth, _)| !depth.is_nan());
+        let sigma: Vec<f32> = known.map(|(_, sigma)| *sigma).collect();
+        measured.push_pod(&cloud.points, &sigma, &self.room_from_rig, most);
+    }
+
+    /// The truth at a device time.
+    pub fn truth(&mut self, time_ns: u64) -> Truth {
+        self.renderer.truth_at(&self.shots, time_ns)
+    }
+
+    /// The pixel's point in the room at a depth.
+    pub fn place(&self, pixel: usize, depth_mm: f64) -> DVec3 {
+        let width = self.profile.camera.width_px as usize;
+        let (x, y) = ((pixel % width) as f64, (pixel / width) as f64);
+        let ray = self.rig.camera.ray(glam::DVec2::new(x, y));
+        self.room_from_rig.point(ray * (depth_mm / ray.z))
+    }
+}

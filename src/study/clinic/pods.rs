@@ -1,0 +1,75 @@
+//! The pods of a station, whose projectors take turns.
+
+use super::pod::Pod;
+use crate::decode::Decoded;
+use crate::error::{Error, Result};
+use crate::host::track::Measured;
+use crate::profile::{Configuration, Profile, Scene};
+
+/// The station that stands under the ceiling.
+const STATION: &str = "sgrt-ceiling";
+
+/// The pods of a station before one scene.
+pub struct Pods {
+    /// Each, in the order in which they take turns.
+    pub all: Vec<Pod>,
+}
+
+impl Pods {
+    /// The pods of the ceiling before a scene, each as `adapt` makes it of its profile.
+    ///
+    /// # Errors
+    /// What [`Pod::new`] refuses.
+    pub fn new(scene: &Scene, seed: u64, adapt: &dyn Fn(&mut Profile)) -> Result<Self> {
+        let Configuration::Station(station) = Configuration::load(STATION)? else {
+            return Err(Error::input(STATION, "a device", "a station"));
+        };
+        let pods = station.device.iter().map(|device| {
+            let mut profile = Profile::load(&station.profile(device))?;
+            adapt(&mut profile);
+            let place = device.rig().unwrap_or(scene.rig);
+            Pod::new(
+                &profile,
+                scene,
+                place,
+                seed.wrapping_add(device.seed.unwrap_or(0)),
+            )
+        });
+        Ok(Self {
+            all: pods.collect::<Result<_>>()?,
+        })
+    }
+
+    /// Nanoseconds from the start of the first exposure to the end of the last pod's last one.
+    pub fn duration_ns(&self) -> u64 {
+        let Some((last, others)) = self.all.split_last() else {
+            return 0;
+        };
+        others.iter().map(Pod::turn_ns).sum::<u64>() + last.duration_ns()
+    }
+
+    /// Scans with all pods in turn from a device time on, and decodes; with a scene that stands as it
+    /// is half way through the scan where `still` is asked for.
+    ///
+    /// # Errors
+    /// What the decoder refuses.
+    pub fn scan(&mut self, start_ns: u64, still: bool) -> Result<Vec<Decoded>> {
+        let middle_ns = start_ns + self.duration_ns() / 2;
+        let mut begin_ns = start_ns;
+        let scan = |pod: &mut Pod| {
+            let scanned = pod.scan(begin_ns, still.then_some(middle_ns));
+            begin_ns += pod.turn_ns();
+            pod.decode(&scanned)
+        };
+        self.all.iter_mut().map(scan).collect()
+    }
+
+    /// The points of a scan in the room, at most so many of all pods together.
+    pub fn measured(&self, scan: &[Decoded], most: usize) -> Measured {
+        let mut measured = Measured::default();
+        for (pod, decoded) in self.all.iter().zip(scan) {
+            pod.measure(decoded, &mut measured, most / self.all.len());
+        }
+        measured
+    }
+}

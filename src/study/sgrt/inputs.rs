@@ -1,0 +1,194 @@
+//! What the tracker gets: skins from ideal to scanned, one term between each and the next.
+
+use crate::decode::Decoded;
+use crate::emulator::Truth;
+use crate::emulator::render::Term;
+use crate::error::Result;
+use crate::host::track::{Measured, POINTS, Region};
+use crate::profile::Profile;
+use crate::study::clinic::{InRoom, Moment, Pods};
+use crate::study::draws::Draws;
+use glam::DVec3;
+
+/// Deviation that the tracker is told of points that have no noise, in millimetres.
+const IDEAL_SIGMA_MM: f64 = 0.1;
+/// The paper's noise, in millimetres along each axis.
+pub(super) const NOISE_MM: f64 = 0.5;
+/// A pixel that is farther off is a gross error.
+const GROSS_MM: f64 = crate::measure::GROSS_MM;
+
+/// One skin.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Input {
+    /// Points of the true skin, evenly over the region.
+    Ideal,
+    /// The same with noise of half a millimetre along each axis.
+    Noisy,
+    /// As scanned by the pods in turn, while the patient breathes.
+    Scanned,
+    /// As scanned while the patient stays as in the middle of the scan.
+    Still,
+    /// So, and of skin into which no light goes.
+    Opaque,
+    /// So, and without noise of the sensors.
+    Quiet,
+    /// The true skin where that scan has points.
+    Seen,
+}
+
+impl Input {
+    pub(super) fn name(self) -> &'static str {
+        match self {
+            Self::Ideal => "ideal",
+            Self::Noisy => "noisy",
+            Self::Scanned => "scanned",
+            Self::Still => "still",
+            Self::Opaque => "opaque",
+            Self::Quiet => "quiet",
+            Self::Seen => "seen",
+        }
+    }
+}
+
+/// A skin, and how it differs from the true one where that is known pixel by pixel.
+pub(super) struct Skin {
+    pub(super) input: Input,
+    pub(super) measured: Measured,
+    pub(super) against: Option<Against>,
+}
+
+/// Depths of all pods against the true ones at the same moment.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Against {
+    /// Share of the points that are more than a millimetre off, or on what is not there.
+    pub(super) gross: f64,
+    /// Mean of the others' measured depths less the true ones, in millimetres,
+    pub(super) bias_mm: f64,
+    /// and the root of their mean square.
+    pub(super) rmse_mm: f64,
+}
+
+/// Three sets of pods before one patient: as they are, before opaque skin, and without noise.
+pub(super) struct Scanners {
+    pods: Pods,
+    opaque: Pods,
+    quiet: Pods,
+}
+
+impl Scanners {
+    pub(super) fn new(room: &InRoom, seed: u64, size_px: [u32; 2]) -> Result<Self> {
+        let sized = |profile: &mut Profile| {
+            [profile.camera.width_px, profile.camera.height_px] = size_px;
+        };
+        let quiet = |profile: &mut Profile| {
+            sized(profile);
+            profile.camera.sensor.noiseless = true;
+        };
+        let mut opaque = Pods::new(&room.scene, seed, &sized)?;
+        for pod in &mut opaque.all {
+            pod.renderer().force(Term::Subsurface, false);
+        }
+        // Without noise and without what is under the skin: nothing is left but geometry.
+        let mut silent = Pods::new(&room.scene, seed, &quiet)?;
+        for pod in &mut silent.all {
+            pod.renderer().force(Term::Subsurface, false);
+        }
+        Ok(Self {
+            pods: Pods::new(&room.scene, seed, &sized)?,
+            opaque,
+            quiet: silent,
+        })
+    }
+
+    pub(super) fn duration_ns(&self) -> u64 {
+        self.pods.duration_ns()
+    }
+
+    /// All inputs of a scan that begins at a device time.
+    pub(super) fn skins(
+        &mut self,
+        start_ns: u64,
+        (room, moment): (&InRoom, &Moment),
+        draws: &Draws,
+    ) -> Result<Vec<Skin>> {
+        let middle_ns = start_ns + self.duration_ns() / 2;
+        let plain = |input, measured| Skin {
+            input,
+            measured,
+            against: None,
+        };
+        let exact = room.skin(moment, Region::CHEST);
+        let noisy = exact.iter().enumerate().map(|(i, p)| {
+            let [xy, z] = [0, 1].map(|k| draws.normals(2 * i as u64 + k));
+            *p + xy.extend(z.x) * NOISE_MM
+        });
+        let noisy = Measured::isotropic(noisy.collect(), NOISE_MM);
+        let ideal = Measured::isotropic(exact, IDEAL_SIGMA_MM);
+        let mut skins = vec![
+            plain(Input::Ideal, ideal.thinned(POINTS)),
+            plain(Input::Noisy, noisy.thinned(POINTS)),
+        ];
+        let scan = self.pods.scan(start_ns, false)?;
+        skins.push(plain(Input::Scanned, self.pods.measured(&scan, POINTS)));
+        let truth: Vec<Truth> = self
+            .pods
+            .all
+            .iter_mut()
+            .map(|p| p.truth(middle_ns))
+            .collect();
+        let sets = [
+            (Input::Still, &mut self.pods),
+            (Input::Opaque, &mut self.opaque),
+            (Input::Quiet, &mut self.quiet),
+        ];
+        let mut seen = Vec::new();
+        for (input, pods) in sets {
+            let scan = pods.scan(start_ns, true)?;
+            skins.push(Skin {
+                input,
+                measured: pods.measured(&scan, POINTS),
+                against: Some(against(&scan, &truth)),
+            });
+            if input == Input::Still {
+                seen = places(pods, &scan, &truth);
+            }
+        }
+        let seen = Measured::isotropic(seen, IDEAL_SIGMA_MM);
+        skins.push(plain(Input::Seen, seen.thinned(POINTS)));
+        Ok(skins)
+    }
+}
+
+fn against(scan: &[Decoded], truth: &[Truth]) -> Against {
+    let pairs = scan.iter().zip(truth);
+    let off = pairs.flat_map(|(scan, truth)| scan.depth.iter().zip(&truth.depth_mm));
+    let (mut points, mut gross, mut inliers) = (0.0, 0.0, 0.0);
+    let (mut sum, mut squares) = (0.0, 0.0);
+    for (measured, exact) in off.filter(|(measured, _)| !measured.is_nan()) {
+        let off = f64::from(*measured) - f64::from(*exact);
+        points += 1.0;
+        if off.abs() <= GROSS_MM {
+            inliers += 1.0;
+            sum += off;
+            squares += off * off;
+        } else {
+            gross += 1.0;
+        }
+    }
+    Against {
+        gross: gross / points,
+        bias_mm: sum / inliers,
+        rmse_mm: (squares / inliers).sqrt(),
+    }
+}
+
+/// Where the true surface is at the pixels that have a point.
+fn places(pods: &Pods, scan: &[Decoded], truth: &[Truth]) -> Vec<DVec3> {
+    let mut places = Vec::new();
+    for ((pod, scan), truth) in pods.all.iter().zip(scan).zip(truth) {
+        let depths = scan.depth.iter().zip(&truth.depth_mm).enumerate();
+        let both = depths.filter(|(_, (measured, exact))| !measured.is_nan() && !exact.is_nan());
+        places.extend(both.map(|(i, (_, exact))| pod.place(i, f64::from(*exact))));
+    }
+    places
+}

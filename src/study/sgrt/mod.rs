@@ -1,0 +1,154 @@
+//! The study `sgrt`: how well a tumour is followed through the skin, with ideal skins and with skin as
+//! a scanner gives it.
+//!
+//! Each patient lies on the couch on the day of treatment, set up by hand and breathing otherwise than
+//! at planning. At moments spread over the breathing the same tracker, which knows no more than the
+//! planning folder, gets the true skin, the true skin with noise, and the skin that the three pods of
+//! the ceiling have scanned meanwhile (`inputs`). Where it says that the tumour is and how it is shaped
+//! is held against the truth at the middle of the scan (`trial`). What an ideal input hides is told
+//! term by term, by leaving each term out of the scan (`terms`).
+
+mod inputs;
+mod paired;
+mod pictures;
+mod published;
+mod tables;
+mod terms;
+mod trial;
+mod words;
+
+use super::lab::{Block, Document, Folder, Row, Rows, Section, Settings, Study, Trial};
+use crate::error::Result;
+use crate::patient::phantom::patient_names;
+
+/// The study.
+pub struct Sgrt;
+
+/// What is scanned.
+#[derive(Debug, Clone, Copy)]
+struct Effort {
+    /// Moments of each patient.
+    moments: usize,
+    /// Columns and rows of the pods' cameras, which see the same as the profile's.
+    size_px: [u32; 2],
+}
+
+impl Effort {
+    fn of(settings: &Settings) -> Self {
+        match settings.quick {
+            true => Self {
+                moments: 2,
+                size_px: [320, 240],
+            },
+            false => Self {
+                moments: 6,
+                size_px: [640, 480],
+            },
+        }
+    }
+}
+
+/// The patients of the quick form.
+const QUICK: [&str; 2] = ["p02-man-mean", "p12-woman-full-chest"];
+
+fn patients(settings: &Settings) -> Vec<&'static str> {
+    match settings.quick {
+        true => QUICK.to_vec(),
+        false => patient_names().collect(),
+    }
+}
+
+impl Study for Sgrt {
+    fn name(&self) -> &'static str {
+        "sgrt"
+    }
+
+    fn about(&self) -> &'static str {
+        "A tumour followed through the skin of fifteen patients, with ideal skins and scanned ones."
+    }
+
+    fn columns(&self) -> &'static [&'static str] {
+        &[
+            "patient",
+            "time_s",
+            "input",
+            "tpe_mm",
+            "dice",
+            "error_x_mm",
+            "error_y_mm",
+            "error_z_mm",
+            "deviation_mm",
+            "moved_mm",
+            "late_mm",
+            "points",
+            "skin_coverage",
+            "skin_bias_mm",
+            "skin_rmse_mm",
+            "skin_gross",
+            "warnings",
+        ]
+    }
+
+    fn trials(&self, settings: &Settings) -> Result<Vec<Trial>> {
+        let effort = Effort::of(settings);
+        let names = patients(settings);
+        let mut trials: Vec<Trial> = names
+            .iter()
+            .enumerate()
+            .map(|(i, &name)| {
+                // Noise of their own.
+                let seed = settings.seed.wrapping_add(16 * i as u64);
+                Trial::new(format!("patient/{name}"), seed, move |context| {
+                    trial::follow(context, name, effort)
+                })
+            })
+            .collect();
+        trials.push(pictures::trial(settings, names[0], effort));
+        Ok(trials)
+    }
+
+    fn document(&self, rows: &Rows, _: &Folder, settings: &Settings) -> Result<Document> {
+        let names = patients(settings);
+        let blocks = |mut blocks: Vec<Block>, more: Vec<Block>| {
+            blocks.extend(more);
+            blocks
+        };
+        Ok(Document {
+            title: "Surface-guided radiotherapy: a tumour followed through the skin".to_owned(),
+            sections: vec![
+                Section {
+                    title: "What is compared".to_owned(),
+                    blocks: vec![Block::Words(words::COMPARED.to_owned())],
+                },
+                Section {
+                    title: "What is seen".to_owned(),
+                    blocks: pictures::blocks(),
+                },
+                Section {
+                    title: "Position and shape of the tumour".to_owned(),
+                    blocks: blocks(
+                        vec![Block::Words(words::POSITION.to_owned())],
+                        tables::blocks(rows, &names),
+                    ),
+                },
+                Section {
+                    title: "What ideal skins hide".to_owned(),
+                    blocks: blocks(
+                        vec![Block::Words(words::TERMS.to_owned())],
+                        terms::blocks(rows, &names),
+                    ),
+                },
+            ],
+        })
+    }
+}
+
+/// Rows of one input; of one patient where a name is given.
+fn of<'a>(
+    rows: &'a Rows,
+    input: &'a str,
+    patient: Option<&'a str>,
+) -> impl Iterator<Item = &'a Row> {
+    rows.with("input", input)
+        .filter(move |row| patient.is_none_or(|name| row.get("patient") == name))
+}

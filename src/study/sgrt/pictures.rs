@@ -1,0 +1,59 @@
+//! A patient under fringes, the scanned surface and its error, and the tumour's way as it was and as it
+//! was followed.
+
+use super::Effort;
+use crate::error::{Error, Result};
+use crate::host::track::Region;
+use crate::study::clinic::{InRoom, Pods};
+use crate::study::lab::{Block, Context, Picture, Row, Settings, Trial};
+use crate::study::report::overview;
+use crate::study::scanned::Levels;
+use image::{GrayImage, ImageFormat};
+use std::io::Cursor;
+
+const FILE: &str = "sgrt-patient.png";
+/// Device time of the picture, in nanoseconds.
+const TIME_NS: u64 = 60_000_000_000;
+
+pub(super) fn trial(settings: &Settings, patient: &'static str, effort: Effort) -> Trial {
+    Trial::new("picture", settings.seed, move |context| {
+        draw(context, patient, effort)
+    })
+}
+
+fn draw(context: &Context<'_>, patient: &str, effort: Effort) -> Result<Vec<Row>> {
+    let scratch = context.folder.place("planning-picture")?;
+    let room = InRoom::new(patient, &Region::chest(), &scratch)?;
+    let mut pods = Pods::new(&room.scene, context.seed, &|profile| {
+        [profile.camera.width_px, profile.camera.height_px] = effort.size_px;
+    })?;
+    let Some(foot) = pods.all.last_mut() else {
+        return Ok(Vec::new());
+    };
+    let scanned = foot.scan(TIME_NS, None);
+    let decoded = foot.decode(&scanned)?;
+    let truth = foot.truth(TIME_NS + foot.duration_ns() / 2);
+    let (width, height) = scanned.size;
+    let Some(Levels::U8(levels)) = scanned.frames.first() else {
+        return Err(Error::device("frames of more than 8 bits"));
+    };
+    let frame = GrayImage::from_raw(width as u32, height as u32, levels.clone())
+        .ok_or_else(|| Error::device("a frame of another size"))?;
+    let picture = overview(&frame, &decoded, &truth, &scanned.rig);
+    let mut png = Cursor::new(Vec::new());
+    picture
+        .write_to(&mut png, ImageFormat::Png)
+        .map_err(|e| Error::device(format!("picture of {patient}: {e}")))?;
+    context.folder.leave(FILE, &png.into_inner())?;
+    Ok(vec![Row::new().text("patient", patient)])
+}
+
+pub(super) fn blocks() -> Vec<Block> {
+    vec![Block::Picture(Picture {
+        file: FILE.to_owned(),
+        caption:
+            "The pod over the foot end: a patient on the couch under fringes, the depth that it \
+                  measures, and measured minus true depth."
+                .to_owned(),
+    })]
+}

@@ -1,0 +1,159 @@
+//! Position errors and Dice's coefficients in the form of the paper's tables 4 and 5.
+
+use super::paired::{Spread, difference, values};
+use super::published;
+use crate::measure::plot::figures;
+use crate::study::lab::{Block, Chart, Check, Figure, Look, Rows, Series, Table};
+
+/// The three columns of the paper.
+const INPUTS: [&str; 3] = ["ideal", "noisy", "scanned"];
+
+pub(super) fn blocks(rows: &Rows, patients: &[&str]) -> Vec<Block> {
+    vec![
+        Block::Table(table(
+            rows,
+            patients,
+            ("sgrt-position", "tpe_mm", published::POSITION_MM),
+            "Target position error in mm: the distance between the centroids of the tumour as \
+             followed and as it is, mean and standard deviation over the moments of each patient; \
+             in the last rows over the patients' means, and the paper's means.",
+        )),
+        Block::Table(table(
+            rows,
+            patients,
+            ("sgrt-dice", "dice", published::DICE),
+            "Dice's coefficient of the tumour as followed and as it is, likewise.",
+        )),
+        Block::Table(simulated(rows, patients)),
+        Block::Figure(figure(rows, patients)),
+        Block::Checks(checks(rows, patients)),
+    ]
+}
+
+/// Of a figure with its spread.
+fn with_spread(spread: Spread) -> String {
+    match spread.deviation.is_finite() {
+        true => format!("{:.3} ± {:.3}", spread.mean, spread.deviation),
+        false => figures(spread.mean, 3),
+    }
+}
+
+/// A patient's mean of the moments that have an answer.
+fn of_patient(rows: &Rows, input: &str, patient: &str, column: &str) -> Spread {
+    let mut all = values(rows, input, patient, column);
+    all.retain(|v| v.is_finite());
+    Spread::of(&all)
+}
+
+fn over_patients(rows: &Rows, input: &str, patients: &[&str], column: &str) -> Spread {
+    let means = patients.iter();
+    let means = means.map(|p| of_patient(rows, input, p, column).mean);
+    let means: Vec<f64> = means.filter(|m| m.is_finite()).collect();
+    Spread::of(&means)
+}
+
+fn table(
+    rows: &Rows,
+    patients: &[&str],
+    (name, column, paper): (&str, &str, [f64; 3]),
+    caption: &str,
+) -> Table {
+    let header = ["patient", "ideal skin", "with 0.5 mm noise", "as scanned"];
+    let mut table = Table::new(name, caption, &header);
+    for patient in patients {
+        let cells = INPUTS.map(|input| with_spread(of_patient(rows, input, patient, column)));
+        table.row([vec![(*patient).to_owned()], cells.into()].concat());
+    }
+    let all = INPUTS.map(|input| with_spread(over_patients(rows, input, patients, column)));
+    table.row([vec!["all".to_owned()], all.into()].concat());
+    let paper = paper.map(|v| format!("{v}"));
+    table.row([vec!["the paper's".to_owned()], paper.into()].concat());
+    table
+}
+
+/// What the scanner does to both figures, in pairs.
+fn simulated(rows: &Rows, patients: &[&str]) -> Table {
+    let mut table = Table::new(
+        "sgrt-paired",
+        "The scanned skin's figure less that of the ideal skin at the same moment: mean over the \
+         patients with its 95 % interval (Student's, over the patients' means).",
+        &[
+            "figure",
+            "scanned less ideal",
+            "95 % interval",
+            "the paper's",
+        ],
+    );
+    let cases = [
+        ("position error in mm", "tpe_mm", published::POSITION_MM),
+        ("Dice's coefficient", "dice", published::DICE),
+    ];
+    for (name, column, paper) in cases {
+        let found = difference(rows, patients, [("scanned", column), ("ideal", column)]);
+        table.row([
+            name.to_owned(),
+            format!("{:+.3}", found.mean),
+            interval(found),
+            format!("{:+.3}", paper[2] - paper[0]),
+        ]);
+    }
+    table
+}
+
+/// An interval in words.
+pub(super) fn interval(spread: Spread) -> String {
+    match spread.half.is_finite() {
+        true => format!(
+            "{:+.3} to {:+.3}",
+            spread.mean - spread.half,
+            spread.mean + spread.half
+        ),
+        false => "-".to_owned(),
+    }
+}
+
+/// How far the tumour had gone, and by how much it was missed.
+fn figure(rows: &Rows, patients: &[&str]) -> Figure {
+    let series = INPUTS.map(|input| {
+        let points = patients.iter().flat_map(|patient| {
+            let [x, y] = ["moved_mm", "tpe_mm"].map(|c| values(rows, input, patient, c));
+            x.into_iter().zip(y).collect::<Vec<_>>()
+        });
+        Series::new(input, Look::Dots, points)
+    });
+    let chart = Chart {
+        heading: "Position error beside the way of the tumour".to_owned(),
+        x: "distance of the tumour from its planned place (mm)".to_owned(),
+        y: "position error (mm)".to_owned(),
+        log: [false, false],
+        series: series.into(),
+    };
+    Figure {
+        name: "sgrt-position".to_owned(),
+        caption: "Each moment of each patient: how far the tumour was from where it had been \
+                  planned, and how far from where it was said to be."
+            .to_owned(),
+        sheet: chart.sheet(),
+    }
+}
+
+/// Our tracker through our scanner is no worse than the paper's through theirs.
+fn checks(rows: &Rows, patients: &[&str]) -> Vec<Check> {
+    let position = over_patients(rows, "scanned", patients, "tpe_mm").mean;
+    let dice = over_patients(rows, "scanned", patients, "dice").mean;
+    let lost = rows.with("input", "scanned");
+    let lost = lost.filter(|row| !row.value("tpe_mm").is_finite()).count();
+    vec![
+        Check::at_most(
+            "mean position error through the scanner, in mm",
+            position,
+            published::POSITION_MM[2],
+        ),
+        Check::at_most(
+            "1 less the mean of Dice's coefficient through the scanner",
+            1.0 - dice,
+            1.0 - published::DICE[2],
+        ),
+        Check::at_most("scans without an answer", lost as f64, 0.0),
+    ]
+}

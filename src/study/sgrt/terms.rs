@@ -1,0 +1,125 @@
+//! What ideal skins hide, term by term: each left out of the scan.
+
+use super::paired::{Spread, difference, values};
+use super::tables::interval;
+use crate::study::lab::{Block, Rows, Table};
+use glam::DVec3;
+
+/// A term: its name, the input with it and the input without it.
+const TERMS: [(&str, &str, &str); 6] = [
+    ("noise of 0.5 mm on an ideal skin", "noisy", "ideal"),
+    ("regions that no pod sees", "seen", "ideal"),
+    ("motion while the pods take turns", "scanned", "still"),
+    ("light that goes into skin", "still", "opaque"),
+    ("noise of the sensors", "opaque", "quiet"),
+    ("fringes, decoding and pixels", "quiet", "seen"),
+];
+
+pub(super) fn blocks(rows: &Rows, patients: &[&str]) -> Vec<Block> {
+    vec![
+        Block::Table(terms(rows, patients)),
+        Block::Table(skins(rows, patients)),
+    ]
+}
+
+fn terms(rows: &Rows, patients: &[&str]) -> Table {
+    let mut table = Table::new(
+        "sgrt-terms",
+        "What each term does to the figures of the tumour, in pairs: the mean over the patients of \
+         the position error (mm) and of Dice's coefficient with the term less that without it, with \
+         95 % intervals; and how far the term moves the tumour's found place (mm, mean).",
+        &[
+            "term",
+            "position error",
+            "95 % interval",
+            "Dice",
+            "95 % interval",
+            "moves the place by",
+        ],
+    );
+    for (name, with, without) in TERMS {
+        let pair = |column| [(with, column), (without, column)];
+        let [position, dice] =
+            ["tpe_mm", "dice"].map(|column| difference(rows, patients, pair(column)));
+        table.row([
+            name.to_owned(),
+            format!("{:+.3}", position.mean),
+            interval(position),
+            format!("{:+.4}", dice.mean),
+            interval(dice),
+            format!("{:.3}", apart(rows, patients, [with, without])),
+        ]);
+    }
+    let late = difference(
+        rows,
+        patients,
+        [("scanned", "late_mm"), ("scanned", "tpe_mm")],
+    );
+    table.row([
+        "the tumour's way from the middle of the scan to its end".to_owned(),
+        format!("{:+.3}", late.mean),
+        interval(late),
+        "-".to_owned(),
+        "-".to_owned(),
+        "-".to_owned(),
+    ]);
+    table
+}
+
+/// Mean distance between the places that two inputs say.
+fn apart(rows: &Rows, patients: &[&str], inputs: [&str; 2]) -> f64 {
+    let mut all = Vec::new();
+    for patient in patients {
+        let [a, b] = inputs.map(|input| {
+            let [x, y, z] = ["error_x_mm", "error_y_mm", "error_z_mm"]
+                .map(|column| values(rows, input, patient, column));
+            let places = x.iter().zip(&y).zip(&z);
+            let places = places.map(|((x, y), z)| DVec3::new(*x, *y, *z));
+            places.collect::<Vec<_>>()
+        });
+        all.extend(a.iter().zip(&b).map(|(a, b)| a.distance(*b)));
+    }
+    all.retain(|d| d.is_finite());
+    Spread::of(&all).mean
+}
+
+/// What the scanner makes of the skin itself.
+fn skins(rows: &Rows, patients: &[&str]) -> Table {
+    let mut table = Table::new(
+        "sgrt-skin",
+        "The scanned skin against the true one at the same moment, over all points of all pods: mean \
+         and RMS of the inliers' depths less the true ones, and points that are more than 1 mm off; \
+         means over the moments of all patients. Coverage is the share of the tracked skin that has \
+         points.",
+        &[
+            "skin",
+            "bias in mm",
+            "RMS in mm",
+            "gross in %",
+            "coverage in %",
+        ],
+    );
+    let names = [
+        ("still, as it is", "still"),
+        ("no light in it", "opaque"),
+        ("no noise either", "quiet"),
+    ];
+    for (name, input) in names {
+        let mean = |column| {
+            let all = patients.iter();
+            let all: Vec<f64> = all
+                .flat_map(|patient| values(rows, input, patient, column))
+                .filter(|v| v.is_finite())
+                .collect();
+            Spread::of(&all).mean
+        };
+        table.row([
+            name.to_owned(),
+            format!("{:+.3}", mean("skin_bias_mm")),
+            format!("{:.3}", mean("skin_rmse_mm")),
+            format!("{:.2}", 100.0 * mean("skin_gross")),
+            format!("{:.1}", 100.0 * mean("skin_coverage")),
+        ]);
+    }
+    table
+}

@@ -1,0 +1,86 @@
+//! One patient: scans at moments spread over the breathing, and what the tracker makes of each.
+
+use super::Effort;
+use super::inputs::{Input, Scanners, Skin};
+use crate::error::Result;
+use crate::geometry::Pose;
+use crate::host::track::{FitOptions, MotionState, MotionTracker, Planned, Region};
+use crate::measure::{OVERLAP_COLUMNS, overlap};
+use crate::study::clinic::{InRoom, Moment};
+use crate::study::draws::Draws;
+use crate::study::lab::{Context, Row};
+
+/// When treatment begins, in seconds of device time: set-up and drift have come.
+const BEGIN_S: f64 = 60.0;
+/// Breaths from one moment to the next: none sees the same part of a breath as another.
+const BREATHS: f64 = 3.17;
+
+/// Follows a patient, and gives a row for each moment and input.
+///
+/// # Errors
+/// A patient that is none, and what the system refuses.
+pub(super) fn follow(context: &Context<'_>, name: &str, effort: Effort) -> Result<Vec<Row>> {
+    let scratch = context.folder.place(&format!("planning-{name}"))?;
+    let room = InRoom::new(name, &Region::chest(), &scratch)?;
+    let planned = &room.planned;
+    let options = FitOptions::by_hand();
+    let tracker = MotionTracker::new(&planned.reference, &planned.model, Pose::IDENTITY, &options)?;
+    let mut scanners = Scanners::new(&room, context.seed, effort.size_px)?;
+    let duration_ns = scanners.duration_ns();
+    let apart_s = room.phantom.patient().breathing.period_s * BREATHS;
+    let mut rows = Vec::new();
+    for k in 0..effort.moments {
+        let start_ns = ((BEGIN_S + k as f64 * apart_s) * 1e9) as u64;
+        let moment = room.at(start_ns + duration_ns / 2);
+        let late = room.at(start_ns + duration_ns);
+        let draws = Draws::new(context.seed, k as u32);
+        let skins = scanners.skins(start_ns, (&room, &moment), &draws)?;
+        for skin in skins {
+            let row = Row::new()
+                .text("patient", name)
+                .number("time_s", start_ns as f64 * 1e-9)
+                .text("input", skin.input.name());
+            rows.push(judge(row, &skin, (&tracker, planned), [&moment, &late])?);
+        }
+    }
+    Ok(rows)
+}
+
+/// What the tracker makes of a skin, against the truth in the middle of the scan and at its end.
+fn judge(
+    row: Row,
+    skin: &Skin,
+    (tracker, planned): (&MotionTracker<'_>, &Planned),
+    [moment, late]: [&Moment; 2],
+) -> Result<Row> {
+    let mut row = row.number("points", skin.measured.len() as f64);
+    if let Some(against) = &skin.against {
+        row = row
+            .number("skin_bias_mm", against.bias_mm)
+            .number("skin_rmse_mm", against.rmse_mm)
+            .number("skin_gross", against.gross);
+    }
+    let moved = (moment.tumour_mm - planned.tumour_mm()).length();
+    row = row.number("moved_mm", moved);
+    let fit = match tracker.fit(&skin.measured, &MotionState::mean(&planned.model)) {
+        Ok(fit) => fit,
+        Err(lost) => return Ok(row.text("warnings", &lost.to_string())),
+    };
+    let error = fit.tumour_mm - moment.tumour_mm;
+    let shared = overlap(&fit.tumour(&planned.model), &moment.tumour, OVERLAP_COLUMNS)?;
+    let variance = fit.tumour_covariance;
+    let along = error.normalize_or_zero();
+    let warnings: Vec<String> = fit.warnings.iter().map(ToString::to_string).collect();
+    if skin.input == Input::Scanned {
+        row = row.number("late_mm", (fit.tumour_mm - late.tumour_mm).length());
+    }
+    Ok(row
+        .number("tpe_mm", error.length())
+        .number("dice", shared.dice)
+        .number("error_x_mm", error.x)
+        .number("error_y_mm", error.y)
+        .number("error_z_mm", error.z)
+        .number("deviation_mm", along.dot(variance * along).max(0.0).sqrt())
+        .number("skin_coverage", fit.coverage)
+        .text("warnings", &warnings.join("; ")))
+}
