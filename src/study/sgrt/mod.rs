@@ -10,6 +10,7 @@
 
 mod inputs;
 mod paired;
+mod path;
 mod pictures;
 mod published;
 mod tables;
@@ -31,6 +32,8 @@ struct Effort {
     moments: usize,
     /// Columns and rows of the pods' cameras, which see the same as the profile's.
     size_px: [u32; 2],
+    /// Scans over the breath that is followed.
+    path: usize,
 }
 
 impl Effort {
@@ -39,15 +42,19 @@ impl Effort {
             true => Self {
                 moments: 2,
                 size_px: [320, 240],
+                path: 4,
             },
             false => Self {
                 moments: 6,
                 size_px: [640, 480],
+                path: 16,
             },
         }
     }
 }
 
+/// Who is pictured.
+const PICTURED: &str = "p02-man-mean";
 /// The patients of the quick form.
 const QUICK: [&str; 2] = ["p02-man-mean", "p12-woman-full-chest"];
 
@@ -72,6 +79,9 @@ impl Study for Sgrt {
             "patient",
             "time_s",
             "input",
+            "x_mm",
+            "y_mm",
+            "z_mm",
             "tpe_mm",
             "dice",
             "error_x_mm",
@@ -103,7 +113,8 @@ impl Study for Sgrt {
                 })
             })
             .collect();
-        trials.push(pictures::trial(settings, names[0], effort));
+        trials.push(pictures::trial(settings, PICTURED, effort));
+        trials.push(path::trial(settings, PICTURED, effort));
         Ok(trials)
     }
 
@@ -122,7 +133,7 @@ impl Study for Sgrt {
                 },
                 Section {
                     title: "What is seen".to_owned(),
-                    blocks: pictures::blocks(),
+                    blocks: vec![pictures::block(), path::block(rows)],
                 },
                 Section {
                     title: "Position and shape of the tumour".to_owned(),

@@ -1,5 +1,4 @@
-//! A patient under fringes, the scanned surface and its error, and the tumour's way as it was and as it
-//! was followed.
+//! A patient under fringes, the scanned surface and its error.
 
 use super::Effort;
 use crate::error::{Error, Result};
@@ -48,12 +47,12 @@ fn draw(context: &Context<'_>, patient: &str, effort: Effort) -> Result<Vec<Row>
     Ok(vec![Row::new().text("patient", patient)])
 }
 
-pub(super) fn blocks() -> Vec<Block> {
-    vec![Block::Picture(Picture {
+pub(super) fn block() -> Block {
+    Block::Picture(Picture {
         file: FILE.to_owned(),
         caption:
             "The pod over the foot end: a patient on the couch under fringes, the depth that it \
                   measures, and measured minus true depth."
                 .to_owned(),
-    })]
+    })
 }

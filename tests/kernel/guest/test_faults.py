@@ -8,7 +8,7 @@ import time
 
 from lab import loopback, vivid
 from lab.device import Device, expect_scan, reference_scan
-from lab.failure import expect, expect_in, expect_true, limit
+from lab.failure import expect, expect_in, expect_true, limit, slow
 from lab.guest import wait_until
 from lab.profiles import FRAMES, GREY, PLAIN
 from lab.streams import expect_free_run, split
@@ -55,6 +55,7 @@ def refused(scratch, *options, status=1, user=None, camera=loopback.PHASMA):
     return done.err
 
 
+@slow
 def test_the_reader_leaves_and_returns(scratch):
     device = loaded_and_served(scratch)
     for _ in range(3):
@@ -95,6 +96,7 @@ def test_a_slow_reader(scratch):
     device.stop()
 
 
+@slow
 def test_a_slow_scan(scratch):
     """A scan that is stopped in its middle is right, repeated where it has to be, or says why not."""
     for variation in (GREY, PLAIN):
@@ -119,6 +121,7 @@ def test_a_slow_scan(scratch):
         device.stop()
 
 
+@slow
 @limit(150)
 def test_serve_killed_and_started_again(scratch):
     device = loaded_and_served(scratch)

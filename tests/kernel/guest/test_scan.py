@@ -2,7 +2,7 @@
 
 from lab import loopback
 from lab.device import Device, expect_scan, reference_scan
-from lab.failure import expect_in
+from lab.failure import expect_in, slow
 from lab.profiles import GREY, PLAIN, Y12, YUYV
 
 
@@ -19,10 +19,12 @@ def test_v4l_path_reads_grey(scratch):
     scanned(scratch, GREY, "v4l")
 
 
+@slow
 def test_v4l_path_reads_frames_without_a_data_line(scratch):
     scanned(scratch, PLAIN, "v4l")
 
 
+@slow
 def test_v4l_path_reads_12_bits(scratch):
     scanned(scratch, Y12, "v4l")
 

@@ -12,7 +12,7 @@ import serial
 from lab import usb
 from lab.data_line import Line
 from lab.device import FrameSocket, expect_scan, reference_scan
-from lab.failure import expect, expect_in, expect_true, limit
+from lab.failure import expect, expect_in, expect_true, limit, slow
 from lab.guest import PHASMA, wait_until
 from lab.profiles import GREY, SCENE, Y12, YUYV, replace
 from lab.streams import split
@@ -89,6 +89,7 @@ def test_controls_are_one_state_with_the_commands(scratch):
     device.stop()
 
 
+@slow
 @limit(300)
 def test_a_thousand_frames_without_loss(scratch):
     device = plugged(scratch, GREY, "--no-noise")
@@ -181,6 +182,7 @@ def test_unplugged_in_a_scan_that_goes_on_when_it_is_back(scratch):
     device.stop()
 
 
+@slow
 @limit(400)
 def test_fifty_times_in_and_out(scratch):
     device = UsbDevice(scratch, GREY, how="export").ready()

@@ -20,6 +20,12 @@ def expect_true(what, found):
         raise Failure(what)
 
 
+def slow(function):
+    """A test that only a run of all tests, or one by its name, includes."""
+    function.slow = True
+    return function
+
+
 def limit(seconds):
     """Gives a test another time limit than 90 s."""
 

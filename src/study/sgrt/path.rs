@@ -1,0 +1,90 @@
+//! One patient over a breath, scan after scan: where the tumour was and where it was said to be.
+
+use super::{Effort, of};
+use crate::error::Result;
+use crate::geometry::Pose;
+use crate::host::track::{FitOptions, MotionState, MotionTracker, POINTS, Region};
+use crate::study::clinic::{InRoom, Pods};
+use crate::study::lab::{Block, Chart, Context, Figure, Look, Row, Rows, Series, Settings, Trial};
+use glam::DVec3;
+
+/// Device time of the first scan in seconds.
+const BEGIN_S: f64 = 60.0;
+/// Places of the true way that are drawn between two scans.
+const BETWEEN: usize = 8;
+/// The room's axes as clinics name them.
+const AXES: [(&str, &str); 3] = [
+    ("to the right (LAT)", "x_mm"),
+    ("to the gantry (LNG)", "y_mm"),
+    ("up (VRT)", "z_mm"),
+];
+
+pub(super) fn trial(settings: &Settings, patient: &'static str, effort: Effort) -> Trial {
+    Trial::new("path", settings.seed, move |context| {
+        follow(context, patient, effort)
+    })
+}
+
+fn follow(context: &Context<'_>, patient: &str, effort: Effort) -> Result<Vec<Row>> {
+    let scratch = context.folder.place("planning-path")?;
+    let room = InRoom::new(patient, &Region::chest(), &scratch)?;
+    let planned = &room.planned;
+    let options = FitOptions::by_hand();
+    let tracker = MotionTracker::new(&planned.reference, &planned.model, Pose::IDENTITY, &options)?;
+    let mut pods = Pods::new(&room.scene, context.seed, &|profile| {
+        [profile.camera.width_px, profile.camera.height_px] = effort.size_px;
+    })?;
+    let step_s = room.phantom.patient().breathing.period_s / effort.path as f64;
+    let row = |input: &str, time_s: f64, place: DVec3| {
+        let row = Row::new().text("patient", patient).text("input", input);
+        let row = row.number("time_s", time_s);
+        let axes = AXES.iter().zip(place.to_array());
+        axes.fold(row, |row, ((_, column), v)| row.number(column, v))
+    };
+    let mut rows = Vec::new();
+    for i in 0..=effort.path * BETWEEN {
+        let time_s = BEGIN_S + i as f64 * step_s / BETWEEN as f64;
+        rows.push(row("way", time_s, room.at((time_s * 1e9) as u64).tumour_mm));
+    }
+    let mut state = MotionState::mean(&planned.model);
+    for i in 0..=effort.path {
+        let start_ns = ((BEGIN_S + i as f64 * step_s) * 1e9) as u64;
+        let scan = pods.scan(start_ns, false)?;
+        let middle_s = (start_ns + pods.duration_ns() / 2) as f64 * 1e-9;
+        if let Ok(fit) = tracker.fit(&pods.measured(&scan, POINTS), &state) {
+            rows.push(row("followed", middle_s, fit.tumour_mm));
+            state = fit.state;
+        }
+    }
+    Ok(rows)
+}
+
+/// Both ways over time.
+pub(super) fn block(rows: &Rows) -> Block {
+    let mut series = Vec::new();
+    for (name, column) in AXES {
+        for (input, word, look) in [
+            ("way", "true", Look::Line),
+            ("followed", "followed", Look::Dots),
+        ] {
+            let points = of(rows, input, None);
+            let points = points.map(|row| (row.value("time_s") - BEGIN_S, row.value(column)));
+            let name = format!("{name}, {word}");
+            series.push(Series::new(&name, look, points.collect::<Vec<_>>()));
+        }
+    }
+    let chart = Chart {
+        heading: "The tumour over a breath".to_owned(),
+        x: "time (s)".to_owned(),
+        y: "distance of the tumour from the isocentre (mm)".to_owned(),
+        log: [false, false],
+        series,
+    };
+    Block::Figure(Figure {
+        name: "sgrt-path".to_owned(),
+        caption: "One patient over a breath: where the tumour is (lines), and where the tracker says \
+                  that it is from each scan of the three pods (dots), set at the middle of the scan."
+            .to_owned(),
+        sheet: chart.sheet(),
+    })
+}
