@@ -7,7 +7,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use std::io::IsTerminal;
 use std::path::PathBuf;
 use std::process::Command;
-use std::time::Instant;
+use std::time::{Instant, SystemTime, UNIX_EPOCH};
 
 /// Run a study: rows in CSV, tables, plots, and one page that shows them
 #[derive(Debug, clap::Args)]
@@ -97,25 +97,32 @@ fn bar() -> ProgressBar {
     ProgressBar::new(1).with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
 }
 
-/// Which source the program was built from: what the build was told (`PHASMA_REVISION`), or else
-/// what git says of the source's folder, if that is still there.
+/// Which program this is: the source's revision when it was built, and the checksum of its file, which
+/// tells builds of one revision apart. The revision is what the build was told (`PHASMA_REVISION`),
+/// or else where git says that the source's folder stood when the file was written; nothing where
+/// neither is known.
 fn revision() -> String {
-    if let Some(known) = option_env!("PHASMA_REVISION") {
-        return known.to_owned();
+    let program = std::env::current_exe().ok();
+    let bytes = program.as_ref().and_then(|path| std::fs::read(path).ok());
+    let built = option_env!("PHASMA_REVISION").map(str::to_owned);
+    let built = built.or_else(|| head_at(program?.metadata().ok()?.modified().ok()?));
+    let sum = bytes.map(|bytes| format!("program {:08x}", crc32fast::hash(&bytes)));
+    let known: Vec<String> = built.into_iter().chain(sum).collect();
+    match known.is_empty() {
+        true => "unknown".to_owned(),
+        false => known.join(", "),
     }
+}
+
+/// The commit that the source's folder stood at, by git's own log of that.
+fn head_at(time: SystemTime) -> Option<String> {
+    let seconds = time.duration_since(UNIX_EPOCH).ok()?.as_secs();
+    let head = format!("HEAD@{{{seconds} +0000}}");
     let told = Command::new("git")
-        .args(["-C", env!("CARGO_MANIFEST_DIR")])
-        .args([
-            "describe",
-            "--always",
-            "--dirty",
-            "--abbrev=12",
-            "--exclude=*",
-        ])
-        .output();
-    told.ok()
-        .filter(|told| told.status.success())
-        .map(|told| String::from_utf8_lossy(&told.stdout).trim().to_owned())
-        .filter(|revision| !revision.is_empty())
-        .unwrap_or_else(|| "unknown".to_owned())
+        .args(["-C", env!("CARGO_MANIFEST_DIR"), "rev-parse", "--quiet"])
+        .args(["--verify", "--short=12", &head])
+        .output()
+        .ok()?;
+    let said = String::from_utf8_lossy(&told.stdout).trim().to_owned();
+    (told.status.success() && !said.is_empty()).then_some(said)
 }

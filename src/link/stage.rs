@@ -5,8 +5,10 @@
 
 use crate::error::Result;
 use crate::geometry::Pose;
+use crate::patient::phantom::{Day, Phantom};
 use crate::profile::{Object, RigPlace, Scene, Shape};
-use crate::protocol::service::{ObjectAbout, Objects, PlaceAbout, Placement};
+use crate::protocol::service::{ObjectAbout, Objects, PatientAbout, PlaceAbout, Placement};
+use glam::DVec3;
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -27,6 +29,50 @@ struct Shared {
     placed: Vec<u64>,
     /// Where objects were before the newest changes.
     moves: VecDeque<Move>,
+    /// Those of the objects that are patients.
+    patients: Vec<Option<Patient>>,
+}
+
+/// A patient, and how it lies there.
+struct Patient {
+    phantom: Phantom,
+    day: Day,
+    held_percent: Option<f64>,
+}
+
+impl Patient {
+    /// An object's; none of what is no patient, and of one that cannot be read, which the renderer
+    /// says.
+    fn of(scene: &Scene, object: &Object) -> Option<Self> {
+        let Shape::Patient {
+            day, held_percent, ..
+        } = object.shape
+        else {
+            return None;
+        };
+        let patient = object.shape.patient(&scene.folder).ok()??;
+        Some(Self {
+            phantom: Phantom::new(&patient),
+            day,
+            held_percent,
+        })
+    }
+
+    /// At a device time, of an object of a scale in a place.
+    fn about(&self, time_ns: u64, scale: f64, scene_from_object: &Pose) -> PatientAbout {
+        let state = match self.held_percent {
+            Some(percent) => self.phantom.held(self.day, percent / 100.0),
+            None => self.phantom.state(self.day, time_ns as f64 * 1e-9),
+        };
+        let target = self.phantom.target(&state);
+        PatientAbout {
+            phase: state.phase,
+            tumour_mm: scene_from_object
+                .point(target.centroid_mm * scale)
+                .to_array(),
+            tumour_mm3: target.volume_mm3 * scale.powi(3),
+        }
+    }
 }
 
 /// A change of place.
@@ -42,6 +88,7 @@ impl Stage {
         Self {
             shared: Arc::new(Mutex::new(Shared {
                 placed: vec![0; scene.object.len()],
+                patients: scene.object.iter().map(|o| Patient::of(scene, o)).collect(),
                 scene: scene.clone(),
                 version: 0,
                 moves: VecDeque::new(),
@@ -110,12 +157,20 @@ impl Stage {
             object.position_mm = was.position_mm;
             object.rotation_deg = was.rotation_deg;
         }
-        let about = |(object, number): (&Object, u32)| ObjectAbout {
-            object: number,
-            shape: kind(&object.shape).to_owned(),
-            moves: object.motion.as_ref().is_some_and(|m| m.goes_anywhere()),
-            deforms: object.deform.is_some() || object.shape.breathes(),
-            place: place(object, time_ns),
+        let about = |(object, number): (&Object, u32)| {
+            let place = place(object, time_ns);
+            let [at, turn] = [place.position_mm, place.rotation_deg].map(DVec3::from_array);
+            let patient = shared.patients[number as usize].as_ref();
+            ObjectAbout {
+                object: number,
+                shape: kind(&object.shape).to_owned(),
+                moves: object.motion.as_ref().is_some_and(|m| m.goes_anywhere()),
+                deforms: object.deform.is_some() || object.shape.breathes(),
+                patient: patient.map(|patient| {
+                    patient.about(time_ns, object.scale, &Pose::from_xyz_deg(at, turn))
+                }),
+                place,
+            }
         };
         Some(Objects {
             time_ns,
@@ -255,6 +310,30 @@ mod tests {
         assert_eq!(stage.back_to(900), None, "it is bounded");
         assert_eq!(stage.back_to(1000), Some(vec![placement(997.0)]));
         assert_eq!(stage.shared().moves.len(), MAX_MOVES);
+    }
+
+    #[test]
+    fn a_patient_has_a_tumour() {
+        let scene = Scene::load("treatment-room").unwrap();
+        let stage = Stage::new(&scene);
+        let about = |time_s: u64| {
+            let now = stage.objects(time_s * 1_000_000_000, 0, scene.rig).unwrap();
+            let patients: Vec<_> = now.objects.iter().filter_map(|o| o.patient).collect();
+            assert_eq!(patients.len(), 1, "the couch has none");
+            patients[0]
+        };
+        // The planning isocentre is the room's origin; what is left is set-up and breathing.
+        let breath: Vec<_> = (0..5).map(about).collect();
+        for now in &breath {
+            let [x, y, z] = now.tumour_mm;
+            assert!((0.0..1.0).contains(&now.phase) && now.tumour_mm3 > 100.0);
+            assert!(DVec3::new(x, y, z).length() < 40.0, "{now:?}");
+        }
+        assert!(
+            breath
+                .iter()
+                .any(|b| (b.tumour_mm[1] - breath[0].tumour_mm[1]).abs() > 1.0)
+        );
     }
 
     #[test]

@@ -5,8 +5,9 @@ use super::{Choice, Coefficients, Parameter, PoseSightings, Solution, Unsolved};
 use glam::{DVec2, DVec3};
 use std::collections::HashSet;
 
-/// A focal length known worse than this part of itself is not known.
-const WORST_FOCAL: f64 = 0.1;
+/// A focal length known worse than this part of itself is not known: the covariance is of first order,
+/// and what it leaves out goes by the square.
+const WORST_FOCAL: f64 = 0.03;
 /// Residuals larger than this part of the image's diagonal, and than their covariances allow ten
 /// times, fit no rig.
 const WORST_FIT: f64 = 0.01;

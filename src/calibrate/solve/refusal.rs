@@ -61,14 +61,22 @@ pub(super) fn refusal(
                     wanted: format!("standard deviations of {:.0e} px or more", FINEST * width),
                 };
             }
-            format!("{numbers}: steps of the search stay {length:.0e} standard deviations long")
+            match length.is_finite() {
+                true => format!(
+                    "{numbers}: steps of the search stay {length:.0e} standard deviations long"
+                ),
+                false => format!("{numbers}: the search runs out of all numbers"),
+            }
         }
     };
     let normals: Vec<DVec3> = state.boards.iter().map(|b| b.rotation.z_axis).collect();
     let angle = largest_angle_deg(&normals);
     if angle < LITTLE_TILT_DEG {
         return Unsolved::Parallel {
-            found: format!("the largest angle between two boards is {angle:.1} degrees; {found}"),
+            found: format!(
+                "where the search has stopped, the largest angle between two boards is {angle:.1} \
+                 degrees; {found}"
+            ),
             wanted: TILTS_WANTED.to_owned(),
         };
     }

@@ -75,6 +75,20 @@ pub struct ObjectAbout {
     /// Where it is at that time.
     #[serde(flatten)]
     pub place: PlaceAbout,
+    /// What no eye sees of a patient.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub patient: Option<PatientAbout>,
+}
+
+/// A patient at a time.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct PatientAbout {
+    /// How much of the breath is over, 0 to 1: 0 is the end of inhaling.
+    pub phase: f64,
+    /// Centroid of the tumour in the scene's frame in millimetres.
+    pub tumour_mm: [f64; 3],
+    /// Its volume in cubic millimetres.
+    pub tumour_mm3: f64,
 }
 
 /// What lies behind a frame.

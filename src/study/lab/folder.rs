@@ -8,7 +8,7 @@ use super::trial::Trial;
 use crate::error::{Error, Result};
 use crate::file;
 use serde::{Deserialize, Serialize};
-use std::fs::{self, File, OpenOptions};
+use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
@@ -33,6 +33,8 @@ pub(super) struct About {
 /// The folder of one study.
 pub struct Folder {
     path: PathBuf,
+    /// Held while a study runs in it.
+    _lock: Option<File>,
 }
 
 impl Folder {
@@ -48,8 +50,9 @@ impl Folder {
             return Err(Error::input(place(), "a file", allowed));
         }
         fs::create_dir_all(path).map_err(|e| Error::io(path, e))?;
-        let folder = Self {
+        let mut folder = Self {
             path: path.to_owned(),
+            _lock: None,
         };
         let known = path.join(ABOUT);
         if known.exists() {
@@ -61,6 +64,7 @@ impl Folder {
                     format!("{}, to go on with it, or another folder", described(about)),
                 ));
             }
+            folder.lock()?;
             return Ok(folder);
         }
         let mut entries = fs::read_dir(path).map_err(|e| Error::io(path, e))?;
@@ -74,7 +78,26 @@ impl Folder {
         }
         let json = serde_json::to_string_pretty(about).expect("words and numbers");
         folder.replace(ABOUT, format!("{json}\n").as_bytes())?;
+        folder.lock()?;
         Ok(folder)
+    }
+
+    /// Keeps others out until it is dropped, or the program ends however it ends.
+    fn lock(&mut self) -> Result<()> {
+        let path = self.path.join(ABOUT);
+        let file = File::open(&path).map_err(|e| Error::io(&path, e))?;
+        match file.try_lock() {
+            Ok(()) => {
+                self._lock = Some(file);
+                Ok(())
+            }
+            Err(TryLockError::WouldBlock) => Err(Error::input(
+                format!("--out {}", self.path.display()),
+                "a folder in which this study runs now",
+                "another folder, or this one when that is over",
+            )),
+            Err(TryLockError::Error(e)) => Err(Error::io(&path, e)),
+        }
     }
 
     /// A folder in which a study was run.
@@ -84,6 +107,7 @@ impl Folder {
     pub(super) fn open(path: &Path) -> Result<(Self, About)> {
         let folder = Self {
             path: path.to_owned(),
+            _lock: None,
         };
         if !path.join(ABOUT).is_file() {
             return Err(Error::input(

@@ -118,6 +118,13 @@ fn an_interrupted_study_goes_on_where_it_was() {
         made.starts_with("phasma study squares --quick --seed 5"),
         "{made}"
     );
+    // Two do not write into one folder.
+    let (held, _) = super::Folder::open(&path).unwrap();
+    let lock = std::fs::File::open(held.path().join("study.json")).unwrap();
+    lock.lock().unwrap();
+    let error = go(None, &path, 1, 5).unwrap_err().to_string();
+    assert!(error.contains("runs now"), "{error}");
+    drop(lock);
     // Another study's folder is left as it is, and so is a stranger's.
     let before = std::fs::read(&rows).unwrap();
     let error = go(None, &path, 1, 6).unwrap_err().to_string();

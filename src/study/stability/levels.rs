@@ -18,7 +18,7 @@ pub(super) const GROUP: Group = Group {
             key: "modulation",
             title: "Modulation down to the noise of 1.5 DN, 12 steps",
             oracle: "Allowed: 1.05 times the least-squares bound, for the pixels that are answered; of \
-                fewer than a thousand, three standard deviations of their RMS more",
+                fewer than a thousand, four standard deviations of their RMS more",
             ratio: "modulation over noise",
             error: "RMS error in projector px",
             rounding: false,
@@ -56,7 +56,8 @@ pub(super) const GROUP: Group = Group {
             key: "saturation",
             title: "Light up to eight times what the converter holds, noise 1.5 DN",
             oracle: "A sample at full scale takes its pixel out. Allowed: 1.05 times the least-squares \
-                bound, for the pixels that are answered",
+                bound, for the pixels that are answered; of fewer than a thousand, four standard \
+                deviations of their RMS more",
             ratio: "brightest over full scale",
             error: "RMS error in projector px",
             rounding: false,
@@ -113,17 +114,20 @@ fn faint(context: &Context<'_>, stack: &Stack, least: f64) -> Result<Case> {
     let patterns = [equal(PERIOD, STEPS), gray(8.0, true)].concat();
     let positions = sweep(context);
     let tally = stack.decode(patterns, &positions, stack.options(), GROSS * PERIOD)?;
-    // The RMS of few scatters: 1 / sqrt(2 n) is the standard deviation of that of n.
-    let answered = tally.kept * positions.len() as f64;
-    let scatter = if answered < 1000.0 {
-        3.0 / (2.0 * answered).sqrt()
-    } else {
-        0.0
-    };
-    let allowed = 1.05 * bound(PERIOD, STEPS, stack.deviation(), modulation) * (1.0 + scatter);
+    let bound = bound(PERIOD, STEPS, stack.deviation(), modulation);
+    let allowed = 1.05 * bound * scatter(tally.kept * positions.len() as f64);
     let name = format!("{modulation} DN");
     let ratio = modulation / stack.deviation();
     Ok(judged(name, ratio, &tally, (tally.rms, allowed), least))
+}
+
+/// The RMS of few scatters: by how much it may exceed that of many. 1 / sqrt(2 n) is the standard
+/// deviation of that of n.
+fn scatter(answered: f64) -> f64 {
+    match answered < 1000.0 {
+        true => 1.0 + 4.0 / (2.0 * answered).sqrt(),
+        false => 1.0,
+    }
 }
 
 fn bits(context: &Context<'_>, stretched: bool) -> Result<Vec<Case>> {
@@ -210,7 +214,8 @@ fn saturation(context: &Context<'_>) -> Result<Vec<Case>> {
         // Four steps: at some phases none of them is at the top.
         let patterns = [equal(PERIOD, 4), gray(8.0, true)].concat();
         let tally = stack.decode(patterns, &positions, stack.options(), GROSS * PERIOD)?;
-        let allowed = 1.05 * bound(PERIOD, 4, stack.deviation(), 0.5 * stack.swing);
+        let bound = bound(PERIOD, 4, stack.deviation(), 0.5 * stack.swing);
+        let allowed = 1.05 * bound * scatter(tally.kept * positions.len() as f64);
         let least = if over < 0.99 { 0.99 } else { 0.0 };
         let name = format!("{over} of full scale");
         Ok(judged(name, over, &tally, (tally.rms, allowed), least))
