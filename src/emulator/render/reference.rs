@@ -167,16 +167,14 @@ impl Reference {
     }
 
     /// Noise-free signal of a pixel in digital numbers, not rounded: the mean over `rays` rays
-    /// through its area, spread as a lattice (Korobov) that is even along every direction.
+    /// through its area, a Hammersley set: even along every direction, and with no period that a number
+    /// of rays could meet.
     pub fn signal_dn(&self, px: DVec2, slide: &Slide, exposure_s: f64, rays: u32) -> f64 {
-        let golden = 0.618_033_988_749_894_9;
         let mean = (0..rays)
             .map(|i| {
                 let u = (f64::from(i) + 0.5) / f64::from(rays) - 0.5;
-                let v = (f64::from(i) * golden).fract() - 0.5;
-                // More directions of the lattice: roots of primes share nothing with it.
-                let root = |n: f64| (f64::from(i) * n.sqrt() + 0.5).fract();
-                let (blur, pupil) = ([2.0, 3.0].map(root), [7.0, 11.0].map(root));
+                let v = mirrored(i, 2) + 0.5 / f64::from(rays) - 0.5;
+                let (blur, pupil) = ([3, 5].map(|b| mirrored(i, b)), [7, 11].map(|b| mirrored(i, b)));
                 self.irradiance(px + DVec2::new(u, v), pupil, slide, blur)
             })
             .sum::<f64>()
@@ -358,4 +356,15 @@ fn level(slide: &Slide, px: DVec2) -> f64 {
             levels[y * *width as usize + x]
         }
     })
+}
+
+/// A number's digits to a base, mirrored at the point: from 0 to 1 (van der Corput).
+fn mirrored(mut number: u32, base: u32) -> f64 {
+    let (mut digit, mut sum) = (1.0, 0.0);
+    while number > 0 {
+        digit /= f64::from(base);
+        sum += digit * f64::from(number % base);
+        number /= base;
+    }
+    sum
 }

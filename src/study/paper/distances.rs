@@ -123,9 +123,10 @@ const FLOOR: &str = "HD is the largest and MDTA the mean distance between measur
     60,000 samples spread over the lit and seen part of the true surface to the nearest measured \
     point, they tell how far apart points are, too: on a lattice of spacing s the mean is 0.383 s and \
     the largest 0.707 s. Pixels are 1.58 mm apart on a plane at 1000 mm, which makes 0.60 and 1.12 \
-    mm, and more where a face leans away or creases leave pixels out. The floor is what a scan \
-    without any error would have. The paper's MDTA of 0.59 mm at 1000 mm is what the spacing alone \
-    makes; a smaller one cannot be had from points to points at this resolution.";
+    mm, and more where a face leans away or creases leave pixels out. The floor is what the \
+    true points of the same pixels would have; errors move points to both sides of it. The paper's MDTA \
+    of 0.59 mm at 1000 mm is what the spacing alone makes on a plane that faces the camera: from points \
+    to points it tells of pixels, not of errors.";
 
 fn row<'a>(rows: &'a Rows, distance: f64, method: &str) -> Option<&'a Row> {
     of(rows, "distance/")

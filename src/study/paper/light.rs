@@ -227,8 +227,9 @@ const WORDS: &str = "Light 1 is the bench's own projector: white on an albedo of
 
 const TREND: &str = "With the projector's light our errors do not grow as the paper's do. Saturated \
     pixels are refused, so the coverage falls instead, and HD and MDTA grow with the holes. Nor \
-    would keeping them cost much: a clipped sine has overtones, but of these twelve steps let only \
-    those near the eleventh and thirteenth reach the phase. It takes light in which even the dark \
-    of a fringe saturates, and then there is no phase at all: a plain arctangent is off by up to half a \
-    fringe, which is 7.3 mm at 1000 mm. Light of the room does that, and there the plain decoder's \
+    would keeping them cost much while a part of the fringe is left: a clipped sine has overtones, but \
+    of these twelve steps let only those near the eleventh and thirteenth reach the phase. With twice \
+    the light and halo the part is small, and the plain errors are five times ours. In light in which \
+    even the dark of a fringe saturates there is no phase at all: a plain arctangent is off by up to \
+    half a fringe, which is 7.3 mm at 1000 mm. Light of the room does that, and there the plain decoder's \
     errors grow towards those of the paper's last row; ours says that nothing was measured.";

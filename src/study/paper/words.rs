@@ -36,11 +36,12 @@ pub(super) fn trends() -> Section {
 }
 
 const AGREE: &str = "They agree in these: errors that grow to both sides of 1000 mm, if f0 is held; \
-    centre before rim before foot; left like right, and the feet twice as much; errors of \
-    millimetres in light that drowns the fringes; reprojection errors of hundredths of a pixel.";
+    centre before rim before foot; left like right; errors of millimetres in light that drowns the \
+    fringes; reprojection errors of hundredths of a pixel.";
 
 const NOT: &str = "They do not in these. In size: where no constant is wrong, ours are some twenty \
-    times smaller, because what is left is the camera's noise over twelve frames, and neither a \
+    to ninety times smaller, because what is left is the camera's noise over twelve frames, and neither a \
     formula nor the spacing of points adds to it. In distances below 1000 mm, where the paper's errors \
-    are less than the formula's. In the cross-section, which should err more than the whole. In the \
+    are less than the formula's. In the cross-section, which should err more than the whole. In the view \
+    from the feet, which is hardly worse than the others here. In the \
     projector's light, which costs us coverage and not truth. In HD, which one wrong pixel decides.";

@@ -15,16 +15,25 @@ use crate::study::timing::Spread;
 /// All of it.
 pub fn document(rows: &Rows, settings: &Settings) -> Document {
     let group = |name| rows.with("group", name).collect::<Vec<&Row>>();
-    let scans = group("scan");
+    let [scans, frames, gpu, terms] = ["scan", "frames", "gpu", "term"].map(group);
     let bound_um = bound_um(&scans);
+    // A part that was not asked for has no rows, and says nothing.
+    let mut sections = Vec::new();
+    if !scans.is_empty() {
+        sections.push(scans::section(&scans, settings));
+    }
+    if !frames.is_empty() {
+        sections.push(frames::section(&frames, bound_um));
+    }
+    if !gpu.is_empty() {
+        sections.push(of_gpu(&gpu, bound_um));
+    }
+    if !terms.is_empty() {
+        sections.push(terms::section(&terms, bound_um));
+    }
     Document {
         title: "Error against run time".to_owned(),
-        sections: vec![
-            scans::section(&scans, settings),
-            frames::section(&group("frames"), bound_um),
-            of_gpu(&group("gpu"), bound_um),
-            terms::section(&group("term"), bound_um),
-        ],
+        sections,
     }
 }
 
