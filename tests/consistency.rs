@@ -458,3 +458,48 @@ fn an_exposure_that_does_not_cover_the_patterns_is_named() {
         .to_string();
     assert!(error.contains("not sinusoidal"), "{error}");
 }
+
+/// A frame whose rows from some on are another's is told wherever it is torn: at whole size, where the
+/// light ends within the image, and a tear may leave a few rows of it only. What a tear changes in
+/// hardly a pixel need not be told, for it moves hardly a point.
+#[test]
+fn a_frame_torn_anywhere_is_told() {
+    for (name, scene, farther_mm) in [
+        ("webcam-grey", "sphere", 0.0),
+        ("webcam-grey", "torso", 0.0),
+        ("dlp-evm", "plane", 0.0),
+        ("sgrt-pod", "torso", 1400.0),
+    ] {
+        let mut placed = Scene::load(scene).unwrap();
+        for object in &mut placed.object {
+            object.position_mm[2] += farther_mm;
+        }
+        let captured = scan_before(&profile(name, 1.0), &placed, |frames| frames, 0)
+            .unwrap_or_else(|e| panic!("{name}, {scene}: {e}"));
+        let (width, height) = (captured.frames[0].width, captured.frames[0].height);
+        let mut torn_frames = 0;
+        for nth in 1..captured.frames.len() {
+            for row in (4..height).step_by(23) {
+                let mut frames = captured.frames.clone();
+                let from =
+                    (row * width) as usize * frames[nth].data.len() / (width * height) as usize;
+                let other = frames[nth - 1].data[from..].to_vec();
+                let pairs = frames[nth].data[from..].iter().zip(&other);
+                let row_px = width as usize;
+                let changed = |(a, b): &(&u8, &u8)| a.abs_diff(**b) > 60;
+                let first = pairs.take(row_px).filter(changed).count();
+                frames[nth].data[from..].copy_from_slice(&other);
+                if first * 8 < row_px {
+                    continue;
+                }
+                torn_frames += 1;
+                let told = check_sequence(&captured.manifest, &frames);
+                assert!(
+                    told.is_err(),
+                    "{name}, {scene}: frame {nth} torn at row {row}"
+                );
+            }
+        }
+        assert!(torn_frames > 40, "{name}, {scene}: {torn_frames} tears");
+    }
+}

@@ -174,7 +174,10 @@ impl Reference {
             .map(|i| {
                 let u = (f64::from(i) + 0.5) / f64::from(rays) - 0.5;
                 let v = mirrored(i, 2) + 0.5 / f64::from(rays) - 0.5;
-                let (blur, pupil) = ([3, 5].map(|b| mirrored(i, b)), [7, 11].map(|b| mirrored(i, b)));
+                let (blur, pupil) = (
+                    [3, 5].map(|b| mirrored(i, b)),
+                    [7, 11].map(|b| mirrored(i, b)),
+                );
                 self.irradiance(px + DVec2::new(u, v), pupil, slide, blur)
             })
             .sum::<f64>()

@@ -22,7 +22,8 @@
 //! - `residuals`: hardly a pixel's steps contradict each other by more than its noise. Rows that are
 //!   missing and bits that are flipped leave pixels that do;
 //! - `harmonics`: the modulation of fringes does not follow their phase;
-//! - `lit`: hardly a pixel of a Gray frame is brighter than white.
+//! - `lit`: hardly a pixel of a Gray frame is brighter than white;
+//! - `torn`: no frame changes along a whole row from one to the next while the others do not.
 //!
 //! `fringes` to `each` compare the order that was asked for with others on the same pixels, so what
 //! disturbs a scene disturbs both sides. Pixels at the camera's full scale are left out, and frames
@@ -57,6 +58,7 @@ mod noise;
 mod residuals;
 mod scatter;
 mod shifts;
+mod torn;
 
 pub(super) use modulation::{LEAST_FOLLOWING, following};
 
@@ -98,8 +100,10 @@ fn examine(manifest: &Manifest, frames: &[Frame], identified: bool) -> Result<()
         return Ok(());
     }
     let scatter = Scatter::new(frames);
+    let mut noise_dn = 0.0;
     for axis in &plan.axes {
         let grid = Grid::new(frames, axis.axis);
+        noise_dn = grid.noise_dn;
         let varying = grid.varying();
         if !identified && varying < FEW_VARYING && grid.saturated > varying.max(FEW_VARYING) {
             return Err(format!(
@@ -119,9 +123,13 @@ fn examine(manifest: &Manifest, frames: &[Frame], identified: bool) -> Result<()
             .and_then(|()| shifts::check(manifest, axis, &grid))
             .and_then(|()| each::check(manifest, axis, &grid))
             .and_then(|()| everywhere(&plan, axis, &scatter));
-        found.map_err(|what| format!("the frames do not follow the sequence: {what}"))?;
+        found.map_err(departs)?;
     }
-    Ok(())
+    torn::check(frames, noise_dn).map_err(departs)
+}
+
+fn departs(what: String) -> String {
+    format!("the frames do not follow the sequence: {what}")
 }
 
 /// The checks of single pixels, each held against all the others.

@@ -4,8 +4,8 @@ use crate::profile::faults::{Direction, Fault, Schedule, Side, What, When};
 
 /// Frames or messages that [`Place::Once`] takes.
 const PLACES: u64 = 6;
-/// A row near the end of the small devices' 96.
-const LATE_ROW: u32 = 86;
+/// Rows near the end of the small devices' 96.
+const LATE_ROWS: [u32; 2] = [86, 94];
 
 /// A kind of fault with its parameters.
 #[derive(Debug, Clone)]
@@ -74,7 +74,12 @@ impl BadDay {
             Self::new("swapped", What::Swapped, |_| {}),
             Self::new("torn in the middle", What::Torn, |_| {}),
             Self::new("torn after the first row", What::Torn, |f| f.row = Some(1)),
-            Self::new("torn near the end", What::Torn, |f| f.row = Some(LATE_ROW)),
+            Self::new("torn near the end", What::Torn, |f| {
+                f.row = Some(LATE_ROWS[0])
+            }),
+            Self::new("torn at the last rows", What::Torn, |f| {
+                f.row = Some(LATE_ROWS[1]);
+            }),
             Self::new("rows missing, 1", What::RowsMissing, |f| f.rows = Some(1)),
             Self::new("rows missing, 1 near the top", What::RowsMissing, |f| {
                 f.row = Some(1);
