@@ -90,7 +90,9 @@ impl Unit {
                 Firmware::new(profile, &user)?,
                 port,
                 SerialLine::new(&profile.control),
-                Faults::new(schedule, &asked.name),
+                Faults::new(schedule, &asked.name)
+                    .of_rows(profile.camera.height_px)
+                    .map_err(|flaw| Error::input(flaw.field, flaw.found, flaw.allowed))?,
             ),
             renderer,
             seat,

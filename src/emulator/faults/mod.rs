@@ -38,6 +38,8 @@ const MAX_REPLY_BYTES: usize = 4 << 20;
 pub struct Faults {
     /// The device's name.
     device: String,
+    /// Rows of its camera.
+    rows: u32,
     armed: Vec<Armed>,
     next_id: u64,
     chance: Chance,
@@ -91,6 +93,7 @@ impl Faults {
         let numbered = (1..).zip(&schedule.fault);
         Self {
             device: device.to_owned(),
+            rows: u32::MAX,
             armed: numbered
                 .filter(|(_, fault)| fault.concerns(device))
                 .map(|(id, fault)| Armed::new(id, fault.clone()))
@@ -114,6 +117,32 @@ impl Faults {
         }
     }
 
+    /// The same for a camera of so many rows, beyond which no fault may begin.
+    ///
+    /// # Errors
+    /// The first that does, by its number.
+    pub fn of_rows(mut self, rows: u32) -> Result<Self, Flaw> {
+        self.rows = rows;
+        for armed in &self.armed {
+            self.fits(&armed.fault).map_err(|flaw| Flaw {
+                field: format!("fault[{}].{}", armed.id - 1, flaw.field),
+                ..flaw
+            })?;
+        }
+        Ok(self)
+    }
+
+    fn fits(&self, fault: &Fault) -> Result<(), Flaw> {
+        match fault.row {
+            Some(row) if row >= self.rows => Err(Flaw {
+                field: "row".to_owned(),
+                found: row.to_string(),
+                allowed: format!("1 to {}: the camera has {} rows", self.rows - 1, self.rows),
+            }),
+            _ => Ok(()),
+        }
+    }
+
     /// Adds a fault, which counts from now on; gives its number.
     ///
     /// # Errors
@@ -121,6 +150,7 @@ impl Faults {
     pub fn add(&mut self, fault: Fault) -> Result<u64, Flaw> {
         fault.check()?;
         fault.check_device(&[&self.device])?;
+        self.fits(&fault)?;
         if self.armed.len() >= MAX_FAULTS {
             self.armed.retain(|armed| !armed.is_over());
         }

@@ -329,3 +329,29 @@ fn faults_come_and_go_and_only_concern_their_device() {
     assert!(ids(&faults).is_empty());
     assert_eq!(faults.struck_in_all(), 1);
 }
+
+#[test]
+fn a_row_that_the_camera_has_not_is_refused() {
+    let beyond = Fault {
+        row: Some(480),
+        ..Fault::new(What::Torn)
+    };
+    let schedule = Schedule {
+        seed: 1,
+        fault: vec![Fault::new(What::Dark), beyond.clone()],
+    };
+    let flaw = Faults::new(&schedule, "left").of_rows(480).unwrap_err();
+    assert_eq!(
+        (flaw.field.as_str(), flaw.found.as_str()),
+        ("fault[1].row", "480")
+    );
+    let mut faults = Faults::new(&Schedule::default(), "left")
+        .of_rows(480)
+        .unwrap();
+    assert_eq!(faults.add(beyond.clone()).unwrap_err().field, "row");
+    let last = Fault {
+        row: Some(479),
+        ..beyond
+    };
+    assert!(faults.add(last).is_ok());
+}

@@ -4,28 +4,7 @@ use super::{Event, Value};
 use crate::error::{Error, Result};
 use std::collections::BTreeMap;
 
-/// What the host uses of a device.
-///
-/// | operation | inputs | result | a scan without it |
-/// | --- | --- | --- | --- |
-/// | identify | | text `manufacturer,model,serial,version` | does not say what the device is |
-/// | list | | names of sequences, commas between them | does not say which there are |
-/// | select | `name` | | takes the selected one; `--sequence` is refused |
-/// | selected | | name of the selected sequence | does not notice that it has changed |
-/// | manifest | | TOML of the selected sequence | needs `--manifest FILE` |
-/// | calibration | | TOML of the nominal calibration | needs `--calibration FILE` for points |
-/// | source | | the trigger source as it is | leaves it as the scan needs it |
-/// | quiet | | none: nothing is exposed but what is triggered | needs a camera that waits for triggers by itself |
-/// | restore | `source` | none: as it was found | leaves the device as the scan needs it |
-/// | light_on | | | needs a light that is on |
-/// | arm | | | needs a device that waits for triggers by itself, or a trigger that arms |
-/// | trigger | | | **is refused** |
-/// | complete | | answered when the last frame has left the device | needs a camera that is still |
-/// | exposure | `exposure`, seconds | | no scan sets it |
-/// | last_id | | id of the last exposure, or of the next one | no scan asks for it |
-/// | errors | | number of the device's oldest complaint, 0 for none | does not know why frames are missing |
-/// | mark | `mark`, 1 to 255 | none: the device keeps the number until it is switched off | believes the lines that are said at power-on |
-/// | marked | | the number; 0 after power-on | likewise |
+/// What the host uses of a device: the operations of the last table of the [guide](super).
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct HostUse {
     pub(super) operations: BTreeMap<String, Operation>,
@@ -57,7 +36,7 @@ pub(super) const OPERATIONS: [(&str, &[&str]); 18] = [
 const NEEDED: [&str; 1] = ["trigger"];
 
 impl HostUse {
-    /// An operation by its name in the table above; `None` where the dialect lacks it.
+    /// An operation by its name; `None` where the dialect lacks it.
     pub fn get(&self, operation: &str) -> Option<&Operation> {
         self.operations.get(operation)
     }
@@ -246,3 +225,20 @@ pub(super) const EVENTS: [(&str, Event); 4] = [
     ("done", Event::SequenceDone),
     ("missed", Event::TriggerMissed),
 ];
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_guide_has_all_operations() {
+        let rows = || include_str!("guide.md").lines();
+        for (name, inputs) in OPERATIONS {
+            let row = rows().find(|row| row.starts_with(&format!("| {name} |")));
+            let row = row.unwrap_or_else(|| panic!("no row for {name}"));
+            for input in inputs {
+                assert!(row.contains(&format!("`{input}`")), "{row}");
+            }
+        }
+    }
+}
