@@ -10,10 +10,11 @@ use crate::host::track::{
     Planned, Quantity, Reading, Region, RigidOptions, Start, track_rigid,
 };
 use crate::patient::planning::Planning;
-use crate::profile::{Configuration, Station};
+use crate::profile::{Configuration, Station, StationDevice};
 use glam::DVec3;
-use pod::Pod;
+use pod::{Address, Sight, Source, Taken};
 use std::path::PathBuf;
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::time::{Duration, Instant};
 use table::{Row, Table};
 
@@ -75,35 +76,91 @@ pub(super) fn run(args: &Args) -> Result<()> {
     super::step("planning");
     let planning = Planning::load(&args.planning)?;
     let planned = Planned::new(&planning, &Region::chest(), &ModelOptions::default())?;
-    let mut pods = pods(args, &station)?;
-    let followed = follow(args, &planned, &mut pods, table);
-    for pod in pods {
-        pod.finish()?;
-    }
-    followed
+    let pods = addresses(args, &station)?;
+    let timeout = Duration::from_secs_f64(args.timeout);
+    // A scan waits for as many pods as there are; the device is never asked for more than that ahead.
+    let (send, taken) = sync_channel(pods.len());
+    std::thread::scope(|threads| {
+        let (from, scans) = (&pods, args.scans);
+        let scanning = std::thread::Builder::new()
+            .name("pods".into())
+            .spawn_scoped(threads, move || scan(from, timeout, scans, &send));
+        let scanning = scanning.map_err(|e| Error::device(format!("no thread: {e}")))?;
+        let followed = follow(args, &planned, &pods, &taken, table);
+        // Whoever scans notices that nobody listens any more.
+        drop(taken);
+        let scanned = scanning
+            .join()
+            .unwrap_or_else(|_| Err(Error::device("the thread of the pods has ended")));
+        // What went wrong at the ports is why there was nothing to follow.
+        scanned.and(followed)
+    })
 }
 
-fn pods(args: &Args, station: &Station) -> Result<Vec<Pod>> {
-    let timeout = Duration::from_secs_f64(args.timeout);
+fn addresses(args: &Args, station: &Station) -> Result<Vec<Address>> {
     match &args.run_dir {
-        Some(folder) => station
-            .device
-            .iter()
-            .map(|device| Pod::of_run_dir(device, &folder.join(&device.name), timeout))
-            .collect(),
+        Some(folder) => {
+            let devices = station.device.iter();
+            let of =
+                |device: &StationDevice| Address::of_run_dir(device, &folder.join(&device.name));
+            devices.map(of).collect()
+        }
         None => args
             .pod
             .iter()
-            .map(|text| Pod::of_ports(text, station, timeout))
+            .map(|text| Address::of_ports(text, station))
             .collect(),
     }
 }
 
-/// Scans, fits, decides and tells, until told to stop.
-fn follow(args: &Args, planned: &Planned, pods: &mut [Pod], mut table: Table) -> Result<()> {
+/// Scans with one pod after the other, for their projectors take turns, while what was scanned before
+/// is looked at.
+fn scan(
+    pods: &[Address],
+    timeout: Duration,
+    scans: Option<u64>,
+    to: &SyncSender<Taken>,
+) -> Result<()> {
+    let mut sources = Vec::new();
+    for pod in pods {
+        sources.push(Source::open(pod, timeout)?);
+    }
+    let mut scanned = Ok(());
+    let mut count = 0;
+    'scans: while scans.is_none_or(|scans| count < scans) {
+        for source in &mut sources {
+            let taken = match source.scan() {
+                Ok(taken) => taken,
+                Err(e) => {
+                    scanned = Err(e);
+                    break 'scans;
+                }
+            };
+            if to.send(taken).is_err() {
+                break 'scans;
+            }
+        }
+        count += 1;
+    }
+    for source in sources {
+        let finished = source.finish();
+        scanned = scanned.and(finished);
+    }
+    scanned
+}
+
+/// Fits, decides and tells, scan by scan, until there is none.
+fn follow(
+    args: &Args,
+    planned: &Planned,
+    pods: &[Address],
+    scans: &Receiver<Taken>,
+    mut table: Table,
+) -> Result<()> {
     let mut hold = Hold::new(HoldRules::default())?;
     let options = FitOptions::by_hand();
     let tracker = MotionTracker::new(&planned.reference, &planned.model, Pose::IDENTITY, &options)?;
+    let mut sights: Vec<Sight> = pods.iter().map(Sight::new).collect();
     let mut state = MotionState::mean(&planned.model);
     let mut start = Start::Within {
         around: Pose::IDENTITY,
@@ -113,26 +170,32 @@ fn follow(args: &Args, planned: &Planned, pods: &mut [Pod], mut table: Table) ->
     let begin = Instant::now();
     let most = POINTS / pods.len().max(1);
     let mut count = 0;
-    while args.scans.is_none_or(|scans| count < scans) {
-        // Their projectors take turns.
-        let mut time_ns = 0;
-        for pod in pods.iter_mut() {
-            time_ns = pod.scan()?.max(time_ns);
-        }
-        let last_frame = Instant::now();
+    'scans: loop {
         let mut measured = Measured::default();
-        for pod in pods.iter_mut() {
-            pod.measure(&mut measured, most)?;
-        }
-        let decoded = Instant::now();
-        let rigid = track_rigid(
-            &measured,
-            &planned.reference,
-            &start,
-            &RigidOptions::default(),
-        );
-        let fit = tracker.fit(&measured, &state);
         let mut reading = Reading::default();
+        let (mut time_ns, mut last_frame, mut decoding) = (0, begin, Duration::ZERO);
+        for sight in &mut sights {
+            let Ok(taken) = scans.recv() else {
+                break 'scans;
+            };
+            let arrived = Instant::now();
+            let doubt = sight.measure(&taken, &mut measured, most)?;
+            reading.warnings.extend(doubt);
+            decoding += arrived.elapsed();
+            time_ns = taken.end_ns.max(time_ns);
+            last_frame = taken.arrived.max(last_frame);
+        }
+        let (rigid, fit) = rayon::join(
+            || {
+                track_rigid(
+                    &measured,
+                    &planned.reference,
+                    &start,
+                    &RigidOptions::default(),
+                )
+            },
+            || tracker.fit(&measured, &state),
+        );
         if let Ok(rigid) = &rigid {
             start = Start::Near(rigid.room_from_reference);
         }
@@ -147,9 +210,8 @@ fn follow(args: &Args, planned: &Planned, pods: &mut [Pod], mut table: Table) ->
                     deviation: variance.max(0.0).sqrt(),
                     tolerance: args.tolerance_mm,
                 });
-                reading
-                    .warnings
-                    .extend(fit.warnings.iter().map(ToString::to_string));
+                let warnings = fit.warnings.iter().map(ToString::to_string);
+                reading.warnings.extend(warnings);
                 state = fit.state.clone();
             }
             Err(lost) => {
@@ -167,7 +229,7 @@ fn follow(args: &Args, planned: &Planned, pods: &mut [Pod], mut table: Table) ->
             motion: fit.as_ref().ok(),
             target,
             points: measured.len(),
-            decode_ms: (decoded - last_frame).as_secs_f64() * 1e3,
+            decode_ms: decoding.as_secs_f64() * 1e3,
             host_ms,
             beam: &beam,
             warnings: &warnings(&rigid, &reading),

@@ -28,7 +28,7 @@ pub use camera::explain_device;
 pub use camera::{Camera, Capture, Intake, MemoryCamera, SocketCamera, open_camera};
 pub use captured::{CALIBRATION_FILE, Captured, MANIFEST_FILE, write_png};
 pub use clock::monotonic_ns;
-pub use consistency::check as check_sequence;
+pub use consistency::{check as check_sequence, check_identified as check_identified_sequence};
 pub use instrument::Instrument;
 pub use port::{CommandPort, MemoryPort, SerialPort};
 pub use record::{RecordedCamera, RecordedPort, Tape};

@@ -1,49 +1,44 @@
-//! One pod: its ports, its place in the room, its last scan.
+//! One pod: its ports on one side, its place in the room on the other.
 
 use crate::cli::{dialect, interrupt::Interruptible};
-use crate::decode::{Decoder, Options};
+use crate::decode::{Decoded, Decoder, Options};
 use crate::error::{Error, Result};
 use crate::geometry::Pose;
 use crate::host::track::Measured;
-use crate::host::{Camera, Capture, Captured, ScanOptions, Scanner, SerialPort, open_camera};
+use crate::host::{
+    Camera, Capture, Captured, Progress, ScanOptions, Scanner, SerialPort,
+    check_identified_sequence, check_sequence, open_camera,
+};
 use crate::profile::{RigPlace, Station, StationDevice};
 use crate::protocol::Endpoints;
 use glam::DVec3;
 use std::path::Path;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
-/// A pod of a scanner that has several.
-pub(super) struct Pod {
+/// Where a pod is reached, and where it stands.
+pub(super) struct Address {
     name: String,
-    scanner: Scanner<Interruptible<Box<dyn Camera>>, SerialPort>,
-    options: ScanOptions,
+    camera: String,
+    control: String,
     room_from_rig: Pose,
-    captured: Option<Captured>,
-    /// Of the sequence and calibration of the first scan.
-    decoder: Option<Decoder>,
 }
 
-impl Pod {
-    /// A device that is served, by its `device.json`.
+impl Address {
+    /// Of a device that is served, by its `device.json`.
     ///
     /// # Errors
-    /// A folder without a device, and a device that cannot be reached.
-    pub(super) fn of_run_dir(
-        device: &StationDevice,
-        folder: &Path,
-        timeout: Duration,
-    ) -> Result<Self> {
+    /// A folder without a device.
+    pub(super) fn of_run_dir(device: &StationDevice, folder: &Path) -> Result<Self> {
         let endpoints = Endpoints::read(folder)?;
         let control = endpoints.control.display().to_string();
-        Self::open(device, &endpoints.camera, &control, timeout)
+        Ok(Self::new(device, endpoints.camera, control))
     }
 
-    /// A device by its ports, `NAME=CAMERA,CONTROL`.
+    /// Of a device by its ports, `NAME=CAMERA,CONTROL`.
     ///
     /// # Errors
-    /// Words of another form, a name that the station does not have, and a device that cannot be
-    /// reached.
-    pub(super) fn of_ports(text: &str, station: &Station, timeout: Duration) -> Result<Self> {
+    /// Words of another form, and a name that the station does not have.
+    pub(super) fn of_ports(text: &str, station: &Station) -> Result<Self> {
         let place = || format!("--pod {text}");
         let parts = text.split_once('=').and_then(|(name, ports)| {
             let (camera, control) = ports.split_once(',')?;
@@ -60,87 +55,85 @@ impl Pod {
                 names.join(", "),
             ));
         };
-        Self::open(device, camera, control, timeout)
+        Ok(Self::new(device, camera.to_owned(), control.to_owned()))
     }
 
-    fn open(
-        device: &StationDevice,
-        camera: &str,
-        control: &str,
-        timeout: Duration,
-    ) -> Result<Self> {
+    fn new(device: &StationDevice, camera: String, control: String) -> Self {
         let RigPlace {
             position_mm,
             rotation_deg,
         } = device.rig().unwrap_or_default();
-        let dialect = dialect::spoken(None, Some(control))?;
-        let scanner = Scanner::with_dialect(SerialPort::open(control)?, dialect, timeout, || {
-            Ok(Interruptible::new(open_camera(
-                camera,
-                Capture::Auto,
-                timeout,
-            )?))
+        Self {
+            name: device.name.clone(),
+            camera,
+            control,
+            room_from_rig: Pose::from_xyz_deg(
+                DVec3::from_array(position_mm),
+                DVec3::from_array(rotation_deg),
+            ),
+        }
+    }
+}
+
+/// What a pod has scanned.
+pub(super) struct Taken {
+    captured: Captured,
+    identified: bool,
+    /// Device time of the last frame's end in nanoseconds.
+    pub(super) end_ns: u64,
+    /// When the last frame had come.
+    pub(super) arrived: Instant,
+}
+
+/// The side of a pod that is at its ports.
+pub(super) struct Source {
+    name: String,
+    scanner: Scanner<Interruptible<Box<dyn Camera>>, SerialPort>,
+    options: ScanOptions,
+}
+
+impl Source {
+    /// Opens the ports.
+    ///
+    /// # Errors
+    /// A device that cannot be reached.
+    pub(super) fn open(address: &Address, timeout: Duration) -> Result<Self> {
+        let dialect = dialect::spoken(None, Some(&address.control))?;
+        let port = SerialPort::open(&address.control)?;
+        let scanner = Scanner::with_dialect(port, dialect, timeout, || {
+            let camera = open_camera(&address.camera, Capture::Auto, timeout)?;
+            Ok(Interruptible::new(camera))
         })?;
         Ok(Self {
-            name: device.name.clone(),
-            scanner,
+            name: address.name.clone(),
+            scanner: scanner.without_checks(),
             options: ScanOptions {
                 sequence: None,
                 manifest: None,
                 frame_timeout: timeout,
             },
-            room_from_rig: Pose::from_xyz_deg(
-                DVec3::from_array(position_mm),
-                DVec3::from_array(rotation_deg),
-            ),
-            captured: None,
-            decoder: None,
         })
     }
 
-    /// Scans, and gives the device time of the last frame's end in nanoseconds.
+    /// Scans.
     ///
     /// # Errors
     /// See [`Scanner::scan`].
-    pub(super) fn scan(&mut self) -> Result<u64> {
-        let captured = self.scanner.scan(&self.options, &mut |_| {});
+    pub(super) fn scan(&mut self) -> Result<Taken> {
+        let mut arrived = Instant::now();
+        let captured = self.scanner.scan(&self.options, &mut |progress| {
+            if let Progress::Frame { .. } = progress {
+                arrived = Instant::now();
+            }
+        });
         let captured = captured.map_err(|e| e.at(&self.name))?;
-        let end_ns = captured
-            .frames
-            .last()
-            .map_or(0, |frame| frame.exposure_end_ns);
-        self.captured = Some(captured);
-        Ok(end_ns)
-    }
-
-    /// Decodes what was scanned and adds at most so many of its points.
-    ///
-    /// # Errors
-    /// Frames that cannot be decoded, and a device without a calibration.
-    pub(super) fn measure(&mut self, measured: &mut Measured, most: usize) -> Result<()> {
-        let Some(captured) = self.captured.take() else {
-            return Ok(());
-        };
-        if captured.calibration.is_none() {
-            return Err(Error::device(format!(
-                "{}: the device has no calibration to give",
-                self.name
-            )));
-        }
-        let decoder = match self.decoder.take() {
-            Some(decoder) => decoder,
-            None => captured.decode(Options::default())?.0,
-        };
-        let decoded = captured.with_stack(|stack| decoder.decode(stack))?;
-        let cloud = decoder.cloud(&decoded);
-        let depths = decoded.depth.iter().zip(&decoded.depth_sigma);
-        let sigma: Vec<f32> = depths
-            .filter(|(depth, _)| !depth.is_nan())
-            .map(|(_, sigma)| *sigma)
-            .collect();
-        measured.push_pod(&cloud.points, &sigma, &self.room_from_rig, most);
-        self.decoder = Some(decoder);
-        Ok(())
+        let last = captured.frames.last();
+        Ok(Taken {
+            end_ns: last.map_or(0, |frame| frame.exposure_end_ns),
+            identified: self.scanner.identifies(),
+            captured,
+            arrived,
+        })
     }
 
     /// Leaves the device as it was found.
@@ -149,5 +142,75 @@ impl Pod {
     /// A port that has gone.
     pub(super) fn finish(self) -> Result<()> {
         self.scanner.finish()
+    }
+}
+
+/// The side of a pod that looks at frames.
+pub(super) struct Sight {
+    name: String,
+    room_from_rig: Pose,
+    /// Of the sequence and calibration of the first scan.
+    decoder: Option<Decoder>,
+    decoded: Decoded,
+    points: Vec<[f32; 3]>,
+}
+
+impl Sight {
+    pub(super) fn new(address: &Address) -> Self {
+        Self {
+            name: address.name.clone(),
+            room_from_rig: address.room_from_rig,
+            decoder: None,
+            decoded: Decoded::default(),
+            points: Vec::new(),
+        }
+    }
+
+    /// Decodes what was scanned and adds at most so many of its points. Frames that do not follow
+    /// their sequence add none; what is wrong with them is given.
+    ///
+    /// # Errors
+    /// Frames that cannot be decoded, and a device without a calibration.
+    pub(super) fn measure(
+        &mut self,
+        taken: &Taken,
+        measured: &mut Measured,
+        most: usize,
+    ) -> Result<Option<String>> {
+        let captured = &taken.captured;
+        if captured.calibration.is_none() {
+            return Err(Error::device(format!(
+                "{}: the device has no calibration to give",
+                self.name
+            )));
+        }
+        let check = match taken.identified {
+            true => check_identified_sequence,
+            false => check_sequence,
+        };
+        let (checked, depths) = rayon::join(
+            || check(&captured.manifest, &captured.frames),
+            || self.depths(captured),
+        );
+        depths?;
+        if let Err(why) = checked {
+            return Ok(Some(format!("{}: {why}", self.name)));
+        }
+        if let Some(decoder) = &self.decoder {
+            decoder.points_into(&self.decoded, &mut self.points);
+        }
+        let depths = self.decoded.depth.iter().zip(&self.decoded.depth_sigma);
+        let known = depths.filter(|(depth, _)| !depth.is_nan());
+        let sigma: Vec<f32> = known.map(|(_, sigma)| *sigma).collect();
+        measured.push_pod(&self.points, &sigma, &self.room_from_rig, most);
+        Ok(None)
+    }
+
+    fn depths(&mut self, captured: &Captured) -> Result<()> {
+        let decoder = match &self.decoder {
+            Some(decoder) => decoder,
+            None => self.decoder.insert(captured.decode(Options::default())?.0),
+        };
+        captured.with_stack(|stack| decoder.decode_into(stack, &mut self.decoded))
     }
 }

@@ -87,7 +87,7 @@ pub fn check(manifest: &Manifest, frames: &[Frame]) -> Result<(), String> {
 ///
 /// # Errors
 /// As for [`check`].
-pub(super) fn check_identified(manifest: &Manifest, frames: &[Frame]) -> Result<(), String> {
+pub fn check_identified(manifest: &Manifest, frames: &[Frame]) -> Result<(), String> {
     examine(manifest, frames, true)
 }
 

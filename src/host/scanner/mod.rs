@@ -57,6 +57,8 @@ pub struct Scanner<C, P> {
     given: Option<(String, Rig)>,
     /// The device has been looked for, and not been found.
     lost: bool,
+    /// Whether frames are checked against the sequence before they are handed out.
+    checks: bool,
 }
 
 /// Why a run gave no capture.
@@ -156,7 +158,22 @@ impl<C: Camera, P: CommandPort> Scanner<C, P> {
             idn: None,
             given: None,
             lost: false,
+            checks: true,
         })
+    }
+
+    /// Hands frames out as they came: for one who checks them while the next scan goes on
+    /// ([`check_sequence`](crate::host::check_sequence)), and leaves a bad one out instead of having it
+    /// taken again.
+    #[must_use]
+    pub fn without_checks(mut self) -> Self {
+        self.checks = false;
+        self
+    }
+
+    /// Whether frames say which they are (see [`Camera::identifies`]).
+    pub fn identifies(&self) -> bool {
+        self.camera.identifies()
     }
 
     /// Uses a calibration in place of the device's own; `place` names it in messages. One that says

@@ -115,11 +115,12 @@ impl Pod {
 
     /// Adds what was decoded to what is measured, at most so many points.
     pub fn measure(&self, decoded: &Decoded, measured: &mut Measured, most: usize) {
-        let cloud = self.decoder.cloud(decoded);
+        let mut points = Vec::new();
+        self.decoder.points_into(decoded, &mut points);
         let depths = decoded.depth.iter().zip(&decoded.depth_sigma);
         let known = depths.filter(|(depth, _)| !depth.is_nan());
         let sigma: Vec<f32> = known.map(|(_, sigma)| *sigma).collect();
-        measured.push_pod(&cloud.points, &sigma, &self.room_from_rig, most);
+        measured.push_pod(&points, &sigma, &self.room_from_rig, most);
     }
 
     /// The truth at a device time.

@@ -30,23 +30,23 @@ pub struct Sgrt;
 struct Effort {
     /// Moments of each patient.
     moments: usize,
-    /// Columns and rows of the pods' cameras, which see the same as the profile's.
-    size_px: [u32; 2],
     /// Scans over the breath that is followed.
     path: usize,
 }
+
+/// Columns and rows of the pods' cameras, which see the same as the profile's: half of its pixels a
+/// side, for the tracker takes ten thousand points of a scan either way.
+const SIZE_PX: [u32; 2] = [320, 240];
 
 impl Effort {
     fn of(settings: &Settings) -> Self {
         match settings.quick {
             true => Self {
                 moments: 2,
-                size_px: [320, 240],
                 path: 4,
             },
             false => Self {
-                moments: 6,
-                size_px: [640, 480],
+                moments: 4,
                 path: 16,
             },
         }
@@ -113,7 +113,7 @@ impl Study for Sgrt {
                 })
             })
             .collect();
-        trials.push(pictures::trial(settings, PICTURED, effort));
+        trials.push(pictures::trial(settings, PICTURED));
         trials.push(path::trial(settings, PICTURED, effort));
         Ok(trials)
     }

@@ -1,6 +1,6 @@
 //! One patient over a breath, scan after scan: where the tumour was and where it was said to be.
 
-use super::{Effort, of};
+use super::{Effort, SIZE_PX, of};
 use crate::error::Result;
 use crate::geometry::Pose;
 use crate::host::track::{FitOptions, MotionState, MotionTracker, POINTS, Region};
@@ -32,7 +32,7 @@ fn follow(context: &Context<'_>, patient: &str, effort: Effort) -> Result<Vec<Ro
     let options = FitOptions::by_hand();
     let tracker = MotionTracker::new(&planned.reference, &planned.model, Pose::IDENTITY, &options)?;
     let mut pods = Pods::new(&room.scene, context.seed, &|profile| {
-        [profile.camera.width_px, profile.camera.height_px] = effort.size_px;
+        [profile.camera.width_px, profile.camera.height_px] = SIZE_PX;
     })?;
     let step_s = room.phantom.patient().breathing.period_s / effort.path as f64;
     let row = |input: &str, time_s: f64, place: DVec3| {

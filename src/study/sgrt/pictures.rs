@@ -1,6 +1,6 @@
 //! A patient under fringes, the scanned surface and its error.
 
-use super::Effort;
+use super::SIZE_PX;
 use crate::error::{Error, Result};
 use crate::host::track::Region;
 use crate::study::clinic::{InRoom, Pods};
@@ -14,17 +14,17 @@ const FILE: &str = "sgrt-patient.png";
 /// Device time of the picture, in nanoseconds.
 const TIME_NS: u64 = 60_000_000_000;
 
-pub(super) fn trial(settings: &Settings, patient: &'static str, effort: Effort) -> Trial {
+pub(super) fn trial(settings: &Settings, patient: &'static str) -> Trial {
     Trial::new("picture", settings.seed, move |context| {
-        draw(context, patient, effort)
+        draw(context, patient)
     })
 }
 
-fn draw(context: &Context<'_>, patient: &str, effort: Effort) -> Result<Vec<Row>> {
+fn draw(context: &Context<'_>, patient: &str) -> Result<Vec<Row>> {
     let scratch = context.folder.place("planning-picture")?;
     let room = InRoom::new(patient, &Region::chest(), &scratch)?;
     let mut pods = Pods::new(&room.scene, context.seed, &|profile| {
-        [profile.camera.width_px, profile.camera.height_px] = effort.size_px;
+        [profile.camera.width_px, profile.camera.height_px] = SIZE_PX;
     })?;
     let Some(foot) = pods.all.last_mut() else {
         return Ok(Vec::new());

@@ -1,7 +1,7 @@
 //! One patient: scans at moments spread over the breathing, and what the tracker makes of each.
 
-use super::Effort;
 use super::inputs::{Input, Scanners, Skin};
+use super::{Effort, SIZE_PX};
 use crate::error::Result;
 use crate::geometry::Pose;
 use crate::host::track::{FitOptions, MotionState, MotionTracker, Planned, Region};
@@ -25,7 +25,7 @@ pub(super) fn follow(context: &Context<'_>, name: &str, effort: Effort) -> Resul
     let planned = &room.planned;
     let options = FitOptions::by_hand();
     let tracker = MotionTracker::new(&planned.reference, &planned.model, Pose::IDENTITY, &options)?;
-    let mut scanners = Scanners::new(&room, context.seed, effort.size_px)?;
+    let mut scanners = Scanners::new(&room, context.seed, SIZE_PX)?;
     let duration_ns = scanners.duration_ns();
     let apart_s = room.phantom.patient().breathing.period_s * BREATHS;
     let mut rows = Vec::new();

@@ -5,7 +5,7 @@ pub(super) const COMPARED: &str = "Fifteen generated patients lie on the couch o
     planning, drifting. The tracker knows the planning folder only: the skin, the tumour and ten \
     displacement fields of one breathing cycle. Three skins go into the same tracker: points of the true \
     skin, the same points with Gaussian noise of 0.5 mm along each axis, and the skin that the three pods \
-    of the ceiling scan in turn, as a client decodes it. The truth is that of the middle of the scan. The \
+    of the ceiling scan in turn, as a client decodes it, by cameras of 320 x 240 pixels. The truth is that of the middle of the scan. The \
     patients, the tracker and the scanner are ours, not the paper's, so that the figures stand \
     beside each other for their size only.";
 
