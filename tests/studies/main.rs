@@ -32,9 +32,14 @@ fn speed() {
 }
 
 #[test]
+fn sgrt() {
+    quick("sgrt");
+}
+
+#[test]
 #[ignore = "takes minutes; a lane of `.ci/run --whole` does it"]
 fn whole_forms() {
-    for name in ["paper", "stability", "noise"] {
+    for name in ["paper", "stability", "noise", "sgrt"] {
         whole(name);
     }
 }
