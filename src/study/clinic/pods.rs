@@ -9,6 +9,14 @@ use crate::profile::{Configuration, Profile, Scene};
 /// The station that stands under the ceiling.
 const STATION: &str = "sgrt-ceiling";
 
+/// Gives a camera other columns and rows over the same field, stopped down or opened so that a pixel
+/// gets as much light as before.
+pub fn resized(profile: &mut Profile, [columns, rows]: [u32; 2]) {
+    let camera = &mut profile.camera;
+    camera.f_number *= f64::from(camera.width_px) / f64::from(columns);
+    [camera.width_px, camera.height_px] = [columns, rows];
+}
+
 /// The pods of a station before one scene.
 pub struct Pods {
     /// Each, in the order in which they take turns.
