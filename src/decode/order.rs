@@ -40,66 +40,120 @@ impl Ensemble {
     /// sets' nearest positions, and its cost is the weighted sum of squares that remains.
     #[inline]
     pub(super) fn best(&self, wrapped: &[f32], variance: &[f32], lo: f32, hi: f32) -> Candidate {
-        // Only candidates near the coarsest set's positions matter, as long as the best is good
-        // enough that nothing beyond could compete.
+        // Only candidates near all sets' positions matter, as long as the best is good enough that
+        // nothing beyond could compete: what is farther than its reach from a set's positions costs at
+        // least the square of the reach over both variances.
         let last = self.periods.len() - 1;
-        let spread = variance[last] + variance[0];
-        let far = 0.5 * self.periods[last];
-        let near = (8.0 * spread.sqrt()).max(MISFIT * self.periods[last]);
-        if near < far {
-            let found = self.within(wrapped, variance, lo, hi, near, near * near / spread);
+        let near = |j: usize| {
+            let spread = variance[j] + variance[0];
+            (8.0 * spread.sqrt()).max(MISFIT * self.periods[j])
+        };
+        let half = |j: usize| 0.5 * self.periods[j];
+        let mut beyond = f32::INFINITY;
+        for j in 1..=last {
+            if near(j) < half(j) {
+                beyond = beyond.min(near(j) * near(j) / (variance[j] + variance[0]));
+            }
+        }
+        if beyond.is_finite() {
+            let found = self.among(wrapped, variance, [lo, hi], beyond, near);
             if found.certain {
                 return found;
             }
         }
-        self.within(wrapped, variance, lo, hi, far, f32::INFINITY)
+        self.among(wrapped, variance, [lo, hi], f32::INFINITY, half)
     }
 
-    /// [`Self::best`] among candidates within `reach` of the coarsest set's positions; one beyond
-    /// costs at least `beyond`.
+    /// [`Self::best`] among candidates within a reach of each set's positions; one beyond costs at
+    /// least `beyond`.
     #[inline]
-    fn within(
+    fn among(
         &self,
         wrapped: &[f32],
         variance: &[f32],
-        lo: f32,
-        hi: f32,
-        reach: f32,
+        [lo, hi]: [f32; 2],
         beyond: f32,
+        reach: impl Fn(usize) -> f32,
     ) -> Candidate {
-        let last = self.periods.len() - 1;
-        let (p0, x0) = (self.periods[0], wrapped[0]);
-        let (pc, xc) = (self.periods[last], wrapped[last]);
-        let total: f32 = variance.iter().map(|v| 1.0 / v).sum();
-        let mut best = (f32::INFINITY, 0.0, 0.0); // cost, position, worst misfit
-        let mut second = beyond;
-        let mut m = ((lo - xc - reach) / pc).ceil();
-        while xc + m * pc - reach < hi {
-            let middle = xc + m * pc;
-            let (from, to) = ((middle - reach).max(lo), (middle + reach).min(hi));
-            let mut k = ((from - x0) / p0).ceil();
-            while x0 + k * p0 < to {
-                let x = x0 + k * p0;
-                let (mut sum, mut squares, mut misfit) = (0.0, 0.0, 0.0_f32);
-                for j in 1..=last {
-                    let (d, p) = (wrapped[j] - x, self.periods[j]);
-                    let d = d - p * nearest(d / p);
-                    sum += d / variance[j];
-                    squares += d * d / variance[j];
-                    misfit = misfit.max(d.abs() / p);
-                }
-                let cost = squares - sum * sum / total;
-                if cost < best.0 {
-                    second = second.min(best.0);
-                    best = (cost, x + sum / total, misfit);
-                } else {
-                    second = second.min(cost);
-                }
-                k += 1.0;
-            }
+        let mut search = Search {
+            periods: &self.periods,
+            wrapped,
+            variance,
+            total: variance.iter().map(|v| 1.0 / v).sum(),
+            best: (f32::INFINITY, 0.0, 0.0),
+            second: beyond,
+        };
+        search.coarse(self.periods.len() - 1, lo, hi, &reach);
+        search.found()
+    }
+}
+
+/// A search on its way.
+struct Search<'a> {
+    periods: &'a [f32],
+    wrapped: &'a [f32],
+    variance: &'a [f32],
+    /// Inverse variances, summed.
+    total: f32,
+    /// Cost, position, worst misfit.
+    best: (f32, f32, f32),
+    /// Cost of the next best.
+    second: f32,
+}
+
+impl Search<'_> {
+    /// Looks from `lo` to `hi` where set `j` and those finer than it allow.
+    #[inline]
+    fn coarse(&mut self, j: usize, lo: f32, hi: f32, reach: &impl Fn(usize) -> f32) {
+        if j == 0 {
+            return self.fine(lo, hi);
+        }
+        let (p, x, near) = (self.periods[j], self.wrapped[j], reach(j));
+        if near >= 0.5 * p {
+            return self.coarse(j - 1, lo, hi, reach);
+        }
+        let mut m = ((lo - x - near) / p).ceil();
+        while x + m * p - near < hi {
+            let middle = x + m * p;
+            self.coarse(
+                j - 1,
+                (middle - near).max(lo),
+                (middle + near).min(hi),
+                reach,
+            );
             m += 1.0;
         }
-        let (cost, x, misfit) = best;
+    }
+
+    /// Every candidate of the finest set from `lo` to `hi`.
+    #[inline]
+    fn fine(&mut self, lo: f32, hi: f32) {
+        let (p0, x0) = (self.periods[0], self.wrapped[0]);
+        let mut k = ((lo - x0) / p0).ceil();
+        while x0 + k * p0 < hi {
+            let x = x0 + k * p0;
+            let (mut sum, mut squares, mut misfit) = (0.0, 0.0, 0.0_f32);
+            for j in 1..self.periods.len() {
+                let (d, p) = (self.wrapped[j] - x, self.periods[j]);
+                let d = d - p * nearest(d / p);
+                sum += d / self.variance[j];
+                squares += d * d / self.variance[j];
+                misfit = misfit.max(d.abs() / p);
+            }
+            let cost = squares - sum * sum / self.total;
+            if cost < self.best.0 {
+                self.second = self.second.min(self.best.0);
+                self.best = (cost, x + sum / self.total, misfit);
+            } else {
+                self.second = self.second.min(cost);
+            }
+            k += 1.0;
+        }
+    }
+
+    fn found(&self) -> Candidate {
+        let (second, total) = (self.second, self.total);
+        let (cost, x, misfit) = self.best;
         // Errors other than noise (response curves, defocus) grow with the fringe, so the best
         // must also be less than half as far off as the next, whatever the noise.
         let certain = if second.is_finite() {
@@ -251,6 +305,33 @@ mod tests {
             let best = ensemble.best(&wrapped, &[4e-4, 0.04, 6.0], -1.5, 1920.5);
             assert!((best.x - x).abs() < 1e-3 && best.certain, "{x} {best:?}");
         }
+    }
+
+    /// Candidates far from some set's positions are left out only where they could not compete.
+    #[test]
+    fn a_search_near_all_positions_finds_what_a_search_of_all_does() {
+        let periods = [10.0f32, 96.0, 960.0];
+        let ensemble = Ensemble::new(periods.to_vec());
+        let (mut certain, mut state) = (0, 1u32);
+        let mut draw = || {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (state >> 8) as f32 / (1 << 24) as f32 - 0.5
+        };
+        for _ in 0..20_000 {
+            let x = 456.0 + 900.0 * draw();
+            let noise = 0.04 * draw().abs();
+            let wrapped = periods.map(|p| (x + 4.0 * noise * p * draw()).rem_euclid(p));
+            let variance = periods.map(|p| (noise * p).powi(2) + 1e-4);
+            let found = ensemble.best(&wrapped, &variance, -1.5, 912.5);
+            let half = |j: usize| 0.5 * periods[j];
+            let all = ensemble.among(&wrapped, &variance, [-1.5, 912.5], f32::INFINITY, half);
+            assert_eq!(found.certain, all.certain, "{x} {noise}");
+            if found.certain {
+                certain += 1;
+                assert_eq!(found.x, all.x);
+            }
+        }
+        assert!((2_000..19_000).contains(&certain), "{certain}");
     }
 
     /// Cells of 16 px under fringes of 16 px, at 700 px; bits of noise of 1 DN.
