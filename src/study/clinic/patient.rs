@@ -54,7 +54,7 @@ impl InRoom {
         for object in &mut scene.object {
             if let Shape::Patient { patient, .. } = &mut object.shape {
                 name.clone_into(patient);
-                object.skin = Some(phantom.patient().skin.clone());
+                object.skin = Some(phantom.patient().skin);
             }
         }
         Ok(Self {

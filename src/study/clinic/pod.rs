@@ -99,7 +99,7 @@ impl Pod {
         let camera = &self.profile.camera;
         Scanned {
             manifest: self.profile.manifest(&self.profile.sequence[0]),
-            rig: self.rig.clone(),
+            rig: self.rig,
             size: (camera.width_px as usize, camera.height_px as usize),
             frames,
         }
