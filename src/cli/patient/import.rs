@@ -39,6 +39,10 @@ pub(super) struct Args {
     /// The patient's name in the planning [default: the folder's].
     #[arg(long, value_name = "NAME")]
     name: Option<String>,
+    /// Distance of the fields' voxels in the folder, no less than they have [default: theirs]. Fields
+    /// on a CT's own grid are larger than tracking has memory for; 3 mm will do.
+    #[arg(long, value_name = "MM")]
+    spacing_mm: Option<f64>,
     /// Write the CT into the folder too.
     #[arg(long)]
     with_ct: bool,
@@ -60,6 +64,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
             .iter()
             .map(|text| phase(text))
             .collect::<Result<_>>()?,
+        spacing_mm: args.spacing_mm,
         with_ct: args.with_ct,
     };
     let made = import.write(&args.out, &crate::cli::step)?;
@@ -107,7 +112,11 @@ fn point(text: &str) -> Result<DVec3> {
 }
 
 fn say(args: &Args, import: &Import, made: &Imported) {
-    let place = |p: DVec3| format!("({:.1}, {:.1}, {:.1}) mm", p.x, p.y, p.z);
+    let place = |p: DVec3| {
+        // Zero has no sign.
+        let [x, y, z] = p.to_array().map(|mm| (10.0 * mm).round() / 10.0 + 0.0);
+        format!("({x:.1}, {y:.1}, {z:.1}) mm")
+    };
     let file = &made.file;
     let fields: Vec<&str> = file
         .phase

@@ -38,7 +38,8 @@ enum Action {
         #[arg(long)]
         ct: bool,
     },
-    /// Make such a folder of a CT, displacement fields and a tumour, all in the CT's own LPS.
+    /// Make a planning folder of a clinic's data: a CT, displacement fields and a tumour, all in the CT's
+    /// own LPS.
     Import(import::Args),
 }
 

@@ -11,7 +11,10 @@ use std::path::{Path, PathBuf};
 
 /// The fields of all phases, looked at but not in memory: all on one grid.
 pub(super) struct Fields {
+    /// Where they are.
     pub(super) grid: Grid,
+    /// Where they are to be: there, or on a coarser grid of the same space.
+    pub(super) target: Grid,
     /// File of the first, whose grid it is.
     first: PathBuf,
     reference_percent: f64,
@@ -28,11 +31,16 @@ pub(super) struct Motion {
 }
 
 impl Fields {
-    /// Looks at files by their phases.
+    /// Looks at files by their phases; `spacing_mm` asks for a coarser grid.
     ///
     /// # Errors
-    /// Phases that no planning has, and files that are no fields, or not on one grid.
-    pub(super) fn look(named: &[(f64, PathBuf)], reference_percent: f64) -> Result<Self> {
+    /// Phases that no planning has, files that are no fields or not on one grid, and fields that are
+    /// too large or coarser than asked for.
+    pub(super) fn look(
+        named: &[(f64, PathBuf)],
+        reference_percent: f64,
+        spacing_mm: Option<f64>,
+    ) -> Result<Self> {
         let mut phases: Vec<(f64, Option<PathBuf>)> = named
             .iter()
             .map(|(percent, path)| (*percent, Some(path.clone())))
@@ -54,7 +62,8 @@ impl Fields {
                 return Err(Error::input(place(phase), phase.0, allowed));
             }
         }
-        if let Some([a, b]) = phases.array_windows().find(|[a, b]| a.0 == b.0) {
+        if let Some(pair) = phases.windows(2).find(|pair| pair[0].0 == pair[1].0) {
+            let (a, b) = (&pair[0], &pair[1]);
             let allowed = format!("one field a phase: {} is there", place(a));
             return Err(Error::input(place(b), "a second field", allowed));
         }
@@ -82,18 +91,35 @@ impl Fields {
         let Some((grid, first)) = one else {
             return Err(Error::input("fields", "none", "one for each phase"));
         };
+        let place = first.display().to_string();
         let spacing = grid.spacing_mm.to_array();
+        let (least, most) = (SPACING_MM.start(), SPACING_MM.end());
         if !spacing.iter().all(|mm| SPACING_MM.contains(mm)) {
-            let (least, most) = (SPACING_MM.start(), SPACING_MM.end());
             return Err(Error::input(
-                first.display(),
+                place,
                 format!("a spacing of {}", listed(grid.spacing_mm)),
                 format!("{least} to {most} mm"),
             ));
         }
-        fit::in_memory(&grid, phases.len(), &first.display().to_string())?;
+        let target = match spacing_mm {
+            None => grid,
+            Some(mm) if mm >= grid.spacing_mm.max_element() && mm <= *most => coarser(&grid, mm),
+            Some(mm) => {
+                return Err(Error::input(
+                    "spacing of the fields in mm",
+                    mm,
+                    format!(
+                        "{} to {most}: {place} has {}",
+                        grid.spacing_mm.max_element(),
+                        listed(grid.spacing_mm)
+                    ),
+                ));
+            }
+        };
+        fit::in_memory(&target, phases.len(), &place)?;
         Ok(Self {
             grid,
+            target,
             first,
             reference_percent,
             phases,
@@ -133,13 +159,21 @@ impl Fields {
         for ((percent, path), file) in self.phases.iter().zip(files) {
             step(&format!("phase {percent} %"));
             let field = match path {
-                None => Field::new(self.grid, vec![[0.0; 3]; self.grid.voxels()], &file.field)?,
+                None => {
+                    let still = vec![[0.0; 3]; self.target.voxels()];
+                    Field::new(self.target, still, &file.field)?
+                }
                 Some(path) => {
                     let field = metaimage::read_field(path)?;
                     if *percent == self.reference_percent {
                         fit::still(&field, &path.display().to_string())?;
                     }
-                    field
+                    if self.target == self.grid {
+                        field
+                    } else {
+                        let at = |p| field.nearest(self.grid.index(p));
+                        Field::of(self.target, at, &file.field)?
+                    }
                 }
             };
             let gone = |at: &DVec3| field.at(*at).map_or(0.0, |u| u.length());
@@ -149,5 +183,20 @@ impl Fields {
             metaimage::write_field(&folder.join(&file.field), &field, Packing::Plain)?;
         }
         Ok(motion)
+    }
+}
+
+/// A grid of larger voxels, the same along all axes, whose centres reach to the ends of a grid's or
+/// beyond, by the same at both.
+fn coarser(grid: &Grid, spacing_mm: f64) -> Grid {
+    let length_mm = grid.last() * grid.spacing_mm;
+    // What rounding makes of a whole number of steps is no step more.
+    let steps = (length_mm / spacing_mm - 1e-6).ceil().max(DVec3::ZERO);
+    let before = 0.5 * (steps * spacing_mm - length_mm);
+    Grid {
+        size: steps.to_array().map(|n| n as usize + 1),
+        spacing_mm: DVec3::splat(spacing_mm),
+        origin_mm: grid.origin_mm - grid.direction * before,
+        direction: grid.direction,
     }
 }

@@ -50,6 +50,10 @@ pub struct Import {
     /// Displacement from the reference phase to each phase, by per cent of the cycle: 0 is the end of
     /// inhaling. The reference phase's own may be left out: nothing moves.
     pub phases: Vec<(f64, PathBuf)>,
+    /// Distance of the voxels that the fields get, in millimetres, no less than they have; theirs if
+    /// there is none. Breathing is smooth: fields on a CT's own grid are many times larger than they
+    /// have to be, and all of them have to be in a tracker's memory.
+    pub spacing_mm: Option<f64>,
     /// Whether the folder gets the CT, as MetaImage.
     pub with_ct: bool,
 }
@@ -81,7 +85,7 @@ impl Import {
     ///
     /// # Errors
     /// What cannot be read; a CT with slices missing, of several series or at uneven distances, or not
-    /// in Hounsfield units; fields that are not on one grid, lie outside of the CT, do not reach skin
+    /// in Hounsfield units; fields that are not on one grid, too large in all, lie outside of the CT, do not reach skin
     /// and tumour or move the reference phase against itself; a tumour that is not closed or not in
     /// the body; an isocentre outside of the CT; what the system refuses. Nothing is left behind.
     pub fn write(&self, out: &Path, step: &dyn Fn(&str)) -> Result<Imported> {
@@ -89,13 +93,13 @@ impl Import {
             let found = format!("{:?}", self.name);
             return Err(Error::input("patient's name", found, ALLOWED_NAME));
         }
-        let fields = Fields::look(&self.phases, self.reference_percent)?;
+        let fields = Fields::look(&self.phases, self.reference_percent, self.spacing_mm)?;
         let mut file = PlanningFile {
             name: self.name.clone(),
             ..PlanningFile::usual(
                 fields.percents(),
                 self.reference_percent,
-                fields.grid.spacing_mm,
+                fields.target.spacing_mm,
                 self.with_ct,
             )
         };

@@ -25,6 +25,7 @@ fn of_planning(folder: &Path) -> Import {
         phases: (file.phase.iter())
             .map(|phase| (phase.percent, folder.join(&phase.field)))
             .collect(),
+        spacing_mm: None,
         with_ct: false,
     }
 }
@@ -146,6 +147,7 @@ fn small() -> (tempfile::TempDir, Import) {
         isocentre_mm: None,
         reference_percent: 50.0,
         phases,
+        spacing_mm: None,
         with_ct: false,
     };
     (dir, import)
@@ -198,6 +200,34 @@ fn a_body_of_a_closed_form_is_where_it_was() {
         "{}",
         made.tumour_mm3
     );
+}
+
+#[test]
+fn fields_on_a_coarser_grid_say_the_same() {
+    let (dir, mut import) = small();
+    import.spacing_mm = Some(15.0);
+    import.phases.pop();
+    let out = dir.path().join("planning");
+    let made = import.write(&out, &silent).unwrap();
+    assert_eq!(made.file.spacing_mm.0, DVec3::splat(15.0));
+    let planning = Planning::load(&out).unwrap();
+    for (percent, field) in &planning.phases {
+        let grid = field.grid();
+        // 128 mm are 8.5 steps of 15.
+        assert_eq!(grid.size, [10; 3]);
+        assert!(grid.point(grid.last() / 2.0).length() < 1e-3);
+        for v in &planning.skin.vertices {
+            // A shear is linear, and whatever lies between voxels is exact.
+            let exact = match *percent {
+                50.0 => DVec3::ZERO,
+                percent => moved(*v + made.file.isocentre_mm, percent),
+            };
+            assert!(
+                (field.at(*v).unwrap() - exact).length() < 1e-4,
+                "{percent}: {v}"
+            );
+        }
+    }
 }
 
 #[test]

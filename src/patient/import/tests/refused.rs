@@ -102,6 +102,14 @@ fn fields_that_do_not_match_are_named() {
         &metres,
         &["0.mhd: a spacing of (0.008, 0.008, 0.008); allowed: 0.1 to 50 mm"],
     );
+    let fine = complaint(|_, import| import.spacing_mm = Some(5.0));
+    has(
+        &fine,
+        &[
+            "spacing of the fields in mm: 5; allowed: 8 to 50: ",
+            "0.mhd has (8, 8, 8)",
+        ],
+    );
     // A number that is none, found when the first files are there already.
     let nan = complaint(|_, import| {
         let (_, path) = &import.phases[1];
