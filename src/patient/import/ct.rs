@@ -44,6 +44,7 @@ impl Ct {
     }
 
     /// The skin: the surface at a level in Hounsfield units around the largest body, without cavities.
+    /// Where the CT ends it is capped; a couch whose voxels touch the body's is a part of it.
     pub(super) fn skin(&self, level_hu: f64) -> Result<Mesh> {
         let voxels = self.volume.voxels();
         let body = (0..voxels.len())
