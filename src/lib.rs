@@ -18,7 +18,7 @@
 //! | ------ | ------ | ----- |
 //! | ground | [`geometry`] | poses, the lens model, rigs, solids, meshes and their files, ray casting |
 //! | ground | [`pattern`] | what a projector shows; the sequence manifest |
-//! | ground | [`patient`] | volumes, MetaImage, CT series of DICOM, the skin as an iso-surface, the planning folder; generated patients: a breathing thorax with a tumour |
+//! | ground | [`patient`] | volumes, MetaImage, CT series of DICOM, the skin as an iso-surface, the planning folder and what is imported into one; generated patients: a breathing thorax with a tumour |
 //! | ground | [`profile`] | devices, scenes, stations and schedules of faults as typed, checked structs; the built-in ones |
 //! | ground | [`protocol`] | SCPI, dialects, the frame socket's header, the data line, USB and USB/IP, recordings, the service channel, `device.json` |
 //! | ground | `v4l2` | nodes and queues of buffers of the kernel's camera interface (Linux only) |

@@ -41,7 +41,8 @@ pub(super) struct Args {
     /// Where the pods stand in the room: a station's name or file.
     #[arg(long, value_name = "STATION", default_value = "sgrt-ceiling")]
     station: String,
-    /// What planning knows of the patient, as `phasma patient plan` writes it.
+    /// What planning knows of the patient, as `phasma patient plan` and `phasma patient import`
+    /// write it.
     #[arg(long, value_name = "DIR")]
     planning: PathBuf,
     /// Scans to make; without end when absent.

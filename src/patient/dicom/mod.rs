@@ -8,12 +8,15 @@
 mod element;
 mod folder;
 mod phases;
+mod reference;
 mod slice;
+mod sorted;
 mod stack;
 #[cfg(test)]
 mod tests;
 
 pub use phases::Phases;
+pub use reference::read_reference;
 
 use super::volume::Volume;
 use crate::error::{Error, Result};

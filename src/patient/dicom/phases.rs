@@ -2,10 +2,10 @@
 
 use super::folder;
 use super::slice::Slice;
+use super::sorted::Sorted;
 use super::stack::Stack;
 use crate::error::{Error, Result};
 use crate::patient::volume::{Grid, Volume};
-use std::collections::BTreeMap;
 use std::path::Path;
 
 /// The phases of a 4D-CT, looked at but not yet in memory.
@@ -28,28 +28,13 @@ impl Phases {
     /// As for [`super::read_series`], for each phase; fewer than two phases, two of one percentage,
     /// phases whose grids or frames of reference are not the same.
     pub fn open(folder: &Path) -> Result<Self> {
-        let mut series: BTreeMap<String, Vec<Slice>> = BTreeMap::new();
-        for slice in folder::slices(folder)? {
-            series.entry(slice.series.clone()).or_default().push(slice);
-        }
-        let mut left_out = Vec::new();
-        let mut parts = Vec::new();
-        let alone = series.len() == 1;
-        for (_, slices) in series {
-            if alone {
-                parts = divided(slices);
-            } else if let Some(percent) = percent_of(&slices) {
-                parts.push((percent, slices));
-            } else {
-                let count = slices.len();
-                left_out.push(format!("{}, {count} images", slices[0].title()));
-            }
-        }
-        if parts.len() < 2 {
-            let found = match (parts.first(), left_out.is_empty()) {
-                (_, false) => format!("series without a phase: {}", left_out.join("; ")),
-                (Some((_, slices)), _) => format!("one phase, of series {}", slices[0].title()),
-                (None, _) => "one series that says no phases".to_owned(),
+        let sorted = Sorted::of(folder::slices(folder)?)?;
+        let left_out = sorted.left_out();
+        if sorted.phases.len() < 2 {
+            let found = match (sorted.phases.first(), &left_out[..]) {
+                (Some((_, slices)), []) => format!("one phase, of series {}", slices[0].title()),
+                (None, [_]) => "one series that says no phases".to_owned(),
+                _ => format!("series without a phase: {}", left_out.join("; ")),
             };
             return Err(Error::input(
                 folder.display(),
@@ -58,16 +43,8 @@ impl Phases {
                  nominal percentage, temporal position or trigger time",
             ));
         }
-        parts.sort_by(|a, b| a.0.total_cmp(&b.0));
-        if let Some(pair) = parts.windows(2).find(|pair| pair[0].0 == pair[1].0) {
-            let (a, b) = (&pair[0].1[0], &pair[1].1[0]);
-            return Err(Error::input(
-                b.place(),
-                format!("a second phase at {} %: {}", pair[1].0, b.title()),
-                format!("one; {} has {}", a.place(), a.title()),
-            ));
-        }
-        let phases: Vec<(f64, Stack)> = parts
+        let phases: Vec<(f64, Stack)> = sorted
+            .phases
             .into_iter()
             .map(|(percent, slices)| Ok((percent, Stack::of(slices)?)))
             .collect::<Result<_>>()?;
@@ -126,75 +103,4 @@ fn matching(phases: &[(f64, Stack)]) -> Result<()> {
         }
     }
     Ok(())
-}
-
-/// What all images of a series say of their phase, or what its name does.
-fn percent_of(slices: &[Slice]) -> Option<f64> {
-    let own = slices[0].percent;
-    let alike = slices.iter().all(|slice| slice.percent == own);
-    let percent = own.filter(|_| alike);
-    let percent = percent.or_else(|| in_words(&slices[0].description))?;
-    (0.0..=100.0).contains(&percent).then_some(percent % 100.0)
-}
-
-/// One series' images by phase.
-fn divided(slices: Vec<Slice>) -> Vec<(f64, Vec<Slice>)> {
-    type Key = fn(&Slice) -> Option<f64>;
-    let keys: [Key; 3] = [|s| s.percent, |s| s.temporal, |s| s.trigger_ms];
-    for (number, key) in keys.into_iter().enumerate() {
-        let mut values: Vec<f64> = slices.iter().filter_map(key).collect();
-        if values.len() < slices.len() {
-            continue;
-        }
-        values.sort_by(f64::total_cmp);
-        values.dedup();
-        if values.len() < 2 {
-            continue;
-        }
-        let mut parts: Vec<(f64, Vec<Slice>)> = (0..values.len())
-            .map(|bin| match number {
-                0 => (values[bin] % 100.0, Vec::new()),
-                _ => (100.0 * bin as f64 / values.len() as f64, Vec::new()),
-            })
-            .collect();
-        for slice in slices {
-            let value = key(&slice).unwrap_or_default();
-            let bin = values.partition_point(|&v| v < value);
-            parts[bin].1.push(slice);
-        }
-        return parts;
-    }
-    let percent = percent_of(&slices);
-    percent
-        .map(|percent| (percent, slices))
-        .into_iter()
-        .collect()
-}
-
-/// The percentage in a series' description: a number before `%`, or whole per cent after `T`, `T=` or
-/// `phase`.
-pub(super) fn in_words(text: &str) -> Option<f64> {
-    let digit = |c: char| c.is_ascii_digit();
-    if let Some((before, _)) = text.split_once('%') {
-        let before = before.trim_end();
-        let from = before
-            .rfind(|c: char| !digit(c) && c != '.')
-            .map_or(0, |at| {
-                at + before[at..].chars().next().map_or(1, char::len_utf8)
-            });
-        return before[from..].parse().ok();
-    }
-    let lower = text.to_ascii_lowercase();
-    for mark in ["phase", "t"] {
-        for (at, _) in lower.match_indices(mark) {
-            let starts_a_word = !lower[..at].ends_with(|c: char| c.is_ascii_alphanumeric());
-            let after = lower[at + mark.len()..].trim_start_matches([' ', '=', '_']);
-            let end = after.find(|c| !digit(c)).unwrap_or(after.len());
-            let whole = !after[end..].starts_with(|c: char| c.is_ascii_alphanumeric());
-            if starts_a_word && whole && (1..=3).contains(&end) {
-                return after[..end].parse().ok();
-            }
-        }
-    }
-    None
 }

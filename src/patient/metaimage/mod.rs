@@ -13,7 +13,9 @@ mod lines;
 mod tests;
 mod write;
 
-pub use write::{Packing, write_field, write_volume};
+pub use write::{
+    Packing, write_field, write_field_by_planes, write_volume, write_volume_by_planes,
+};
 
 use super::volume::{Field, Grid, Volume, Voxels};
 use crate::error::{Error, Result};

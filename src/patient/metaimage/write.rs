@@ -7,7 +7,7 @@ use crate::patient::volume::{Field, Grid, Volume, Voxels};
 use flate2::Compression;
 use flate2::write::ZlibEncoder;
 use glam::DVec3;
-use std::io::{BufWriter, Write};
+use std::io::Write;
 use std::path::Path;
 
 /// Whether numbers are packed on writing.
@@ -26,10 +26,10 @@ pub enum Packing {
 pub fn write_volume(path: &Path, volume: &Volume, packing: Packing) -> Result<()> {
     match volume.voxels() {
         Voxels::I16(v) => write(path, volume.grid(), "MET_SHORT", 1, packing, |out| {
-            v.iter().try_for_each(|x| out.write_all(&x.to_le_bytes()))
+            put(out, v, i16::to_le_bytes)
         }),
         Voxels::F32(v) => write(path, volume.grid(), "MET_FLOAT", 1, packing, |out| {
-            v.iter().try_for_each(|x| out.write_all(&x.to_le_bytes()))
+            put(out, v, f32::to_le_bytes)
         }),
     }
 }
@@ -40,10 +40,74 @@ pub fn write_volume(path: &Path, volume: &Volume, packing: Packing) -> Result<()
 /// As for [`write_volume`].
 pub fn write_field(path: &Path, field: &Field, packing: Packing) -> Result<()> {
     write(path, field.grid(), "MET_FLOAT", 3, packing, |out| {
-        let numbers = field.vectors().as_flattened();
-        numbers
-            .iter()
-            .try_for_each(|x| out.write_all(&x.to_le_bytes()))
+        put(out, field.vectors().as_flattened(), f32::to_le_bytes)
+    })
+}
+
+/// Writes a volume of whole numbers, not packed, that is never in memory as a whole: `plane` makes
+/// the numbers of each k, i fastest, then j.
+///
+/// # Errors
+/// As for [`write_volume`].
+///
+/// # Panics
+/// Where a plane is not of as many numbers as the grid's have.
+pub fn write_volume_by_planes(
+    path: &Path,
+    grid: &Grid,
+    plane: impl Fn(usize) -> Vec<i16>,
+) -> Result<()> {
+    write(path, grid, "MET_SHORT", 1, Packing::Plain, |out| {
+        planes(grid, &plane, |numbers| put(out, numbers, i16::to_le_bytes))
+    })
+}
+
+/// Writes a displacement field by planes, as [`write_volume_by_planes`] does a volume.
+///
+/// # Errors
+/// As for [`write_volume`].
+///
+/// # Panics
+/// As for [`write_volume_by_planes`].
+pub fn write_field_by_planes(
+    path: &Path,
+    grid: &Grid,
+    plane: impl Fn(usize) -> Vec<[f32; 3]>,
+) -> Result<()> {
+    write(path, grid, "MET_FLOAT", 3, Packing::Plain, |out| {
+        planes(grid, &plane, |vectors| {
+            put(out, vectors.as_flattened(), f32::to_le_bytes)
+        })
+    })
+}
+
+/// Hands over one plane after the other.
+fn planes<T>(
+    grid: &Grid,
+    plane: &impl Fn(usize) -> Vec<T>,
+    mut put: impl FnMut(&[T]) -> std::io::Result<()>,
+) -> std::io::Result<()> {
+    let [ni, nj, nk] = grid.size;
+    (0..nk).try_for_each(|k| {
+        let made = plane(k);
+        assert_eq!(made.len(), ni * nj, "plane {k}");
+        put(&made)
+    })
+}
+
+/// Numbers that are turned into bytes at a time: whoever takes bytes is slow to take few.
+const PIECE: usize = 1 << 14;
+
+fn put<T: Copy, const N: usize>(
+    out: &mut dyn Write,
+    numbers: &[T],
+    bytes: impl Fn(T) -> [u8; N],
+) -> std::io::Result<()> {
+    let mut piece: Vec<[u8; N]> = Vec::with_capacity(PIECE.min(numbers.len()));
+    numbers.chunks(PIECE).try_for_each(|some| {
+        piece.clear();
+        piece.extend(some.iter().map(|&number| bytes(number)));
+        out.write_all(piece.as_flattened())
     })
 }
 
@@ -58,12 +122,8 @@ fn write(
     let packed = match packing {
         Packing::Plain => None,
         Packing::Zlib => {
-            // Numbers come one by one, and the encoder is slow to take little at a time.
-            let encoder = ZlibEncoder::new(Vec::new(), Compression::fast());
-            let mut buffered = BufWriter::with_capacity(1 << 16, encoder);
-            let done = numbers(&mut buffered)
-                .and_then(|()| Ok(buffered.into_inner()?))
-                .and_then(ZlibEncoder::finish);
+            let mut encoder = ZlibEncoder::new(Vec::new(), Compression::fast());
+            let done = numbers(&mut encoder).and_then(|()| encoder.finish());
             Some(done.map_err(|e| Error::io(path, e))?)
         }
     };

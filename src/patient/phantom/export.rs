@@ -1,13 +1,13 @@
 //! The planning folder of a generated patient: all that a host knows of one.
 
-use super::metaimage::{self, Lattice};
-use super::{PHASES, Phantom, REFERENCE_PHASE, SKIN_TRIANGLES, State};
+use super::{PHASES, Phantom, REFERENCE_PHASE, SKIN_TRIANGLES, State, hounsfield};
 use crate::error::{Error, Result};
-use crate::geometry::{file, ply};
+use crate::geometry::ply;
+use crate::patient::metaimage::{write_field_by_planes, write_volume_by_planes};
+use crate::patient::planning::PlanningFile;
+use crate::patient::volume::Grid;
 use glam::DVec3;
 use rayon::prelude::*;
-use std::fmt::Write as _;
-use std::io::Write as _;
 use std::path::Path;
 
 /// Space around the skin.
@@ -21,6 +21,8 @@ impl Phantom {
     /// `tumour.ply` at the reference phase; `dvf_00.mha` to `dvf_90.mha`, the displacement of the
     /// reference phase's points to each phase on a lattice around the body, in millimetres; and where
     /// `ct` is asked for, `ct_50.mha`, the reference phase in Hounsfield units on the same lattice.
+    /// Voxels of the CT that a border of tissues crosses have a share of both, as a scanner's do, so
+    /// that the skin can be found in it to a small part of a voxel.
     ///
     /// # Errors
     /// A spacing outside 1 to 20 mm, and what the system refuses.
@@ -35,82 +37,58 @@ impl Phantom {
         }
         std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
         let skin = self.skin(SKIN_TRIANGLES)?;
-        let lattice = lattice(skin.bounds().unwrap_or_default(), spacing_mm);
-        ply::write_mesh(&folder.join("skin.ply"), &skin)?;
+        let grid = around(skin.bounds().unwrap_or_default(), spacing_mm);
+        let file = PlanningFile {
+            name: self.patient().name.clone(),
+            ..PlanningFile::usual(
+                (0..PHASES).map(|tenth| 10.0 * tenth as f64),
+                10.0 * REFERENCE_PHASE as f64,
+                grid.spacing_mm,
+                ct,
+            )
+        };
+        ply::write_mesh(&folder.join(&file.skin), &skin)?;
         let tumour = self.tumour_mesh(&State::REFERENCE, LEVEL);
-        ply::write_mesh(&folder.join("tumour.ply"), &tumour)?;
-        for tenth in 0..PHASES {
+        ply::write_mesh(&folder.join(&file.tumour), &tumour)?;
+        for (tenth, phase) in file.phase.iter().enumerate() {
             let state = self.planning_phase(tenth);
+            let voxel = |x| self.displacement(x, &state).as_vec3().to_array();
+            write_field_by_planes(&folder.join(&phase.field), &grid, |k| {
+                plane(&grid, k, voxel)
+            })?;
+        }
+        if let Some(name) = &file.ct {
+            let border_mm = hounsfield::BORDER_MM.max(0.5 * spacing_mm);
             let voxel = |x| {
-                let u = self.displacement(x, &state).as_vec3().to_array();
-                let bytes = u.map(f32::to_le_bytes);
-                std::array::from_fn::<u8, 12, _>(|i| bytes[i / 4][i % 4])
+                let number = self.hounsfield_of(x, &State::REFERENCE, border_mm);
+                number.round() as i16
             };
-            let path = folder.join(dvf(tenth));
-            metaimage::write_vectors(&path, &lattice, |k| plane(&lattice, k, voxel))?;
+            write_volume_by_planes(&folder.join(name), &grid, |k| plane(&grid, k, voxel))?;
         }
-        if ct {
-            let voxel = |x| {
-                let hounsfield = self.hounsfield(x, &State::REFERENCE).round();
-                (hounsfield as i16).to_le_bytes()
-            };
-            let path = folder.join(CT);
-            metaimage::write_shorts(&path, &lattice, |k| plane(&lattice, k, voxel))?;
-        }
-        let text = self.planning_toml(spacing_mm, ct);
-        file::write_whole(&folder.join("planning.toml"), |out| {
-            out.write_all(text.as_bytes())
-        })
-    }
-
-    fn planning_toml(&self, spacing_mm: f64, ct: bool) -> String {
-        let mut text = format!("name = {:?}\n", self.patient().name);
-        let reference = REFERENCE_PHASE * 10;
-        // Writing to a string cannot fail.
-        let _ = writeln!(text, "reference_phase = {reference}");
-        let _ = writeln!(text, "isocentre_mm = [0.0, 0.0, 0.0]");
-        let _ = writeln!(text, "spacing_mm = {spacing_mm:?}");
-        let _ = writeln!(text, "skin = \"skin.ply\"\ntumour = \"tumour.ply\"");
-        if ct {
-            let _ = writeln!(text, "ct = \"{CT}\"");
-        }
-        for tenth in 0..PHASES {
-            let (percent, file) = (tenth * 10, dvf(tenth));
-            let _ = writeln!(text, "\n[[phase]]\npercent = {percent}\nfield = \"{file}\"");
-        }
-        text
+        // Last, so that a folder with a planning.toml is whole.
+        file.write(folder)
     }
 }
 
-const CT: &str = "ct_50.mha";
-
-fn dvf(tenth: usize) -> String {
-    format!("dvf_{tenth}0.mha")
-}
-
-/// A lattice that holds a box and some space around it.
-fn lattice((lo, hi): (DVec3, DVec3), spacing_mm: f64) -> Lattice {
+/// A grid that holds a box and some space around it.
+fn around((lo, hi): (DVec3, DVec3), spacing_mm: f64) -> Grid {
     let (lo, hi) = (lo - MARGIN_MM, hi + MARGIN_MM);
-    let size = ((hi - lo) / spacing_mm).ceil().to_array();
-    Lattice {
-        size: size.map(|n| n as usize + 1),
-        spacing_mm,
-        origin_mm: lo,
-    }
+    let steps = ((hi - lo) / spacing_mm).ceil().to_array();
+    Grid::upright(steps.map(|n| n as usize + 1), DVec3::splat(spacing_mm), lo)
 }
 
-/// The bytes of the voxels of one z.
-fn plane<const N: usize>(
-    lattice: &Lattice,
-    z: usize,
-    voxel: impl Fn(DVec3) -> [u8; N] + Sync,
-) -> Vec<u8> {
-    let [nx, ny, _] = lattice.size;
-    let mut bytes = vec![[0; N]; nx * ny];
-    bytes.par_chunks_mut(nx).enumerate().for_each(|(y, row)| {
-        for (x, bytes) in row.iter_mut().enumerate() {
-            *bytes = voxel(lattice.point([x, y, z]));
+/// The voxels of one k.
+fn plane<T: Copy + Default + Send>(
+    grid: &Grid,
+    k: usize,
+    voxel: impl Fn(DVec3) -> T + Sync,
+) -> Vec<T> {
+    let [ni, nj, _] = grid.size;
+    let mut numbers = vec![T::default(); ni * nj];
+    numbers.par_chunks_mut(ni).enumerate().for_each(|(j, row)| {
+        for (i, number) in row.iter_mut().enumerate() {
+            *number = voxel(grid.point(DVec3::from_array([i, j, k].map(|x| x as f64))));
         }
     });
-    bytes.into_flattened()
+    numbers
 }

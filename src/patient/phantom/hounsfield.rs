@@ -1,4 +1,5 @@
-//! What a CT would measure: tissues by their organs, borders shared within two millimetres.
+//! What a CT would measure: tissues by their organs, borders shared over some millimetres, as voxels
+//! that a border crosses are part of both.
 //!
 //! Values are those of textbooks (Kalender, "Computed Tomography", 2011, fig. 1.12): air -1000, lung
 //! about -750 at end-exhale, fat -100, organs 20 to 60, bone some hundreds. Lung keeps its mass: where
@@ -22,25 +23,37 @@ const RIB: f64 = 350.0;
 const SPINE: f64 = 220.0;
 /// Lung's mass over water's of the same volume at the reference phase.
 const LUNG_DENSITY: f64 = 0.25;
-/// Half the width of a border, and how thick the skin is.
-const BORDER_MM: f64 = 1.0;
+/// Least half width of a border: that of the finest voxels.
+pub(super) const BORDER_MM: f64 = 1.0;
+/// How thick the skin is.
 const SKIN_MM: f64 = 2.0;
 
-/// Hounsfield units at a place of the reference phase in the body frame, where a volume has become
-/// `stretched` times itself.
-pub(super) fn value(skin: &Skin, organs: &Organs, tumour: &Shape, x: DVec3, stretched: f64) -> f64 {
+/// A place of the reference phase.
+pub(super) struct Place {
+    /// Where it is, in the body frame.
+    pub(super) x: DVec3,
+    /// How many times itself a volume there has become.
+    pub(super) stretched: f64,
+}
+
+/// Hounsfield units at a place; borders are `border_mm` wide to either side.
+pub(super) fn value(
+    (skin, organs, tumour): (&Skin, &Organs, &Shape),
+    &Place { x, stretched }: &Place,
+    border_mm: f64,
+) -> f64 {
     let outside = skin.outside(x);
-    if outside >= BORDER_MM {
+    if outside >= border_mm {
         return AIR;
     }
     let mut value = FAT;
     let mut lay = |hounsfield: f64, outside: f64| {
-        let share = (0.5 - 0.5 * outside / BORDER_MM).clamp(0.0, 1.0);
+        let share = (0.5 - 0.5 * outside / border_mm).clamp(0.0, 1.0);
         value += share * (hounsfield - value);
     };
     lay(MUSCLE, skin.outside_core(x));
     let wall = organs.wall(x);
-    if wall < BORDER_MM {
+    if wall < border_mm {
         lay(VISCERA, wall);
         lay(LIVER, organs.liver(x));
         lay(HEART, organs.between(x).max(organs.diaphragm(x)));

@@ -25,7 +25,6 @@ mod catalogue;
 mod checks;
 mod export;
 mod hounsfield;
-mod metaimage;
 mod modes;
 mod organs;
 mod outline;
@@ -197,11 +196,19 @@ impl Phantom {
 
     /// Hounsfield units at a place now, set-up included. The skin's border with air is at -500.
     pub fn hounsfield(&self, y_mm: DVec3, state: &State) -> f64 {
+        self.hounsfield_of(y_mm, state, hounsfield::BORDER_MM)
+    }
+
+    /// [`Self::hounsfield`] where borders are `border_mm` wide to either side: what a voxel of twice
+    /// that size measures.
+    fn hounsfield_of(&self, y_mm: DVec3, state: &State, border_mm: f64) -> f64 {
         let x = self.origin(y_mm, state);
-        let stretched = (DMat3::IDENTITY + self.gradient(x, state)).determinant();
-        let organs = self.modes.organs();
-        let body = x + self.isocentre;
-        hounsfield::value(&self.skin, organs, &self.tumour, body, stretched)
+        let place = hounsfield::Place {
+            x: x + self.isocentre,
+            stretched: (DMat3::IDENTITY + self.gradient(x, state)).determinant(),
+        };
+        let parts = (&self.skin, self.modes.organs(), &self.tumour);
+        hounsfield::value(parts, &place, border_mm)
     }
 
     /// How far a place of the reference phase is outside the skin, negative inside: exactly 0 on it

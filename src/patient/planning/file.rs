@@ -11,10 +11,14 @@ use std::fmt;
 use std::io::Write;
 use std::path::{Component, Path};
 
-/// Its name in the folder.
-pub(super) const NAME: &str = "planning.toml";
+/// Most phases that a planning has.
+pub(in crate::patient) const MOST_PHASES: usize = 64;
 
-const MOST_PHASES: usize = 64;
+/// Distances that voxels of fields may have, in millimetres.
+pub(in crate::patient) const SPACING_MM: std::ops::RangeInclusive<f64> = 0.1..=50.0;
+
+/// What a patient may be called, in words.
+pub(in crate::patient) const ALLOWED_NAME: &str = "1 to 64 letters, digits, '-', '_' or '.'";
 
 /// What `planning.toml` says.
 ///
@@ -69,12 +73,46 @@ pub struct PhaseFile {
 pub struct Spacing(pub DVec3);
 
 impl PlanningFile {
+    /// Its name in the folder.
+    pub const NAME: &str = "planning.toml";
+
+    /// That of a patient called `patient` with the isocentre at the origin, whose files have the names that
+    /// are usual: `skin.ply`, `tumour.ply`, `dvf_00.mha` by each phase's per cent, and `ct_50.mha` by
+    /// the reference phase's where there is a CT.
+    pub fn usual(
+        percents: impl IntoIterator<Item = f64>,
+        reference_percent: f64,
+        spacing_mm: DVec3,
+        ct: bool,
+    ) -> Self {
+        let phase = |percent| PhaseFile {
+            percent,
+            field: format!("dvf_{percent:02}.mha"),
+        };
+        Self {
+            name: "patient".to_owned(),
+            reference_phase: reference_percent,
+            isocentre_mm: DVec3::ZERO,
+            spacing_mm: Spacing(spacing_mm),
+            skin: "skin.ply".to_owned(),
+            tumour: "tumour.ply".to_owned(),
+            ct: ct.then(|| format!("ct_{reference_percent:02}.mha")),
+            phase: percents.into_iter().map(phase).collect(),
+        }
+    }
+
+    /// Whether a patient may have this name in a planning: 1 to 64 letters, digits, `-`, `_` or `.`.
+    pub fn is_name(text: &str) -> bool {
+        let known = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '.');
+        (1..=64).contains(&text.len()) && text.chars().all(known)
+    }
+
     /// Reads and checks the `planning.toml` of a folder.
     ///
     /// # Errors
     /// What the system refuses, and what [`Self::parse`] does.
     pub fn read(folder: &Path) -> Result<Self> {
-        Self::from_source(&TomlSource::read(&folder.join(NAME))?)
+        Self::from_source(&TomlSource::read(&folder.join(Self::NAME))?)
     }
 
     /// Reads and checks it from text; `place` stands for the file in messages.
@@ -101,16 +139,14 @@ impl PlanningFile {
     /// # Errors
     /// What the system refuses.
     pub fn write(&self, folder: &Path) -> Result<()> {
-        write_whole(&folder.join(NAME), |out| {
+        write_whole(&folder.join(Self::NAME), |out| {
             out.write_all(self.to_toml().as_bytes())
         })
     }
 
     fn check(&self, source: &TomlSource) -> Result<()> {
-        let known = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '.');
-        if !(1..=64).contains(&self.name.len()) || !self.name.chars().all(known) {
-            let allowed = "1 to 64 letters, digits, '-', '_' or '.'";
-            return Err(source.violation("name", format!("{:?}", self.name), allowed));
+        if !Self::is_name(&self.name) {
+            return Err(source.violation("name", format!("{:?}", self.name), ALLOWED_NAME));
         }
         let at = self.isocentre_mm.to_array();
         if !at.iter().all(|mm| mm.abs() <= 1e5) {
@@ -118,9 +154,10 @@ impl PlanningFile {
             return Err(source.violation("isocentre_mm", found, "numbers within 1e5 mm"));
         }
         let spacing = self.spacing_mm.0.to_array();
-        if !spacing.iter().all(|mm| (0.1..=50.0).contains(mm)) {
-            let found = format!("{spacing:?}");
-            return Err(source.violation("spacing_mm", found, "0.1 to 50 mm"));
+        if !spacing.iter().all(|mm| SPACING_MM.contains(mm)) {
+            let (least, most) = (SPACING_MM.start(), SPACING_MM.end());
+            let allowed = format!("{least} to {most} mm");
+            return Err(source.violation("spacing_mm", format!("{spacing:?}"), allowed));
         }
         let files = [("skin", &self.skin), ("tumour", &self.tumour)];
         for (field, name) in files.into_iter().chain(self.ct.iter().map(|ct| ("ct", ct))) {

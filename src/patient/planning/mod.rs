@@ -13,10 +13,12 @@
 //! is the end of inhaling and phase 50 that of exhaling.
 
 mod file;
+pub(super) mod fit;
 mod folder;
 #[cfg(test)]
 mod tests;
 
+pub(super) use file::{ALLOWED_NAME, MOST_PHASES, SPACING_MM};
 pub use file::{PhaseFile, PlanningFile, Spacing};
 pub use folder::Folder;
 
@@ -24,12 +26,7 @@ use super::metaimage::{self, Packing};
 use super::volume::Field;
 use crate::error::{Error, Result};
 use crate::geometry::{Mesh, ply};
-use glam::DVec3;
 use std::path::Path;
-
-/// Most bytes of fields at once; ten of 512 x 512 x 100 voxels would be three times as many, and a
-/// field is as good on a grid of 3 mm.
-const MOST_BYTES: u64 = 4 << 30;
 
 /// A planning folder's content, in the patient frame (LPS about the isocentre), in millimetres.
 #[derive(Debug, Clone, PartialEq)]
@@ -56,14 +53,7 @@ impl Planning {
     pub fn load(path: &Path) -> Result<Self> {
         let folder = Folder::open(path)?;
         let count = folder.file().phase.len();
-        let bytes = 12 * folder.grid().voxels() as u64 * count as u64;
-        if bytes > MOST_BYTES {
-            return Err(Error::input(
-                path.display(),
-                format!("{count} fields of {bytes} bytes in all"),
-                format!("up to {MOST_BYTES}: fields on a coarser grid"),
-            ));
-        }
+        fit::in_memory(&folder.grid(), count, &path.display().to_string())?;
         let phases: Result<Vec<_>> = (0..count)
             .map(|phase| Ok((folder.file().phase[phase].percent, folder.field(phase)?)))
             .collect();
@@ -86,28 +76,16 @@ impl Planning {
     /// Where there is no phase.
     pub fn save(&self, path: &Path) -> Result<()> {
         std::fs::create_dir_all(path).map_err(|e| Error::io(path, e))?;
-        let field = |percent: f64| format!("dvf_{percent:02}.mha");
+        let percents = self.phases.iter().map(|(percent, _)| *percent);
+        let spacing_mm = self.phases[0].1.grid().spacing_mm;
         let file = PlanningFile {
             name: self.name.clone(),
-            reference_phase: self.reference_percent,
-            isocentre_mm: DVec3::ZERO,
-            spacing_mm: Spacing(self.phases[0].1.grid().spacing_mm),
-            skin: "skin.ply".to_owned(),
-            tumour: "tumour.ply".to_owned(),
-            ct: None,
-            phase: self
-                .phases
-                .iter()
-                .map(|&(percent, _)| PhaseFile {
-                    percent,
-                    field: field(percent),
-                })
-                .collect(),
+            ..PlanningFile::usual(percents, self.reference_percent, spacing_mm, false)
         };
         ply::write_mesh(&path.join(&file.skin), &self.skin)?;
         ply::write_mesh(&path.join(&file.tumour), &self.tumour)?;
-        for (percent, vectors) in &self.phases {
-            metaimage::write_field(&path.join(field(*percent)), vectors, Packing::Plain)?;
+        for (phase, (_, field)) in file.phase.iter().zip(&self.phases) {
+            metaimage::write_field(&path.join(&phase.field), field, Packing::Plain)?;
         }
         // Last, so that a folder with a planning.toml is whole.
         file.write(path)

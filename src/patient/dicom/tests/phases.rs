@@ -1,6 +1,6 @@
 //! Phases, by all the ways in which files say them.
 
-use super::super::phases::in_words;
+use super::super::sorted::in_words;
 use super::*;
 
 /// Files by their names.
@@ -118,6 +118,47 @@ fn phases_that_do_not_match_are_named() {
     );
     let missing = complaint(|s| s.retain(|(name, _)| name != "4/1"));
     assert!(missing.contains("voxels; allowed"), "{missing}");
+}
+
+#[test]
+fn the_reference_phase_is_the_one_that_is_asked_for() {
+    let mut images = four_d(|p| format!("Gated, {p}.0%A"));
+    for k in 0..3 {
+        let average = Image::new("1.6", "Average", 3.0 * f64::from(k));
+        images.push((format!("average/{k}"), average));
+    }
+    let dir = folder(images);
+    let (volume, title) = read_reference(dir.path(), 70.0).unwrap();
+    assert_eq!(volume.voxels(), &Voxels::I16(vec![7; 36]));
+    assert_eq!(title, "`Gated, 70.0%A` (1.5.9)");
+    let absent = read_reference(dir.path(), 75.0).unwrap_err().to_string();
+    let words = "phases 0, 10, 20, 30, 40, 50, 60, 70, 80, 90 %, and `Average` (1.6), 3 images; \
+                 allowed: phase 75 %";
+    assert!(absent.contains(words), "{absent}");
+    // One series is that of the reference phase, unless its images say otherwise.
+    let (volume, _) = read_reference(folder(series()).path(), 50.0).unwrap();
+    assert_eq!(volume.grid().size, [4, 3, 5]);
+    let mut other = series();
+    for (_, image) in &mut other {
+        let value = 30.0_f64.to_le_bytes().to_vec();
+        image.0.insert((0x20, 0x9241), ("FD", value));
+    }
+    let dir = folder(other);
+    let found = read_reference(dir.path(), 50.0).unwrap_err().to_string();
+    assert!(
+        found.contains("phase 30 %: `CT` (1.5); allowed: phase 50 %"),
+        "{found}"
+    );
+    read_reference(dir.path(), 30.0).unwrap();
+    // Several that say nothing are mixed up.
+    let mut mixed = series();
+    mixed[2].1.text((0x20, 0x0E), "1.6");
+    let found = read_reference(folder(mixed).path(), 50.0)
+        .unwrap_err()
+        .to_string();
+    let words =
+        "series without a phase: `CT` (1.5), 4 images; `CT` (1.6), 1 images; allowed: one series";
+    assert!(found.contains(words), "{found}");
 }
 
 #[test]

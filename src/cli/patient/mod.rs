@@ -1,10 +1,13 @@
-//! `phasma patient`: the generated patients, and what planning knows of each.
+//! `phasma patient`: the generated patients, and what planning knows of one, or of a real one.
+
+mod import;
 
 use crate::error::{Error, Result};
 use crate::patient::phantom::{Patient, Phantom, patient_names};
+use crate::patient::planning::PlanningFile;
 use std::path::{Path, PathBuf};
 
-/// Generated patients who breathe: list them, describe one, write its planning folder
+/// Patients: the generated ones, who breathe, and planning folders, of them or of a clinic's data
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
     #[command(subcommand)]
@@ -35,6 +38,9 @@ enum Action {
         #[arg(long)]
         ct: bool,
     },
+    /// Make a planning folder of a clinic's data: a CT, displacement fields and a tumour, all in the CT's
+    /// own LPS.
+    Import(import::Args),
 }
 
 pub(super) fn run(args: &Args) -> Result<()> {
@@ -56,6 +62,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
             spacing_mm,
             ct,
         } => plan(&Patient::load(patient)?, out, *spacing_mm, *ct),
+        Action::Import(args) => import::run(args),
     }
 }
 
@@ -82,8 +89,7 @@ fn describe(patient: &Patient) {
 }
 
 fn plan(patient: &Patient, out: &Path, spacing_mm: f64, ct: bool) -> Result<()> {
-    let file = out.join("planning.toml");
-    if file.exists() {
+    if out.join(PlanningFile::NAME).exists() {
         return Err(Error::input(
             format!("--out {}", out.display()),
             "planning.toml, of an earlier planning",

@@ -1,0 +1,164 @@
+//! `phasma patient import`: a planning folder from a CT, displacement fields and a tumour.
+
+use crate::error::{Error, Result};
+use crate::patient::import::{Import, Imported};
+use crate::patient::isosurface::SKIN_HU;
+use crate::patient::planning::PlanningFile;
+use glam::DVec3;
+use std::path::PathBuf;
+
+#[derive(Debug, clap::Args)]
+pub(super) struct Args {
+    /// The CT of the reference phase: a folder of DICOM with one series, or with those of a 4D-CT; or a
+    /// MetaImage in Hounsfield units (.mha, .mhd).
+    #[arg(long, value_name = "PATH")]
+    ct: PathBuf,
+    /// A phase in per cent of the cycle, 0 the end of inhaling, and the MetaImage field of the
+    /// displacements from the reference phase to it, in millimetres along LPS. Once for each; the
+    /// reference phase needs none.
+    #[arg(long, value_name = "PERCENT=FILE", required = true)]
+    phase: Vec<String>,
+    /// The tumour at the reference phase, in the CT's LPS: a closed mesh (.ply, .stl, .obj) in
+    /// millimetres, or a MetaImage mask, 0 outside and 1 inside.
+    #[arg(long, value_name = "FILE")]
+    tumour: PathBuf,
+    /// Phase at which CT and tumour are, in per cent of the cycle.
+    #[arg(long, value_name = "PERCENT", default_value_t = 50.0)]
+    reference_phase: f64,
+    /// Level of the skin in Hounsfield units; the largest body of at least that is taken.
+    #[arg(
+        long,
+        value_name = "HU",
+        default_value_t = SKIN_HU,
+        allow_negative_numbers = true
+    )]
+    skin_hu: f64,
+    /// The isocentre in the CT's LPS, in millimetres [default: the tumour's centroid].
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
+    isocentre: Option<String>,
+    /// The patient's name in the planning [default: the folder's].
+    #[arg(long, value_name = "NAME")]
+    name: Option<String>,
+    /// Distance of the fields' voxels in the folder, no less than they have [default: theirs]. Fields
+    /// on a CT's own grid are larger than tracking has memory for; 3 mm will do.
+    #[arg(long, value_name = "MM")]
+    spacing_mm: Option<f64>,
+    /// Write the CT into the folder too.
+    #[arg(long)]
+    with_ct: bool,
+    /// Folder for the files; it must not hold a planning already.
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+}
+
+pub(super) fn run(args: &Args) -> Result<()> {
+    let import = Import {
+        name: args.name(),
+        ct: args.ct.clone(),
+        skin_hu: args.skin_hu,
+        tumour: args.tumour.clone(),
+        isocentre_mm: args.isocentre.as_deref().map(point).transpose()?,
+        reference_percent: args.reference_phase,
+        phases: args
+            .phase
+            .iter()
+            .map(|text| phase(text))
+            .collect::<Result<_>>()?,
+        spacing_mm: args.spacing_mm,
+        with_ct: args.with_ct,
+    };
+    let made = import.write(&args.out, &crate::cli::step)?;
+    say(args, &import, &made);
+    Ok(())
+}
+
+impl Args {
+    /// What was asked for, or the folder's name where a patient may be called that.
+    fn name(&self) -> String {
+        let folder = || {
+            let name = self.out.file_name()?.to_str()?;
+            PlanningFile::is_name(name).then(|| name.to_owned())
+        };
+        let name = self.name.clone().or_else(folder);
+        name.unwrap_or_else(|| "patient".to_owned())
+    }
+}
+
+/// `PERCENT=FILE`.
+fn phase(text: &str) -> Result<(f64, PathBuf)> {
+    let parts = text.split_once('=');
+    let parsed = parts.and_then(|(percent, file)| Some((percent.trim().parse().ok()?, file)));
+    match parsed {
+        Some((percent, file)) if !file.is_empty() => Ok((percent, PathBuf::from(file))),
+        _ => Err(Error::input(
+            format!("--phase {text}"),
+            "no phase",
+            "PERCENT=FILE, as 50=dvf_50.mha",
+        )),
+    }
+}
+
+/// `X,Y,Z`.
+fn point(text: &str) -> Result<DVec3> {
+    let numbers: Option<Vec<f64>> = text.split(',').map(|n| n.trim().parse().ok()).collect();
+    match numbers.as_deref() {
+        Some(&[x, y, z]) => Ok(DVec3::new(x, y, z)),
+        _ => Err(Error::input(
+            format!("--isocentre {text}"),
+            "no point",
+            "X,Y,Z in millimetres, as -12.5,140,-812",
+        )),
+    }
+}
+
+fn say(args: &Args, import: &Import, made: &Imported) {
+    let place = |p: DVec3| {
+        // Zero has no sign.
+        let [x, y, z] = p.to_array().map(|mm| (10.0 * mm).round() / 10.0 + 0.0);
+        format!("({x:.1}, {y:.1}, {z:.1}) mm")
+    };
+    let file = &made.file;
+    let fields: Vec<&str> = file
+        .phase
+        .iter()
+        .map(|phase| phase.field.as_str())
+        .collect();
+    let mut files = vec!["planning.toml", &file.skin, &file.tumour];
+    files.extend(file.ct.as_deref());
+    println!(
+        "{}: {}, {} to {}",
+        args.out.display(),
+        files.join(", "),
+        fields[0],
+        fields[fields.len() - 1]
+    );
+    let grid = &made.ct_grid;
+    let ([ni, nj, nk], mm) = (grid.size, grid.spacing_mm);
+    println!(
+        "  ct          {}: {ni} x {nj} x {nk} voxels of {:.3} x {:.3} x {:.3} mm",
+        made.ct, mm.x, mm.y, mm.z
+    );
+    println!(
+        "  skin        at {} HU, {} triangles",
+        args.skin_hu, made.skin_triangles
+    );
+    println!(
+        "  tumour      {:.2} cm3 about {}",
+        made.tumour_mm3 * 1e-3,
+        place(made.tumour_mm)
+    );
+    println!("  isocentre   {}", place(file.isocentre_mm));
+    println!(
+        "  motion      over {} phases: tumour up to {:.1} mm, skin up to {:.1} mm",
+        file.phase.len(),
+        made.tumour_motion_mm,
+        made.skin_motion_mm
+    );
+    let own = |(percent, _): &(f64, PathBuf)| *percent == import.reference_percent;
+    if !import.phases.iter().any(own) {
+        println!(
+            "  reference   phase {} % has no field of its own: nothing moves there",
+            import.reference_percent
+        );
+    }
+}

@@ -1,0 +1,66 @@
+//! Functions on the sphere: real harmonics, and quadratures over directions and along a radius.
+
+use glam::DVec3;
+use std::f64::consts::{PI, TAU};
+
+/// Nodes of the quadratures over directions and along a radius: exact for polynomials of degree 31
+/// over directions, which the fourth power of the radius (degree 20) and a smooth displacement are
+/// within, and of degree 11 along it.
+const NODES: usize = 16;
+pub(super) const RADIAL: usize = 6;
+
+/// Real spherical harmonics of a degree, orthonormal over the sphere, by order -l to l.
+pub(super) fn harmonics(l: usize, n: DVec3) -> Vec<f64> {
+    // Associated Legendre functions over sin^m, and (x + iy)^m, which has that sin^m: no pole.
+    let mut values = vec![0.0; 2 * l + 1];
+    let (mut cos, mut sin) = (1.0, 0.0);
+    for m in 0..=l {
+        let mut before = 0.0;
+        let mut at: f64 = (1..=m).map(|i| (2 * i - 1) as f64).product();
+        for k in m + 1..=l {
+            let next =
+                ((2 * k - 1) as f64 * n.z * at - (k + m - 1) as f64 * before) / (k - m) as f64;
+            (before, at) = (at, next);
+        }
+        let ratio: f64 = (l - m + 1..=l + m).map(|i| i as f64).product();
+        let norm = ((2 * l + 1) as f64 / (4.0 * PI) / ratio).sqrt();
+        if m == 0 {
+            values[l] = norm * at;
+        } else {
+            values[l + m] = 2f64.sqrt() * norm * at * cos;
+            values[l - m] = 2f64.sqrt() * norm * at * sin;
+        }
+        (cos, sin) = (n.x * cos - n.y * sin, n.y * cos + n.x * sin);
+    }
+    values
+}
+
+/// Directions with the solid angle that each stands for: Gauss over z, even steps around it.
+pub(super) fn directions() -> impl Iterator<Item = (DVec3, f64)> {
+    gauss(NODES).into_iter().flat_map(|(z, w)| {
+        let ring = (1.0 - z * z).sqrt();
+        (0..2 * NODES).map(move |k| {
+            let (sin, cos) = (TAU * (k as f64 + 0.5) / (2 * NODES) as f64).sin_cos();
+            (DVec3::new(ring * cos, ring * sin, z), w * PI / NODES as f64)
+        })
+    })
+}
+
+/// Nodes and weights of Gauss and Legendre on [-1, 1], by Newton's method on the polynomial.
+pub(super) fn gauss(count: usize) -> Vec<(f64, f64)> {
+    let node = |i: usize| {
+        let mut x = (PI * (i as f64 + 0.75) / (count as f64 + 0.5)).cos();
+        let mut slope = 1.0;
+        for _ in 0..20 {
+            let (mut before, mut at) = (1.0, x);
+            for k in 2..=count {
+                let k = k as f64;
+                (before, at) = (at, ((2.0 * k - 1.0) * x * at - (k - 1.0) * before) / k);
+            }
+            slope = count as f64 * (before - x * at) / (1.0 - x * x);
+            x -= at / slope;
+        }
+        (x, 2.0 / ((1.0 - x * x) * slope * slope))
+    };
+    (0..count).map(node).collect()
+}

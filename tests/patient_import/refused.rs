@@ -1,0 +1,106 @@
+//! What does not fit, one message each.
+
+use super::{Import, from};
+use glam::DVec3;
+use phasma::geometry::{Mesh, ply};
+use phasma::patient::metaimage::{Packing, read_volume, write_field, write_volume};
+use phasma::patient::volume::{Field, Grid, Volume, Voxels};
+use tempfile::tempdir;
+
+#[test]
+fn what_does_not_fit_is_named() {
+    let folder = tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    let ct = read_volume(&from().join("ct_50.mha")).unwrap();
+    let grid = *ct.grid();
+    let field = |grid: Grid, name: &str| {
+        let field = Field::of(grid, |_| DVec3::ZERO, "dvf").unwrap();
+        write_field(&path(name), &field, Packing::Plain).unwrap();
+        path(name).display().to_string()
+    };
+
+    // Words that are none.
+    let mut import = Import::new();
+    import.phases[2] = "twenty=dvf_20.mha".to_owned();
+    import.refused(&["--phase twenty=dvf_20.mha: no phase; allowed: PERCENT=FILE"]);
+    Import::new()
+        .with(&["--isocentre", "1,2"])
+        .refused(&["--isocentre 1,2: no point; allowed: X,Y,Z in millimetres"]);
+    Import::new()
+        .with(&["--isocentre", "0,-900,0"])
+        .refused(&["isocentre: (0, -900, 0) mm; allowed: a point in the CT's LPS"]);
+    Import::new()
+        .with(&["--name", "J. Doe"])
+        .refused(&["patient's name: \"J. Doe\"; allowed: 1 to 64 letters"]);
+
+    // Fields that do not match each other, the CT or the body.
+    let mut coarse = grid;
+    coarse.spacing_mm = DVec3::splat(12.5);
+    let mut import = Import::new();
+    import.phases[3] = format!("30={}", field(coarse, "coarse.mha"));
+    import.refused(&[
+        "phase 30 %: ",
+        "coarse.mha: a spacing of (12.5, 12.5, 12.5); allowed: as ",
+    ]);
+    let mut import = Import::new();
+    import.phases.push(import.phases[3].clone());
+    import.refused(&[
+        "phase 30 %: ",
+        "dvf_30.mha: a second field; allowed: one field a phase",
+    ]);
+    let of_all = |grid: Grid, name: &str| {
+        let mut import = Import::new();
+        let file = field(grid, name);
+        import.phases = vec![format!("0={file}"), format!("50={file}")];
+        import
+    };
+    of_all(grid.shifted(DVec3::new(0.0, 0.0, 900.0)), "elsewhere.mha").refused(&[
+        "ct_50.mha: a CT of (",
+        "allowed: one around the fields, which have (",
+    ]);
+    let mut short = grid;
+    short.size[2] /= 2;
+    of_all(short, "short.mha").refused(&[
+        "short.mha: skin: ",
+        " vertices outside of the fields, (",
+        "allowed: vertices within (",
+    ]);
+    Import::new().with(&["--reference-phase", "0"]).refused(&[
+        "dvf_00.mha: displacements of up to ",
+        "none above 0.5 mm from the reference phase to itself",
+    ]);
+
+    // A CT that is none.
+    let mut import = Import::new();
+    import.ct = path("absent.mha");
+    import.refused(&["absent.mha: "]);
+    import.ct = from().join("dvf_00.mha");
+    import.refused(&["dvf_00.mha: 3 numbers a voxel; allowed: one number a voxel"]);
+    let raised = (0..ct.voxels().len()).map(|n| ct.voxels().get(n) as i16 + 1000);
+    let raised = Volume::new(grid, Voxels::I16(raised.collect()), "ct").unwrap();
+    import.ct = path("raised.mha");
+    write_volume(&import.ct, &raised, Packing::Zlib).unwrap();
+    import.refused(&["raised.mha: 100 % of the voxels at -500 or more; allowed: Hounsfield units"]);
+    Import::new()
+        .with(&["--skin-hu", "5000"])
+        .refused(&["ct_50.mha: skin: no voxel of 5000 or more; allowed: a level up to "]);
+
+    // A tumour that is not closed, or not in the body.
+    let mesh = Mesh::read(&from().join("tumour.ply")).unwrap();
+    let mut import = Import::new();
+    import.tumour = path("tumour.ply");
+    let mut open = mesh.clone();
+    open.triangles.pop();
+    ply::write_mesh(&import.tumour, &open).unwrap();
+    import.refused(&["tumour.ply: an open edge between vertices"]);
+    let mut beside = mesh;
+    beside.vertices.iter_mut().for_each(|v| v.y -= 300.0);
+    ply::write_mesh(&import.tumour, &beside).unwrap();
+    import.refused(&[
+        "tumour.ply: ",
+        " vertices outside of the skin, (",
+        "allowed: a tumour in the body",
+    ]);
+    import.tumour = path("tumour.step");
+    import.refused(&["tumour.step: extension `step`; allowed: .stl, .obj or .ply, or a mask"]);
+}
