@@ -66,9 +66,21 @@ impl Pods {
 
     /// The points of a scan in the room, at most so many of all pods together.
     pub fn measured(&self, scan: &[Decoded], most: usize) -> Measured {
+        self.measured_without(scan, most, None)
+    }
+
+    /// The same without those of one pod, counted from 0 in the order of turns.
+    pub fn measured_without(
+        &self,
+        scan: &[Decoded],
+        most: usize,
+        without: Option<usize>,
+    ) -> Measured {
         let mut measured = Measured::default();
-        for (pod, decoded) in self.all.iter().zip(scan) {
-            pod.measure(decoded, &mut measured, most / self.all.len());
+        for (i, (pod, decoded)) in self.all.iter().zip(scan).enumerate() {
+            if Some(i) != without {
+                pod.measure(decoded, &mut measured, most / self.all.len());
+            }
         }
         measured
     }
