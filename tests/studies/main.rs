@@ -32,6 +32,11 @@ fn speed() {
 }
 
 #[test]
+fn acceptance() {
+    quick("acceptance");
+}
+
+#[test]
 #[ignore = "takes minutes; a lane of `.ci/run --whole` does it"]
 fn whole_forms() {
     for name in ["paper", "stability", "noise"] {
