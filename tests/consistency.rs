@@ -118,9 +118,9 @@ fn profile(name: &str, dimmed: f64) -> Profile {
     profile
 }
 
-/// Scenes at the distance of a bench; the treatment room is larger, and its patient breathes.
+/// Scenes at the distance of a bench; treatment rooms are larger, and their patients breathe.
 fn bench_scenes() -> impl Iterator<Item = &'static str> {
-    phasma::profile::scene_names().filter(|name| *name != "treatment-room")
+    phasma::profile::scene_names().filter(|name| !name.starts_with("treatment-room"))
 }
 
 /// Every capture that is looked at: both built-in sequences, all scenes, and a dim projector.

@@ -248,6 +248,7 @@ fn kind(shape: &Shape) -> &'static str {
         Shape::Frustum { .. } => "frustum",
         Shape::Torso { .. } => "torso",
         Shape::Couch { .. } => "couch",
+        Shape::LinacHead { .. } => "linac-head",
         Shape::Patient { .. } => "patient",
         Shape::Mesh { .. } => "mesh",
     }

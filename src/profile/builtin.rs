@@ -41,7 +41,7 @@ const STATIONS: [(&str, &str); 2] = [
 ];
 
 /// Name and text of each scene.
-const SCENES: [(&str, &str); 7] = [
+const SCENES: [(&str, &str); 8] = [
     (
         "trapezoid",
         include_str!("../../device-profiles/scenes/trapezoid.toml"),
@@ -69,6 +69,10 @@ const SCENES: [(&str, &str); 7] = [
     (
         "treatment-room",
         include_str!("../../device-profiles/scenes/treatment-room.toml"),
+    ),
+    (
+        "treatment-room-head",
+        include_str!("../../device-profiles/scenes/treatment-room-head.toml"),
     ),
 ];
 

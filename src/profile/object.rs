@@ -124,6 +124,11 @@ pub enum Shape {
     },
     /// A treatment couch top, generated.
     Couch {},
+    /// The head of a C-arm linear accelerator with its arm and drum, generated, in the fixed frame of
+    /// IEC 61217 about the isocentre at a gantry angle of 0: head above the patient, drum towards +y.
+    /// With `position_mm` of the isocentre a gantry angle is the `rotation_deg` about y.
+    #[serde(rename = "linac-head")]
+    LinacHead {},
     /// A generated patient that breathes, in the patient's frame: x to its left, y to its back, z to
     /// its head, the origin at the planning isocentre, which is the middle of its tumour. Its skin is what
     /// its own file says unless the object has one.
@@ -336,7 +341,7 @@ pub(super) fn check(o: &Object, at: &str, check: &Check<'_>) -> Result<()> {
         }
         .check()
         .map_err(|(name, found, allowed)| check.source.violation(&shape(name), found, allowed)),
-        Shape::Couch {} => Ok(()),
+        Shape::Couch {} | Shape::LinacHead {} => Ok(()),
         Shape::Patient {
             patient,
             held_percent,

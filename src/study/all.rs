@@ -1,5 +1,6 @@
 //! The studies that there are.
 
+use super::acceptance::Acceptance;
 use super::lab::Study;
 use super::noise::Noise;
 use super::paper::Paper;
@@ -9,4 +10,12 @@ use super::stability::Stability;
 use super::work_precision::WorkPrecision;
 
 /// All studies, in the order in which a report has them.
-pub const ALL: &[&dyn Study] = &[&Paper, &WorkPrecision, &Stability, &Noise, &Speed, &Sgrt];
+pub const ALL: &[&dyn Study] = &[
+    &Paper,
+    &WorkPrecision,
+    &Stability,
+    &Noise,
+    &Speed,
+    &Sgrt,
+    &Acceptance,
+];

@@ -1,6 +1,7 @@
 //! What needs both halves: scans scored against the truth, reports about them, and the studies
 //! ([`ALL`]) whose tables and plots anyone can make again.
 
+pub mod acceptance;
 mod all;
 pub mod calibration;
 pub mod clinic;

@@ -37,6 +37,11 @@ fn sgrt() {
 }
 
 #[test]
+fn acceptance() {
+    quick("acceptance");
+}
+
+#[test]
 #[ignore = "takes minutes; a lane of `.ci/run --whole` does it"]
 fn whole_forms() {
     for name in ["paper", "stability", "noise", "sgrt"] {

@@ -34,9 +34,11 @@ pub(super) fn solid(shape: &Shape, scale: f64) -> Option<Solid> {
             top_mm,
             height_mm,
         } => Solid::frustum(base_mm * scale, top_mm * scale, height_mm * scale),
-        Shape::Torso { .. } | Shape::Couch {} | Shape::Patient { .. } | Shape::Mesh { .. } => {
-            return None;
-        }
+        Shape::Torso { .. }
+        | Shape::Couch {}
+        | Shape::LinacHead {}
+        | Shape::Patient { .. }
+        | Shape::Mesh { .. } => return None,
     })
 }
 
@@ -57,6 +59,7 @@ pub(super) fn mesh(shape: &Shape, folder: &Path) -> Result<Mesh> {
             triangles,
         })),
         Shape::Couch {} => Ok(shapes::couch(&shapes::Couch::default())),
+        Shape::LinacHead {} => Ok(shapes::linac_head()),
         Shape::Patient {
             day,
             held_percent,

@@ -4,7 +4,7 @@ use crate::geometry::Mesh;
 use glam::DVec3;
 
 /// Joins `rings` of `points` points each, one after the other, and closes both ends with a fan.
-/// Seen from the last ring towards the first, points run clockwise for outward triangles.
+/// Seen from the last ring towards the first, points run anticlockwise for outward triangles.
 pub(super) fn loft(rings: usize, points: usize, at: impl Fn(usize, usize) -> DVec3) -> Mesh {
     let mut vertices = Vec::with_capacity(rings * points + 2);
     for ring in 0..rings {

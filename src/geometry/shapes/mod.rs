@@ -1,14 +1,18 @@
-//! Generated shapes: a human torso and a treatment couch, as closed meshes.
+//! Generated shapes: a human torso, a treatment couch and the head of a linear accelerator, as closed
+//! meshes.
 //!
 //! Frame: the resting plane is z = 0 and the body stands towards -z, as a camera that looks along
 //! +z sees it from above. x runs across, y along; the patient's head is towards -y, which is up in
-//! the camera's image. The origin is the middle of the resting plane.
+//! the camera's image. The origin is the middle of the resting plane. The linac's head rests on nothing:
+//! its frame is the treatment room's ([`linac_head()`]).
 
 mod couch;
+mod linac_head;
 mod loft;
 mod torso;
 
 pub use couch::{Couch, couch};
+pub use linac_head::linac_head;
 pub use torso::{Torso, torso};
 
 /// Why a shape's parameters will not do: the field, what it holds, what it may hold.

@@ -10,4 +10,4 @@ mod pods;
 
 pub use patient::{InRoom, Moment};
 pub use pod::Pod;
-pub use pods::{Pods, resized};
+pub use pods::{Pods, binned};

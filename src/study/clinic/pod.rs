@@ -1,6 +1,7 @@
 //! One pod: its frames at a device time, decoded into what it measures.
 
 use crate::decode::{Decoded, Decoder, Options};
+use crate::emulator::led::{Model, Source};
 use crate::emulator::render;
 use crate::emulator::{Firmware, Renderer, Shot, Truth};
 use crate::error::Result;
@@ -21,6 +22,8 @@ pub struct Pod {
     decoder: Decoder,
     room_from_rig: Pose,
     scans: u64,
+    /// Where the profile has a light source: on since device time 0, when it was cold.
+    source: Option<Source>,
 }
 
 impl Pod {
@@ -43,8 +46,14 @@ impl Pod {
         );
         let camera = &profile.camera;
         let [width, height] = [camera.width_px, camera.height_px].map(|n| n as usize);
+        let source = profile.projector.led.as_ref().map(|led| {
+            let mut source = Source::new(Model::new(led));
+            source.drive(0, 1.0);
+            source
+        });
         Ok(Self {
             decoder: Decoder::new(&manifest, width, height, Some(&rig), Options::default())?,
+            source,
             profile: profile.clone(),
             rig,
             renderer,
@@ -57,6 +66,24 @@ impl Pod {
     /// The rendering, to be forced.
     pub fn renderer(&mut self) -> &mut Renderer {
         &mut self.renderer
+    }
+
+    /// Decodes from now on by a calibration that need not be the rig as it stands: one of another day.
+    ///
+    /// # Errors
+    /// What [`Decoder::new`] refuses.
+    pub fn calibrated(&mut self, rig: &Rig) -> Result<()> {
+        let camera = &self.profile.camera;
+        let [width, height] = [camera.width_px, camera.height_px].map(|n| n as usize);
+        let manifest = self.profile.manifest(&self.profile.sequence[0]);
+        self.decoder = Decoder::new(&manifest, width, height, Some(rig), Options::default())?;
+        self.rig = rig.clone();
+        Ok(())
+    }
+
+    /// The rig that it decodes by.
+    pub fn rig(&self) -> &Rig {
+        &self.rig
     }
 
     /// Nanoseconds from the first exposure's start to the last one's end.
@@ -76,19 +103,22 @@ impl Pod {
     }
 
     /// Takes frames from a device time on, with noise of their own; all of them in the middle of one
-    /// exposure at `still_ns`, where that is given.
+    /// exposure at `still_ns`, where that is given. Scans of a pod whose light fades come in the order
+    /// of device time.
     pub fn scan(&mut self, start_ns: u64, still_ns: Option<u64>) -> Scanned {
         let count = self.shots.len() as u64;
         let zero_ns = self.shots.first().map_or(0, |(_, shot)| shot.start_ns);
         let frames = self.shots.iter().enumerate().map(|(i, (_, shot))| {
             let id = self.scans * count + i as u64;
+            let start_ns = match still_ns {
+                None => start_ns + (shot.start_ns - zero_ns),
+                Some(then_ns) => then_ns.saturating_sub(shot.exposure_ns / 2),
+            };
             let shot = Shot {
                 id,
                 noise_id: id,
-                start_ns: match still_ns {
-                    None => start_ns + (shot.start_ns - zero_ns),
-                    Some(then_ns) => then_ns.saturating_sub(shot.exposure_ns / 2),
-                },
+                start_ns,
+                emission: self.source.as_mut().map(|s| s.emission(start_ns)),
                 ..shot.clone()
             };
             let frame = self.renderer.expose(&shot);
@@ -121,6 +151,19 @@ impl Pod {
         let known = depths.filter(|(depth, _)| !depth.is_nan());
         let sigma: Vec<f32> = known.map(|(_, sigma)| *sigma).collect();
         measured.push_pod(&points, &sigma, &self.room_from_rig, most);
+    }
+
+    /// The points that were decoded, in the room's frame in millimetres.
+    pub fn points(&self, decoded: &Decoded) -> Vec<DVec3> {
+        let mut points = Vec::new();
+        self.decoder.points_into(decoded, &mut points);
+        points
+            .iter()
+            .map(|p| {
+                self.room_from_rig
+                    .point(DVec3::from_array(p.map(f64::from)))
+            })
+            .collect()
     }
 
     /// The truth at a device time.

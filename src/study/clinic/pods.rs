@@ -9,12 +9,17 @@ use crate::profile::{Configuration, Profile, Scene};
 /// The station that stands under the ceiling.
 const STATION: &str = "sgrt-ceiling";
 
-/// Gives a camera other columns and rows over the same field, stopped down or opened so that a pixel
-/// gets as much light as before.
-pub fn resized(profile: &mut Profile, [columns, rows]: [u32; 2]) {
+/// Makes a camera one of fewer columns and rows over the same field: its pixels are binned, so that a
+/// larger one holds more electrons, has more read noise, and gives the same grey levels in the same
+/// light.
+pub fn binned(profile: &mut Profile, size_px: [u32; 2]) {
     let camera = &mut profile.camera;
-    camera.f_number *= f64::from(camera.width_px) / f64::from(columns);
-    [camera.width_px, camera.height_px] = [columns, rows];
+    let area = |[columns, rows]: [u32; 2]| f64::from(columns) * f64::from(rows);
+    let pixels = area([camera.width_px, camera.height_px]) / area(size_px);
+    [camera.width_px, camera.height_px] = size_px;
+    camera.sensor.full_well_e *= pixels;
+    camera.sensor.gain_dn_per_e /= pixels;
+    camera.sensor.read_noise_e *= pixels.sqrt();
 }
 
 /// The pods of a station before one scene.
@@ -74,9 +79,21 @@ impl Pods {
 
     /// The points of a scan in the room, at most so many of all pods together.
     pub fn measured(&self, scan: &[Decoded], most: usize) -> Measured {
+        self.measured_without(scan, most, None)
+    }
+
+    /// The same without those of one pod, counted from 0 in the order of turns.
+    pub fn measured_without(
+        &self,
+        scan: &[Decoded],
+        most: usize,
+        without: Option<usize>,
+    ) -> Measured {
         let mut measured = Measured::default();
-        for (pod, decoded) in self.all.iter().zip(scan) {
-            pod.measure(decoded, &mut measured, most / self.all.len());
+        for (i, (pod, decoded)) in self.all.iter().zip(scan).enumerate() {
+            if Some(i) != without {
+                pod.measure(decoded, &mut measured, most / self.all.len());
+            }
         }
         measured
     }

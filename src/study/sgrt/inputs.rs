@@ -6,7 +6,7 @@ use crate::emulator::render::Term;
 use crate::error::Result;
 use crate::host::track::{Measured, POINTS, Region};
 use crate::profile::Profile;
-use crate::study::clinic::{InRoom, Moment, Pods, resized};
+use crate::study::clinic::{InRoom, Moment, Pods, binned};
 use crate::study::draws::Draws;
 use glam::DVec3;
 
@@ -77,7 +77,7 @@ pub(super) struct Scanners {
 
 impl Scanners {
     pub(super) fn new(room: &InRoom, seed: u64, size_px: [u32; 2]) -> Result<Self> {
-        let sized = |profile: &mut Profile| resized(profile, size_px);
+        let sized = |profile: &mut Profile| binned(profile, size_px);
         let quiet = |profile: &mut Profile| {
             sized(profile);
             profile.camera.sensor.noiseless = true;

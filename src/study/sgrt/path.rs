@@ -4,7 +4,7 @@ use super::{Effort, SIZE_PX, of};
 use crate::error::Result;
 use crate::geometry::Pose;
 use crate::host::track::{FitOptions, MotionState, MotionTracker, POINTS, Region};
-use crate::study::clinic::{InRoom, Pods, resized};
+use crate::study::clinic::{InRoom, Pods, binned};
 use crate::study::lab::{Block, Chart, Context, Figure, Look, Row, Rows, Series, Settings, Trial};
 use glam::DVec3;
 
@@ -32,7 +32,7 @@ fn follow(context: &Context<'_>, patient: &str, effort: Effort) -> Result<Vec<Ro
     let options = FitOptions::by_hand();
     let tracker = MotionTracker::new(&planned.reference, &planned.model, Pose::IDENTITY, &options)?;
     let mut pods = Pods::new(&room.scene, context.seed, &|profile| {
-        resized(profile, SIZE_PX)
+        binned(profile, SIZE_PX)
     })?;
     let step_s = room.phantom.patient().breathing.period_s / effort.path as f64;
     let row = |input: &str, time_s: f64, place: DVec3| {

@@ -3,7 +3,7 @@
 use super::SIZE_PX;
 use crate::error::{Error, Result};
 use crate::host::track::Region;
-use crate::study::clinic::{InRoom, Pods, resized};
+use crate::study::clinic::{InRoom, Pods, binned};
 use crate::study::lab::{Block, Context, Picture, Row, Settings, Trial};
 use crate::study::report::overview;
 use crate::study::scanned::Levels;
@@ -24,7 +24,7 @@ fn draw(context: &Context<'_>, patient: &str) -> Result<Vec<Row>> {
     let scratch = context.folder.place("planning-picture")?;
     let room = InRoom::new(patient, &Region::chest(), &scratch)?;
     let mut pods = Pods::new(&room.scene, context.seed, &|profile| {
-        resized(profile, SIZE_PX)
+        binned(profile, SIZE_PX)
     })?;
     let Some(foot) = pods.all.last_mut() else {
         return Ok(Vec::new());

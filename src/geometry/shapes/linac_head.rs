@@ -1,0 +1,199 @@
+//! The head of a C-arm linear accelerator with the gantry that carries it: what rotates about the
+//! patient and comes between the skin and the scanner's pods.
+//!
+//! Frame: unlike the other shapes it is drawn where it stands, in the fixed frame of IEC 61217 with the
+//! origin at the isocentre, at a gantry angle of 0: the head above the patient (z up), the drum behind
+//! it (y to the gantry). A gantry angle is a rotation about y, right-handed as the standard has it: at
+//! 90 degrees the head is at +x.
+//!
+//! No product in particular. The lower face of the collimator is 420 mm above the isocentre (of usual
+//! machines it is 400 to 450 mm), the head is 800 mm wide, and the drum begins 950 mm behind the
+//! isocentre.
+
+use super::loft::loft;
+use crate::geometry::Mesh;
+use glam::DVec3;
+
+/// Points around each ring.
+const AROUND: usize = 96;
+
+/// A cross-section: its place along the part's axis and its half sides across, in millimetres.
+type Ring = (f64, [f64; 2]);
+
+/// A part: rings along an axis, of an outline between an ellipse and a rectangle.
+struct Part {
+    /// Whether its axis is y; z otherwise.
+    along_y: bool,
+    /// Where its axis passes: x and z of one along y, x and y of one along z.
+    middle: [f64; 2],
+    /// Exponent of the outline (Lame's): 2 for an ellipse, more for a rounder rectangle.
+    exponent: f64,
+    rings: &'static [Ring],
+}
+
+/// From the patient outwards, and back to the drum. Parts reach into each other, so that no gap is
+/// between them; edges are chamfered.
+const PARTS: [Part; 4] = [
+    // The collimator: turns about the beam, so it is round.
+    Part {
+        along_y: false,
+        middle: [0.0, 0.0],
+        exponent: 2.0,
+        rings: &[
+            (420.0, [270.0; 2]),
+            (435.0, [290.0; 2]),
+            (540.0, [300.0; 2]),
+            (640.0, [300.0; 2]),
+        ],
+    },
+    // The head's housing.
+    Part {
+        along_y: false,
+        middle: [0.0, 0.0],
+        exponent: 5.0,
+        rings: &[
+            (600.0, [340.0; 2]),
+            (660.0, [400.0; 2]),
+            (900.0, [400.0; 2]),
+            (1180.0, [400.0; 2]),
+            (1250.0, [340.0; 2]),
+        ],
+    },
+    // The arm from the head to the drum.
+    Part {
+        along_y: true,
+        middle: [0.0, 930.0],
+        exponent: 5.0,
+        rings: &[
+            (300.0, [300.0, 250.0]),
+            (650.0, [310.0, 260.0]),
+            (1050.0, [330.0, 280.0]),
+        ],
+    },
+    // The drum, about the axis of rotation.
+    Part {
+        along_y: true,
+        middle: [0.0, 0.0],
+        exponent: 2.0,
+        rings: &[
+            (950.0, [1180.0; 2]),
+            (980.0, [1230.0; 2]),
+            (1200.0, [1230.0; 2]),
+            (1420.0, [1230.0; 2]),
+            (1450.0, [1180.0; 2]),
+        ],
+    },
+];
+
+/// Makes the head: closed parts that reach into each other.
+pub fn linac_head() -> Mesh {
+    let mut whole = Mesh::default();
+    for part in &PARTS {
+        let mesh = part.mesh();
+        let first = whole.vertices.len() as u32;
+        whole.vertices.extend(mesh.vertices);
+        let shifted = mesh.triangles.into_iter().map(|t| t.map(|i| i + first));
+        whole.triangles.extend(shifted);
+    }
+    whole
+}
+
+impl Part {
+    fn mesh(&self) -> Mesh {
+        loft(self.rings.len(), AROUND, |ring, k| self.point(ring, k))
+    }
+
+    fn point(&self, ring: usize, k: usize) -> DVec3 {
+        let (along, half) = self.rings[ring];
+        let angle = std::f64::consts::TAU * k as f64 / AROUND as f64;
+        let power = 2.0 / self.exponent;
+        let bent = |v: f64| v.abs().powf(power).copysign(v);
+        let across = [angle.cos(), angle.sin()].map(bent);
+        let [a, b] = std::array::from_fn(|i| half[i] * across[i]);
+        let [u, v] = self.middle;
+        // Anticlockwise as seen from the last ring, as a loft wants it.
+        match self.along_y {
+            true => DVec3::new(u + a, along, v - b),
+            false => DVec3::new(u + a, v + b, along),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::check;
+    use super::*;
+    use crate::geometry::raycast::{Bvh, LANES, Packet, Scratch};
+    use crate::geometry::{MeshTree, Pose};
+    use crate::profile::{Configuration, Profile};
+    use glam::Vec3;
+
+    #[test]
+    fn closed_and_outward_in_every_part() {
+        for part in &PARTS {
+            check::closed(&part.mesh());
+        }
+        let mesh = linac_head();
+        check::closed(&mesh);
+        let (lo, hi) = mesh.bounds().unwrap();
+        // The patient's side of the drum: the head is 800 mm wide and begins above the patient.
+        assert_eq!((hi.y, lo.z), (1450.0, -1230.0));
+        let head = mesh.vertices.iter().filter(|v| v.y < 299.0);
+        let (low, wide) = head.fold((f64::INFINITY, 0.0_f64), |(low, wide), v| {
+            (low.min(v.z), wide.max(v.x.abs()))
+        });
+        assert!((400.0..=450.0).contains(&low), "{low}");
+        assert_eq!(wide, 400.0);
+        // The isocentre is free at all angles: nothing is nearer to it than the collimator's face.
+        let near = MeshTree::new(&mesh).closest(DVec3::ZERO).unwrap();
+        assert!((near.point.length() - 420.0).abs() < 1e-9);
+    }
+
+    /// Whether the head at a gantry angle in degrees is between the isocentre and a place.
+    fn hides(gantry_deg: f64, place: DVec3) -> bool {
+        let gantry = Pose::from_xyz_deg(DVec3::ZERO, DVec3::new(0.0, gantry_deg, 0.0));
+        let mesh = linac_head();
+        let vertices: Vec<DVec3> = mesh.vertices.iter().map(|v| gantry.point(*v)).collect();
+        let bvh = Bvh::build(&vertices, &mesh.triangles);
+        let mut ends = [-1.0; LANES];
+        ends[0] = 1.0;
+        let mut packet = Packet::new(Vec3::ZERO, &[place.as_vec3(); LANES], &ends);
+        bvh.blocked(&mut packet, &mut Scratch::default());
+        packet.t[0] < 0.0
+    }
+
+    #[test]
+    fn pods_are_hidden_from_the_isocentre_at_some_gantry_angles() {
+        let Configuration::Station(station) = Configuration::load("sgrt-ceiling").unwrap() else {
+            panic!("no station");
+        };
+        // Of the left, the right and the foot pod, in the order of the station.
+        for (gantry_deg, hidden) in [
+            (0.0, [false, false, false]),
+            (40.0, [false, true, false]),
+            (320.0, [true, false, false]),
+            (90.0, [false, false, false]),
+            (180.0, [false, false, false]),
+            (270.0, [false, false, false]),
+        ] {
+            for (device, hidden) in station.device.iter().zip(hidden) {
+                let place = device.rig().unwrap();
+                let camera = DVec3::from_array(place.position_mm);
+                assert_eq!(
+                    hides(gantry_deg, camera),
+                    hidden,
+                    "{} at {gantry_deg} degrees",
+                    device.name
+                );
+                // The projector beside it is hidden with it.
+                let profile = Profile::load(&station.profile(device)).unwrap();
+                let room_from_rig =
+                    Pose::from_xyz_deg(camera, DVec3::from_array(place.rotation_deg));
+                let projector = DVec3::from_array(profile.projector.position_mm);
+                if hidden {
+                    assert!(hides(gantry_deg, room_from_rig.point(projector)));
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,164 @@
+//! What the rigid tracker says of a scan, against the displacement that the couch has made.
+
+use crate::geometry::Pose;
+use crate::host::track::{
+    Freedom, Lost, Measured, Reference, RigidFit, RigidOptions, SixDof, Start, Warning, six,
+    track_rigid,
+};
+use crate::study::lab::{Row, Rows};
+use glam::DVec3;
+
+/// How far from the planned place the tracker looks, in millimetres, as `phasma track` does.
+const RANGE_MM: f64 = 50.0;
+
+/// Columns of the six errors, measured less true, in the order of [`six::NAMES`].
+pub(super) const ERRORS: [&str; 6] = [
+    "error_lat_mm",
+    "error_lng_mm",
+    "error_vrt_mm",
+    "error_pitch_deg",
+    "error_roll_deg",
+    "error_yaw_deg",
+];
+/// Columns of the deviations that the tracker predicts of them.
+pub(super) const DEVIATIONS: [&str; 6] = [
+    "sd_lat_mm",
+    "sd_lng_mm",
+    "sd_vrt_mm",
+    "sd_pitch_deg",
+    "sd_roll_deg",
+    "sd_yaw_deg",
+];
+
+/// Tracks from the planned place, as after set-up.
+pub(super) fn track(measured: &Measured, reference: &Reference) -> Result<RigidFit, Lost> {
+    let start = Start::Within {
+        around: Pose::IDENTITY,
+        range_mm: RANGE_MM,
+    };
+    track_rigid(measured, reference, &start, &RigidOptions::default())
+}
+
+/// The six numbers as seen from an answer to an earlier scan: what a reference surface that the scanner
+/// has captured itself would give.
+pub(super) fn since(fit: &RigidFit, first: &RigidFit) -> SixDof {
+    SixDof::of(&(fit.room_from_reference * first.room_from_reference.inverse()))
+}
+
+/// A row with what was said. Errors are of the `found` displacement; without one the scan is lost.
+pub(super) fn answered(
+    row: Row,
+    found: Option<SixDof>,
+    fit: &Result<RigidFit, Lost>,
+    truth: &SixDof,
+) -> Row {
+    let fit = match fit {
+        Ok(fit) => fit,
+        Err(lost) => return row.text("warnings", &lost.to_string()),
+    };
+    let found = found.unwrap_or(fit.six).to_array();
+    let (truth, deviations) = (truth.to_array(), fit.deviations());
+    let mut row = row;
+    for k in 0..6 {
+        row = row
+            .number(ERRORS[k], found[k] - truth[k])
+            .number(DEVIATIONS[k], deviations[k]);
+    }
+    let words: Vec<String> = fit.warnings.iter().map(ToString::to_string).collect();
+    row.number("points", fit.points as f64)
+        .number("coverage", fit.coverage)
+        .number("rms_mm", fit.rms_mm)
+        .text("free", &undetermined(fit).join(" "))
+        .text("warnings", &words.join("; "))
+}
+
+/// Names of the motions that an answer says are not determined, in the order of [`six::NAMES`] where
+/// they go along one of the room's axes.
+fn undetermined(fit: &RigidFit) -> Vec<String> {
+    let all = fit.warnings.iter().filter_map(|warning| match warning {
+        Warning::Undetermined { free, .. } => Some(free),
+        _ => None,
+    });
+    all.flatten().map(name).collect()
+}
+
+fn name(free: &Freedom) -> String {
+    let (first, axis) = match free {
+        Freedom::Shift { along } => (0, *along),
+        Freedom::Turn { about, .. } => (3, *about),
+    };
+    let k = axis.abs().max_position();
+    // Within 18 degrees of an axis of the room.
+    match axis[k].abs() > 0.95 {
+        true => six::NAMES[first + k].to_owned(),
+        false => free.to_string(),
+    }
+}
+
+/// The error of a row's place, in millimetres: NaN without an answer.
+pub(super) fn shift_mm(row: &Row) -> f64 {
+    let [x, y, z] = [0, 1, 2].map(|k| row.value(ERRORS[k]));
+    DVec3::new(x, y, z).length()
+}
+
+/// The largest error of a row's angles, in degrees: NaN without an answer.
+pub(super) fn turn_deg(row: &Row) -> f64 {
+    worst([3, 4, 5].map(|k| row.value(ERRORS[k]).abs()))
+}
+
+/// The largest of some figures: NaN where one is none, or of none at all.
+pub(super) fn worst(values: impl IntoIterator<Item = f64>) -> f64 {
+    let mut values = values.into_iter();
+    let first = values.next().unwrap_or(f64::NAN);
+    values.fold(first, |worst, value| {
+        if value.is_nan() || worst.is_nan() {
+            f64::NAN
+        } else {
+            worst.max(value)
+        }
+    })
+}
+
+/// Root of the mean square; NaN of nothing.
+pub(super) fn rms(values: impl IntoIterator<Item = f64>) -> f64 {
+    let (mut sum, mut count) = (0.0, 0.0);
+    for value in values {
+        sum += value * value;
+        count += 1.0;
+    }
+    f64::sqrt(sum / count)
+}
+
+/// Rows of one of the study's parts, by the beginning of their trials' names.
+pub(super) fn part<'a>(rows: &'a Rows, name: &'a str) -> impl Iterator<Item = &'a Row> + Clone {
+    rows.all.iter().filter(move |row| {
+        let trial = row.get("trial").strip_prefix(name);
+        trial.is_some_and(|rest| rest.starts_with('/'))
+    })
+}
+
+/// How many rows have no answer, or one with a warning.
+pub(super) fn doubted<'a>(rows: impl Iterator<Item = &'a Row>) -> usize {
+    rows.filter(|row| !row.get("warnings").is_empty()).count()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn nothing_hides_a_scan_without_an_answer() {
+        assert_eq!(worst([1.0, 3.0, 2.0]), 3.0);
+        assert!(worst([1.0, f64::NAN, 2.0]).is_nan());
+        assert!(worst([f64::NAN, 2.0]).is_nan() && worst([]).is_nan());
+        assert_eq!(rms([3.0, -4.0]), 12.5f64.sqrt());
+        let lost = Row::new();
+        assert!(shift_mm(&lost).is_nan() && turn_deg(&lost).is_nan());
+        let mut row = Row::new();
+        for (k, name) in ERRORS.iter().enumerate() {
+            row = row.number(name, [2.0, -2.0, 1.0, 0.1, -0.3, 0.2][k]);
+        }
+        assert_eq!((shift_mm(&row), turn_deg(&row)), (3.0, 0.3));
+        assert!(turn_deg(&row.number(ERRORS[4], f64::NAN)).is_nan());
+    }
+}

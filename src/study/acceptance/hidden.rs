@@ -1,0 +1,187 @@
+//! Pods that do not see the patient: behind the linac's head, or left out.
+
+use super::Effort;
+use super::answer::{ERRORS, answered, part, rms, shift_mm, track, turn_deg, worst};
+use super::known::TOLERANCE;
+use super::subject::{Body, Subject};
+use crate::error::Result;
+use crate::host::track::{POINTS, Region, SixDof};
+use crate::study::clinic::Pods;
+use crate::study::lab::{Block, Check, Context, Row, Rows, Section, Settings, Table, Trial};
+
+/// The gantry angle in degrees at which the head is under the couch, so that it hides nothing.
+const AWAY_DEG: f64 = 180.0;
+/// Names of the pods in the order of their turns, and of the columns of their points.
+const PODS: [(&str, &str); 3] = [
+    ("left", "points_left"),
+    ("right", "points_right"),
+    ("foot", "points_foot"),
+];
+/// A pod that has this share of its points, or less, is hidden.
+const HIDDEN: f64 = 0.25;
+
+pub(super) fn trials(settings: &Settings) -> Vec<Trial> {
+    let effort = Effort::of(settings);
+    let gantry = std::iter::once(&AWAY_DEG).chain(effort.gantry_deg);
+    let one = |&degrees: &f64| {
+        Trial::new(format!("hidden/{degrees}"), settings.seed, move |context| {
+            at(context, degrees, effort)
+        })
+    };
+    gantry.map(one).collect()
+}
+
+/// A scan with the head at an angle; where it is away, also with each pod left out.
+fn at(context: &Context<'_>, gantry_deg: f64, effort: Effort) -> Result<Vec<Row>> {
+    let subject = Subject::under_head(Body::Patient(None), gantry_deg)?;
+    let reference = subject.reference()?;
+    let mut pods = Pods::new(&subject.scene, context.seed, &|profile| {
+        effort.adapt(profile)
+    })?;
+    let scan = pods.scan(0, false)?;
+    let [lo, hi] = Region::CHEST;
+    // The head is above the chest.
+    let hi = hi.with_z(hi.x);
+    let mut seen = Vec::new();
+    for (pod, decoded) in pods.all.iter().zip(&scan) {
+        let points = pod.points(decoded);
+        let inside = points
+            .iter()
+            .filter(|p| p.cmpge(lo).all() && p.cmple(hi).all());
+        seen.push(inside.count() as f64);
+    }
+    let leave = match gantry_deg == AWAY_DEG {
+        true => vec![None, Some(0), Some(1), Some(2)],
+        false => vec![None],
+    };
+    let rows = leave.into_iter().map(|without: Option<usize>| {
+        let fit = track(&pods.measured_without(&scan, POINTS, without), &reference);
+        let mut row = Row::new()
+            .text("subject", "patient")
+            .text("case", without.map_or("head", |i| PODS[i].0))
+            .number("gantry_deg", gantry_deg);
+        for (i, (_, column)) in PODS.iter().enumerate() {
+            let points = if Some(i) == without { 0.0 } else { seen[i] };
+            row = row.number(column, points);
+        }
+        answered(row, None, &fit, &SixDof::default())
+    });
+    Ok(rows.collect())
+}
+
+/// The row with all pods, and those with fewer.
+fn all(rows: &Rows) -> Option<(&Row, Vec<&Row>)> {
+    let (whole, fewer): (Vec<&Row>, Vec<&Row>) = part(rows, "hidden")
+        .partition(|row| row.get("case") == "head" && row.value("gantry_deg") == AWAY_DEG);
+    Some((*whole.first()?, fewer))
+}
+
+/// By how much place (mm) and angles (largest, degrees) differ from those with all pods.
+fn changed(row: &Row, whole: &Row) -> [f64; 2] {
+    let off: [f64; 6] = std::array::from_fn(|k| row.value(ERRORS[k]) - whole.value(ERRORS[k]));
+    let place = rms(off[..3].iter().copied()) * 3f64.sqrt();
+    [place, worst(off[3..].iter().map(|angle| angle.abs()))]
+}
+
+/// Share of its points that a pod has left.
+fn left(row: &Row, whole: &Row, pod: usize) -> f64 {
+    row.value(PODS[pod].1) / whole.value(PODS[pod].1)
+}
+
+/// The largest change of the place where one pod is hidden or left out, in millimetres.
+pub(super) fn largest_mm(rows: &Rows) -> f64 {
+    let Some((whole, fewer)) = all(rows) else {
+        return f64::NAN;
+    };
+    let hidden = |row: &&&Row| (0..3).any(|pod| left(row, whole, pod) <= HIDDEN);
+    worst(
+        fewer
+            .iter()
+            .filter(hidden)
+            .map(|row| changed(row, whole)[0]),
+    )
+}
+
+pub(super) fn section(rows: &Rows) -> Section {
+    let mut blocks = vec![Block::Words(super::words::HIDDEN.to_owned())];
+    if let Some((whole, fewer)) = all(rows) {
+        blocks.push(Block::Table(table(whole, &fewer)));
+        blocks.push(Block::Checks(checks(whole, &fewer)));
+    }
+    Section {
+        title: "Pods that are hidden".to_owned(),
+        blocks,
+    }
+}
+
+fn table(whole: &Row, fewer: &[&Row]) -> Table {
+    let mut table = Table::new(
+        "acceptance-hidden",
+        "A still patient with the head of the linac at a gantry angle, or with one pod left out: the \
+         share of its points on the chest that each pod has left, the share of the region that is \
+         measured, and by how much place (mm) and angles (largest of the three, degrees) differ from \
+         those with all pods.",
+        &[
+            "", "left", "right", "foot", "measured", "place", "angles", "warnings",
+        ],
+    );
+    for row in std::iter::once(&whole).chain(fewer) {
+        let name = match row.get("case") {
+            "head" => format!("gantry at {} degrees", row.get("gantry_deg")),
+            pod => format!("without the {pod} pod"),
+        };
+        let [place, angle] = changed(row, whole);
+        let share = |pod| format!("{:.0} %", 100.0 * left(row, whole, pod));
+        let warnings = row.get("warnings");
+        table.row([
+            name,
+            share(0),
+            share(1),
+            share(2),
+            format!("{:.0} %", 100.0 * row.value("coverage")),
+            format!("{place:.3}"),
+            format!("{angle:.4}"),
+            if warnings.is_empty() {
+                "none"
+            } else {
+                warnings
+            }
+            .to_owned(),
+        ]);
+    }
+    table
+}
+
+/// Hidden pods are, and what is left is good enough or comes with a warning.
+fn checks(whole: &Row, fewer: &[&Row]) -> Vec<Check> {
+    let silent = fewer.iter().filter(|row| row.get("warnings").is_empty());
+    let at = |degrees: f64, pod: usize| {
+        let rows = fewer
+            .iter()
+            .filter(|row| row.value("gantry_deg") == degrees);
+        let head = rows.filter(|row| row.get("case") == "head");
+        worst(head.map(|row| left(row, whole, pod)))
+    };
+    vec![
+        Check::at_most(
+            "share of its points that the right pod has left at 40 degrees",
+            at(40.0, 1),
+            HIDDEN,
+        ),
+        Check::at_most(
+            "share of its points that the left pod has left at 320 degrees",
+            at(320.0, 0),
+            HIDDEN,
+        ),
+        Check::at_most(
+            "worst error of the place without a warning, in mm",
+            worst(silent.clone().map(|row| shift_mm(row)).chain([0.0])),
+            TOLERANCE[0],
+        ),
+        Check::at_most(
+            "worst error of the angles without a warning, in degrees",
+            worst(silent.map(|row| turn_deg(row)).chain([0.0])),
+            TOLERANCE[1],
+        ),
+    ]
+}

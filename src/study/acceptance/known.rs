@@ -1,0 +1,239 @@
+//! Known shifts and turns of the couch, and what the tracker makes of them.
+
+use super::Effort;
+use super::answer::{
+    DEVIATIONS, ERRORS, answered, doubted, part, rms, shift_mm, since, track, turn_deg, worst,
+};
+use super::subject::{Body, Subject, time_ns};
+use crate::error::Result;
+use crate::host::track::{POINTS, SixDof, six};
+use crate::study::clinic::Pods;
+use crate::study::lab::{
+    Block, Chart, Check, Context, Figure, Look, Row, Rows, Section, Series, Settings, Table, Trial,
+};
+
+/// What the tracker has to keep of a still torso: millimetres of its place, degrees of its angles.
+pub(super) const BAR: [f64; 2] = [0.1, 0.05];
+/// What a clinic tolerates.
+pub(super) const TOLERANCE: [f64; 2] = [1.0, 0.5];
+const BODIES: [Body; 2] = [Body::Torso, Body::Patient(None)];
+/// Answers against the planned surface, and against the tracker's own answer to the first scan.
+const AGAINST: [&str; 2] = ["planned surface", "first scan"];
+
+pub(super) fn trials(settings: &Settings) -> Vec<Trial> {
+    let effort = Effort::of(settings);
+    let one = |body: Body| {
+        let key = format!("known/{}", body.name());
+        Trial::new(key, settings.seed, move |context| {
+            shifted(context, body, effort)
+        })
+    };
+    BODIES.map(one).into()
+}
+
+/// The displacement by so much along or about one of the six directions.
+fn along(k: usize, by: f64) -> SixDof {
+    let mut six = SixDof::default();
+    match k {
+        0..3 => six.translation_mm[k] = by,
+        _ => six.rotation_deg[k % 3] = by,
+    }
+    six
+}
+
+/// No displacement, then each by each direction.
+fn displacements(effort: Effort) -> Vec<(usize, f64)> {
+    let mut all = vec![(0, 0.0)];
+    for k in 0..6 {
+        let steps = if k < 3 {
+            effort.shifts_mm
+        } else {
+            effort.turns_deg
+        };
+        for &by in steps {
+            all.extend([(k, -by), (k, by)]);
+        }
+    }
+    all
+}
+
+fn shifted(context: &Context<'_>, body: Body, effort: Effort) -> Result<Vec<Row>> {
+    let subject = Subject::new(body)?;
+    let reference = subject.reference()?;
+    let displacements = displacements(effort);
+    let poses: Vec<SixDof> = displacements.iter().map(|&(k, by)| along(k, by)).collect();
+    let scene = subject.on_the_way(&poses);
+    let mut pods = Pods::new(&scene, context.seed, &|profile| effort.adapt(profile))?;
+    let mut rows = Vec::new();
+    let mut first = None;
+    for (i, (truth, (k, by))) in poses.iter().zip(displacements).enumerate() {
+        let scan = pods.scan(time_ns(i), true)?;
+        let fit = track(&pods.measured(&scan, POINTS), &reference);
+        let row = |against: &str| {
+            Row::new()
+                .text("subject", body.name())
+                .text("case", against)
+                .text("motion", six::NAMES[k])
+                .number("by", by)
+        };
+        rows.push(answered(row(AGAINST[0]), None, &fit, truth));
+        let Ok(found) = &fit else { continue };
+        match &first {
+            None => first = Some(found.clone()),
+            Some(first) => {
+                let moved = Some(since(found, first));
+                rows.push(answered(row(AGAINST[1]), moved, &fit, truth));
+            }
+        }
+    }
+    Ok(rows)
+}
+
+fn of<'a>(
+    rows: &'a Rows,
+    body: &'a str,
+    against: &'a str,
+) -> impl Iterator<Item = &'a Row> + Clone {
+    let all = part(rows, "known");
+    all.filter(move |row| row.get("subject") == body && row.get("case") == against)
+}
+
+pub(super) fn section(rows: &Rows) -> Section {
+    let mut table = Table::new(
+        "acceptance-known",
+        "The couch displaced by known amounts along or about one of the six directions at a time: the \
+         largest and the RMS error over all scans, of the place (length of the error's vector, mm) and \
+         of the angles (largest of the three, degrees; RMS of all three). Against the surface as \
+         planned, and against what the tracker said of the first, undisplaced scan.",
+        &[
+            "subject, against",
+            "scans",
+            "place: worst",
+            "RMS",
+            "angles: worst",
+            "RMS",
+            "with a warning",
+        ],
+    );
+    for body in BODIES.map(Body::name) {
+        for against in AGAINST {
+            let all = of(rows, body, against);
+            let count = all.clone().count();
+            if count == 0 {
+                continue;
+            }
+            let angles = all
+                .clone()
+                .flat_map(|row| [3, 4, 5].map(|k| row.value(ERRORS[k])));
+            table.row([
+                format!("{body}, {against}"),
+                count.to_string(),
+                format!("{:.3}", worst(all.clone().map(shift_mm))),
+                format!("{:.3}", rms(all.clone().map(shift_mm))),
+                format!("{:.4}", worst(all.clone().map(turn_deg))),
+                format!("{:.4}", rms(angles)),
+                doubted(all).to_string(),
+            ]);
+        }
+    }
+    Section {
+        title: "Known displacements of the couch".to_owned(),
+        blocks: vec![
+            Block::Words(super::words::KNOWN.to_owned()),
+            Block::Table(table),
+            Block::Table(directions(rows)),
+            Block::Figure(figure(rows)),
+            Block::Checks(checks(rows)),
+        ],
+    }
+}
+
+/// The six directions apart, and what the tracker expects of itself.
+fn directions(rows: &Rows) -> Table {
+    let mut table = Table::new(
+        "acceptance-directions",
+        "The same scans against the planned surface, direction by direction: mean error (what is the \
+         same in all scans), standard deviation of the errors about it, and the deviation that the \
+         tracker predicts (RMS over the scans), in mm and degrees.",
+        &["subject, direction", "mean error", "deviation", "predicted"],
+    );
+    for body in BODIES.map(Body::name) {
+        let all: Vec<&Row> = of(rows, body, AGAINST[0]).collect();
+        if all.is_empty() {
+            continue;
+        }
+        for k in 0..6 {
+            let errors = all.iter().map(|row| row.value(ERRORS[k]));
+            let mean = errors.clone().sum::<f64>() / all.len() as f64;
+            let unit = if k < 3 { "mm" } else { "deg" };
+            table.row([
+                format!("{body}, {} ({unit})", six::NAMES[k]),
+                format!("{mean:+.4}"),
+                format!("{:.4}", rms(errors.map(|error| error - mean))),
+                format!("{:.4}", rms(all.iter().map(|row| row.value(DEVIATIONS[k])))),
+            ]);
+        }
+    }
+    table
+}
+
+/// The error along the direction of each shift.
+fn figure(rows: &Rows) -> Figure {
+    let bodies = BODIES.map(Body::name);
+    let series = bodies.iter().flat_map(|body| {
+        (0..3).map(move |k| {
+            let all = of(rows, body, AGAINST[0]);
+            let all = all.filter(|row| row.get("motion") == six::NAMES[k]);
+            let points = all.map(|row| (row.value("by"), row.value(ERRORS[k])));
+            let mut points: Vec<(f64, f64)> = points.collect();
+            points.sort_by(|a, b| a.0.total_cmp(&b.0));
+            Series::new(&format!("{body}, {}", six::NAMES[k]), Look::Both, points)
+        })
+    });
+    let chart = Chart {
+        heading: "Error of a shift".to_owned(),
+        x: "shift of the couch (mm)".to_owned(),
+        y: "error along it (mm)".to_owned(),
+        log: [false, false],
+        series: series.collect(),
+    };
+    Figure {
+        name: "acceptance-known".to_owned(),
+        caption: "Measured less true shift along the direction of the shift.".to_owned(),
+        sheet: chart.sheet(),
+    }
+}
+
+fn checks(rows: &Rows) -> Vec<Check> {
+    let mut checks = Vec::new();
+    for (body, bar) in [("torso", BAR), ("patient", TOLERANCE)] {
+        let all = of(rows, body, AGAINST[0]);
+        if all.clone().next().is_none() {
+            continue;
+        }
+        checks.extend([
+            Check::at_most(
+                format!("worst error of the {body}'s place, in mm"),
+                worst(all.clone().map(shift_mm)),
+                bar[0],
+            ),
+            Check::at_most(
+                format!("worst error of the {body}'s angles, in degrees"),
+                worst(all.clone().map(turn_deg)),
+                bar[1],
+            ),
+            Check::at_most(
+                format!("answers with a warning about the {body}, whose shape determines all"),
+                doubted(all) as f64,
+                0.0,
+            ),
+        ]);
+    }
+    checks
+}
+
+/// The worst errors of the torso's place and angles.
+pub(super) fn worst_of_torso(rows: &Rows, against: usize) -> [f64; 2] {
+    let all = of(rows, "torso", AGAINST[against]);
+    [worst(all.clone().map(shift_mm)), worst(all.map(turn_deg))]
+}

@@ -1,0 +1,204 @@
+//! From motion to answer: device time of a scan by three pods, and the host's time that is measured.
+
+use super::answer::part;
+use super::{Effort, hold};
+use crate::decode::Decoded;
+use crate::error::Result;
+use crate::geometry::Pose;
+use crate::host::track::{
+    FitOptions, MotionState, MotionTracker, POINTS, Region, RigidOptions, Start, track_rigid,
+};
+use crate::study::clinic::{InRoom, Pods};
+use crate::study::lab::{Block, Check, Context, Row, Rows, Section, Settings, Table, Trial};
+use crate::study::scanned::Scanned;
+use crate::study::timing::quantile;
+
+/// Milliseconds that the host may take from the last frame to the pose, and for each scan in a row.
+const HOST_MS: f64 = 250.0;
+const SUSTAINED_MS: f64 = 90.0;
+/// Milliseconds that a clinic tolerates from motion to answer.
+const TOTAL_MS: f64 = 500.0;
+/// When treatment begins, in nanoseconds of device time.
+const BEGIN_NS: u64 = 60_000_000_000;
+/// Breathing patients have moved some millimetres after so long.
+const APART_NS: u64 = 400_000_000;
+/// The parts of the host's time: columns, and what they are called.
+const PARTS: [(&str, &str); 4] = [
+    ("decode_ms", "host: three pods' frames to points"),
+    ("rigid_ms", "host: six degrees of freedom"),
+    ("motion_ms", "host: the tumour by the motion model"),
+    ("host_ms", "host: from the last frame to both answers"),
+];
+
+pub(super) fn trials(settings: &Settings) -> Vec<Trial> {
+    let effort = Effort::of(settings);
+    let trial = Trial::new("latency/patient", settings.seed, move |context| {
+        timed(context, effort)
+    });
+    // Nothing else may take the cores.
+    vec![trial.alone()]
+}
+
+/// A patient who breathes, by the pods as they are: the same few scans again and again, each tracked
+/// from the answer to the one before.
+fn timed(context: &Context<'_>, effort: Effort) -> Result<Vec<Row>> {
+    let scratch = context.folder.place("planning-latency")?;
+    let room = InRoom::new("p02-man-mean", &Region::chest(), &scratch)?;
+    let planned = &room.planned;
+    let options = FitOptions::by_hand();
+    let tracker = MotionTracker::new(&planned.reference, &planned.model, Pose::IDENTITY, &options)?;
+    let mut pods = Pods::new(&room.scene, context.seed, &|_| {})?;
+    let mut scans: Vec<Vec<Scanned>> = Vec::new();
+    for k in 0..effort.timed_scans {
+        let then_ns = BEGIN_NS + k as u64 * APART_NS;
+        scans.push(
+            pods.all
+                .iter_mut()
+                .map(|pod| pod.scan(then_ns, Some(then_ns)))
+                .collect(),
+        );
+    }
+    let mut pose = Start::Within {
+        around: Pose::IDENTITY,
+        range_mm: 50.0,
+    };
+    let mut state = MotionState::mean(&planned.model);
+    let mut rows = Vec::new();
+    for round in 0..=effort.timed_rounds {
+        let Some(frames) = scans.get(round % scans.len().max(1)) else {
+            break;
+        };
+        let (measured, decode_s) = context.timed(|| -> Result<_> {
+            let pairs = pods.all.iter().zip(frames);
+            let decoded: Vec<Decoded> = pairs
+                .map(|(pod, scan)| pod.decode(scan))
+                .collect::<Result<_>>()?;
+            Ok(pods.measured(&decoded, POINTS))
+        });
+        let measured = measured?;
+        let rigid = RigidOptions::default();
+        let (fit, rigid_s) =
+            context.timed(|| track_rigid(&measured, &planned.reference, &pose, &rigid));
+        let (motion, motion_s) = context.timed(|| tracker.fit(&measured, &state));
+        let answers = [fit.is_ok(), motion.is_ok()];
+        if let Ok(fit) = fit {
+            pose = Start::Near(fit.room_from_reference);
+        }
+        if let Ok(motion) = motion {
+            state = motion.state;
+        }
+        // The first one searches from far away and makes what is made once.
+        if round > 0 {
+            let lost = answers.iter().filter(|known| !**known).count();
+            rows.push(
+                Row::new()
+                    .text("subject", "patient")
+                    .number("device_ms", pods.duration_ns() as f64 * 1e-6)
+                    .number("decode_ms", decode_s * 1e3)
+                    .number("rigid_ms", rigid_s * 1e3)
+                    .number("motion_ms", motion_s * 1e3)
+                    .number("host_ms", (decode_s + rigid_s + motion_s) * 1e3)
+                    .number("lost", lost as f64),
+            );
+        }
+    }
+    Ok(rows)
+}
+
+/// A column's values in order.
+fn sorted(rows: &Rows, column: &str) -> Vec<f64> {
+    let mut all: Vec<f64> = part(rows, "latency").map(|row| row.value(column)).collect();
+    all.sort_by(f64::total_cmp);
+    all
+}
+
+pub(super) fn section(rows: &Rows, settings: &Settings) -> Section {
+    let mut blocks = vec![Block::Words(super::words::LATENCY.to_owned())];
+    if part(rows, "latency").next().is_some() {
+        blocks.push(Block::Table(table(rows)));
+        blocks.push(Block::Checks(checks(rows, settings)));
+    }
+    Section {
+        title: "Latency".to_owned(),
+        blocks,
+    }
+}
+
+fn table(rows: &Rows) -> Table {
+    let device = sorted(rows, "device_ms");
+    let host = sorted(rows, "host_ms");
+    let mut table = Table::new(
+        "acceptance-latency",
+        format!(
+            "Milliseconds over {} scans, by as many cores as there were: device time, and time of the \
+             host as measured beside whatever else ran on it.",
+            host.len()
+        ),
+        &["", "median", "worst", "allowed"],
+    )
+    .timed();
+    let mut row = |name: &str, [median, worst]: [f64; 2], allowed: &str| {
+        table.row([
+            name.to_owned(),
+            format!("{median:.1}"),
+            format!("{worst:.1}"),
+            allowed.to_owned(),
+        ]);
+    };
+    let [median, worst] = [0.5, 1.0].map(|share| quantile(&device, share));
+    row("device: a scan by three pods", [median, worst], "-");
+    for (column, name) in PARTS {
+        let all = sorted(rows, column);
+        let allowed = match column {
+            "host_ms" => format!("{HOST_MS}; {SUSTAINED_MS} sustained"),
+            _ => "-".to_owned(),
+        };
+        row(
+            name,
+            [0.5, 1.0].map(|share| quantile(&all, share)),
+            &allowed,
+        );
+    }
+    let hosts = [0.5, 1.0].map(|share| quantile(&host, share));
+    let total = [median + hosts[0], worst + hosts[1]];
+    row(
+        "from a scan's begin to its answers",
+        total,
+        &format!("{TOTAL_MS}"),
+    );
+    let held = hold::longest_ms(rows);
+    if held.is_finite() {
+        let total = hosts.map(|host| held + host);
+        row(
+            "from a jump at the worst moment to the beam-hold",
+            total,
+            &format!("{TOTAL_MS}"),
+        );
+    }
+    table
+}
+
+/// The quick form runs beside other tests, which its times are those of as well: it is held to answers
+/// alone.
+fn checks(rows: &Rows, settings: &Settings) -> Vec<Check> {
+    let lost: f64 = part(rows, "latency").map(|row| row.value("lost")).sum();
+    let mut checks = vec![Check::at_most("answers that are missing", lost, 0.0)];
+    if !settings.quick {
+        let (host, device) = (sorted(rows, "host_ms"), sorted(rows, "device_ms"));
+        let worst_ms = quantile(&host, 1.0);
+        checks.extend([
+            Check::at_most("host time from the last frame, in ms", worst_ms, HOST_MS),
+            Check::at_most(
+                "host time for each scan of many, in ms",
+                quantile(&host, 0.5),
+                SUSTAINED_MS,
+            ),
+            Check::at_most(
+                "from a scan's begin to its answers, in ms",
+                quantile(&device, 1.0) + worst_ms,
+                TOTAL_MS,
+            ),
+        ]);
+    }
+    checks
+}

@@ -1,0 +1,181 @@
+//! Size of the region of interest: spheres about the isocentre.
+
+use super::Effort;
+use super::answer::{
+    DEVIATIONS, ERRORS, answered, doubted, part, rms, shift_mm, track, turn_deg, worst,
+};
+use super::known::TOLERANCE;
+use super::subject::{Body, Subject, everywhere, time_ns};
+use crate::error::Result;
+use crate::host::track::{POINTS, Reference, Region, SixDof};
+use crate::study::clinic::Pods;
+use crate::study::lab::{
+    Block, Chart, Check, Context, Figure, Look, Row, Rows, Section, Series, Settings, Table, Trial,
+};
+
+pub(super) fn trials(settings: &Settings) -> Vec<Trial> {
+    let effort = Effort::of(settings);
+    vec![Trial::new(
+        "region/patient",
+        settings.seed,
+        move |context| sized(context, effort),
+    )]
+}
+
+/// The skin within a radius of the isocentre, without the back.
+fn within(subject: &Subject, radius_mm: f64) -> Region {
+    let [lo, _] = Region::CHEST;
+    let all = subject.surface.vertices.iter().zip(0u32..);
+    let near = all.filter(|(v, _)| v.length() <= radius_mm && v.z >= lo.z);
+    Region::Vertices(near.map(|(_, i)| i).collect())
+}
+
+fn sized(context: &Context<'_>, effort: Effort) -> Result<Vec<Row>> {
+    let subject = Subject::new(Body::Patient(None))?;
+    let [lo, _] = Region::CHEST;
+    let front = subject.surface.vertices.iter().filter(|v| v.z >= lo.z);
+    let nearest = front.map(|v| v.length()).fold(f64::INFINITY, f64::min);
+    let poses: Vec<SixDof> = (0..effort.region_poses)
+        .map(|k| match k {
+            0 => SixDof::default(),
+            _ => everywhere((k as f64 / 2.0).ceil() * if k % 2 == 1 { 1.0 } else { -1.0 }),
+        })
+        .collect();
+    let scene = subject.on_the_way(&poses);
+    let mut pods = Pods::new(&scene, context.seed, &|profile| effort.adapt(profile))?;
+    let mut scans = Vec::new();
+    for k in 0..poses.len() {
+        let scan = pods.scan(time_ns(k), true)?;
+        scans.push(pods.measured(&scan, POINTS));
+    }
+    let mut rows = Vec::new();
+    for beyond in effort.beyond_mm {
+        // Whole millimetres read better.
+        let radius_mm = (nearest + beyond).ceil();
+        let reference = Reference::new(&subject.surface, &within(&subject, radius_mm))?;
+        for (measured, truth) in scans.iter().zip(&poses) {
+            let fit = track(measured, &reference);
+            let row = Row::new()
+                .text("subject", "patient")
+                .number("by", radius_mm)
+                .number("area_cm2", reference.area_mm2() / 100.0);
+            rows.push(answered(row, None, &fit, truth));
+        }
+    }
+    Ok(rows)
+}
+
+/// Rows by their radius, in the order of radii.
+fn radii(rows: &Rows) -> Vec<(f64, Vec<&Row>)> {
+    let mut found: Vec<(f64, Vec<&Row>)> = Vec::new();
+    for row in part(rows, "region") {
+        let radius = row.value("by");
+        match found.last_mut() {
+            Some((last, all)) if *last == radius => all.push(row),
+            _ => found.push((radius, vec![row])),
+        }
+    }
+    found
+}
+
+/// RMS of errors and of their predicted deviations, over three directions (length of the vector).
+fn both(rows: &[&Row], first: usize) -> [f64; 2] {
+    [ERRORS, DEVIATIONS].map(|columns| {
+        let all = rows.iter();
+        let all = all.flat_map(|row| (0..3).map(move |k| row.value(columns[first + k])));
+        rms(all.filter(|v| v.is_finite())) * 3f64.sqrt()
+    })
+}
+
+pub(super) fn section(rows: &Rows) -> Section {
+    let mut blocks = vec![Block::Words(super::words::REGION.to_owned())];
+    if !radii(rows).is_empty() {
+        blocks.extend([
+            Block::Table(table(rows)),
+            Block::Figure(figure(rows)),
+            Block::Checks(checks(rows)),
+        ]);
+    }
+    Section {
+        title: "Size of the region of interest".to_owned(),
+        blocks,
+    }
+}
+
+fn table(rows: &Rows) -> Table {
+    let mut table = Table::new(
+        "acceptance-region",
+        "The skin of the patient within spheres about the isocentre, the couch displaced in all six \
+         directions: RMS error of the place (mm) and of the angles (degrees; lengths of the vectors) \
+         beside the deviations that the tracker predicts. A motion that it says is not determined has \
+         a predicted deviation of its range, 50 mm.",
+        &[
+            "radius in mm",
+            "area in cm2",
+            "place",
+            "predicted",
+            "angles",
+            "predicted",
+            "with a warning",
+        ],
+    );
+    for (radius, all) in radii(rows) {
+        let [place, place_sd] = both(&all, 0);
+        let [angle, angle_sd] = both(&all, 3);
+        let count = all.len();
+        table.row([
+            format!("{radius}"),
+            format!("{:.0}", all[0].value("area_cm2")),
+            format!("{place:.3}"),
+            format!("{place_sd:.3}"),
+            format!("{angle:.4}"),
+            format!("{angle_sd:.4}"),
+            format!("{} of {count}", doubted(all.into_iter())),
+        ]);
+    }
+    table
+}
+
+fn figure(rows: &Rows) -> Figure {
+    let radii = radii(rows);
+    let series = ["found", "predicted"].map(|name| {
+        let points = radii.iter().map(|(_, all)| {
+            let [found, predicted] = both(all, 0);
+            let y = if name == "found" { found } else { predicted };
+            (all[0].value("area_cm2"), y)
+        });
+        Series::new(name, Look::Both, points)
+    });
+    let chart = Chart {
+        heading: "Error of the place".to_owned(),
+        x: "area of the region (cm2)".to_owned(),
+        y: "RMS error (mm)".to_owned(),
+        log: [true, true],
+        series: series.into(),
+    };
+    Figure {
+        name: "acceptance-region".to_owned(),
+        caption:
+            "RMS error of the tracked place by the area of the region, and the deviation that \
+                  the tracker predicts."
+                .to_owned(),
+        sheet: chart.sheet(),
+    }
+}
+
+/// Whatever the size, an answer is good enough or comes with a warning.
+fn checks(rows: &Rows) -> Vec<Check> {
+    let silent = part(rows, "region").filter(|row| row.get("warnings").is_empty());
+    vec![
+        Check::at_most(
+            "worst error of the place without a warning, in mm",
+            worst(silent.clone().map(shift_mm).chain([0.0])),
+            TOLERANCE[0],
+        ),
+        Check::at_most(
+            "worst error of the angles without a warning, in degrees",
+            worst(silent.map(turn_deg).chain([0.0])),
+            TOLERANCE[1],
+        ),
+    ]
+}
