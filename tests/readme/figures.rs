@@ -39,7 +39,13 @@ fn tables_are_those_of_the_studies() {
         let printed = snapshot(&format!("{name}.md"));
         assert!(printed.contains(&table), "study {name} has no\n{table}");
     }
-    for name in ["paper", "noise", "work-precision.quick"] {
+    for name in [
+        "paper",
+        "noise",
+        "work-precision.quick",
+        "sgrt.quick",
+        "acceptance.quick",
+    ] {
         assert!(found.iter().any(|(known, _)| *known == name), "{name}");
     }
 }
