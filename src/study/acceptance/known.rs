@@ -51,7 +51,11 @@ fn displacements(effort: Effort) -> Vec<(usize, f64)> {
             effort.turns_deg
         };
         for &by in steps {
-            all.extend([(k, -by), (k, by)]);
+            let here = if k % 2 == 0 { by } else { -by };
+            all.push((k, here));
+            if effort.both_ways {
+                all.push((k, -here));
+            }
         }
     }
     all

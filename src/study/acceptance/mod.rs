@@ -33,7 +33,9 @@ pub struct Acceptance;
 struct Effort {
     /// Columns and rows of the pods' cameras, which see the same as the profile's.
     size_px: [u32; 2],
-    /// Shifts in millimetres and turns in degrees, each either way along and about each axis.
+    /// Shifts in millimetres and turns in degrees, each along and about each axis; either way, or this
+    /// way along one axis and that way along the next.
+    both_ways: bool,
     shifts_mm: &'static [f64],
     turns_deg: &'static [f64],
     /// Device times in seconds of scans while the light fades, and of pods that have warmed.
@@ -61,6 +63,7 @@ impl Effort {
         match settings.quick {
             true => Self {
                 size_px: [320, 240],
+                both_ways: false,
                 shifts_mm: &[10.0],
                 turns_deg: &[2.0],
                 hour_s: &[0.0, 900.0, 3600.0],
@@ -76,6 +79,7 @@ impl Effort {
             },
             false => Self {
                 size_px: [640, 480],
+                both_ways: true,
                 shifts_mm: &[1.0, 5.0, 10.0, 20.0],
                 turns_deg: &[0.5, 1.0, 2.0, 3.0],
                 hour_s: &[
