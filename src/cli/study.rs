@@ -110,7 +110,8 @@ fn revision() -> String {
     let known: Vec<String> = built.into_iter().chain(sum).collect();
     match known.is_empty() {
         true => "unknown".to_owned(),
-        false => known.join(", "),
+        // No comma: it stands in every row of a CSV.
+        false => known.join(" "),
     }
 }
 
