@@ -77,7 +77,7 @@ impl Pod {
         let [width, height] = [camera.width_px, camera.height_px].map(|n| n as usize);
         let manifest = self.profile.manifest(&self.profile.sequence[0]);
         self.decoder = Decoder::new(&manifest, width, height, Some(rig), Options::default())?;
-        self.rig = rig.clone();
+        self.rig = *rig;
         Ok(())
     }
 
