@@ -199,12 +199,12 @@ fn grey_levels_agree_away_from_edges_and_are_bounded_on_them() {
                     let px = DVec2::new(u as f64, v as f64);
                     (f64::from(fast[i]) - reference.signal_dn(px, slide, 8e-3, rays)).abs()
                 };
-                let rays = if mesh { 300 } else { 2584 };
+                let rays = if mesh { 512 } else { 2048 };
                 // Images of two dimensions are averaged over a rectangle, not the parallelogram.
                 let picture = matches!(**slide, Slide::Picture { .. });
                 let bar = match (picture, scene.name.as_str()) {
                     (true, _) => 6.0,
-                    // Spheres of 20 pixels, whose footprints are curved; 300 rays on the mesh.
+                    // Spheres of 20 pixels, whose footprints are curved; 512 rays on the mesh.
                     (_, "solids") => 2.5,
                     (_, "mesh") => 1.0,
                     _ => 0.5,
