@@ -1,7 +1,7 @@
 //! The surface where a volume passes through a level: a patient's skin in a CT.
 //!
 //! Marching cubes (Lorensen, Cline 1987) over one bit a voxel, with the cells' triangles not copied
-//! from a table of somebody's but derived, see [`table`]. Every vertex stands on an edge between
+//! from a table of somebody's but derived (`table`). Every vertex stands on an edge between
 //! two voxels, where trilinear interpolation is linear, so that it lies on the interpolated level
 //! itself. The mesh is closed (what the volume's border cuts is capped there), manifold, and its
 //! normals point to the lower numbers.

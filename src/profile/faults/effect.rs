@@ -97,7 +97,7 @@ pub enum Bits {
 
 impl Fault {
     /// What it amounts to: its parameters, and for those that are absent what stands in
-    /// [`Kind::ALL`]. Out of a fault that has not been checked, values are brought into their ranges.
+    /// the list of kinds ([`Kind`](super::Kind)). Out of a fault that has not been checked, values are brought into their ranges.
     pub fn effect(&self) -> Effect {
         let ns = |ms: Option<f64>, default: f64| (ms.unwrap_or(default).max(0.0) * 1e6) as u64;
         let count = |default: u32| self.count.unwrap_or(default).clamp(1, 1_000_000);

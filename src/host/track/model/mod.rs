@@ -40,7 +40,7 @@ pub struct ModelOptions {
     /// tenth of a breath between skin and tumour is less than a hundredth of the variance and
     /// millimetres of the tumour, so this is near 1.
     pub energy: f64,
-    /// Components at most, 1 to [`MOST_COMPONENTS`].
+    /// Components at most, 1 to 6.
     pub most: usize,
 }
 
