@@ -43,7 +43,7 @@ fn tables_are_those_of_the_studies() {
         "paper",
         "noise",
         "work-precision.quick",
-        "sgrt.quick",
+        "sgrt",
         "acceptance.quick",
     ] {
         assert!(found.iter().any(|(known, _)| *known == name), "{name}");
