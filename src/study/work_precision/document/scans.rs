@@ -201,7 +201,7 @@ fn scan_figure(scans: &[&Row], best: &[bool]) -> Figure {
     let on = scans.iter().zip(best).filter(|(_, best)| **best);
     let mut on: Vec<(f64, f64)> = on.map(|(row, _)| point(row)).collect();
     on.sort_by(|a, b| a.0.total_cmp(&b.0));
-    series.push(Series::new("Pareto front", Look::Line, on));
+    series.push(Series::new("Pareto front", Look::Dashed, on));
     figure(
         "work-precision-scans",
         "Error of scans with noise against the time to render and decode them.",
