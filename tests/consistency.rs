@@ -6,7 +6,7 @@ use phasma::error::Error;
 use phasma::host::{
     Camera, Captured, MemoryCamera, MemoryPort, ScanOptions, Scanner, check_sequence,
 };
-use phasma::pattern::Manifest;
+use phasma::pattern::{Axis, Manifest, Pattern};
 use phasma::profile::{Profile, Response, Scene};
 use phasma::protocol::Frame;
 use std::sync::Arc;
@@ -187,7 +187,6 @@ fn every_fault_of_four_steps_is_found_and_no_sound_capture_doubted() {
     every_fault_is_found("webcam-grey");
 }
 
-/// `webcam-grey` with another sequence.
 /// Light of a tenth to twice the usual, ambient light, response curves: what disturbs all frames alike
 /// is no damage. The middle of each camera sees it.
 #[test]
@@ -504,5 +503,39 @@ fn a_frame_torn_anywhere_is_told() {
             }
         }
         assert!(torn_frames > 10, "{name}, {scene}: {torn_frames} tears");
+    }
+}
+
+/// Patterns down the image change one frame along a row where a code has an edge: that is no tear.
+#[test]
+fn patterns_down_the_image_are_not_torn() {
+    let mut across = profile("webcam-grey", 1.0);
+    let wide = |frame: &mut phasma::pattern::ManifestFrame| match &mut frame.pattern {
+        Pattern::Fringe {
+            axis, period_px, ..
+        } => {
+            (*axis, *period_px) = (Axis::Y, 64.0);
+            true
+        }
+        Pattern::Gray {
+            axis,
+            cell_px,
+            bits,
+            bit,
+            ..
+        } => {
+            let kept = *bits == 6 && *bit < 3;
+            (*axis, *cell_px, *bits) = (Axis::Y, 64.0, 3);
+            kept
+        }
+        _ => true,
+    };
+    across.sequence.truncate(1);
+    across.sequence[0].frame.retain_mut(wide);
+    assert_eq!(across.sequence[0].frame.len(), 4 + 3 + 2);
+    for scene in ["plane", "sphere", "torso"] {
+        let captured = scan(&across, scene, |frames| frames, 0);
+        let captured = captured.unwrap_or_else(|e| panic!("{scene}: {e}"));
+        assert!(check_sequence(&captured.manifest, &captured.frames).is_ok());
     }
 }

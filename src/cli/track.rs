@@ -18,8 +18,6 @@ use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::time::{Duration, Instant};
 use table::{Row, Table};
 
-/// How far off a patient is looked for at first.
-const RANGE_MM: f64 = 50.0;
 /// Longest timeout in seconds.
 const MAX_TIMEOUT_S: f64 = 3600.0;
 
@@ -163,10 +161,7 @@ fn follow(
     let tracker = MotionTracker::new(&planned.reference, &planned.model, Pose::IDENTITY, &options)?;
     let mut sights: Vec<Sight> = pods.iter().map(Sight::new).collect();
     let mut state = MotionState::mean(&planned.model);
-    let mut start = Start::Within {
-        around: Pose::IDENTITY,
-        range_mm: RANGE_MM,
-    };
+    let mut start = Start::SET_UP;
     let target = planned.tumour_mm();
     let begin = Instant::now();
     let most = POINTS / pods.len().max(1);

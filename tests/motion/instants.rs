@@ -149,3 +149,56 @@ fn meshes_that_do_not_fit_are_refused() {
         );
     }
 }
+
+/// What goes no farther than an eighth of a pixel is looked at once, whatever is asked for, and is a
+/// mean over many parts of the exposure all the same; what goes farther is not. Rows that follow count
+/// too: what rests while the first row is exposed may go while the last one is.
+#[test]
+fn what_hardly_goes_is_looked_at_once() {
+    let profile = bench();
+    let (_, slide) = fringe(&profile, 16.0, 0.4);
+    let mean = |mm: f64, from_s: f64| {
+        let object = format!(
+            "shape = {{ kind = \"sphere\", radius_mm = 60.0 }}\nalbedo = 0.5\nposition_mm = [0, 0, 980]\n\
+             motion = {{ keyframes = [ {{ time_s = 0.0 }}, {{ time_s = {from_s} }},\n\
+             {{ time_s = {}, position_mm = [{mm}, 0, 0] }} ] }}\n",
+            from_s + 0.008
+        );
+        room(&object, Path::new(""))
+    };
+    let exposure = shot(&slide, 0, 8 * MS);
+    let expected = |scene: &Scene, time_samples, shot: &Shot| {
+        instants(&profile, scene, time_samples).expected_dn(shot)
+    };
+    // A pixel sees 1.45 mm there.
+    let slow = mean(0.15, 1e-5);
+    let once = expected(&slow, 1, &exposure);
+    assert_eq!(once, expected(&slow, 8, &exposure), "a tenth of a pixel");
+    let black = profile.camera.sensor.black_level_dn as f32;
+    let mut parts = instants(&profile, &slow, 1);
+    let mut sum = vec![0.0f32; once.len()];
+    for i in 0..16 {
+        let part = shot(&slide, i * MS / 2, MS / 2);
+        let part = parts.expected_dn(&part);
+        sum.iter_mut()
+            .zip(part)
+            .for_each(|(sum, dn)| *sum += dn - black);
+    }
+    let off = once
+        .iter()
+        .zip(&sum)
+        .map(|(once, sum)| (once - black - sum).abs());
+    let far = off.filter(|off| *off > 0.1).count();
+    assert!(far < once.len() / 1000, "{far} of {}", once.len());
+    let quick = mean(3.0, 1e-5);
+    assert_ne!(
+        expected(&quick, 1, &exposure),
+        expected(&quick, 8, &exposure)
+    );
+    // It rests for 20 ms, and the last rows are exposed while it goes.
+    let late = mean(3.0, 0.02);
+    let mut rolling = exposure.clone();
+    rolling.shutter.line_time_ns = 40_000;
+    rolling.shutter.rows = profile.camera.height_px;
+    assert_ne!(expected(&late, 1, &rolling), expected(&late, 8, &rolling));
+}

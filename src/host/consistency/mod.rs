@@ -125,7 +125,7 @@ fn examine(manifest: &Manifest, frames: &[Frame], identified: bool) -> Result<()
             .and_then(|()| everywhere(&plan, axis, &scatter));
         found.map_err(departs)?;
     }
-    torn::check(frames, noise_dn).map_err(departs)
+    torn::check(&plan, frames, noise_dn).map_err(departs)
 }
 
 fn departs(what: String) -> String {

@@ -3,8 +3,15 @@
 //! From one row to the next a sound frame hardly changes, but where a Gray code's edge passes, a
 //! surface ends or a texture does; the last two change other frames too. A frame that is torn changes
 //! along a whole row, and alone. So one pair of rows tells it, however few rows are below.
+//!
+//! Patterns down the image change one frame along a row too, where a code has an edge, but all of it
+//! from dark to bright or all of it from bright to dark. Rows of another pattern change it both ways,
+//! and a frame of such a pattern has to change so. (As elsewhere here, the camera is not rolled against
+//! the projector by much.)
 
 use super::grid::{full_scale, value};
+use crate::decode::Plan;
+use crate::pattern::Axis;
 use crate::protocol::Frame;
 use rayon::prelude::*;
 
@@ -20,6 +27,8 @@ const SIGMAS: f32 = 6.0;
 const SHARE: f64 = 0.25;
 /// and how many at least.
 const LEAST: usize = 16;
+/// Part of a row's pixels that have to become brighter, and darker, of a pattern down the image.
+const EACH_WAY: f64 = 0.05;
 
 /// What a column has seen of the frames.
 #[derive(Clone, Copy)]
@@ -30,16 +39,25 @@ struct Seen {
     frame: usize,
     most: f32,
     second: f32,
+    /// Whether it becomes brighter.
+    brighter: bool,
 }
 
 /// Whether some frame changes along a row in which no other does. Frames are of one size.
-pub(super) fn check(frames: &[Frame], noise_dn: f32) -> Result<(), String> {
+pub(super) fn check(plan: &Plan, frames: &[Frame], noise_dn: f32) -> Result<(), String> {
     let Some((width, height)) = frames
         .first()
         .map(|f| (f.width as usize, f.height as usize))
     else {
         return Ok(());
     };
+    let mut down = vec![false; frames.len()];
+    for axis in plan.axes.iter().filter(|axis| axis.axis == Axis::Y) {
+        let sets = axis.sets.iter().flat_map(|set| set.frames.iter().copied());
+        let bits = axis.gray.iter().flat_map(|code| &code.bits);
+        let bits = bits.flat_map(|bit| [bit.plain, bit.inverse]).flatten();
+        sets.chain(bits).for_each(|frame| down[frame] = true);
+    }
     let stride = width.div_ceil(COLUMNS).max(1);
     let full = full_scale(
         (0..width * height)
@@ -48,8 +66,8 @@ pub(super) fn check(frames: &[Frame], noise_dn: f32) -> Result<(), String> {
     );
     let torn = |row: usize| {
         let columns = columns(frames, [(row - 1) * width, row * width], (width, stride));
-        let mut counts = vec![0usize; frames.len()];
-        let mut lit = 0;
+        let mut counts = vec![[0usize; 2]; frames.len()];
+        let mut lit = 0u32;
         for seen in columns {
             let range = seen.high - seen.low;
             let quiet = (QUIET * range).max(SIGMAS * noise_dn);
@@ -59,12 +77,18 @@ pub(super) fn check(frames: &[Frame], noise_dn: f32) -> Result<(), String> {
             }
             lit += 1;
             if seen.most > (LOUD * range).max(2.0 * quiet) && seen.second < quiet {
-                counts[seen.frame] += 1;
+                counts[seen.frame][usize::from(seen.brighter)] += 1;
             }
         }
-        let (frame, count) = counts.into_iter().enumerate().max_by_key(|(_, n)| *n)?;
-        let much = count >= LEAST && count as f64 > SHARE * lit as f64;
-        much.then_some((frame, row))
+        let part = |count: usize| count as f64 / f64::from(lit);
+        let is_torn = |(frame, ways): (usize, &[usize; 2])| {
+            let both = ways[0] + ways[1];
+            both >= LEAST
+                && part(both) > SHARE
+                && (!down[frame] || ways.iter().all(|way| part(*way) > EACH_WAY))
+        };
+        let frame = counts.iter().enumerate().position(is_torn)?;
+        Some((frame, row))
     };
     match (1..height).into_par_iter().filter_map(torn).min() {
         None => Ok(()),
@@ -88,6 +112,7 @@ fn columns(
         frame: 0,
         most: 0.0,
         second: 0.0,
+        brighter: false,
     };
     let mut columns = vec![nothing; width.div_ceil(stride)];
     for (number, frame) in frames.iter().enumerate() {
@@ -98,7 +123,7 @@ fn columns(
             seen.high = seen.high.max(upper);
             if change > seen.most {
                 seen.second = seen.most;
-                (seen.most, seen.frame) = (change, number);
+                (seen.most, seen.frame, seen.brighter) = (change, number, lower > upper);
             } else {
                 seen.second = seen.second.max(change);
             }

@@ -1,7 +1,9 @@
 //! What is tracked of a chest as a rule, by the command line and by studies.
 
 use super::fit::{FitOptions, SetUp};
+use super::rigid::Start;
 use super::surface::Region;
+use crate::geometry::Pose;
 use glam::DVec3;
 
 /// Points of a scan that are fitted, of all pods together: more of them say nothing new, for their
@@ -24,6 +26,14 @@ impl Region {
         let [lo, hi] = Self::CHEST;
         Self::Box { lo, hi }
     }
+}
+
+impl Start {
+    /// A patient who was set up by hand, somewhere near the planned place.
+    pub const SET_UP: Self = Self::Within {
+        around: Pose::IDENTITY,
+        range_mm: 50.0,
+    };
 }
 
 impl FitOptions {

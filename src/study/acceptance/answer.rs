@@ -1,15 +1,11 @@
 //! What the rigid tracker says of a scan, against the displacement that the couch has made.
 
-use crate::geometry::Pose;
 use crate::host::track::{
     Freedom, Lost, Measured, Reference, RigidFit, RigidOptions, SixDof, Start, Warning, six,
     track_rigid,
 };
 use crate::study::lab::{Row, Rows};
 use glam::DVec3;
-
-/// How far from the planned place the tracker looks, in millimetres, as `phasma track` does.
-const RANGE_MM: f64 = 50.0;
 
 /// Columns of the six errors, measured less true, in the order of [`six::NAMES`].
 pub(super) const ERRORS: [&str; 6] = [
@@ -32,11 +28,12 @@ pub(super) const DEVIATIONS: [&str; 6] = [
 
 /// Tracks from the planned place, as after set-up.
 pub(super) fn track(measured: &Measured, reference: &Reference) -> Result<RigidFit, Lost> {
-    let start = Start::Within {
-        around: Pose::IDENTITY,
-        range_mm: RANGE_MM,
-    };
-    track_rigid(measured, reference, &start, &RigidOptions::default())
+    track_rigid(
+        measured,
+        reference,
+        &Start::SET_UP,
+        &RigidOptions::default(),
+    )
 }
 
 /// The six numbers as seen from an answer to an earlier scan: what a reference surface that the scanner

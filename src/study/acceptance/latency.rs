@@ -58,10 +58,7 @@ fn timed(context: &Context<'_>, effort: Effort) -> Result<Vec<Row>> {
                 .collect(),
         );
     }
-    let mut pose = Start::Within {
-        around: Pose::IDENTITY,
-        range_mm: 50.0,
-    };
+    let mut pose = Start::SET_UP;
     let mut state = MotionState::mean(&planned.model);
     let mut rows = Vec::new();
     for round in 0..=effort.timed_rounds {

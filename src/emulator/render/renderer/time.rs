@@ -21,12 +21,14 @@ pub(super) enum Light {
 /// of ten pixels' period that leaves 3e-4 of their modulation unsaid.
 const STILL_PX: f64 = 0.125;
 
-/// Whether the camera sees something go meanwhile. What swings to and fro goes all the way, so that
-/// it is asked for at each of the instants that would be looked at.
-fn goes(world: &World, shot: &Shot, count: u32, rad_per_px: f64) -> bool {
+/// Whether the camera sees something go from the first row's start to the last row's end. What swings
+/// to and fro goes all the way, so that it is asked for at each of the instants that would be looked
+/// at.
+fn goes(world: &World, shot: &Shot, shutter: Shutter, count: u32, rad_per_px: f64) -> bool {
+    let whole_ns = shot.exposure_ns as f64 + shutter.skew_ns() as f64;
     let at = |i: u32| {
         let share = f64::from(i) / f64::from(count);
-        world.state(shot.start_ns as f64 + shot.exposure_ns as f64 * share)
+        world.state(shot.start_ns as f64 + whole_ns * share)
     };
     let (mut last, mut way) = (at(0), 0.0);
     for i in 1..=count {
@@ -78,7 +80,13 @@ impl Renderer {
         let most = self.options.time_samples;
         let camera = &self.profile.camera;
         let pitch_mm = camera.sensor_width_mm / f64::from(camera.width_px);
-        let goes = goes(world, shot, most, pitch_mm / camera.focal_length_mm);
+        let goes = goes(
+            world,
+            shot,
+            shutter,
+            most,
+            pitch_mm / camera.focal_length_mm,
+        );
         let parts = parts(world, shot, shutter, if goes { most } else { 1 });
         let some = |(moment, part)| (Some(moment), part);
         parts.into_iter().map(some).collect()
