@@ -1,6 +1,7 @@
 //! Frames that only count: a lost, exchanged or repeated one is told from the pictures alone, and a
 //! sound capture is never doubted.
 
+use phasma::decode::Options;
 use phasma::emulator::{Bench, Firmware, FrameSink, Renderer};
 use phasma::error::Error;
 use phasma::host::{
@@ -447,6 +448,50 @@ fn missing_rows_and_flipped_bits_of_fringes_are_found() {
     }
 }
 
+/// Depths of a capture, as any application decodes it; none where a check refuses it.
+fn depths(captured: &Captured) -> Option<Vec<f32>> {
+    captured.check_modulation().ok()?;
+    let decoded = captured.decode(Options::default());
+    Some(decoded.ok()?.1.depth)
+}
+
+/// Rows that any one frame lacks, whatever it shows: told, or hardly a point is elsewhere.
+#[test]
+fn rows_missing_in_any_frame_are_told_or_move_hardly_a_point() {
+    for (name, scene) in [("webcam-grey", "sphere"), ("dlp-evm", "torso")] {
+        let captured = scan(&profile(name, 1.0), scene, |frames| frames, 0).unwrap();
+        let sound = depths(&captured).unwrap();
+        let width = captured.frames[0].width as usize;
+        let height = captured.frames[0].height as usize;
+        let mut told = 0;
+        for k in 0..captured.frames.len() {
+            for (rows, row) in [
+                (1, height / 8),
+                (1, height / 4),
+                (1, height / 2),
+                (2, height / 3),
+            ] {
+                let mut bad = captured.clone();
+                bad.frames = changed(&captured, k, |data| {
+                    let end = data.len() - rows * width;
+                    data.copy_within((row + rows) * width.., row * width);
+                    data[end..].fill(0);
+                });
+                let found = check_sequence(&bad.manifest, &bad.frames).is_ok();
+                let Some(depth) = found.then(|| depths(&bad)).flatten() else {
+                    told += 1;
+                    continue;
+                };
+                let gross = |(a, b): &(&f32, &f32)| (*a - *b).abs() > 1.0;
+                let moved = depth.iter().zip(&sound).filter(gross).count();
+                let what = format!("{name}, {scene}: {rows} rows of frame {k} from {row}");
+                assert!(moved <= 2, "{what}: {moved} points are elsewhere");
+            }
+        }
+        assert!(told >= 40, "{name}, {scene}: {told} told");
+    }
+}
+
 /// Bit planes that an exposure misses leave steps in the fringes, the same in every frame.
 #[test]
 fn an_exposure_that_does_not_cover_the_patterns_is_named() {
@@ -537,5 +582,33 @@ fn patterns_down_the_image_are_not_torn() {
         let captured = scan(&across, scene, |frames| frames, 0);
         let captured = captured.unwrap_or_else(|e| panic!("{scene}: {e}"));
         assert!(check_sequence(&captured.manifest, &captured.frames).is_ok());
+    }
+}
+
+/// A camera on its side sees patterns across the projector down its image.
+#[test]
+fn a_camera_on_its_side_is_not_doubted() {
+    for (name, scene) in [
+        ("webcam-grey", "torso"),
+        ("webcam-grey", "plane"),
+        ("pmp-bench", "sphere"),
+    ] {
+        let captured = scan(&profile(name, 1.0), scene, |frames| frames, 0).unwrap();
+        let turned = |frame: &Frame| {
+            let (width, height) = (frame.width as usize, frame.height as usize);
+            let pixel = |at: usize| frame.data[at % height * width + at / height];
+            Frame {
+                width: frame.height,
+                height: frame.width,
+                data: (0..width * height).map(pixel).collect(),
+                ..frame.clone()
+            }
+        };
+        let frames: Vec<Frame> = captured.frames.iter().map(turned).collect();
+        assert_eq!(
+            check_sequence(&captured.manifest, &frames),
+            Ok(()),
+            "{name}, {scene}"
+        );
     }
 }

@@ -117,6 +117,7 @@ parsers!(
     usb_address,
     manifest,
     rig,
+    endpoints,
     profile,
     station,
     dialect,

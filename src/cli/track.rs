@@ -4,15 +4,14 @@ mod pod;
 mod table;
 
 use crate::error::{Error, Result};
-use crate::geometry::Pose;
 use crate::host::track::{
-    Beam, FitOptions, Hold, HoldRules, Measured, ModelOptions, MotionState, MotionTracker, POINTS,
-    Planned, Quantity, Reading, Region, RigidOptions, Start, track_rigid,
+    Answers, Beam, Follower, Hold, HoldRules, Measured, ModelOptions, POINTS, Planned, Quantity,
+    Reading, Region, Sight,
 };
 use crate::patient::planning::Planning;
 use crate::profile::{Configuration, Station, StationDevice};
 use glam::DVec3;
-use pod::{Address, Sight, Source, Taken};
+use pod::{Address, Source, Taken};
 use std::path::PathBuf;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::time::{Duration, Instant};
@@ -157,11 +156,8 @@ fn follow(
     mut table: Table,
 ) -> Result<()> {
     let mut hold = Hold::new(HoldRules::default())?;
-    let options = FitOptions::by_hand();
-    let tracker = MotionTracker::new(&planned.reference, &planned.model, Pose::IDENTITY, &options)?;
-    let mut sights: Vec<Sight> = pods.iter().map(Sight::new).collect();
-    let mut state = MotionState::mean(&planned.model);
-    let mut start = Start::SET_UP;
+    let mut follower = Follower::new(planned)?;
+    let mut sights: Vec<Sight> = pods.iter().map(Address::sight).collect();
     let target = planned.tumour_mm();
     let begin = Instant::now();
     let most = POINTS / pods.len().max(1);
@@ -175,26 +171,13 @@ fn follow(
                 break 'scans;
             };
             let arrived = Instant::now();
-            let doubt = sight.measure(&taken, &mut measured, most)?;
+            let doubt = sight.measure(&taken.captured, taken.identified, &mut measured, most)?;
             reading.warnings.extend(doubt);
             decoding += arrived.elapsed();
             time_ns = taken.end_ns.max(time_ns);
             last_frame = taken.arrived.max(last_frame);
         }
-        let (rigid, fit) = rayon::join(
-            || {
-                track_rigid(
-                    &measured,
-                    &planned.reference,
-                    &start,
-                    &RigidOptions::default(),
-                )
-            },
-            || tracker.fit(&measured, &state),
-        );
-        if let Ok(rigid) = &rigid {
-            start = Start::Near(rigid.room_from_reference);
-        }
+        let Answers { rigid, motion: fit } = follower.answer(&measured);
         match &fit {
             Ok(fit) => {
                 let off = fit.tumour_mm - target;
@@ -208,12 +191,8 @@ fn follow(
                 });
                 let warnings = fit.warnings.iter().map(ToString::to_string);
                 reading.warnings.extend(warnings);
-                state = fit.state.clone();
             }
-            Err(lost) => {
-                reading.warnings.push(lost.to_string());
-                state = MotionState::mean(&planned.model);
-            }
+            Err(lost) => reading.warnings.push(lost.to_string()),
         }
         let host_ms = last_frame.elapsed().as_secs_f64() * 1e3;
         let beam: Beam = hold.update(time_ns, &reading).clone();

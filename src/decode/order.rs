@@ -17,6 +17,9 @@ const EDGE_CONTRAST: f32 = 0.25;
 const TWO_PLACES: f32 = 0.5;
 /// Part of a period by which a fringe set may contradict the only candidate.
 const MISFIT: f32 = 0.15;
+/// Standard deviations that are looked at first on either side of a set's positions: of what lies
+/// beyond, nothing can compete with a candidate that only noise has moved.
+const SPREAD: f32 = 8.0;
 /// Part of a cell by which a phase may lie beyond its cell's edge, whichever bit is the weakest:
 /// response curves move it so far.
 const OFF_CELL: f32 = 0.0625;
@@ -42,49 +45,69 @@ impl Ensemble {
     pub(super) fn best(&self, wrapped: &[f32], variance: &[f32], lo: f32, hi: f32) -> Candidate {
         // Only candidates near all sets' positions matter, as long as the best is good enough that
         // nothing beyond could compete: what is farther than its reach from a set's positions costs at
-        // least the square of the reach over both variances.
-        let last = self.periods.len() - 1;
-        let near = |j: usize| {
-            let spread = variance[j] + variance[0];
-            (8.0 * spread.sqrt()).max(MISFIT * self.periods[j])
-        };
+        // least the square of the reach over both variances. Noise alone takes a candidate or two;
+        // what errs by more than noise, a few; what is left, all.
+        let spread = |j: usize| SPREAD * (variance[j] + variance[0]).sqrt();
+        let narrow = |j: usize| spread(j);
+        let wide = |j: usize| spread(j).max(MISFIT * self.periods[j]);
+        if let Some(found) = self.within(wrapped, variance, [lo, hi], narrow) {
+            return found;
+        }
+        if let Some(found) = self.within(wrapped, variance, [lo, hi], wide) {
+            return found;
+        }
         let half = |j: usize| 0.5 * self.periods[j];
-        let mut beyond = f32::INFINITY;
-        for j in 1..=last {
-            if near(j) < half(j) {
-                beyond = beyond.min(near(j) * near(j) / (variance[j] + variance[0]));
-            }
-        }
-        if beyond.is_finite() {
-            let found = self.among(wrapped, variance, [lo, hi], beyond, near);
-            if found.certain {
-                return found;
-            }
-        }
-        self.among(wrapped, variance, [lo, hi], f32::INFINITY, half)
+        self.among(wrapped, variance, [lo, hi], half)
+            .found(f32::INFINITY)
     }
 
-    /// [`Self::best`] among candidates within a reach of each set's positions; one beyond costs at
-    /// least `beyond`.
+    /// [`Self::best`] by candidates within a reach of each set's positions, where no other could change
+    /// it.
     #[inline]
-    fn among(
+    fn within(
         &self,
         wrapped: &[f32],
         variance: &[f32],
-        [lo, hi]: [f32; 2],
-        beyond: f32,
+        range: [f32; 2],
         reach: impl Fn(usize) -> f32,
-    ) -> Candidate {
+    ) -> Option<Candidate> {
+        let mut beyond = f32::INFINITY;
+        for j in 1..self.periods.len() {
+            if reach(j) < 0.5 * self.periods[j] {
+                beyond = beyond.min(reach(j) * reach(j) / (variance[j] + variance[0]));
+            }
+        }
+        if beyond == f32::INFINITY {
+            return None;
+        }
+        let search = self.among(wrapped, variance, range, reach);
+        let found = search.found(beyond);
+        // The best of all, which another that was seen makes uncertain already.
+        let settled = search.best.0 < beyond
+            && search.second.is_finite()
+            && !search.is_certain(search.second);
+        (found.certain || settled).then_some(found)
+    }
+
+    /// Looks at candidates within a reach of each set's positions.
+    #[inline]
+    fn among<'a>(
+        &'a self,
+        wrapped: &'a [f32],
+        variance: &'a [f32],
+        [lo, hi]: [f32; 2],
+        reach: impl Fn(usize) -> f32,
+    ) -> Search<'a> {
         let mut search = Search {
             periods: &self.periods,
             wrapped,
             variance,
             total: variance.iter().map(|v| 1.0 / v).sum(),
             best: (f32::INFINITY, 0.0, 0.0),
-            second: beyond,
+            second: f32::INFINITY,
         };
         search.coarse(self.periods.len() - 1, lo, hi, &reach);
-        search.found()
+        search
     }
 }
 
@@ -151,20 +174,24 @@ impl Search<'_> {
         }
     }
 
-    fn found(&self) -> Candidate {
-        let (second, total) = (self.second, self.total);
-        let (cost, x, misfit) = self.best;
+    /// What is found, where candidates that were not looked at cost at least `beyond`.
+    fn found(&self, beyond: f32) -> Candidate {
+        Candidate {
+            x: self.best.1,
+            variance: 1.0 / self.total,
+            certain: self.is_certain(self.second.min(beyond)),
+        }
+    }
+
+    /// Whether the best is certain beside another of a cost.
+    fn is_certain(&self, second: f32) -> bool {
+        let (cost, _, misfit) = self.best;
         // Errors other than noise (response curves, defocus) grow with the fringe, so the best
         // must also be less than half as far off as the next, whatever the noise.
-        let certain = if second.is_finite() {
+        if second.is_finite() {
             second - cost >= GAP && cost <= 0.25 * second
         } else {
             cost.is_finite() && misfit <= MISFIT
-        };
-        Candidate {
-            x,
-            variance: 1.0 / total,
-            certain,
         }
     }
 }
@@ -324,12 +351,14 @@ mod tests {
             let variance = periods.map(|p| (noise * p).powi(2) + 1e-4);
             let found = ensemble.best(&wrapped, &variance, -1.5, 912.5);
             let half = |j: usize| 0.5 * periods[j];
-            let all = ensemble.among(&wrapped, &variance, [-1.5, 912.5], f32::INFINITY, half);
-            assert_eq!(found.certain, all.certain, "{x} {noise}");
-            if found.certain {
-                certain += 1;
-                assert_eq!(found.x, all.x);
-            }
+            let all = ensemble.among(&wrapped, &variance, [-1.5, 912.5], half);
+            let all = all.found(f32::INFINITY);
+            assert_eq!(
+                (found.certain, found.x),
+                (all.certain, all.x),
+                "{x} {noise}"
+            );
+            certain += usize::from(found.certain);
         }
         assert!((2_000..19_000).contains(&certain), "{certain}");
     }

@@ -7,6 +7,8 @@ use std::path::{Path, PathBuf};
 
 /// Name of the file in the run directory.
 pub const FILE_NAME: &str = "device.json";
+/// Bytes of it at most: it names a dozen paths.
+const MOST_BYTES: u64 = 1 << 20;
 
 /// The endpoints of one device.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -65,8 +67,19 @@ impl Endpoints {
     /// A file that is not there, cannot be read, or is something else.
     pub fn read(run_dir: &Path) -> Result<Self> {
         let path = run_dir.join(FILE_NAME);
-        let text = std::fs::read_to_string(&path).map_err(|e| Error::io(&path, e))?;
-        serde_json::from_str(&text)
-            .map_err(|e| Error::input(path.display(), e, "the device.json of a served device"))
+        let bytes = crate::file::read(&path, MOST_BYTES)?;
+        Self::parse(
+            &String::from_utf8_lossy(&bytes),
+            &path.display().to_string(),
+        )
+    }
+
+    /// Reads what a `device.json` holds; `place` is named in errors.
+    ///
+    /// # Errors
+    /// Text that is something else.
+    pub fn parse(text: &str, place: &str) -> Result<Self> {
+        serde_json::from_str(text)
+            .map_err(|e| Error::input(place, e, "the device.json of a served device"))
     }
 }

@@ -8,9 +8,10 @@ use crate::emulator::render;
 use crate::emulator::{Firmware, Renderer, Shot, Truth};
 use crate::error::Result;
 use crate::geometry::Rig;
+use crate::host::Captured;
 use crate::pattern::{Manifest, Pattern};
 use crate::profile::{Profile, Scene};
-use crate::protocol::PixelFormat;
+use crate::protocol::{Frame, PixelFormat};
 
 /// A device before a scene, whose geometry pass is done once for all its scans.
 pub struct Stage {
@@ -48,6 +49,28 @@ impl Levels {
         }
         let (pairs, _) = bytes.as_chunks();
         Self::U16(pairs.iter().map(|&two| u16::from_le_bytes(two)).collect())
+    }
+
+    /// A frame of so many columns and rows as a link would bring it, with what it says of itself but its
+    /// times.
+    fn frame(&self, (width, height): (usize, usize), index: usize) -> Frame {
+        let (format, data) = match self {
+            Self::U8(levels) => (PixelFormat::Grey, levels.clone()),
+            Self::U16(levels) => {
+                let bytes = levels.iter().flat_map(|level| level.to_le_bytes());
+                (PixelFormat::Y16, bytes.collect())
+            }
+        };
+        Frame {
+            id: index as u64,
+            pattern_index: Some(index as u32),
+            width: width as u32,
+            height: height as u32,
+            format,
+            exposure_start_ns: 0,
+            exposure_end_ns: 0,
+            data,
+        }
     }
 
     /// As the decoder takes them.
@@ -120,6 +143,19 @@ impl Stage {
 }
 
 impl Scanned {
+    /// As a scanner captures it, calibrated with the true rig.
+    pub fn captured(&self) -> Captured {
+        let frames = self.frames.iter().enumerate();
+        Captured {
+            idn: String::new(),
+            manifest: self.manifest.clone(),
+            calibration: Some(self.rig),
+            frames: frames
+                .map(|(i, levels)| levels.frame(self.size, i))
+                .collect(),
+        }
+    }
+
     /// The decoder of such scans, with the true rig.
     ///
     /// # Errors

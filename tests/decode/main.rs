@@ -8,3 +8,4 @@ mod orders;
 mod patterns;
 mod random;
 mod scene;
+mod sparse;

@@ -1,13 +1,11 @@
 //! One pod: its ports on one side, its place in the room on the other.
 
 use crate::cli::{dialect, interrupt::Interruptible};
-use crate::decode::{Decoded, Decoder, Options};
 use crate::error::{Error, Result};
 use crate::geometry::Pose;
-use crate::host::track::Measured;
+use crate::host::track::Sight;
 use crate::host::{
-    Camera, Capture, Captured, Progress, ScanOptions, Scanner, SerialPort,
-    check_identified_sequence, check_sequence, open_camera,
+    Camera, Capture, Captured, Progress, ScanOptions, Scanner, SerialPort, open_camera,
 };
 use crate::profile::{RigPlace, Station, StationDevice};
 use crate::protocol::Endpoints;
@@ -73,12 +71,17 @@ impl Address {
             ),
         }
     }
+
+    /// What looks at its frames.
+    pub(super) fn sight(&self) -> Sight {
+        Sight::new(&self.name, self.room_from_rig)
+    }
 }
 
 /// What a pod has scanned.
 pub(super) struct Taken {
-    captured: Captured,
-    identified: bool,
+    pub(super) captured: Captured,
+    pub(super) identified: bool,
     /// Device time of the last frame's end in nanoseconds.
     pub(super) end_ns: u64,
     /// When the last frame had come.
@@ -142,75 +145,5 @@ impl Source {
     /// A port that has gone.
     pub(super) fn finish(self) -> Result<()> {
         self.scanner.finish()
-    }
-}
-
-/// The side of a pod that looks at frames.
-pub(super) struct Sight {
-    name: String,
-    room_from_rig: Pose,
-    /// Of the sequence and calibration of the first scan.
-    decoder: Option<Decoder>,
-    decoded: Decoded,
-    points: Vec<[f32; 3]>,
-}
-
-impl Sight {
-    pub(super) fn new(address: &Address) -> Self {
-        Self {
-            name: address.name.clone(),
-            room_from_rig: address.room_from_rig,
-            decoder: None,
-            decoded: Decoded::default(),
-            points: Vec::new(),
-        }
-    }
-
-    /// Decodes what was scanned and adds at most so many of its points. Frames that do not follow
-    /// their sequence add none; what is wrong with them is given.
-    ///
-    /// # Errors
-    /// Frames that cannot be decoded, and a device without a calibration.
-    pub(super) fn measure(
-        &mut self,
-        taken: &Taken,
-        measured: &mut Measured,
-        most: usize,
-    ) -> Result<Option<String>> {
-        let captured = &taken.captured;
-        if captured.calibration.is_none() {
-            return Err(Error::device(format!(
-                "{}: the device has no calibration to give",
-                self.name
-            )));
-        }
-        let check = match taken.identified {
-            true => check_identified_sequence,
-            false => check_sequence,
-        };
-        let (checked, depths) = rayon::join(
-            || check(&captured.manifest, &captured.frames),
-            || self.depths(captured),
-        );
-        depths?;
-        if let Err(why) = checked {
-            return Ok(Some(format!("{}: {why}", self.name)));
-        }
-        if let Some(decoder) = &self.decoder {
-            decoder.points_into(&self.decoded, &mut self.points);
-        }
-        let depths = self.decoded.depth.iter().zip(&self.decoded.depth_sigma);
-        let known = depths.filter(|(depth, _)| !depth.is_nan());
-        let sigma: Vec<f32> = known.map(|(_, sigma)| *sigma).collect();
-        measured.push_pod(&self.points, &sigma, &self.room_from_rig, most);
-        Ok(None)
-    }
-
-    fn depths(&mut self, captured: &Captured) -> Result<()> {
-        let decoder = match &self.decoder {
-            Some(decoder) => decoder,
-            None => self.decoder.insert(captured.decode(Options::default())?.0),
-        };
-        captured.with_stack(|stack| decoder.decode_into(stack, &mut self.decoded))
     }
 }

@@ -199,9 +199,14 @@ fn search<T>(
     ok: &mut [bool],
     (wrapped, variances): &mut (Vec<f32>, Vec<f32>),
 ) {
+    let sets_with = || sets.iter().zip(&kernel.sets);
+    let worst = |k: &SetKernel| k.variance_of_phase(job.max_phase_sigma);
     for i in 0..job.width {
-        // Pixels that will be masked for their modulation need no search.
-        if sets.iter().any(|s| s.modulation[i] < job.min_modulation) {
+        // Pixels that will be masked for their modulation or noise need no search.
+        let dim = |(set, k): (&SetRow, &SetKernel)| {
+            set.modulation[i] < job.min_modulation || set.variance[i] > worst(k)
+        };
+        if sets_with().any(dim) {
             ok[i] = false;
             continue;
         }

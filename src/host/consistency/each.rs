@@ -19,30 +19,35 @@ const BANDS: usize = 6;
 const PIXELS: usize = 64;
 /// and at least.
 const LEAST_PIXELS: usize = 12;
-/// Misfit below which nothing is doubted.
-const GOOD: f64 = 2e-3;
 /// Without one frame less than this part of the misfit has to be left.
 const DISTINCT: f64 = 0.4;
 
-/// Whether the frames without one of them fit distinctly better anywhere.
-pub(super) fn check(manifest: &Manifest, axis: &AxisPlan, grid: &Grid) -> Result<(), String> {
-    let levels = Levels::new(manifest, axis);
+/// Whether the frames without one of them fit distinctly better anywhere; their patterns vary `along` an
+/// axis of the image.
+pub(super) fn check(
+    manifest: &Manifest,
+    axis: &AxisPlan,
+    along: Axis,
+    grid: &Grid,
+) -> Result<(), String> {
+    let levels = Levels::new(manifest, axis, grid.noise_dn);
     let n = manifest.frame.len();
     let all: Vec<Option<usize>> = (0..n).map(Some).collect();
-    let bad = bands(grid, axis.axis).into_par_iter().filter_map(|pixels| {
-        let asked = levels.fit(&all, &pixels)?.misfit;
-        if asked <= GOOD {
+    let bad = bands(grid, along).into_par_iter().filter_map(|pixels| {
+        let asked = levels.fit(&all, &pixels, f64::INFINITY)?;
+        if !asked.is_doubtful() {
             return None;
         }
+        let most = DISTINCT * asked.misfit;
         let without = |lacking: usize| {
             let mut shows = all.clone();
             shows[lacking] = None;
-            Some((lacking, levels.fit(&shows, &pixels)?.misfit))
+            Some((lacking, levels.fit(&shows, &pixels, most)?.misfit))
         };
         let (frame, left) = (0..n)
             .filter_map(without)
             .min_by(|a, b| a.1.total_cmp(&b.1))?;
-        (left < DISTINCT * asked).then_some(frame)
+        (left < most).then_some(frame)
     });
     match bad.min() {
         Some(frame) => Err(format!(
@@ -53,12 +58,12 @@ pub(super) fn check(manifest: &Manifest, axis: &AxisPlan, grid: &Grid) -> Result
 }
 
 /// Pixels that vary, by the part of the image that they lie in.
-fn bands(grid: &Grid, axis: Axis) -> Vec<Vec<&[f32]>> {
+fn bands(grid: &Grid, along: Axis) -> Vec<Vec<&[f32]>> {
     let mut bands: Vec<Vec<&[f32]>> = vec![Vec::new(); BANDS];
     let count = grid.lines.len();
     for (n, line) in grid.lines.iter().enumerate() {
         for (i, pixel) in varying(line) {
-            let band = match axis {
+            let band = match along {
                 Axis::X => n * BANDS / count,
                 Axis::Y => i * BANDS / line.len(),
             };

@@ -7,6 +7,8 @@ use crate::protocol::{Frame, PixelFormat};
 const LINES: usize = 64;
 /// Pixels in a row that have to vary together: single ones are noise, text or a passing edge.
 const RUN: usize = 8;
+/// Every so manyth line tells the noise.
+const NOISE_EVERY: usize = 4;
 /// A pixel varies when its range over the frames is so many deviations of the noise wide.
 const RANGE_SIGMAS: f32 = 12.0;
 /// And at least so many DN.
@@ -176,13 +178,33 @@ pub(super) fn value(frame: &Frame, index: usize) -> f32 {
     }
 }
 
+/// Every so manyth pixel of a frame's row in DN, into a buffer that is used again.
+pub(super) fn read_row(frame: &Frame, row: usize, every: usize, into: &mut Vec<f32>) {
+    let width = frame.width as usize;
+    into.clear();
+    match frame.format {
+        PixelFormat::Y16 => {
+            let (pixels, _) = frame.data[2 * row * width..2 * (row + 1) * width].as_chunks();
+            let pixels = pixels.iter().step_by(every);
+            into.extend(pixels.map(|&pixel| f32::from(u16::from_le_bytes(pixel))));
+        }
+        _ => {
+            let pixels = &frame.data[row * width..(row + 1) * width];
+            match every {
+                1 => into.extend(pixels.iter().map(|pixel| f32::from(*pixel))),
+                _ => into.extend(pixels.iter().step_by(every).map(|pixel| f32::from(*pixel))),
+            }
+        }
+    }
+}
+
 /// The noise of a usual frame from second differences along the lines, which patterns of many pixels
 /// hardly touch: in the lower quartile of the frames are the uniform ones and the coarse codes.
 fn noise(lines: &[Line], frames: usize) -> f32 {
     let mut sizes: Vec<f32> = (0..frames)
         .map(|frame| {
             let mut steps: Vec<f32> = Vec::new();
-            for line in lines {
+            for line in lines.iter().step_by(NOISE_EVERY) {
                 let at = |i: usize| line.values[i * line.frames + frame];
                 let middles = 1..line.len().saturating_sub(1);
                 steps.extend(middles.map(|i| (at(i - 1) - 2.0 * at(i) + at(i + 1)).abs()));

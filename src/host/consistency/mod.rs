@@ -23,7 +23,8 @@
 //!   missing and bits that are flipped leave pixels that do;
 //! - `harmonics`: the modulation of fringes does not follow their phase;
 //! - `lit`: hardly a pixel of a Gray frame is brighter than white;
-//! - `torn`: no frame changes along a whole row from one to the next while the others do not.
+//! - `torn`: no frame changes along a whole row from one to the next while the others do not;
+//! - `rows`: no frame is whole rows above the others where surfaces end.
 //!
 //! `fringes` to `each` compare the order that was asked for with others on the same pixels, so what
 //! disturbs a scene disturbs both sides. Pixels at the camera's full scale are left out, and frames
@@ -44,6 +45,7 @@
 //! modulation and 1.5 DN of noise that is an error of 0.1 rad in each. Harmonics are believed up to
 //! 0.08 rad.
 
+mod direction;
 mod each;
 mod fringes;
 mod gains;
@@ -56,6 +58,7 @@ mod modulation;
 mod moments;
 mod noise;
 mod residuals;
+mod rows;
 mod scatter;
 mod shifts;
 mod torn;
@@ -99,10 +102,15 @@ fn examine(manifest: &Manifest, frames: &[Frame], identified: bool) -> Result<()
     if frames.len() != plan.frames {
         return Ok(());
     }
-    let scatter = Scatter::new(frames);
+    // Of short sets without references nothing of a single pixel contradicts anything.
+    let sets = || plan.axes.iter().flat_map(|axis| &axis.sets);
+    let references = plan.white.zip(plan.black);
+    let tells = references.is_some() || sets().any(|set| set.frames.len() > 3);
+    let scatter = tells.then(|| Scatter::new(frames));
     let mut noise_dn = 0.0;
     for axis in &plan.axes {
-        let grid = Grid::new(frames, axis.axis);
+        let along = direction::along(axis, frames);
+        let grid = Grid::new(frames, along);
         noise_dn = grid.noise_dn;
         let varying = grid.varying();
         if !identified && varying < FEW_VARYING && grid.saturated > varying.max(FEW_VARYING) {
@@ -121,11 +129,17 @@ fn examine(manifest: &Manifest, frames: &[Frame], identified: bool) -> Result<()
             .and_then(|()| gains::check(axis, &grid))
             .and_then(|()| gray::check(axis, &grid))
             .and_then(|()| shifts::check(manifest, axis, &grid))
-            .and_then(|()| each::check(manifest, axis, &grid))
-            .and_then(|()| everywhere(&plan, axis, &scatter));
+            .and_then(|()| each::check(manifest, axis, along, &grid))
+            .and_then(|()| match &scatter {
+                Some(scatter) => everywhere(&plan, axis, scatter),
+                None => Ok(()),
+            });
         found.map_err(departs)?;
     }
-    torn::check(&plan, frames, noise_dn).map_err(departs)
+    let down = direction::down(&plan, frames);
+    torn::check(frames, &down, noise_dn)
+        .and_then(|()| rows::check(frames, &down, noise_dn))
+        .map_err(departs)
 }
 
 fn departs(what: String) -> String {

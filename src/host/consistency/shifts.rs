@@ -10,6 +10,7 @@
 use super::grid::{Grid, Line, range};
 use crate::decode::{AxisPlan, Order};
 use crate::pattern::{Manifest, Pattern};
+use crate::simd::widest;
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 
@@ -29,6 +30,8 @@ const COORDINATES: f64 = 8192.0;
 const CAP: f64 = 0.05;
 /// Misfit below which nothing is doubted.
 const GOOD: f64 = 2e-3;
+/// And so many times what noise alone leaves: no list can leave less than the noise.
+const NOISY: f64 = 2.0;
 /// Another list has to leave less than this part of the misfit.
 const DISTINCT: f64 = 0.5;
 /// Or, to be told by its jumps, no more than this many times the misfit.
@@ -47,6 +50,8 @@ struct List {
 /// What a list explains: the mean misfit and the coordinate of each pixel.
 pub(super) struct Fit {
     pub(super) misfit: f64,
+    /// The part of it that is noise.
+    noise: f64,
     /// Whether the list is a shifted one. Exchanged bits are told by `gray`.
     shifted: bool,
     coordinates: Vec<f64>,
@@ -55,23 +60,36 @@ pub(super) struct Fit {
 /// Whether another list explains the frames distinctly better.
 pub(super) fn check(manifest: &Manifest, axis: &AxisPlan, grid: &Grid) -> Result<(), String> {
     let pixels = pairs(grid);
-    let levels = Levels::new(manifest, axis);
+    let levels = Levels::new(manifest, axis, grid.noise_dn);
     let n = manifest.frame.len();
-    let fit = |shows: &[Option<usize>]| levels.fit(shows, &pixels);
-    let Some(asked) = fit(&(0..n).map(Some).collect::<Vec<_>>()) else {
+    let all: Vec<_> = (0..n).map(Some).collect();
+    let Some(asked) = levels.fit(&all, &pixels, f64::INFINITY) else {
         return Ok(());
     };
     // Without misfit and without jumps no other list can be found distinctly better.
     let jumps = !matches!(axis.order, Order::Wrapped { .. }) && jumpy(&asked, levels.finest);
-    if asked.misfit <= GOOD && !jumps {
+    let doubtful = asked.is_doubtful();
+    if !doubtful && !jumps {
         return Ok(());
     }
+    // A list that leaves more than this is not heard out.
+    let by_misfit = if doubtful {
+        DISTINCT * asked.misfit
+    } else {
+        0.0
+    };
+    let by_jumps = if jumps {
+        AS_GOOD * asked.misfit.max(GOOD)
+    } else {
+        0.0
+    };
+    let most = by_misfit.max(by_jumps);
     let others: Vec<(String, Fit)> = lists(n)
         .into_par_iter()
-        .filter_map(|list| Some((list.what, fit(&list.shows)?)))
+        .filter_map(|list| Some((list.what, levels.fit(&list.shows, &pixels, most)?)))
         .collect();
     let fits = others.iter().filter(|(_, other)| {
-        asked.misfit > GOOD && other.misfit < DISTINCT * asked.misfit
+        doubtful && other.misfit < DISTINCT * asked.misfit
             || jumps
                 && other.shifted
                 && other.misfit < AS_GOOD * asked.misfit.max(GOOD)
@@ -110,12 +128,23 @@ fn lists(n: usize) -> Vec<List> {
     all
 }
 
-/// Whether so many pairs jump that another list could be smoother.
+impl Fit {
+    /// Whether more is left than noise and what disturbs all frames alike leave.
+    pub(super) fn is_doubtful(&self) -> bool {
+        self.misfit > GOOD.max(NOISY * self.noise)
+    }
+}
+
+/// Whether so many pairs jump, beyond what a smooth surface's pixels are apart, that another list could
+/// be smoother.
 fn jumpy(asked: &Fit, finest: f64) -> bool {
     let pairs = asked.coordinates.chunks_exact(2);
-    let all = pairs.len();
-    let jump = pairs.filter(|pair| (pair[1] - pair[0]).abs() > finest);
-    jump.count() as f64 > enough(all)
+    let mut apart: Vec<f64> = pairs.map(|pair| (pair[1] - pair[0]).abs()).collect();
+    apart.sort_by(f64::total_cmp);
+    // Of coordinates at random a quarter is this near, and most are much farther apart than twice that.
+    let smooth = apart.get(apart.len() / 4).copied().unwrap_or(0.0);
+    let jump = apart.iter().filter(|apart| **apart > 2.0 * smooth + finest);
+    jump.count() as f64 > enough(apart.len())
 }
 
 /// Pairs that have to speak for another list, of so many.
@@ -161,10 +190,11 @@ pub(super) struct Levels {
     step_px: f64,
     /// Least length in projector pixels that the patterns tell apart.
     finest: f64,
+    noise_dn: f64,
 }
 
 impl Levels {
-    pub(super) fn new(manifest: &Manifest, axis: &AxisPlan) -> Self {
+    pub(super) fn new(manifest: &Manifest, axis: &AxisPlan, noise_dn: f32) -> Self {
         let patterns = || manifest.frame.iter().map(|frame| &frame.pattern);
         let own = |pattern: &&Pattern| pattern.axis() == Some(axis.axis);
         let finest = patterns()
@@ -187,11 +217,12 @@ impl Levels {
             rows: patterns().map(row).collect(),
             step_px,
             finest,
+            noise_dn: f64::from(noise_dn),
         }
     }
 
-    /// `None` where a list leaves nothing to check.
-    pub(super) fn fit(&self, shows: &[Option<usize>], pixels: &[&[f32]]) -> Option<Fit> {
+    /// `None` where a list leaves nothing to check, and where its misfit is more than `most`.
+    pub(super) fn fit(&self, shows: &[Option<usize>], pixels: &[&[f32]], most: f64) -> Option<Fit> {
         let known: Vec<(usize, &[f32])> = shows
             .iter()
             .enumerate()
@@ -209,46 +240,46 @@ impl Levels {
                 *square += t * t;
             }
         }
-        // Deviations of the patterns at each coordinate; next to none cannot be told from noise.
-        let deviations: Vec<f32> = sums
+        // Inverse deviations of the patterns at each coordinate; next to none cannot be told from noise.
+        let inverse: Vec<f32> = sums
             .iter()
             .zip(&squares)
             .map(|(sum, square)| square - sum * sum / n as f32)
-            .collect();
-        let mut misfit = 0.0;
-        let mut products = vec![0f32; count];
-        let coordinates = pixels
-            .iter()
-            .map(|pixel| {
-                let mean = known.iter().map(|(i, _)| pixel[*i]).sum::<f32>() / n as f32;
-                products.fill(0.0);
-                let mut total = 0.0;
-                for (i, row) in &known {
-                    let v = pixel[*i] - mean;
-                    total += v * v;
-                    for (product, t) in products.iter_mut().zip(*row) {
-                        *product += v * t;
-                    }
+            .map(|deviation| {
+                if deviation > 1e-3 {
+                    1.0 / deviation
+                } else {
+                    0.0
                 }
-                let explained = |i: usize| match products[i] > 0.0 && deviations[i] > 1e-3 {
-                    true => products[i] * products[i] / deviations[i],
-                    false => 0.0,
-                };
-                let mut best = (0, 0.0);
-                for i in 0..count {
-                    let here = explained(i);
-                    if here > best.1 {
-                        best = (i, here);
-                    }
-                }
-                let (low, high) = range(pixel);
-                let scale = f64::from(high - low).powi(2).max(1.0) * (n - 3) as f64;
-                misfit += (f64::from(total - best.1) / scale).clamp(0.0, CAP);
-                best.0 as f64 * self.step_px
             })
             .collect();
+        let most = most * pixels.len() as f64;
+        let (mut misfit, mut noise) = (0.0, 0.0);
+        let mut explained = vec![0f32; count];
+        let mut coordinates = Vec::with_capacity(pixels.len());
+        for pixel in pixels {
+            let mean = known.iter().map(|(i, _)| pixel[*i]).sum::<f32>() / n as f32;
+            let total: f32 = known.iter().map(|(i, _)| (pixel[*i] - mean).powi(2)).sum();
+            explain(&known, pixel, mean, &inverse, &mut explained);
+            let mut best = (0, 0.0);
+            for (i, here) in explained.iter().enumerate() {
+                if *here > best.1 {
+                    best = (i, *here);
+                }
+            }
+            let (low, high) = range(pixel);
+            let squared = f64::from(high - low).powi(2).max(1.0);
+            let scale = squared * (n - 3) as f64;
+            misfit += (f64::from(total - best.1) / scale).clamp(0.0, CAP);
+            if misfit > most {
+                return None;
+            }
+            noise += (self.noise_dn * self.noise_dn / squared).min(CAP);
+            coordinates.push(best.0 as f64 * self.step_px);
+        }
         Some(Fit {
             misfit: misfit / pixels.len() as f64,
+            noise: noise / pixels.len() as f64,
             shifted: shows.windows(2).any(|w| w[0] == w[1]) || shows.last() == Some(&None),
             coordinates,
         })
@@ -280,4 +311,37 @@ fn level(pattern: &Pattern, x: f64) -> Option<f32> {
         _ => pattern.level(x.round() as u32)?,
     };
     Some(level as f32)
+}
+
+widest! {
+    /// What each coordinate explains of a pixel's deviations from its mean over the known frames, into a
+    /// list as long as there are coordinates.
+    fn explain(
+        known: &[(usize, &[f32])],
+        pixel: &[f32],
+        mean: f32,
+        inverse: &[f32],
+        explained: &mut [f32],
+    ) => explain_body
+}
+
+#[inline(always)]
+fn explain_body(
+    known: &[(usize, &[f32])],
+    pixel: &[f32],
+    mean: f32,
+    inverse: &[f32],
+    explained: &mut [f32],
+) {
+    explained.fill(0.0);
+    for (i, row) in known {
+        let v = pixel[*i] - mean;
+        for (product, t) in explained.iter_mut().zip(*row) {
+            *product += v * t;
+        }
+    }
+    for (product, inverse) in explained.iter_mut().zip(inverse) {
+        let ahead = if *product > 0.0 { *product } else { 0.0 };
+        *product = ahead * ahead * inverse;
+    }
 }

@@ -6,13 +6,11 @@
 //!
 //! Patterns down the image change one frame along a row too, where a code has an edge, but all of it
 //! from dark to bright or all of it from bright to dark. Rows of another pattern change it both ways,
-//! and a frame of such a pattern has to change so. (As elsewhere here, the camera is not rolled against
-//! the projector by much.)
+//! and a frame of such a pattern has to change so.
 
-use super::grid::{full_scale, value};
-use crate::decode::Plan;
-use crate::pattern::Axis;
+use super::grid::{full_scale, read_row, value};
 use crate::protocol::Frame;
+use crate::simd::widest;
 use rayon::prelude::*;
 
 /// Columns of a row that are looked at, about.
@@ -30,67 +28,133 @@ const LEAST: usize = 16;
 /// Part of a row's pixels that have to become brighter, and darker, of a pattern down the image.
 const EACH_WAY: f64 = 0.05;
 
-/// What a column has seen of the frames.
-#[derive(Clone, Copy)]
+/// Rows that are looked at as one.
+const BAND: usize = 16;
+
+/// What pixels have seen of the frames, each a list as long as there are pixels.
 struct Seen {
-    low: f32,
-    high: f32,
+    low: Vec<f32>,
+    high: Vec<f32>,
     /// The frame that changes most, by how much, and how much the next one does.
-    frame: usize,
-    most: f32,
-    second: f32,
-    /// Whether it becomes brighter.
-    brighter: bool,
+    frame: Vec<u32>,
+    most: Vec<f32>,
+    second: Vec<f32>,
 }
 
-/// Whether some frame changes along a row in which no other does. Frames are of one size.
-pub(super) fn check(plan: &Plan, frames: &[Frame], noise_dn: f32) -> Result<(), String> {
+impl Seen {
+    fn nothing(pixels: usize) -> Self {
+        Self {
+            low: vec![f32::INFINITY; pixels],
+            high: vec![f32::NEG_INFINITY; pixels],
+            frame: vec![0; pixels],
+            most: vec![0.0; pixels],
+            second: vec![0.0; pixels],
+        }
+    }
+
+    /// What the pixels of a band of rows see from the row above each to it, in some columns.
+    fn of_band(frames: &[Frame], rows: std::ops::Range<usize>, every: usize) -> Self {
+        let columns = frames
+            .first()
+            .map_or(0, |frame| (frame.width as usize).div_ceil(every));
+        let mut seen = Self::nothing(rows.len() * columns);
+        let (mut upper, mut lower) = (Vec::new(), Vec::new());
+        for (number, frame) in frames.iter().enumerate() {
+            read_row(frame, rows.start - 1, every, &mut upper);
+            for (k, row) in rows.clone().enumerate() {
+                read_row(frame, row, every, &mut lower);
+                seen.add(number as u32, k * columns, &upper, &lower);
+                std::mem::swap(&mut upper, &mut lower);
+            }
+        }
+        seen
+    }
+
+    /// Adds a frame's pixels of two rows, from one of the lists' places on. Changes to the darker are
+    /// negative.
+    fn add(&mut self, number: u32, from: usize, upper: &[f32], lower: &[f32]) {
+        let own = from..from + upper.len();
+        let part = [
+            &mut self.low,
+            &mut self.high,
+            &mut self.most,
+            &mut self.second,
+        ]
+        .map(|list| &mut list[own.clone()]);
+        add(number, [upper, lower], part, &mut self.frame[own]);
+    }
+}
+
+widest! {
+    /// See [`Seen::add`].
+    fn add(number: u32, rows: [&[f32]; 2], part: [&mut [f32]; 4], frame: &mut [u32]) => add_body
+}
+
+/// Without branches, so that it vectorises.
+#[inline(always)]
+fn add_body(
+    number: u32,
+    [upper, lower]: [&[f32]; 2],
+    [low, high, most, second]: [&mut [f32]; 4],
+    frame: &mut [u32],
+) {
+    let n = frame.len();
+    let (upper, lower) = (&upper[..n], &lower[..n]);
+    let (low, high) = (&mut low[..n], &mut high[..n]);
+    let (most, second) = (&mut most[..n], &mut second[..n]);
+    // f32::min and f32::max take more, for numbers that are none.
+    let larger = |a: f32, b: f32| if a > b { a } else { b };
+    let smaller = |a: f32, b: f32| if a < b { a } else { b };
+    for i in 0..n {
+        let change = lower[i] - upper[i];
+        low[i] = smaller(low[i], upper[i]);
+        high[i] = larger(high[i], upper[i]);
+        let (size, before) = (change.abs(), most[i].abs());
+        let is_most = size > before;
+        second[i] = larger(second[i], smaller(size, before));
+        most[i] = if is_most { change } else { most[i] };
+        frame[i] = if is_most { number } else { frame[i] };
+    }
+}
+
+/// Whether some frame changes along a row in which no other does. Frames are of one size; `down` are
+/// those that vary down the image.
+pub(super) fn check(frames: &[Frame], down: &[bool], noise_dn: f32) -> Result<(), String> {
     let Some((width, height)) = frames
         .first()
         .map(|f| (f.width as usize, f.height as usize))
     else {
         return Ok(());
     };
-    let mut down = vec![false; frames.len()];
-    for axis in plan.axes.iter().filter(|axis| axis.axis == Axis::Y) {
-        let sets = axis.sets.iter().flat_map(|set| set.frames.iter().copied());
-        let bits = axis.gray.iter().flat_map(|code| &code.bits);
-        let bits = bits.flat_map(|bit| [bit.plain, bit.inverse]).flatten();
-        sets.chain(bits).for_each(|frame| down[frame] = true);
-    }
-    let stride = width.div_ceil(COLUMNS).max(1);
+    let every = width.div_ceil(COLUMNS).max(1);
+    let columns = width.div_ceil(every);
     let full = full_scale(
         (0..width * height)
             .step_by(61)
             .flat_map(|at| frames.iter().map(move |frame| value(frame, at))),
     );
-    let torn = |row: usize| {
-        let columns = columns(frames, [(row - 1) * width, row * width], (width, stride));
-        let mut counts = vec![[0usize; 2]; frames.len()];
-        let mut lit = 0u32;
-        for seen in columns {
-            let range = seen.high - seen.low;
-            let quiet = (QUIET * range).max(SIGMAS * noise_dn);
-            // A pixel at full scale has no range to speak of.
-            if range <= 2.0 * quiet || seen.high >= full {
-                continue;
-            }
-            lit += 1;
-            if seen.most > (LOUD * range).max(2.0 * quiet) && seen.second < quiet {
-                counts[seen.frame][usize::from(seen.brighter)] += 1;
-            }
-        }
-        let part = |count: usize| count as f64 / f64::from(lit);
-        let is_torn = |(frame, ways): (usize, &[usize; 2])| {
-            let both = ways[0] + ways[1];
-            both >= LEAST
-                && part(both) > SHARE
-                && (!down[frame] || ways.iter().all(|way| part(*way) > EACH_WAY))
+    let bands: Vec<usize> = (1..height).step_by(BAND).collect();
+    let torn = |first: &usize| {
+        let rows = *first..(first + BAND).min(height);
+        let seen = Seen::of_band(frames, rows.clone(), every);
+        let frame_of = |k: usize| {
+            torn_frame(
+                &seen,
+                k * columns..(k + 1) * columns,
+                down,
+                [noise_dn, full],
+            )
         };
-        let frame = counts.iter().enumerate().position(is_torn)?;
-        Some((frame, row))
+        let mut found = rows
+            .enumerate()
+            .filter_map(|(k, row)| Some((frame_of(k)?, row)));
+        found.next()
     };
-    match (1..height).into_par_iter().filter_map(torn).min() {
+    match bands
+        .par_iter()
+        .filter_map(torn)
+        .min_by_key(|(_, row)| *row)
+    {
         None => Ok(()),
         Some((frame, row)) => Err(format!(
             "frame {frame} changes from row {} to row {row}, and no other does: its rows are of two \
@@ -100,34 +164,35 @@ pub(super) fn check(plan: &Plan, frames: &[Frame], noise_dn: f32) -> Result<(), 
     }
 }
 
-/// Two rows' pixels, by where the rows begin.
-fn columns(
-    frames: &[Frame],
-    [above, below]: [usize; 2],
-    (width, stride): (usize, usize),
-) -> Vec<Seen> {
-    let nothing = Seen {
-        low: f32::INFINITY,
-        high: f32::NEG_INFINITY,
-        frame: 0,
-        most: 0.0,
-        second: 0.0,
-        brighter: false,
-    };
-    let mut columns = vec![nothing; width.div_ceil(stride)];
-    for (number, frame) in frames.iter().enumerate() {
-        for (seen, x) in columns.iter_mut().zip((0..width).step_by(stride)) {
-            let (upper, lower) = (value(frame, above + x), value(frame, below + x));
-            let change = (lower - upper).abs();
-            seen.low = seen.low.min(upper);
-            seen.high = seen.high.max(upper);
-            if change > seen.most {
-                seen.second = seen.most;
-                (seen.most, seen.frame, seen.brighter) = (change, number, lower > upper);
-            } else {
-                seen.second = seen.second.max(change);
-            }
+/// The frame that changes alone, along a row whose pixels have these places; some deviation of noise and
+/// full scale in DN.
+fn torn_frame(
+    seen: &Seen,
+    row: std::ops::Range<usize>,
+    down: &[bool],
+    [noise_dn, full]: [f32; 2],
+) -> Option<usize> {
+    let mut counts = vec![[0usize; 2]; down.len()];
+    let mut lit = 0u32;
+    for i in row {
+        let range = seen.high[i] - seen.low[i];
+        let quiet = (QUIET * range).max(SIGMAS * noise_dn);
+        // A pixel at full scale has no range to speak of.
+        if range <= 2.0 * quiet || seen.high[i] >= full {
+            continue;
+        }
+        lit += 1;
+        let most = seen.most[i];
+        if most.abs() > (LOUD * range).max(2.0 * quiet) && seen.second[i] < quiet {
+            counts[seen.frame[i] as usize][usize::from(most > 0.0)] += 1;
         }
     }
-    columns
+    let part = |count: usize| count as f64 / f64::from(lit);
+    let is_torn = |(frame, ways): (usize, &[usize; 2])| {
+        let both = ways[0] + ways[1];
+        both >= LEAST
+            && part(both) > SHARE
+            && (!down[frame] || ways.iter().all(|way| part(*way) > EACH_WAY))
+    };
+    counts.iter().enumerate().position(is_torn)
 }

@@ -6,6 +6,7 @@
 //!
 //! - [`track_rigid`] finds the six degrees of freedom of the skin in a region of interest.
 //! - [`MotionTracker`] fits the motion model, and says where the tumour is.
+//! - [`Sight`] makes measured points of a pod's frames, and [`Follower`] tracks them scan by scan.
 //! - [`Hold`] decides from readings of either when the beam may be on.
 //!
 //! Coordinates are millimetres in the room frame, that of IEC 61217 with its origin at the isocentre:
@@ -14,6 +15,7 @@
 //! is not to be relied on; results do not depend on the number of threads.
 
 mod fit;
+mod follow;
 mod hold;
 mod measured;
 mod model;
@@ -21,6 +23,7 @@ mod planned;
 mod practice;
 mod rigid;
 mod robust;
+mod sight;
 pub mod six;
 mod surface;
 #[cfg(test)]
@@ -28,12 +31,14 @@ mod testing;
 mod warning;
 
 pub use fit::{FitOptions, MotionFit, MotionState, MotionTracker, SetUp};
+pub use follow::{Answers, Follower};
 pub use hold::{Beam, Hold, HoldRules, Quantity, Reading, Reason};
 pub use measured::Measured;
 pub use model::{ModelOptions, MotionModel, Snapshots};
 pub use planned::{Planned, room_from_patient};
-pub use practice::POINTS;
+pub use practice::{PIXELS, POINTS};
 pub use rigid::{Freedom, RigidFit, RigidOptions, Start, track_rigid};
+pub use sight::Sight;
 pub use six::SixDof;
 pub use surface::{Foot, Reference, Region};
 pub use warning::{Lost, Warning};

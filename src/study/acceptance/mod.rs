@@ -154,10 +154,10 @@ impl Study for Acceptance {
             "period_ms",
             "hold_ms",
             "device_ms",
-            "decode_ms",
-            "rigid_ms",
-            "motion_ms",
+            "look_ms",
+            "fit_ms",
             "host_ms",
+            "scan_ms",
             "lost",
         ]
     }

@@ -38,4 +38,8 @@ pub(super) const HOLD: &str = "The projectors take turns, so that a jump in the 
 
 pub(super) const LATENCY: &str = "Latency is device time, in which the emulated device tells it, plus \
     the host's time, which is measured. A patient breathes before pods of full resolution; each scan is \
-    tracked from the answer to the one before, rigidly and by the motion model, as `phasma track` does.";
+    tracked from the answer to the one before, rigidly and by the motion model, by what `phasma track` \
+    uses: the frames are held against their sequence, and of the pixels every second of every second row \
+    is decoded, which leaves several times the points that are fitted. The frames of a pod are looked at \
+    while the next one scans, so that only the last one's are left when the last frame has come; what a \
+    host takes for all of a scan says how many it keeps up with.";

@@ -1,12 +1,12 @@
 //! One pod: its frames at a device time, decoded into what it measures.
 
-use crate::decode::{Decoded, Decoder, Options};
+use crate::decode::{Decoded, FrameStack, Options, SparseDecoder};
 use crate::emulator::led::{Model, Source};
 use crate::emulator::render;
 use crate::emulator::{Firmware, Renderer, Shot, Truth};
 use crate::error::Result;
 use crate::geometry::{Pose, Rig};
-use crate::host::track::Measured;
+use crate::host::track::{Measured, PIXELS};
 use crate::pattern::Pattern;
 use crate::profile::{Profile, RigPlace, Scene};
 use crate::protocol::PixelFormat;
@@ -19,7 +19,7 @@ pub struct Pod {
     rig: Rig,
     renderer: Renderer,
     shots: Vec<(Pattern, Shot)>,
-    decoder: Decoder,
+    decoder: SparseDecoder,
     room_from_rig: Pose,
     scans: u64,
     /// Where the profile has a light source: on since device time 0, when it was cold.
@@ -40,19 +40,14 @@ impl Pod {
         let mut renderer =
             Renderer::with_options(profile, &scene, seed, render::Options::default())?;
         renderer.expect_slides(shots.iter().filter_map(|(_, shot)| shot.slide.as_deref()));
-        let (rig, manifest) = (
-            profile.nominal_rig(),
-            profile.manifest(&profile.sequence[0]),
-        );
-        let camera = &profile.camera;
-        let [width, height] = [camera.width_px, camera.height_px].map(|n| n as usize);
+        let rig = profile.nominal_rig();
         let source = profile.projector.led.as_ref().map(|led| {
             let mut source = Source::new(Model::new(led));
             source.drive(0, 1.0);
             source
         });
         Ok(Self {
-            decoder: Decoder::new(&manifest, width, height, Some(&rig), Options::default())?,
+            decoder: decoder(profile, &rig)?,
             source,
             profile: profile.clone(),
             rig,
@@ -73,10 +68,7 @@ impl Pod {
     /// # Errors
     /// What [`Decoder::new`] refuses.
     pub fn calibrated(&mut self, rig: &Rig) -> Result<()> {
-        let camera = &self.profile.camera;
-        let [width, height] = [camera.width_px, camera.height_px].map(|n| n as usize);
-        let manifest = self.profile.manifest(&self.profile.sequence[0]);
-        self.decoder = Decoder::new(&manifest, width, height, Some(rig), Options::default())?;
+        self.decoder = decoder(&self.profile, rig)?;
         self.rig = *rig;
         Ok(())
     }
@@ -135,18 +127,28 @@ impl Pod {
         }
     }
 
-    /// Decodes.
+    /// Where its rig's frame stands in the room.
+    pub fn room_from_rig(&self) -> Pose {
+        self.room_from_rig
+    }
+
+    /// Decodes as many pixels as tracking needs ([`PIXELS`]).
     ///
     /// # Errors
     /// What the decoder refuses.
     pub fn decode(&self, scanned: &Scanned) -> Result<Decoded> {
-        scanned.decode(&self.decoder)
+        let (width, height) = scanned.size;
+        let samples = scanned.frames.iter().map(Levels::samples).collect();
+        let mut out = Decoded::default();
+        self.decoder
+            .decode_into(&FrameStack::new(width, height, samples)?, &mut out)?;
+        Ok(out)
     }
 
     /// Adds what was decoded to what is measured, at most so many points.
     pub fn measure(&self, decoded: &Decoded, measured: &mut Measured, most: usize) {
         let mut points = Vec::new();
-        self.decoder.points_into(decoded, &mut points);
+        self.decoder.decoder().points_into(decoded, &mut points);
         let depths = decoded.depth.iter().zip(&decoded.depth_sigma);
         let known = depths.filter(|(depth, _)| !depth.is_nan());
         let sigma: Vec<f32> = known.map(|(_, sigma)| *sigma).collect();
@@ -156,7 +158,7 @@ impl Pod {
     /// The points that were decoded, in the room's frame in millimetres.
     pub fn points(&self, decoded: &Decoded) -> Vec<DVec3> {
         let mut points = Vec::new();
-        self.decoder.points_into(decoded, &mut points);
+        self.decoder.decoder().points_into(decoded, &mut points);
         points
             .iter()
             .map(|p| {
@@ -178,4 +180,16 @@ impl Pod {
         let ray = self.rig.camera.ray(glam::DVec2::new(x, y));
         self.room_from_rig.point(ray * (depth_mm / ray.z))
     }
+}
+
+/// What decodes a pod's frames.
+fn decoder(profile: &Profile, rig: &Rig) -> Result<SparseDecoder> {
+    let camera = &profile.camera;
+    SparseDecoder::new(
+        &profile.manifest(&profile.sequence[0]),
+        [camera.width_px, camera.height_px].map(|n| n as usize),
+        Some(rig),
+        Options::default(),
+        PIXELS,
+    )
 }

@@ -29,7 +29,7 @@ pub use options::RigidOptions;
 pub use search::Start;
 
 use super::measured::Measured;
-use super::robust::Spread;
+use super::robust::{Spread, WIDE_POINTS};
 use super::six::SixDof;
 use super::surface::Reference;
 use super::warning::{Lost, Warning};
@@ -182,8 +182,13 @@ fn descend(
     let (mut pose, mut spread, mut afresh) = (start, Spread::Wide, true);
     let mut step_mm = f64::INFINITY;
     let mut iterations = 0;
+    let some = (measured.len() > 2 * WIDE_POINTS).then(|| measured.thinned(WIDE_POINTS));
     while iterations < options.max_iterations && step_mm > options.step_mm {
-        update(&mut rows, measured, reference, &pose, limits, afresh);
+        let looked_at = match (&some, spread) {
+            (Some(some), Spread::Wide) => some,
+            _ => measured,
+        };
+        update(&mut rows, looked_at, reference, &pose, limits, afresh);
         let step = advance(&rows, pods, spread, least_free, reference, options)
             .ok_or_else(|| lost(&rows, options))?;
         left_alone = left_alone.min(step.free);

@@ -53,6 +53,7 @@ pub const PARSERS: &[Parser] = &[
     parser("usb_address", text::usb_address),
     parser("manifest", text::manifest),
     parser("rig", text::rig),
+    parser("endpoints", text::endpoints),
     of_files("profile", text::profile, "device-profiles", "toml"),
     of_files("station", text::station, "device-profiles/stations", "toml"),
     of_files("dialect", text::dialect, "device-profiles/dialects", "toml"),

@@ -8,6 +8,7 @@ use phasma::patient::phantom::Patient;
 use phasma::pattern::Manifest;
 use phasma::profile::faults::Schedule;
 use phasma::profile::{Profile, Scene, Station, TomlSource};
+use phasma::protocol::Endpoints;
 use phasma::protocol::dialect::Dialect;
 
 fn text(bytes: &[u8]) -> String {
@@ -33,6 +34,11 @@ pub fn rig(bytes: &[u8]) -> bool {
     rig.check().unwrap();
     assert_eq!(Rig::from_toml(&rig.to_toml(), "fuzz").unwrap(), rig);
     true
+}
+
+/// What a device says of itself, and where it can be reached.
+pub fn endpoints(bytes: &[u8]) -> bool {
+    Endpoints::parse(&text(bytes), "fuzz").is_ok()
 }
 
 /// A profile that is read is a device, or lacks a file.

@@ -1,0 +1,46 @@
+//! Some of the pixels decoded, beside all of them.
+
+use phasma::decode::{Decoded, FrameStack, Options, SparseDecoder};
+use phasma::emulator::render;
+use phasma::profile::{Profile, Scene};
+use phasma::study::scanned::Stage;
+
+/// Points of pixels that both have are the same to rounding.
+#[test]
+fn sees_the_same_points_as_a_decoder_of_all_pixels() {
+    let mut profile = Profile::load("sgrt-pod").unwrap();
+    profile.camera.distortion = [0.02, -0.01, 1e-3, -5e-4, 0.0];
+    let mut scene = Scene::load("torso").unwrap();
+    for object in &mut scene.object {
+        object.position_mm[2] += 1400.0;
+    }
+    let mut stage = Stage::new(&profile, &scene, 1, render::Options::default()).unwrap();
+    let scanned = stage.scan(0);
+    let samples = || scanned.frames.iter().map(|frame| frame.samples()).collect();
+    let (width, height) = scanned.size;
+    let stack = FrameStack::new(width, height, samples()).unwrap();
+    let all = scanned.decoder(Options::default()).unwrap();
+    let all = all.decode(&stack).unwrap();
+    for (least, every) in [(1 << 30, 1), (60_000, 2), (30_000, 3), (0, 8)] {
+        let rig = Some(&scanned.rig);
+        let size = [width, height];
+        let sparse =
+            SparseDecoder::new(&scanned.manifest, size, rig, Options::default(), least);
+        let sparse = sparse.unwrap();
+        assert_eq!(sparse.every(), every);
+        let mut out = Decoded::default();
+        sparse.decode_into(&stack, &mut out).unwrap();
+        assert_eq!(out.width, width.div_ceil(every));
+        let (mut both, mut either) = (0, 0);
+        for (at, depth) in out.depth.iter().enumerate() {
+            let (u, v) = (at % out.width * every, at / out.width * every);
+            let whole = all.depth[v * width + u];
+            either += usize::from(depth.is_finite() || whole.is_finite());
+            if depth.is_finite() && whole.is_finite() {
+                both += 1;
+                assert!((depth - whole).abs() < 2e-3, "{u} {v}: {depth} {whole}");
+            }
+        }
+        assert!(both > 1000 && both * 20 > either * 19, "{both} of {either}");
+    }
+}
