@@ -41,7 +41,7 @@ impl Ensemble {
     ///
     /// The candidates are the finest set's; each is moved to the inverse-variance mean of all
     /// sets' nearest positions, and its cost is the weighted sum of squares that remains.
-    #[inline]
+    #[inline(always)]
     pub(super) fn best(&self, wrapped: &[f32], variance: &[f32], lo: f32, hi: f32) -> Candidate {
         // Only candidates near all sets' positions matter, as long as the best is good enough that
         // nothing beyond could compete: what is farther than its reach from a set's positions costs at
@@ -63,7 +63,7 @@ impl Ensemble {
 
     /// [`Self::best`] by candidates within a reach of each set's positions, where no other could change
     /// it.
-    #[inline]
+    #[inline(always)]
     fn within(
         &self,
         wrapped: &[f32],
@@ -90,7 +90,7 @@ impl Ensemble {
     }
 
     /// Looks at candidates within a reach of each set's positions.
-    #[inline]
+    #[inline(always)]
     fn among<'a>(
         &'a self,
         wrapped: &'a [f32],
@@ -125,34 +125,56 @@ struct Search<'a> {
 }
 
 impl Search<'_> {
-    /// Looks from `lo` to `hi` where set `j` and those finer than it allow.
-    #[inline]
+    /// Looks from `lo` to `hi` where set `j` and those finer than it allow. Two and three sets, the usual
+    /// ones, take no call.
+    #[inline(always)]
     fn coarse(&mut self, j: usize, lo: f32, hi: f32, reach: &impl Fn(usize) -> f32) {
-        if j == 0 {
-            return self.fine(lo, hi);
+        match j {
+            0 => self.fine(lo, hi),
+            1 => self.near(1, lo, hi, reach, |s, lo, hi| s.fine(lo, hi)),
+            2 => self.near(2, lo, hi, reach, |s, lo, hi| {
+                s.near(1, lo, hi, reach, |s, lo, hi| s.fine(lo, hi));
+            }),
+            _ => self.coarser(j, lo, hi, reach),
         }
+    }
+
+    fn coarser(&mut self, j: usize, lo: f32, hi: f32, reach: &impl Fn(usize) -> f32) {
+        match j {
+            0 => self.fine(lo, hi),
+            _ => self.near(j, lo, hi, reach, |s, lo, hi| {
+                s.coarser(j - 1, lo, hi, reach);
+            }),
+        }
+    }
+
+    /// Looks, where set `j` allows, by `then`.
+    #[inline(always)]
+    fn near(
+        &mut self,
+        j: usize,
+        lo: f32,
+        hi: f32,
+        reach: &impl Fn(usize) -> f32,
+        then: impl Fn(&mut Self, f32, f32),
+    ) {
         let (p, x, near) = (self.periods[j], self.wrapped[j], reach(j));
         if near >= 0.5 * p {
-            return self.coarse(j - 1, lo, hi, reach);
+            return then(self, lo, hi);
         }
-        let mut m = ((lo - x - near) / p).ceil();
+        let mut m = ceil((lo - x - near) / p);
         while x + m * p - near < hi {
             let middle = x + m * p;
-            self.coarse(
-                j - 1,
-                (middle - near).max(lo),
-                (middle + near).min(hi),
-                reach,
-            );
+            then(self, (middle - near).max(lo), (middle + near).min(hi));
             m += 1.0;
         }
     }
 
     /// Every candidate of the finest set from `lo` to `hi`.
-    #[inline]
+    #[inline(always)]
     fn fine(&mut self, lo: f32, hi: f32) {
         let (p0, x0) = (self.periods[0], self.wrapped[0]);
-        let mut k = ((lo - x0) / p0).ceil();
+        let mut k = ceil((lo - x0) / p0);
         while x0 + k * p0 < hi {
             let x = x0 + k * p0;
             let (mut sum, mut squares, mut misfit) = (0.0, 0.0, 0.0_f32);
@@ -194,6 +216,14 @@ impl Search<'_> {
             cost.is_finite() && misfit <= MISFIT
         }
     }
+}
+
+/// The least whole number that is no smaller, of a number below 2^22 in size; not every x86 has the
+/// instruction.
+#[inline(always)]
+fn ceil(v: f32) -> f32 {
+    let whole = nearest(v);
+    if whole < v { whole + 1.0 } else { whole }
 }
 
 /// What [`Ensemble::best`] finds.

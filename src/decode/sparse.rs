@@ -4,7 +4,7 @@
 //! A pixel that is left sees what it saw, along the same ray: pixel (u, v) of the sparse image is pixel
 //! (n u, n v) of the camera, so that a lens has an n'th of its focal lengths and of its principal point
 //! (pixels are counted from their centres). Neighbours are n pixels apart, so that more pixels border on
-//! a step.
+//! a step; their footprints do not overlap, and how steep a surface may be for a footprint is what it was.
 
 use super::{Decoded, Decoder, FrameStack, Options, Samples};
 use crate::error::Result;
@@ -13,7 +13,7 @@ use crate::pattern::Manifest;
 use rayon::prelude::*;
 
 /// Most pixels from one that is decoded to the next.
-const MOST: usize = 8;
+const MOST: usize = 4;
 
 /// Decodes some of the pixels of one sequence's frames, again and again.
 #[derive(Debug)]
@@ -42,8 +42,9 @@ impl SparseDecoder {
             .unwrap_or(1);
         let rig = rig.map(|rig| sparse(rig, every));
         let [width, height] = [width, height].map(|n| n.div_ceil(every));
+        let decoder = Decoder::new(manifest, width, height, rig.as_ref(), options)?;
         Ok(Self {
-            decoder: Decoder::new(manifest, width, height, rig.as_ref(), options)?,
+            decoder: decoder.spaced(every),
             every,
         })
     }
@@ -96,9 +97,11 @@ impl SparseDecoder {
 /// Every so manyth pixel of every so manyth row of each frame.
 fn taken<T: Copy + Send + Sync>(frames: &[&[T]], width: usize, every: usize) -> Vec<Vec<T>> {
     let of = |frame: &&[T]| {
-        let rows = frame.chunks_exact(width.max(1)).step_by(every);
-        rows.flat_map(|row| row.iter().copied().step_by(every))
-            .collect()
+        let mut some = Vec::with_capacity(frame.len() / (every * every) + width);
+        for row in frame.chunks_exact(width.max(1)).step_by(every) {
+            some.extend(row.chunks(every).map(|pixels| pixels[0]));
+        }
+        some
     };
     frames.par_iter().map(of).collect()
 }

@@ -21,11 +21,10 @@ fn sees_the_same_points_as_a_decoder_of_all_pixels() {
     let stack = FrameStack::new(width, height, samples()).unwrap();
     let all = scanned.decoder(Options::default()).unwrap();
     let all = all.decode(&stack).unwrap();
-    for (least, every) in [(1 << 30, 1), (60_000, 2), (30_000, 3), (0, 8)] {
+    for (least, every) in [(1 << 30, 1), (60_000, 2), (30_000, 3), (0, 4)] {
         let rig = Some(&scanned.rig);
         let size = [width, height];
-        let sparse =
-            SparseDecoder::new(&scanned.manifest, size, rig, Options::default(), least);
+        let sparse = SparseDecoder::new(&scanned.manifest, size, rig, Options::default(), least);
         let sparse = sparse.unwrap();
         assert_eq!(sparse.every(), every);
         let mut out = Decoded::default();
@@ -41,6 +40,6 @@ fn sees_the_same_points_as_a_decoder_of_all_pixels() {
                 assert!((depth - whole).abs() < 2e-3, "{u} {v}: {depth} {whole}");
             }
         }
-        assert!(both > 1000 && both * 20 > either * 19, "{both} of {either}");
+        assert!(both > 1000 && both * 10 > either * 9, "{both} of {either}");
     }
 }

@@ -74,6 +74,8 @@ pub struct Decoder {
     kernels: Vec<AxisKernel>,
     triangulator: Option<Triangulator>,
     noise: Option<NoiseModel>,
+    /// Widths of a pixel from one to the next.
+    spacing: f32,
 }
 
 impl Decoder {
@@ -135,7 +137,16 @@ impl Decoder {
             triangulator,
             noise: options.noise.or(rig.and_then(|r| r.noise)),
             plan,
+            spacing: 1.0,
         })
+    }
+
+    /// For images whose pixels are so many of their widths apart.
+    pub(super) fn spaced(self, pixels: usize) -> Self {
+        Self {
+            spacing: pixels as f32,
+            ..self
+        }
     }
 
     /// How the sequence is decoded.
@@ -274,7 +285,7 @@ impl Decoder {
         if !self.options.keep_mixed {
             let finest = [Axis::X, Axis::Y].map(|axis| {
                 let set = self.plan.axis(axis).and_then(|plan| plan.sets.first());
-                set.map_or(f32::INFINITY, |set| set.period_px as f32)
+                set.map_or(f32::INFINITY, |set| set.period_px as f32 * self.spacing)
             });
             neighbours::clean(out, light, finest);
         }

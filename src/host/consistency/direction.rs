@@ -4,12 +4,12 @@
 //! projector, the frames have to say.
 
 use super::grid::value;
-use crate::decode::{AxisPlan, Plan};
+use crate::decode::AxisPlan;
 use crate::pattern::Axis;
 use crate::protocol::Frame;
 
 /// Pixels that are looked at in each frame, about.
-const PIXELS: usize = 5_000;
+const PIXELS: usize = 2_000;
 /// Part of the changes along rows from which on those down the image are many.
 const MANY: f64 = 0.5;
 
@@ -29,20 +29,16 @@ pub(super) fn along(axis: &AxisPlan, frames: &[Frame]) -> Axis {
     }
 }
 
-/// Of each frame whether its pattern varies down the image: its own edges lie along rows, as those of a
-/// frame that is torn or lacks rows do.
-pub(super) fn down(plan: &Plan, frames: &[Frame]) -> Vec<bool> {
-    let mut down = vec![false; frames.len()];
-    for axis in &plan.axes {
-        if along(axis, frames) == Axis::Y {
-            for frame in shown(axis) {
-                if let Some(down) = down.get_mut(frame) {
-                    *down = true;
-                }
+/// Marks the frames of an axis whose patterns vary down the image: their own edges lie along rows, as
+/// those of a frame that is torn or lacks rows do.
+pub(super) fn mark(axis: &AxisPlan, along: Axis, down: &mut [bool]) {
+    if along == Axis::Y {
+        for frame in shown(axis) {
+            if let Some(down) = down.get_mut(frame) {
+                *down = true;
             }
         }
     }
-    down
 }
 
 /// The frames of an axis.

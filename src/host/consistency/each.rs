@@ -16,7 +16,7 @@ use rayon::prelude::*;
 /// Parts, from the top of the image to its bottom.
 const BANDS: usize = 6;
 /// Pixels that are looked at in each, at most,
-const PIXELS: usize = 64;
+const PIXELS: usize = 40;
 /// and at least.
 const LEAST_PIXELS: usize = 12;
 /// Without one frame less than this part of the misfit has to be left.
@@ -34,7 +34,7 @@ pub(super) fn check(
     let n = manifest.frame.len();
     let all: Vec<Option<usize>> = (0..n).map(Some).collect();
     let bad = bands(grid, along).into_par_iter().filter_map(|pixels| {
-        let asked = levels.fit(&all, &pixels, f64::INFINITY)?;
+        let asked = levels.fit(&all, &pixels, f64::INFINITY, false)?;
         if !asked.is_doubtful() {
             return None;
         }
@@ -42,7 +42,7 @@ pub(super) fn check(
         let without = |lacking: usize| {
             let mut shows = all.clone();
             shows[lacking] = None;
-            Some((lacking, levels.fit(&shows, &pixels, most)?.misfit))
+            Some((lacking, levels.fit(&shows, &pixels, most, false)?.misfit))
         };
         let (frame, left) = (0..n)
             .filter_map(without)

@@ -192,7 +192,7 @@ pub(super) fn read_row(frame: &Frame, row: usize, every: usize, into: &mut Vec<f
             let pixels = &frame.data[row * width..(row + 1) * width];
             match every {
                 1 => into.extend(pixels.iter().map(|pixel| f32::from(*pixel))),
-                _ => into.extend(pixels.iter().step_by(every).map(|pixel| f32::from(*pixel))),
+                _ => into.extend(pixels.chunks(every).map(|pixels| f32::from(pixels[0]))),
             }
         }
     }

@@ -108,8 +108,10 @@ fn examine(manifest: &Manifest, frames: &[Frame], identified: bool) -> Result<()
     let tells = references.is_some() || sets().any(|set| set.frames.len() > 3);
     let scatter = tells.then(|| Scatter::new(frames));
     let mut noise_dn = 0.0;
+    let mut down = vec![false; frames.len()];
     for axis in &plan.axes {
         let along = direction::along(axis, frames);
+        direction::mark(axis, along, &mut down);
         let grid = Grid::new(frames, along);
         noise_dn = grid.noise_dn;
         let varying = grid.varying();
@@ -136,7 +138,6 @@ fn examine(manifest: &Manifest, frames: &[Frame], identified: bool) -> Result<()
             });
         found.map_err(departs)?;
     }
-    let down = direction::down(&plan, frames);
     torn::check(frames, &down, noise_dn)
         .and_then(|()| rows::check(frames, &down, noise_dn))
         .map_err(departs)

@@ -13,6 +13,7 @@ use super::grid::{read_row, value};
 use crate::protocol::Frame;
 use crate::simd::widest;
 use rayon::prelude::*;
+use std::collections::HashMap;
 
 /// Rows above and below a change that belong to it.
 const REACH: usize = 4;
@@ -20,8 +21,9 @@ const REACH: usize = 4;
 const MOST_ROWS: usize = 3;
 /// Part of the range of its pixels that a frame has to change by.
 const LOUD: f32 = 0.2;
-/// Frames that have to change so for all of them to be compared.
-const LEAST_FRAMES: usize = 3;
+/// Frames that have to change so for all of them to be compared: more than the steps of one fringe, which
+/// change along a slope too.
+const LEAST_FRAMES: usize = 5;
 /// No noise is a change: so many deviations of it, from one row to the next,
 const SIGMAS: f32 = 6.0;
 /// and what is less than so many is left out of a sum.
@@ -30,6 +32,10 @@ const FLOOR_SIGMAS: f32 = 3.0;
 const NEAR: f32 = 0.35;
 /// and speaks against it twice when it is no nearer than this.
 const FAR: f32 = 0.65;
+/// Columns and rows of a part of the image,
+const CELL: usize = 16;
+/// of whose changes so many are asked: they are likely to be of one edge, which may be odd.
+const OF_ONE: u32 = 2;
 /// Changes that have to speak for lost rows, less those that speak against them. Sound captures of the
 /// built-in profiles and scenes have at most half of it.
 const LEAST: usize = 12;
@@ -43,6 +49,8 @@ const BAND: usize = 32;
 struct Change {
     frame: usize,
     row: usize,
+    /// Which part of the image it is in.
+    cell: (usize, usize),
     /// By how many rows it is above the same change of the other frames.
     above: f32,
 }
@@ -86,7 +94,13 @@ pub(super) fn check(frames: &[Frame], down: &[bool], noise_dn: f32) -> Result<()
 fn tail(changes: &[Change], rows: usize) -> Option<Tail> {
     let (mut votes, mut against) = (0, 0);
     let mut found: Option<Tail> = None;
+    let mut asked: HashMap<(usize, usize), u32> = HashMap::new();
     for change in changes.iter().rev() {
+        let of_one = asked.entry(change.cell).or_default();
+        *of_one += 1;
+        if *of_one > OF_ONE {
+            continue;
+        }
         let off = (change.above - rows as f32).abs();
         votes += usize::from(off < NEAR);
         against += 2 * usize::from(off > FAR);
@@ -137,9 +151,10 @@ fn changes_of(frames: &[Frame], down: &[bool], noise_dn: f32) -> Vec<Change> {
         let least = LEAST_FRAMES as f32 * (SIGMAS - FLOOR_SIGMAS) * noise_dn;
         let is_edge = |column: &usize| {
             let total = at(row)[*column];
-            let above = (row - REACH..row).all(|row| at(row)[*column] < total);
-            let below = (row + 1..=row + REACH).all(|row| at(row)[*column] <= total);
-            total >= least && above && below
+            // What most pixels fail first.
+            total >= least
+                && (row - REACH..row).all(|row| at(row)[*column] < total)
+                && (row + 1..=row + REACH).all(|row| at(row)[*column] <= total)
         };
         let edges = (0..columns).filter(is_edge);
         edges.flat_map(|column| view.edge(row, column)).collect()
@@ -237,6 +252,7 @@ impl View<'_> {
             tells.then(|| Change {
                 frame,
                 row,
+                cell: (row / CELL, column / CELL),
                 above: others.1 / others.0 - own.1 / own.0,
             })
         };

@@ -63,7 +63,7 @@ pub(super) fn check(manifest: &Manifest, axis: &AxisPlan, grid: &Grid) -> Result
     let levels = Levels::new(manifest, axis, grid.noise_dn);
     let n = manifest.frame.len();
     let all: Vec<_> = (0..n).map(Some).collect();
-    let Some(asked) = levels.fit(&all, &pixels, f64::INFINITY) else {
+    let Some(asked) = levels.fit(&all, &pixels, f64::INFINITY, true) else {
         return Ok(());
     };
     // Without misfit and without jumps no other list can be found distinctly better.
@@ -86,7 +86,7 @@ pub(super) fn check(manifest: &Manifest, axis: &AxisPlan, grid: &Grid) -> Result
     let most = by_misfit.max(by_jumps);
     let others: Vec<(String, Fit)> = lists(n)
         .into_par_iter()
-        .filter_map(|list| Some((list.what, levels.fit(&list.shows, &pixels, most)?)))
+        .filter_map(|list| Some((list.what, levels.fit(&list.shows, &pixels, most, jumps)?)))
         .collect();
     let fits = others.iter().filter(|(_, other)| {
         doubtful && other.misfit < DISTINCT * asked.misfit
@@ -221,8 +221,15 @@ impl Levels {
         }
     }
 
-    /// `None` where a list leaves nothing to check, and where its misfit is more than `most`.
-    pub(super) fn fit(&self, shows: &[Option<usize>], pixels: &[&[f32]], most: f64) -> Option<Fit> {
+    /// `None` where a list leaves nothing to check, and where its misfit is more than `most`. Coordinates
+    /// take time and are looked for on demand.
+    pub(super) fn fit(
+        &self,
+        shows: &[Option<usize>],
+        pixels: &[&[f32]],
+        most: f64,
+        with_coordinates: bool,
+    ) -> Option<Fit> {
         let known: Vec<(usize, &[f32])> = shows
             .iter()
             .enumerate()
@@ -260,22 +267,19 @@ impl Levels {
         for pixel in pixels {
             let mean = known.iter().map(|(i, _)| pixel[*i]).sum::<f32>() / n as f32;
             let total: f32 = known.iter().map(|(i, _)| (pixel[*i] - mean).powi(2)).sum();
-            explain(&known, pixel, mean, &inverse, &mut explained);
-            let mut best = (0, 0.0);
-            for (i, here) in explained.iter().enumerate() {
-                if *here > best.1 {
-                    best = (i, *here);
-                }
-            }
+            let most_explained = explain(&known, pixel, mean, &inverse, &mut explained);
             let (low, high) = range(pixel);
             let squared = f64::from(high - low).powi(2).max(1.0);
             let scale = squared * (n - 3) as f64;
-            misfit += (f64::from(total - best.1) / scale).clamp(0.0, CAP);
+            misfit += (f64::from(total - most_explained) / scale).clamp(0.0, CAP);
             if misfit > most {
                 return None;
             }
             noise += (self.noise_dn * self.noise_dn / squared).min(CAP);
-            coordinates.push(best.0 as f64 * self.step_px);
+            if with_coordinates {
+                let place = explained.iter().position(|here| *here == most_explained);
+                coordinates.push(place.unwrap_or(0) as f64 * self.step_px);
+            }
         }
         Some(Fit {
             misfit: misfit / pixels.len() as f64,
@@ -315,14 +319,14 @@ fn level(pattern: &Pattern, x: f64) -> Option<f32> {
 
 widest! {
     /// What each coordinate explains of a pixel's deviations from its mean over the known frames, into a
-    /// list as long as there are coordinates.
+    /// list as long as there are coordinates; the most of it.
     fn explain(
         known: &[(usize, &[f32])],
         pixel: &[f32],
         mean: f32,
         inverse: &[f32],
         explained: &mut [f32],
-    ) => explain_body
+    ) -> f32 => explain_body
 }
 
 #[inline(always)]
@@ -332,7 +336,7 @@ fn explain_body(
     mean: f32,
     inverse: &[f32],
     explained: &mut [f32],
-) {
+) -> f32 {
     explained.fill(0.0);
     for (i, row) in known {
         let v = pixel[*i] - mean;
@@ -344,4 +348,14 @@ fn explain_body(
         let ahead = if *product > 0.0 { *product } else { 0.0 };
         *product = ahead * ahead * inverse;
     }
+    // One for each lane, so that it vectorises.
+    let mut most = [0f32; 8];
+    let (lanes, rest) = explained.as_chunks::<8>();
+    for lane in lanes {
+        for (most, here) in most.iter_mut().zip(lane) {
+            *most = if *here > *most { *here } else { *most };
+        }
+    }
+    let all = most.iter().chain(rest);
+    all.fold(0.0, |most, here| if *here > most { *here } else { most })
 }

@@ -6,6 +6,8 @@ use glam::DVec3;
 
 /// Below this a deviation is not believed, in millimetres: a weight must stay finite.
 const LEAST_SIGMA_MM: f64 = 1e-3;
+/// Points that show the way.
+const SOME: usize = 1500;
 /// Of a deviation along the ray at least this part lies along the normal, however the ray grazes.
 const LEAST_COSINE: f64 = 0.2;
 
@@ -81,6 +83,12 @@ impl Measured {
     /// Whether there are none.
     pub fn is_empty(&self) -> bool {
         self.points.is_empty()
+    }
+
+    /// As many of the points as show the way while scales are [wide](super::robust::Spread::Wide); where
+    /// that leads, all of them say. `None` where there are few.
+    pub(super) fn some(&self) -> Option<Self> {
+        (self.len() > 2 * SOME).then(|| self.thinned(SOME))
     }
 
     /// At most `most` of the points, evenly along the arrays.

@@ -8,7 +8,7 @@ use glam::DVec3;
 
 /// Points of a scan that are fitted, of all pods together: more of them say nothing new, for their
 /// errors go together over some millimetres.
-pub const POINTS: usize = 6_000;
+pub const POINTS: usize = 5_000;
 /// Pixels of each pod that are decoded at least: of larger images as few as leave so many.
 pub const PIXELS: usize = 60_000;
 /// How far from the isocentre skin is tracked, along the couch and across it, in millimetres,

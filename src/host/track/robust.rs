@@ -7,9 +7,6 @@ const END: f64 = 4.685;
 const MEDIAN: f64 = 0.674_489_750_196_081_7;
 const Q80: f64 = 1.281_551_565_544_600_4;
 
-/// Points that show the way while scales are [wide](Spread::Wide); where that leads, all of them say.
-pub(super) const WIDE_POINTS: usize = 2500;
-
 /// How the scale of residuals is taken.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Spread {

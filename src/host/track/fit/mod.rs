@@ -21,7 +21,7 @@ pub use state::{MotionFit, MotionState};
 
 use super::measured::Measured;
 use super::model::MotionModel;
-use super::robust::{Spread, WIDE_POINTS};
+use super::robust::Spread;
 use super::six::{orthonormal, turn};
 use super::surface::Reference;
 use super::warning::{Lost, Warning};
@@ -100,7 +100,7 @@ impl<'a> MotionTracker<'a> {
         let (mut iterations, mut size) = (0, f64::INFINITY);
         let mut spread = Spread::Wide;
         let mut inflation = 1.0;
-        let some = (measured.len() > 2 * WIDE_POINTS).then(|| measured.thinned(WIDE_POINTS));
+        let some = measured.some();
         while iterations < options.max_iterations && (size > options.step || inflation == 1.0) {
             let looked_at = match (&some, spread) {
                 (Some(some), Spread::Wide) => some,
@@ -111,9 +111,9 @@ impl<'a> MotionTracker<'a> {
             size = step.size;
             iterations += 1;
             match spread {
-                Spread::Narrow => inflation = step.inflation,
                 Spread::Wide if size < 0.1 => (spread, size) = (Spread::Narrow, f64::INFINITY),
                 Spread::Wide => {}
+                Spread::Narrow => inflation = step.inflation,
             }
         }
         let last = self.step(measured, &state, &mut rows, Spread::Narrow, inflation)?;

@@ -29,7 +29,7 @@ pub use options::RigidOptions;
 pub use search::Start;
 
 use super::measured::Measured;
-use super::robust::{Spread, WIDE_POINTS};
+use super::robust::Spread;
 use super::six::SixDof;
 use super::surface::Reference;
 use super::warning::{Lost, Warning};
@@ -182,7 +182,7 @@ fn descend(
     let (mut pose, mut spread, mut afresh) = (start, Spread::Wide, true);
     let mut step_mm = f64::INFINITY;
     let mut iterations = 0;
-    let some = (measured.len() > 2 * WIDE_POINTS).then(|| measured.thinned(WIDE_POINTS));
+    let some = measured.some();
     while iterations < options.max_iterations && step_mm > options.step_mm {
         let looked_at = match (&some, spread) {
             (Some(some), Spread::Wide) => some,
