@@ -16,7 +16,7 @@ use rayon::prelude::*;
 /// Parts, from the top of the image to its bottom.
 const BANDS: usize = 6;
 /// Pixels that are looked at in each, at most,
-const PIXELS: usize = 40;
+const PIXELS: usize = 64;
 /// and at least.
 const LEAST_PIXELS: usize = 12;
 /// Without one frame less than this part of the misfit has to be left.
@@ -39,6 +39,10 @@ pub(super) fn check(
             return None;
         }
         let most = DISTINCT * asked.misfit;
+        // Those that leave much first: most lists leave as much and need not be heard out.
+        let mut order: Vec<(f64, &[f32])> = asked.each.iter().copied().zip(pixels).collect();
+        order.sort_by(|a, b| b.0.total_cmp(&a.0));
+        let pixels: Vec<&[f32]> = order.into_iter().map(|(_, pixel)| pixel).collect();
         let without = |lacking: usize| {
             let mut shows = all.clone();
             shows[lacking] = None;

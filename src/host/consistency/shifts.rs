@@ -50,6 +50,8 @@ struct List {
 /// What a list explains: the mean misfit and the coordinate of each pixel.
 pub(super) struct Fit {
     pub(super) misfit: f64,
+    /// Each pixel's.
+    pub(super) each: Vec<f64>,
     /// The part of it that is noise.
     noise: f64,
     /// Whether the list is a shifted one. Exchanged bits are told by `gray`.
@@ -263,7 +265,8 @@ impl Levels {
         let most = most * pixels.len() as f64;
         let (mut misfit, mut noise) = (0.0, 0.0);
         let mut explained = vec![0f32; count];
-        let mut coordinates = Vec::with_capacity(pixels.len());
+        let mut coordinates = Vec::new();
+        let mut each = Vec::with_capacity(pixels.len());
         for pixel in pixels {
             let mean = known.iter().map(|(i, _)| pixel[*i]).sum::<f32>() / n as f32;
             let total: f32 = known.iter().map(|(i, _)| (pixel[*i] - mean).powi(2)).sum();
@@ -271,7 +274,8 @@ impl Levels {
             let (low, high) = range(pixel);
             let squared = f64::from(high - low).powi(2).max(1.0);
             let scale = squared * (n - 3) as f64;
-            misfit += (f64::from(total - most_explained) / scale).clamp(0.0, CAP);
+            each.push((f64::from(total - most_explained) / scale).clamp(0.0, CAP));
+            misfit += each[each.len() - 1];
             if misfit > most {
                 return None;
             }
@@ -283,6 +287,7 @@ impl Levels {
         }
         Some(Fit {
             misfit: misfit / pixels.len() as f64,
+            each,
             noise: noise / pixels.len() as f64,
             shifted: shows.windows(2).any(|w| w[0] == w[1]) || shows.last() == Some(&None),
             coordinates,
