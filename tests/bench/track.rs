@@ -2,13 +2,17 @@
 //! the same run: machines differ and wander, the ratio less so.
 
 use glam::{DVec3, Vec3};
+use phasma::emulator::render;
 use phasma::geometry::shapes::{Torso, torso};
 use phasma::geometry::{Mesh, Pose};
 use phasma::host::track::{
     FitOptions, Measured, ModelOptions, MotionModel, MotionState, MotionTracker, Reference, Region,
-    RigidOptions, SixDof, Snapshots, Start, track_rigid,
+    RigidOptions, Sight, SixDof, Snapshots, Start, track_rigid,
 };
+use phasma::host::{Captured, check_identified_sequence};
 use phasma::measure::{OVERLAP_COLUMNS, overlap};
+use phasma::profile::{Profile, Scene};
+use phasma::study::scanned::Stage as Device;
 use phasma::study::timing::Stopwatch;
 use std::hint::black_box;
 use std::time::Instant;
@@ -61,7 +65,24 @@ fn main() {
         rayon::current_num_threads()
     );
     println!("{:<48}{:>10}{:>12}{:>10}", "", "ms", "copy ms", "ratio");
+    let captured = captured();
+    let mut sight = Sight::new("pod", Pose::IDENTITY);
     let mut stages: Vec<Stage<'_>> = vec![
+        (
+            "a pod's frames held against their sequence",
+            Box::new(|| {
+                check_identified_sequence(&captured.manifest, &captured.frames).expect("sound");
+            }),
+        ),
+        (
+            "a pod's frames so held, and made points",
+            Box::new(|| {
+                let mut measured = Measured::default();
+                let doubt = sight.measure(&captured, true, &mut measured, POINTS);
+                assert_eq!(doubt.expect("a calibration"), None);
+                black_box(measured);
+            }),
+        ),
         (
             "nearest points afresh, one thread",
             Box::new(|| {
@@ -131,6 +152,17 @@ fn main() {
             seconds / copy
         );
     }
+}
+
+/// A scan by a pod under the ceiling.
+fn captured() -> Captured {
+    let profile = Profile::load("sgrt-pod").expect("built in");
+    let mut scene = Scene::load("torso").expect("built in");
+    for object in &mut scene.object {
+        object.position_mm[2] += 1400.0;
+    }
+    let device = Device::new(&profile, &scene, 1, render::Options::default());
+    device.expect("a device").scan(0).captured()
 }
 
 /// On the back in the room frame, the isocentre in the chest.
