@@ -21,6 +21,9 @@ const PIXELS: usize = 64;
 const LEAST_PIXELS: usize = 12;
 /// Without one frame less than this part of the misfit has to be left.
 const DISTINCT: f64 = 0.4;
+/// And less than this without one of three steps: what blur takes of a fringe's contrast is misfit, and two
+/// steps that are left fit a fringe of any contrast about as well.
+const DISTINCT_OF_THREE: f64 = 0.15;
 
 /// Whether the frames without one of them fit distinctly better anywhere; their patterns vary `along` an
 /// axis of the image.
@@ -38,7 +41,16 @@ pub(super) fn check(
         if !asked.is_doubtful() {
             return None;
         }
-        let most = DISTINCT * asked.misfit;
+        let most = |lacking: usize| {
+            let mut sets = axis.sets.iter();
+            let of_three = sets.any(|set| set.frames.len() == 3 && set.frames.contains(&lacking));
+            asked.misfit
+                * if of_three {
+                    DISTINCT_OF_THREE
+                } else {
+                    DISTINCT
+                }
+        };
         // Those that leave much first: most lists leave as much and need not be heard out.
         let mut order: Vec<(f64, &[f32])> = asked.each.iter().copied().zip(pixels).collect();
         order.sort_by(|a, b| b.0.total_cmp(&a.0));
@@ -46,12 +58,13 @@ pub(super) fn check(
         let without = |lacking: usize| {
             let mut shows = all.clone();
             shows[lacking] = None;
-            Some((lacking, levels.fit(&shows, &pixels, most, false)?.misfit))
+            let without = levels.fit(&shows, &pixels, most(lacking), false)?;
+            Some((lacking, without.misfit))
         };
-        let (frame, left) = (0..n)
-            .filter_map(without)
-            .min_by(|a, b| a.1.total_cmp(&b.1))?;
-        (left < most).then_some(frame)
+        let found = (0..n).filter_map(without);
+        found
+            .min_by(|a, b| a.1.total_cmp(&b.1))
+            .map(|(frame, _)| frame)
     });
     match bad.min() {
         Some(frame) => Err(format!(
