@@ -30,7 +30,7 @@ impl Pod {
     /// A device that stands at a place before a scene. `seed` keys its noise.
     ///
     /// # Errors
-    /// What [`Renderer::with_options`], [`Firmware::new`] and [`Decoder::new`] refuse.
+    /// What [`Renderer::with_options`], [`Firmware::new`] and [`SparseDecoder::new`] refuse.
     pub fn new(profile: &Profile, scene: &Scene, place: RigPlace, seed: u64) -> Result<Self> {
         let scene = Scene {
             rig: place,
@@ -66,7 +66,7 @@ impl Pod {
     /// Decodes from now on by a calibration that need not be the rig as it stands: one of another day.
     ///
     /// # Errors
-    /// What [`Decoder::new`] refuses.
+    /// What [`SparseDecoder::new`] refuses.
     pub fn calibrated(&mut self, rig: &Rig) -> Result<()> {
         self.decoder = decoder(&self.profile, rig)?;
         self.rig = *rig;
