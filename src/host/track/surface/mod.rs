@@ -156,7 +156,7 @@ impl Reference {
         self.patches.total_mm2()
     }
 
-    /// Area in square millimetres of those patches (of 10 mm) of the region in which some of these
+    /// Area in square millimetres of those patches (of 20 mm) of the region in which some of these
     /// triangles lie.
     pub fn covered_mm2(&self, triangles: impl Iterator<Item = u32>) -> f64 {
         self.patches.covered_mm2(triangles)

@@ -3,8 +3,9 @@
 use super::Facet;
 use std::collections::HashMap;
 
-/// Edge of a patch in millimetres: coarser than points are apart, finer than what hides a patient.
-const PATCH_MM: f64 = 10.0;
+/// Edge of a patch in millimetres: coarser than points are apart (a few lie in each), finer than what hides
+/// a patient.
+const PATCH_MM: f64 = 20.0;
 
 /// Patches of the region of interest.
 pub(super) struct Patches {
