@@ -48,9 +48,8 @@ impl Ensemble {
         // least the square of the reach over both variances. Noise alone takes a candidate or two;
         // what errs by more than noise, a few; what is left, all.
         let spread = |j: usize| SPREAD * (variance[j] + variance[0]).sqrt();
-        let narrow = |j: usize| spread(j);
         let wide = |j: usize| spread(j).max(MISFIT * self.periods[j]);
-        if let Some(found) = self.within(wrapped, variance, [lo, hi], narrow) {
+        if let Some(found) = self.within(wrapped, variance, [lo, hi], spread) {
             return found;
         }
         if let Some(found) = self.within(wrapped, variance, [lo, hi], wide) {

@@ -36,8 +36,8 @@ const FAR: f32 = 0.65;
 const CELL: usize = 16;
 /// of whose changes so many are asked: they are likely to be of one edge, which may be odd.
 const OF_ONE: u32 = 2;
-/// Changes that have to speak for lost rows, less those that speak against them. Sound captures of the
-/// built-in profiles and scenes have at most half of it.
+/// Changes that have to speak for lost rows, less those that speak against them. Sound captures of five
+/// built-in profiles before the scenes of a bench have at most half of it.
 const LEAST: usize = 12;
 /// Columns of an image that are looked at, at most.
 const COLUMNS: usize = 640;
