@@ -136,6 +136,39 @@ fn every_image_format_decodes_to_the_same_columns() {
 }
 
 #[test]
+fn pictures_in_another_order_are_refused_unless_that_is_meant() {
+    let root = tempfile::tempdir().unwrap();
+    let (frames, out) = (root.path().join("frames"), root.path().join("out"));
+    std::fs::create_dir(&frames).unwrap();
+    write_sequence(&frames, "png", &save_grey8);
+    let manifest = frames.join("sequence.toml");
+    let text = std::fs::read_to_string(&manifest).unwrap();
+    // Without the picture that nobody has: what is not whole cannot be checked.
+    let (whole, _) = text.split_once("[[frame]]\nfile = \"gone.png\"").unwrap();
+    std::fs::write(&manifest, whole).unwrap();
+    let [manifest, out] = [&manifest, &out].map(|path| path.to_str().unwrap());
+    let args = ["--manifest", manifest, "--out", out];
+    assert!(phasma(&args).status.success());
+    let [two, five, kept] = ["2.png", "5.png", "kept.png"].map(|name| frames.join(name));
+    for (from, to) in [(&two, &kept), (&five, &two), (&kept, &five)] {
+        std::fs::rename(from, to).unwrap();
+    }
+    let again = [&args[..], &["--force"]].concat();
+    let needles = [
+        "sequence.toml",
+        "frames 2 and 5 look exchanged",
+        "--doubtful",
+    ];
+    refused(&again, &needles);
+    let output = phasma(&[&again[..], &["--doubtful"]].concat());
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(
+        output.status.success() && said.contains(needles[1]),
+        "{said}"
+    );
+}
+
+#[test]
 fn with_a_calibration_there_are_points() {
     let root = tempfile::tempdir().unwrap();
     write_sequence(root.path(), "png", &save_grey8);

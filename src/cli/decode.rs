@@ -3,9 +3,11 @@
 use super::method::MethodArgs;
 use crate::calibrate::files::{Sizes, read_rig_sized};
 use crate::decode::{
-    Decoder, Options, Plan, Summary, frame_size, load_frames, output_names, write_outputs,
+    Decoder, FrameStack, Options, Plan, Summary, frame_size, load_frames, output_names,
+    write_outputs,
 };
 use crate::error::{Error, Result};
+use crate::host::check_pictures;
 use crate::pattern::Manifest;
 use std::path::{Path, PathBuf};
 
@@ -40,6 +42,9 @@ pub(super) struct Args {
     /// Least modulation in grey levels
     #[arg(long, value_name = "DN", default_value_t = Options::default().min_modulation_dn)]
     min_modulation: f32,
+    /// Decode pictures that do not follow the manifest's sequence: say so, no more
+    #[arg(long)]
+    doubtful: bool,
     /// Overwrite results of an earlier run
     #[arg(long)]
     force: bool,
@@ -94,7 +99,9 @@ pub(super) fn run(args: &Args) -> Result<()> {
         options,
     )
     .map_err(|e| name_calibration(name_file(e, &args.manifest), args.calibration.as_deref()))?;
-    let mut decoded = decoder.decode(&frames.stack())?;
+    let stack = frames.stack();
+    check(&manifest, &stack, args)?;
+    let mut decoded = decoder.decode(&stack)?;
     args.method.apply(&decoder, &mut decoded, options)?;
     std::fs::create_dir_all(&args.out).map_err(|e| Error::io(&args.out, e))?;
     let names = write_outputs(&args.out, &decoder, &decoded)?;
@@ -109,6 +116,22 @@ pub(super) fn run(args: &Args) -> Result<()> {
         println!("written      {}: {}", args.out.display(), names.join(", "));
     }
     Ok(())
+}
+
+/// Holds the pictures against their sequence.
+fn check(manifest: &Manifest, stack: &FrameStack<'_>, args: &Args) -> Result<()> {
+    let Err(why) = check_pictures(manifest, stack) else {
+        return Ok(());
+    };
+    if args.doubtful {
+        eprintln!("phasma: {why}");
+        return Ok(());
+    }
+    Err(Error::input(
+        args.manifest.display(),
+        why,
+        "pictures of this sequence in its order; --doubtful decodes them all the same",
+    ))
 }
 
 /// Puts the manifest's name before an error about the sequence in it.

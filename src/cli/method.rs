@@ -4,7 +4,7 @@ use crate::calibrate::height::{Given, Mapping, meeting_mm};
 use crate::decode::{Decoded, Decoder, Options, Plan, load_frames};
 use crate::error::{Error, Result};
 use crate::geometry::Rig;
-use crate::host::MANIFEST_FILE;
+use crate::host::{MANIFEST_FILE, check_pictures};
 use crate::pattern::{Axis, Manifest};
 use std::path::{Path, PathBuf};
 
@@ -211,8 +211,13 @@ impl Capture {
             let manifest = Manifest::read(&folder.join(MANIFEST_FILE))?;
             let plan = Plan::new(&manifest)?;
             let frames = load_frames(&manifest, &plan, folder)?;
+            let stack = frames.stack();
+            check_pictures(&manifest, &stack).map_err(|why| {
+                let allowed = "pictures of the sequence in its order";
+                Error::input(folder.display(), why, allowed)
+            })?;
             let (width, height) = (frames.width, frames.height);
-            Decoder::new(&manifest, width, height, Some(rig), options)?.decode(&frames.stack())
+            Decoder::new(&manifest, width, height, Some(rig), options)?.decode(&stack)
         };
         let decoded = read().map_err(|e| e.at("--reference"))?;
         Ok(Self {

@@ -7,8 +7,8 @@
 //!
 //! 1. least squares over the steps of every fringe set ([`FringeSet`]), Gray bits ([`GrayCode`]),
 //!    the period's order with a test whether it is certain, one standard deviation per pixel; a
-//!    pixel whose steps contradict each other by more than is usual in the capture (`usual`), or a
-//!    Gray bit of which contradicts the phase, is refused, for one of its frames is damaged there; so is
+//!    pixel whose steps, or the means of whose sets, contradict each other by more than is usual in the
+//!    capture (`usual`), or a Gray bit of which contradicts the phase, is refused, for one of its frames is damaged there; so is
 //!    one whose Gray bits are those of two places at once, as at a silhouette (`order`);
 //! 2. mixed pixels and stray errors, which lie on neither side's extrapolation (`edges`), then the
 //!    pixels that border on a step or a hole (`borders`);

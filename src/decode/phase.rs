@@ -34,6 +34,22 @@ impl RowNoise {
     }
 }
 
+/// What speaks against a pixel's samples of a set, beside their own noise.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Check {
+    /// Nothing.
+    None,
+    /// What is left of the set's own steps: see [`FringeSet::check`].
+    Own,
+    /// The mean of the set less that of the others of its axis.
+    Tied,
+}
+
+/// The kinds of [`Check`] as kernels are compiled for them.
+pub(super) const UNCHECKED: u8 = Check::None as u8;
+pub(super) const OWN: u8 = Check::Own as u8;
+pub(super) const TIED: u8 = Check::Tied as u8;
+
 /// The numbers of a [`FringeSet`] in f32.
 #[derive(Debug, Clone)]
 pub(super) struct SetKernel {
@@ -41,8 +57,11 @@ pub(super) struct SetKernel {
     pub(super) frames: Vec<usize>,
     /// Of A, C, S and the check; the check's are zero where there is none.
     weights: Vec<[f32; 4]>,
-    /// Whether there is a check, and it is wanted.
-    pub(super) checked: bool,
+    /// What a pixel's samples are held against.
+    pub(super) check: Check,
+    /// Of a tied set: weights of its own mean and of the sum of all sets' means, whose difference has
+    /// the variance of a sample.
+    tie: [f32; 2],
     gram: [f32; 3],
     skew: [f32; 4],
     /// (period / 2 pi)^2: variance of phase to variance of position.
@@ -67,7 +86,11 @@ impl SetKernel {
                     [w[0], w[1], w[2], check].map(|v| v as f32)
                 })
                 .collect(),
-            checked: options.consistency && !set.check.is_empty(),
+            check: match options.consistency && !set.check.is_empty() {
+                true => Check::Own,
+                false => Check::None,
+            },
+            tie: [0.0; 2],
             gram: set.gram.map(|v| v as f32),
             skew: set.skew.map(|v| v as f32),
             per_phase: (set.period_px / TAU).powi(2) as f32,
@@ -78,7 +101,29 @@ impl SetKernel {
         }
     }
 
-    /// A, C, S and the check of one pixel, whose sample of a step's frame `sample` gives.
+    /// Ties sets that have no check of their own to the others of their axis: all see one mean.
+    pub(super) fn tie(sets: &mut [Self]) {
+        let variances: Vec<f32> = sets
+            .iter()
+            .map(|set| set.weights.iter().map(|w| w[0] * w[0]).sum())
+            .collect();
+        let (all, others) = (variances.iter().sum::<f32>(), sets.len() as f32 - 1.0);
+        for (set, own) in sets.iter_mut().zip(variances) {
+            if set.check == Check::None && others > 0.0 {
+                let deviation = (own + (all - own) / (others * others)).sqrt();
+                set.check = Check::Tied;
+                set.tie = [1.0 + 1.0 / others, 1.0 / others].map(|w| w / deviation);
+            }
+        }
+    }
+
+    /// The check of a tied set whose mean is `mean`, of all sets' means.
+    #[inline(always)]
+    pub(super) fn tied(&self, mean: f32, all: f32) -> f32 {
+        self.tie[0] * mean - self.tie[1] * all
+    }
+
+    /// A, C, S and the own check of one pixel, whose sample of a step's frame `sample` gives.
     pub(super) fn solve(&self, sample: impl Fn(usize) -> f32) -> [f32; 4] {
         let mut sums = [0.0; 4];
         for (w, &frame) in self.weights.iter().zip(&self.frames) {
@@ -112,8 +157,8 @@ pub(super) struct SetRow {
     pub(super) wrapped: Vec<f32>,
     /// Variance of the coordinate in projector pixels squared.
     pub(super) variance: Vec<f32>,
-    /// What no fringe explains, in DN: see [`FringeSet::check`]; after [`Self::finish`] less what is
-    /// usual. Of a kernel that is checked only.
+    /// What no fringe explains, in DN: see [`Check`]; after [`Self::finish`] less what is usual. Of a
+    /// kernel that has one only.
     pub(super) check: Vec<f32>,
     /// Cosine and sine sums of the second and third harmonic of the steps, in DN; unused where shot
     /// noise is not made use of.
@@ -135,10 +180,10 @@ impl SetRow {
         ] {
             clear(v);
         }
-        if kernel.checked {
+        if kernel.check == Check::Own {
             clear(&mut self.check);
         } else {
-            // Nobody looks at it.
+            // Written later, or nobody looks at it.
             self.check.resize(n, 0.0);
         }
         if !kernel.higher.is_empty() {
@@ -147,9 +192,9 @@ impl SetRow {
     }
 
     /// Adds the samples of step `step`, keeping the greatest sample in `top`; those of the check where
-    /// the kernel is `CHECKED`.
+    /// the kernel has its `OWN`.
     #[inline(always)]
-    pub(super) fn add<T: Sample, const CHECKED: bool>(
+    pub(super) fn add<T: Sample, const OWN: bool>(
         &mut self,
         kernel: &SetKernel,
         step: usize,
@@ -169,7 +214,7 @@ impl SetRow {
             a[i] += wa * v;
             c[i] += wc * v;
             s[i] += ws * v;
-            if CHECKED {
+            if OWN {
                 check[i] += wr * v;
             }
             top[i] = top[i].max(v);
@@ -219,7 +264,7 @@ impl SetRow {
     /// linear noise model, so that of the phase is
     /// [v(A) (C^2 Gss - 2 C S Gcs + S^2 Gcc) + K (third-order terms of C and S)] / B^4.
     #[inline(always)]
-    pub(super) fn finish<const CHECKED: bool>(
+    pub(super) fn finish<const CHECK: u8>(
         &mut self,
         kernel: &SetKernel,
         noise: RowNoise,
@@ -242,8 +287,8 @@ impl SetRow {
                 let sum = (even + odd).max(0.1 * even);
                 var[i] = kernel.per_phase * sum / (b2 * b2);
                 m[i] = b2.sqrt();
-                if CHECKED {
-                    check[i] -= usual.part(mean[i] - noise.black, c, s, m[i]);
+                if CHECK != UNCHECKED {
+                    check[i] -= usual.part::<CHECK>(mean[i] - noise.black, c, s, m[i]);
                 }
                 let x = kernel.period * turns(s, c);
                 w[i] = if x >= kernel.period { 0.0 } else { x };
@@ -263,8 +308,8 @@ impl SetRow {
             let [shift, factor] = weighted::correction([c / b, s / b], b, half_swing, sums, third);
             var[i] = kernel.per_phase * factor * variance * gcc / (b * b);
             m[i] = b;
-            if CHECKED {
-                check[i] -= usual.part(mean[i] - noise.black, c, s, b);
+            if CHECK != UNCHECKED {
+                check[i] -= usual.part::<CHECK>(mean[i] - noise.black, c, s, b);
             }
             let x = kernel.period * turns(s, c) + per_radian * shift;
             let x = if x < 0.0 { x + kernel.period } else { x };

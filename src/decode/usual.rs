@@ -1,12 +1,13 @@
 //! How far the steps of a fringe set contradict each other in a capture as a whole.
 //!
-//! Four or more steps leave a residual ([`FringeSet::check`](super::FringeSet::check)). It is not
-//! noise alone: a flickering lamp leaves a part of the light and of the fringe itself, and with four
-//! steps a response curve its second harmonic. Each is the same part everywhere, so a fit over the
+//! Four or more steps leave a residual ([`FringeSet::check`](super::FringeSet::check)), and where an axis
+//! has several sets, those of three steps have their mean less that of the others. It is not
+//! noise alone: a flickering lamp leaves a part of the light and of the fringe itself, and
+//! a response curve its second harmonic with four steps, its third in the mean of three. Each is the same part everywhere, so a fit over the
 //! capture knows them, and takes them off; a damaged pixel of one frame is not usual. What is left is
 //! held against the camera's noise, or against what is left of most pixels where that is more.
 
-use super::phase::{RowNoise, SetKernel};
+use super::phase::{Check, OWN, RowNoise, SetKernel, TIED};
 use super::samples::Sample;
 use super::{Options, deviation};
 use crate::geometry::NoiseModel;
@@ -18,9 +19,9 @@ const PIXELS: usize = 4000;
 const FEWEST: usize = 50;
 /// Deviations that a residual may have; noise has more in 6 of 100,000 pixels.
 const SIGMAS: f64 = 4.0;
-/// Part of the second harmonic that blur takes away, or leaves, in some part of the image.
+/// Part of the harmonic that blur takes away, or leaves, in some part of the image.
 const BLURRED: f64 = 0.75;
-/// Light, both parts of the fringe, both of its second harmonic.
+/// Light, both parts of the fringe, both of a harmonic of it.
 const TERMS: usize = 5;
 /// Rounds of the robust fit.
 const ROUNDS: usize = 4;
@@ -62,15 +63,17 @@ struct Pixel {
 }
 
 impl Usual {
-    /// What is usual of a set over pixels here and there that have fringes and are not saturated.
+    /// What is usual of one of an axis' sets over pixels here and there that have fringes and are not
+    /// saturated.
     pub(super) fn of<T: Sample>(
+        sets: &[SetKernel],
         set: &SetKernel,
         frames: &[&[T]],
         noise: &NoiseModel,
         saturation: f32,
         options: &Options,
     ) -> Self {
-        let Some(first) = set.frames.first().filter(|_| set.checked) else {
+        let Some(first) = set.frames.first().filter(|_| set.check != Check::None) else {
             return Self::default();
         };
         let row = RowNoise::new(noise);
@@ -78,16 +81,24 @@ impl Usual {
         // Odd, so that no column of an image is all there is.
         let stride = (frames[*first].len() / PIXELS) | 1;
         for i in (0..frames[*first].len()).step_by(stride) {
-            let [a, c, s, check] = set.solve(|frame| frames[frame][i].dn());
+            let sample = |frame: usize| frames[frame][i].dn();
+            let [a, c, s, own] = set.solve(sample);
             let b = c.hypot(s);
             let light = a - row.black;
             let dim = b < options.min_modulation_dn || b < options.min_contrast * light;
             if dim || light <= 0.0 || a + b >= saturation {
                 continue;
             }
+            let (check, terms) = match set.check {
+                Check::Tied => {
+                    let all = sets.iter().map(|set| set.solve(sample)[0]).sum();
+                    (set.tied(a, all), terms::<TIED>(light, c, s, b))
+                }
+                _ => (own, terms::<OWN>(light, c, s, b)),
+            };
             let sigma = f64::from(row.variance(a).max(1e-6).sqrt());
             pixels.push(Pixel {
-                terms: terms(light, c, s, b).map(f64::from).into(),
+                terms: terms.map(f64::from).into(),
                 check: f64::from(check),
                 sigma,
                 left: f64::from(check) / sigma,
@@ -118,8 +129,8 @@ impl Usual {
     /// The part of a pixel's residual that is usual: of a mean above black, both parts of its fringe
     /// and their modulation, all in DN.
     #[inline(always)]
-    pub(super) fn part(&self, light: f32, c: f32, s: f32, modulation: f32) -> f32 {
-        let terms = terms(light, c, s, modulation);
+    pub(super) fn part<const CHECK: u8>(&self, light: f32, c: f32, s: f32, modulation: f32) -> f32 {
+        let terms = terms::<CHECK>(light, c, s, modulation);
         let mut sum = 0.0;
         for (part, term) in self.terms.iter().zip(terms) {
             sum += part * term;
@@ -136,9 +147,13 @@ impl Usual {
 }
 
 #[inline(always)]
-fn terms(light: f32, c: f32, s: f32, modulation: f32) -> [f32; TERMS] {
-    let second = [(c * c - s * s) / modulation, 2.0 * c * s / modulation];
-    [light, c, s, second[0], second[1]]
+fn terms<const CHECK: u8>(light: f32, c: f32, s: f32, modulation: f32) -> [f32; TERMS] {
+    let (cos, sin) = (c / modulation, s / modulation);
+    let harmonic = match CHECK {
+        TIED => [(4.0 * cos * cos - 3.0) * c, (3.0 - 4.0 * sin * sin) * s],
+        _ => [cos * c - sin * s, 2.0 * cos * s],
+    };
+    [light, c, s, harmonic[0], harmonic[1]]
 }
 
 /// Least squares of the terms, where pixels far off by the last round weigh less.

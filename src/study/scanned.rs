@@ -8,10 +8,10 @@ use crate::emulator::render;
 use crate::emulator::{Firmware, Renderer, Shot, Truth};
 use crate::error::Result;
 use crate::geometry::Rig;
-use crate::host::Captured;
+use crate::host::{Captured, frame_of};
 use crate::pattern::{Manifest, Pattern};
 use crate::profile::{Profile, Scene};
-use crate::protocol::{Frame, PixelFormat};
+use crate::protocol::PixelFormat;
 
 /// A device before a scene, whose geometry pass is done once for all its scans.
 pub struct Stage {
@@ -49,28 +49,6 @@ impl Levels {
         }
         let (pairs, _) = bytes.as_chunks();
         Self::U16(pairs.iter().map(|&two| u16::from_le_bytes(two)).collect())
-    }
-
-    /// A frame of so many columns and rows as a link would bring it, with what it says of itself but its
-    /// times.
-    fn frame(&self, (width, height): (usize, usize), index: usize) -> Frame {
-        let (format, data) = match self {
-            Self::U8(levels) => (PixelFormat::Grey, levels.clone()),
-            Self::U16(levels) => {
-                let bytes = levels.iter().flat_map(|level| level.to_le_bytes());
-                (PixelFormat::Y16, bytes.collect())
-            }
-        };
-        Frame {
-            id: index as u64,
-            pattern_index: Some(index as u32),
-            width: width as u32,
-            height: height as u32,
-            format,
-            exposure_start_ns: 0,
-            exposure_end_ns: 0,
-            data,
-        }
     }
 
     /// As the decoder takes them.
@@ -151,7 +129,7 @@ impl Scanned {
             manifest: self.manifest.clone(),
             calibration: Some(self.rig),
             frames: frames
-                .map(|(i, levels)| levels.frame(self.size, i))
+                .map(|(i, levels)| frame_of(&levels.samples(), self.size, i))
                 .collect(),
         }
     }

@@ -3,12 +3,11 @@
 use super::look::{Looked, look};
 use super::session::{Poses, Session};
 use crate::calibrate::poses::MOST_POSES;
-use crate::decode::{FrameStack, Plan, Samples, load_frames};
+use crate::decode::{Plan, load_frames};
 use crate::error::{Error, Result};
 use crate::geometry::{Board, Rig};
-use crate::host::{CALIBRATION_FILE, MANIFEST_FILE, check_sequence};
+use crate::host::{CALIBRATION_FILE, MANIFEST_FILE, check_pictures};
 use crate::pattern::Manifest;
-use crate::protocol::{Frame, PixelFormat};
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -81,7 +80,7 @@ fn one(folder: &Path, name: &str, board: &Board) -> Result<Looked> {
     let stack = frames.stack();
     let looked =
         look(board, name, &manifest, &stack, nominal).map_err(|e| e.at(folder.display()))?;
-    check_sequence(&manifest, &as_captured(&stack)).map_err(|why| {
+    check_pictures(&manifest, &stack).map_err(|why| {
         Error::input(
             folder.display(),
             why,
@@ -89,33 +88,4 @@ fn one(folder: &Path, name: &str, board: &Board) -> Result<Looked> {
         )
     })?;
     Ok(looked)
-}
-
-/// The frames as a camera gives them; those that were not loaded are none.
-fn as_captured(stack: &FrameStack<'_>) -> Vec<Frame> {
-    let frame = |(place, samples): (usize, &Samples<'_>)| {
-        let (format, data) = match samples {
-            Samples::U8(pixels) => (PixelFormat::Grey, pixels.to_vec()),
-            Samples::U16(pixels) => {
-                let bytes = pixels.iter().flat_map(|pixel| pixel.to_le_bytes());
-                (PixelFormat::Y16, bytes.collect())
-            }
-        };
-        Frame {
-            id: place as u64,
-            pattern_index: None,
-            width: stack.width() as u32,
-            height: stack.height() as u32,
-            format,
-            exposure_start_ns: 0,
-            exposure_end_ns: 0,
-            data,
-        }
-    };
-    let all = stack.frames().iter().all(|samples| !samples.is_empty());
-    match all {
-        true => stack.frames().iter().enumerate().map(frame).collect(),
-        // What is not whole cannot be checked.
-        false => Vec::new(),
-    }
 }

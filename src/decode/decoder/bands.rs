@@ -23,8 +23,9 @@ impl Decoder {
             .kernels
             .iter()
             .map(|kernel| {
-                let of = |set| Usual::of(set, &frames, noise, saturation, &self.options);
-                kernel.sets.iter().map(of).collect()
+                let sets = &kernel.sets;
+                let of = |set| Usual::of(sets, set, &frames, noise, saturation, &self.options);
+                sets.iter().map(of).collect()
             })
             .collect();
         let job = Job {

@@ -42,7 +42,7 @@ pub struct Options {
     /// camera's gain. Light that differs from step to step, and motion, disturb such phases a little more.
     pub weighted: bool,
     /// Refuses single pixels whose steps contradict each other by more than is usual in the capture:
-    /// one of their frames is damaged there. Needs four or more steps. Without it decoding is a few
+    /// one of their frames is damaged there. Needs four or more steps, or several sets along an axis. Without it decoding is a few
     /// percent faster.
     pub consistency: bool,
     /// The camera's noise; comes before the rig's, and both before an estimate from the frames.

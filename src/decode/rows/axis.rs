@@ -5,7 +5,7 @@ use super::{AxisKernel, AxisOut, Job, Scratch, clear};
 use crate::decode::gray::GrayRow;
 use crate::decode::maps::Verdict;
 use crate::decode::order::Ensemble;
-use crate::decode::phase::{SetKernel, SetRow};
+use crate::decode::phase::{Check, OWN, SetKernel, SetRow, TIED, UNCHECKED};
 use crate::decode::samples::Sample;
 use crate::decode::usual::Usual;
 
@@ -33,13 +33,24 @@ pub(super) fn axis_row<'f, T: Sample>(
     scratch
         .sets
         .resize_with(kernel.sets.len().max(scratch.sets.len()), SetRow::default);
-    for ((set, k), usual) in scratch.sets.iter_mut().zip(&kernel.sets).zip(usual) {
+    let sets = &mut scratch.sets[..kernel.sets.len()];
+    for (set, k) in sets.iter_mut().zip(&kernel.sets) {
         set.reset(k, n);
         let top = &mut scratch.top;
-        if k.checked {
-            solve::<T, true>(job, k, usual, row, set, top);
-        } else {
-            solve::<T, false>(job, k, usual, row, set, top);
+        match k.check {
+            Check::Own => sum::<T, true>(k, row, set, top),
+            _ => sum::<T, false>(k, row, set, top),
+        }
+    }
+    if kernel.sets.iter().any(|k| k.check == Check::Tied) {
+        clear(&mut scratch.sum, n);
+        tie(kernel, sets, &mut scratch.sum);
+    }
+    for ((set, k), usual) in sets.iter_mut().zip(&kernel.sets).zip(usual) {
+        match k.check {
+            Check::None => set.finish::<UNCHECKED>(k, job.noise, usual),
+            Check::Own => set.finish::<OWN>(k, job.noise, usual),
+            Check::Tied => set.finish::<TIED>(k, job.noise, usual),
         }
     }
     gray_row(job, kernel, row, scratch);
@@ -54,6 +65,7 @@ pub(super) fn axis_row<'f, T: Sample>(
         variance,
         ok,
         candidate,
+        ..
     } = scratch;
     let sets = &sets[..kernel.sets.len()];
     match sets {
@@ -101,10 +113,9 @@ pub(super) fn axis_row<'f, T: Sample>(
     }
     for ((set, k), usual) in sets.iter().zip(&kernel.sets).zip(usual) {
         let light = (&middle[..n], &half[..n]);
-        if k.checked {
-            judge::<T, true>(job, k, usual, set, light, verdict);
-        } else {
-            judge::<T, false>(job, k, usual, set, light, verdict);
+        match k.check {
+            Check::None => judge::<T, false>(job, k, usual, set, light, verdict),
+            _ => judge::<T, true>(job, k, usual, set, light, verdict),
         }
     }
     if sets.is_empty() {
@@ -121,24 +132,40 @@ pub(super) fn axis_row<'f, T: Sample>(
     }
 }
 
-/// The least squares of a set; with its check where the kernel is `CHECKED`, so that sets without one
+/// The sums over the steps of a set; with its check where it has its `OWN`, so that sets without one
 /// do not pay for it.
 #[inline(always)]
-fn solve<'f, T: Sample, const CHECKED: bool>(
-    job: &Job<'_, T>,
+fn sum<'f, T: Sample, const OWN: bool>(
     k: &SetKernel,
-    usual: &Usual,
     row: &impl Fn(usize) -> &'f [T],
     set: &mut SetRow,
     top: &mut [f32],
 ) {
     for (step, &frame) in k.frames.iter().enumerate() {
-        set.add::<T, CHECKED>(k, step, row(frame), top);
+        set.add::<T, OWN>(k, step, row(frame), top);
     }
     if k.weighs() {
         set.add_higher(k, row);
     }
-    set.finish::<CHECKED>(k, job.noise, usual);
+}
+
+/// The checks of sets that are tied to the others of their axis; `all` is for the sum of their means.
+#[inline(always)]
+fn tie(kernel: &AxisKernel, sets: &mut [SetRow], all: &mut [f32]) {
+    let n = all.len();
+    for set in sets.iter() {
+        for (sum, mean) in all.iter_mut().zip(&set.mean[..n]) {
+            *sum += mean;
+        }
+    }
+    for (set, k) in sets.iter_mut().zip(&kernel.sets) {
+        if k.check == Check::Tied {
+            let (mean, check) = (&set.mean[..n], &mut set.check[..n]);
+            for i in 0..n {
+                check[i] = k.tied(mean[i], all[i]);
+            }
+        }
+    }
 }
 
 /// What speaks against a set's phases: too little fringe, too much noise, steps that contradict each

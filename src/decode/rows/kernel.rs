@@ -25,7 +25,10 @@ pub(in crate::decode) struct AxisKernel {
 impl AxisKernel {
     pub(in crate::decode) fn new(plan: &AxisPlan, references: bool, options: &Options) -> Self {
         let kernel = |set| SetKernel::new(set, options);
-        let sets: Vec<SetKernel> = plan.sets.iter().map(kernel).collect();
+        let mut sets: Vec<SetKernel> = plan.sets.iter().map(kernel).collect();
+        if options.consistency {
+            SetKernel::tie(&mut sets);
+        }
         let wrapped = matches!(plan.order, Order::Wrapped { .. });
         let repeat = match plan.order {
             Order::Resolved { repeat_px } if repeat_px.is_finite() => repeat_px as f32,

@@ -44,6 +44,8 @@ pub(super) struct Scratch {
     sets: Vec<SetRow>,
     gray: GrayRow,
     top: Vec<f32>,
+    /// Sum of the sets' means.
+    sum: Vec<f32>,
     /// Middle of white and black.
     middle: Vec<f32>,
     /// Half of white minus black; without them the modulation.

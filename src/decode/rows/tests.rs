@@ -12,6 +12,7 @@ type Row = (Vec<u32>, Vec<u32>, Vec<Verdict>, Vec<u32>, Vec<u32>);
 #[test]
 fn both_instruction_sets_give_the_same_bits() {
     both_ways([5, 4], false);
+    both_ways([3, 4], false);
     both_ways([8, 6], true);
 }
 

@@ -137,7 +137,7 @@ impl Faults {
             Some(row) if row >= self.rows => Err(Flaw {
                 field: "row".to_owned(),
                 found: row.to_string(),
-                allowed: format!("1 to {}: the camera has {} rows", self.rows - 1, self.rows),
+                allowed: format!("up to {}: the camera has {} rows", self.rows - 1, self.rows),
             }),
             _ => Ok(()),
         }

@@ -83,6 +83,9 @@ mod tests {
         let mut cut = frame(10);
         rows_missing(&mut cut, Some(1), 2);
         assert_eq!(rows(&cut), [10, 13, 14, 15, 0, 0]);
+        let mut beheaded = frame(10);
+        rows_missing(&mut beheaded, Some(0), 2);
+        assert_eq!(rows(&beheaded), [12, 13, 14, 15, 0, 0]);
         for (row, lost) in [(Some(4), 9), (Some(9), 1), (Some(u32::MAX), u32::MAX)] {
             let mut far = frame(10);
             rows_missing(&mut far, row, lost);

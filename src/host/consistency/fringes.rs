@@ -25,7 +25,7 @@ pub(super) fn check(axis: &AxisPlan, grid: &Grid) -> Result<(), String> {
         involved.sort_unstable();
         involved.dedup();
         let moments = Moments::of(involved, &pixels);
-        let asked = moments.residual(&rest(set), &set.frames);
+        let asked = moments.residual(&rest(&[set]), &set.frames);
         if let Some((one, other)) = better_order(set, &moments, all, asked) {
             return Err(format!("frames {one} and {other} look exchanged"));
         }
@@ -58,7 +58,7 @@ fn better_order(
     all: usize,
     asked: f64,
 ) -> Option<(usize, usize)> {
-    let rest = rest(set);
+    let rest = rest(&[set]);
     let mut best = (DISTINCT * asked, None);
     for (place, &frame) in set.frames.iter().enumerate() {
         let others = set.frames[place + 1..].iter().copied();
@@ -96,7 +96,7 @@ fn worthless(set: &FringeSet, moments: &Moments, asked: f64) -> Option<usize> {
         let Ok(others) = FringeSet::new("steps", set.period_px, frames, phases) else {
             continue;
         };
-        let left = moments.residual(&rest(&others), &others.frames);
+        let left = moments.residual(&rest(&[&others]), &others.frames);
         if left < best.0 {
             best = (left, Some(frame));
         }

@@ -9,8 +9,8 @@
 //!   is not its complement;
 //! - `fringes`: more steps than unknowns leave a residual, which another order or the lack of
 //!   one frame would make distinctly smaller;
-//! - `gains`: a step of a set that had less light than the others leaves a residual that its gain
-//!   takes away;
+//! - `gains`: a step of fringes that had less light than the others leaves a residual that its gain
+//!   takes away; sets of three steps have none of their own, but one mean between them;
 //! - `gray`: along a line of the image the code counts; another order of its bits would make it
 //!   jump less;
 //! - `shifts`: all frames of an axis are what the patterns have at one coordinate, offset and
@@ -128,7 +128,7 @@ fn examine(manifest: &Manifest, frames: &[Frame], identified: bool) -> Result<()
         }
         let found = levels::check(&plan, axis, &grid)
             .and_then(|()| fringes::check(axis, &grid))
-            .and_then(|()| gains::check(axis, &grid))
+            .and_then(|()| gains::check(&plan, &grid))
             .and_then(|()| gray::check(axis, &grid))
             .and_then(|()| shifts::check(manifest, axis, &grid))
             .and_then(|()| each::check(manifest, axis, along, &grid))

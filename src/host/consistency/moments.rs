@@ -46,7 +46,7 @@ impl Moments {
         })
     }
 
-    /// Sum of squared residuals with a set's steps, of which `rest` is the operator, taken from
+    /// Sum of squared residuals with the steps of sets, of which `rest` is the operator, taken from
     /// `frames`, in DN^2; 0 where it is rounding.
     pub(super) fn residual(&self, rest: &DMatrix<f64>, frames: &[usize]) -> f64 {
         let sums = self.ordered(frames);
@@ -65,20 +65,29 @@ impl Moments {
     }
 }
 
-/// `1 - H` of a set's steps.
-pub(super) fn rest(set: &FringeSet) -> DMatrix<f64> {
-    let n = set.phases.len();
-    DMatrix::from_fn(n, n, |i, j| {
-        let [a, c, s] = set.weights[j];
-        let (sin, cos) = set.phases[i].sin_cos();
-        let own = if i == j { 1.0 } else { 0.0 };
-        own - (a + c * cos - s * sin)
-    })
+/// `1 - H` of the steps of sets, one after the other: each has its own fringe, and all have one mean.
+pub(super) fn rest(sets: &[&FringeSet]) -> DMatrix<f64> {
+    let n: usize = sets.iter().map(|set| set.phases.len()).sum();
+    let mut model = DMatrix::zeros(n, 1 + 2 * sets.len());
+    let steps = sets.iter().enumerate();
+    let steps = steps.flat_map(|(i, set)| set.phases.iter().map(move |phase| (i, phase)));
+    for (row, (i, phase)) in steps.enumerate() {
+        model[(row, 0)] = 1.0;
+        model[(row, 1 + 2 * i)] = phase.cos();
+        model[(row, 2 + 2 * i)] = phase.sin();
+    }
+    let rest = DMatrix::identity(n, n);
+    // A set whose steps tell its mean and its fringe has a regular matrix.
+    match (model.transpose() * &model).cholesky() {
+        Some(normal) => rest - &model * normal.solve(&model.transpose()),
+        None => rest,
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use nalgebra::DVector;
 
     #[test]
     fn residuals_are_those_of_the_pixels_one_by_one() {
@@ -99,7 +108,7 @@ mod tests {
                 order.iter().map(|f| f64::from(pixel[*f])).collect()
             };
             let want: f64 = pixels.iter().map(|p| set.residual(&samples(p))).sum();
-            let found = moments.residual(&rest(&set), &order);
+            let found = moments.residual(&rest(&[&set]), &order);
             assert!((found / want - 1.0).abs() < 1e-9, "{found}, want {want}");
             let spread = |pixel: &Vec<f32>| {
                 let samples = samples(pixel);
@@ -112,11 +121,28 @@ mod tests {
     }
 
     #[test]
+    fn sets_of_three_steps_are_tied_by_their_mean() {
+        let phases = |first: f64| vec![first, first + 2.0, first + 4.5];
+        let one = FringeSet::new("t", 16.0, vec![0, 1, 2], phases(0.0)).unwrap();
+        let other = FringeSet::new("t", 160.0, vec![3, 4, 5], phases(0.3)).unwrap();
+        let rest = rest(&[&one, &other]);
+        // Two fringes and a mean of six samples leave one number, the difference of the means.
+        assert!((rest.trace() - 1.0).abs() < 1e-9);
+        let mean = |set: &FringeSet, p: usize| {
+            let at = |k: usize| set.weights.get(k.wrapping_sub(p)).map_or(0.0, |w| w[0]);
+            DVector::from_fn(6, |k, _| at(k))
+        };
+        let difference = mean(&one, 0) - mean(&other, 3);
+        let kept = &rest * &difference;
+        assert!((kept - &difference).norm() < 1e-9);
+    }
+
+    #[test]
     fn fringes_without_noise_leave_nothing() {
         let phases: Vec<f64> = (0..5).map(|k| f64::from(k) * 1.1).collect();
         let set = FringeSet::new("t", 16.0, (0..5).collect(), phases).unwrap();
         let flat = [200.0f32; 5];
         let moments = Moments::of((0..5).collect(), &[&flat[..]; 100]);
-        assert_eq!(moments.residual(&rest(&set), &[0, 1, 2, 3, 4]), 0.0);
+        assert_eq!(moments.residual(&rest(&[&set]), &[0, 1, 2, 3, 4]), 0.0);
     }
 }

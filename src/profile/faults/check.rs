@@ -88,7 +88,9 @@ impl Fault {
         self.check_parameters()?;
         within("by_ms", self.by_ms, 0.0..=MAX_MS)?;
         within("for_ms", self.for_ms, 0.0..=MAX_MS)?;
-        within("row", self.row, 1..=65535)?;
+        // From the first row on a torn frame is the one before it, which is another fault.
+        let first = u32::from(self.what == super::What::Torn);
+        within("row", self.row, first..=65535)?;
         within("rows", self.rows, 1..=65535)?;
         let most = match self.what {
             super::What::BitsFlipped => 1_000_000,

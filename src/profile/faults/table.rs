@@ -83,7 +83,10 @@ impl Kind {
             "rows-missing",
             CAMERA,
             &[
-                ROW,
+                Parameter {
+                    allowed: "0 to 65535",
+                    ..ROW
+                },
                 Parameter {
                     name: "rows",
                     default: "8",

@@ -65,6 +65,10 @@ fn what_it_may_not_say_is_refused_with_its_line() {
             "bad-day.toml:4: fault[0].rows: no parameter of torn; allowed: row",
         ),
         (
+            "what = \"torn\"\nrow = 0",
+            "bad-day.toml:4: fault[0].row: 0; allowed: 1 to 65535",
+        ),
+        (
             "what = \"late\"\nby_ms = -1",
             "bad-day.toml:4: fault[0].by_ms: -1.0; allowed: 0.0 to 3600000.0",
         ),
