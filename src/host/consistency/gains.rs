@@ -62,15 +62,16 @@ fn gains(sets: &[&FringeSet], pixels: &[&[f32]]) -> Option<Vec<f64>> {
     let left = |d: &DVector<f64>| (d.transpose() * &residual * d)[(0, 0)];
     // A comparison with what is no number is false.
     let better = left(&inverse) < DISTINCT * left(&ones);
-    let sound = inverse.iter().all(|d| d.is_finite() && *d > 0.1);
-    if !better || !sound {
+    if !better || !inverse.iter().all(|d| d.is_finite()) {
         return None;
     }
     // The bad one moves the mean, hardly the median.
     let mut sorted: Vec<f64> = inverse.iter().copied().collect();
     sorted.sort_by(f64::total_cmp);
     let median = (sorted[(n - 1) / 2] + sorted[n / 2]) / 2.0;
-    Some(inverse.iter().map(|d| median / d).collect())
+    // A frame that was dark has the inverse of next to nothing, of either sign.
+    let gain = |d: &f64| if *d > 0.0 { median / d } else { 0.0 };
+    Some(inverse.iter().map(gain).collect())
 }
 
 #[cfg(test)]

@@ -91,6 +91,7 @@ fn ripple(set: &FringeSet, (white, black): (usize, usize), scatter: &Scatter) ->
 
 #[cfg(test)]
 mod tests {
+    use super::super::scatter::MANY;
     use super::*;
     use crate::protocol::{Frame, PixelFormat};
 
@@ -130,7 +131,7 @@ mod tests {
             let phases = (0..n).map(|k| TAU * k as f64 / n as f64).collect();
             let set = FringeSet::new("steps", 16.0, (0..n).collect(), phases).unwrap();
             let found = |order: f64, amplitude: f64| {
-                let scatter = Scatter::new(&frames(n, order, amplitude));
+                let scatter = Scatter::new(&frames(n, order, amplitude), MANY);
                 ripple(&set, (n, n + 1), &scatter).unwrap()
             };
             assert!(found(n as f64 - 1.0, 0.0) < 1e-3);

@@ -21,6 +21,7 @@
 //!   far better, in some part of the image;
 //! - `residuals`: hardly a pixel's steps contradict each other by more than its noise. Rows that are
 //!   missing and bits that are flipped leave pixels that do;
+//! - `means`: sets of three steps have the mean of the other sets, but in a few pixels;
 //! - `harmonics`: the modulation of fringes does not follow their phase;
 //! - `lit`: hardly a pixel of a Gray frame is brighter than white;
 //! - `torn`: no frame changes along a whole row from one to the next while the others do not;
@@ -54,6 +55,7 @@ mod grid;
 mod harmonics;
 mod levels;
 mod lit;
+mod means;
 mod modulation;
 mod moments;
 mod noise;
@@ -102,11 +104,16 @@ fn examine(manifest: &Manifest, frames: &[Frame], identified: bool) -> Result<()
     if frames.len() != plan.frames {
         return Ok(());
     }
-    // Of short sets without references nothing of a single pixel contradicts anything.
-    let sets = || plan.axes.iter().flat_map(|axis| &axis.sets);
+    // Of one short set without references nothing of a single pixel contradicts anything.
     let references = plan.white.zip(plan.black);
-    let tells = references.is_some() || sets().any(|set| set.frames.len() > 3);
-    let scatter = tells.then(|| Scatter::new(frames));
+    let long = |axis: &AxisPlan| axis.sets.iter().any(|set| set.frames.len() > 3);
+    let scatter = if references.is_some() || plan.axes.iter().any(long) {
+        Some(Scatter::new(frames, scatter::MANY))
+    } else if plan.axes.iter().any(|axis| axis.sets.len() > 1) {
+        Some(Scatter::new(frames, scatter::FEW))
+    } else {
+        None
+    };
     let mut noise_dn = 0.0;
     let mut down = vec![false; frames.len()];
     for axis in &plan.axes {
@@ -133,7 +140,7 @@ fn examine(manifest: &Manifest, frames: &[Frame], identified: bool) -> Result<()
             .and_then(|()| shifts::check(manifest, axis, &grid))
             .and_then(|()| each::check(manifest, axis, along, &grid))
             .and_then(|()| match &scatter {
-                Some(scatter) => everywhere(&plan, axis, scatter),
+                Some(scatter) => everywhere(&plan, axis, noise_dn, scatter),
                 None => Ok(()),
             });
         found.map_err(departs)?;
@@ -148,12 +155,18 @@ fn departs(what: String) -> String {
 }
 
 /// The checks of single pixels, each held against all the others.
-fn everywhere(plan: &Plan, axis: &AxisPlan, scatter: &Scatter) -> Result<(), String> {
+fn everywhere(
+    plan: &Plan,
+    axis: &AxisPlan,
+    noise_dn: f32,
+    scatter: &Scatter,
+) -> Result<(), String> {
     let references = plan.white.zip(plan.black);
     for set in &axis.sets {
         residuals::check(set, plan.black, scatter)?;
         harmonics::check(set, references, scatter)?;
     }
+    means::check(axis, noise_dn, scatter)?;
     lit::check(axis, references, scatter)
 }
 

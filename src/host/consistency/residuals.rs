@@ -31,9 +31,9 @@ const SHARE: f64 = 5e-4;
 /// and how many at least.
 const LEAST: usize = 8;
 /// Fewest pixels that tell their noise.
-const FEWEST: usize = 400;
+pub(super) const FEWEST: usize = 400;
 /// Least modulation in DN.
-const LEAST_DN: f64 = 2.0;
+pub(super) const LEAST_DN: f64 = 2.0;
 /// Part of the harmonics that blur may take away, or leave, in some part of the image.
 const BLURRED: f64 = 0.75;
 /// Rounds of the robust fit.
@@ -45,10 +45,43 @@ const ONE: usize = 4;
 const TERMS: usize = 7;
 
 /// A pixel with fringes: its mean, both parts of its fringe, its terms and the residual of each step.
-struct Pixel {
+pub(super) struct Pixel {
     solved: [f64; 3],
     terms: SVector<f64, TERMS>,
     residuals: Vec<f64>,
+}
+
+impl Pixel {
+    /// Of a mean, of which `light` is above black, both parts of its fringe, and what is left of its
+    /// steps.
+    pub(super) fn new(solved: [f64; 3], light: f64, residuals: Vec<f64>) -> Self {
+        let [_, c, s] = solved;
+        let b = c.hypot(s).max(1e-9);
+        let (cos, sin) = (c / b, s / b);
+        let (second, third) = (2.0 * cos * cos - 1.0, 4.0 * cos * cos - 3.0);
+        let terms = [
+            light,
+            c,
+            s,
+            b * second,
+            b * 2.0 * cos * sin,
+            b * third * cos,
+            b * (third + 2.0) * sin,
+        ];
+        Self {
+            solved,
+            terms: terms.into(),
+            residuals,
+        }
+    }
+}
+
+/// What is left of pixels without the usual.
+pub(super) struct Left {
+    /// Pixels whose residual is no noise.
+    pub(super) odd: usize,
+    /// Deviation of most of the middle pixel's like, in DN.
+    pub(super) deviation_dn: f64,
 }
 
 /// A pixel in one step.
@@ -80,7 +113,7 @@ pub(super) fn check(
     }
     let worst = (0..steps)
         .into_par_iter()
-        .map(|k| (k, odd(set, &pixels, k)))
+        .map(|k| (k, left(&pixels, noisy(set, k), k).odd))
         .max_by_key(|(_, odd)| *odd);
     let Some((step, odd)) = worst else {
         return Ok(());
@@ -107,28 +140,13 @@ fn pixels(set: &FringeSet, black: Option<usize>, scatter: &Scatter, stride: usiz
     for values in scatter.pixels().step_by(stride) {
         let samples: Vec<f64> = set.frames.iter().map(|f| f64::from(values[*f])).collect();
         let [a, c, s] = set.solve(&samples);
-        let b = c.hypot(s);
-        if b < LEAST_DN {
+        if c.hypot(s) < LEAST_DN {
             continue;
         }
         let light = a - black.map_or(0.0, |black| f64::from(values[black]));
-        let (cos, sin) = (c / b, s / b);
-        let (second, third) = (2.0 * cos * cos - 1.0, 4.0 * cos * cos - 3.0);
-        let terms = [
-            light,
-            c,
-            s,
-            b * second,
-            b * 2.0 * cos * sin,
-            b * third * cos,
-            b * (third + 2.0) * sin,
-        ];
         let fitted = turns.iter().map(|(cos, sin)| a + c * cos - s * sin);
-        all.push(Pixel {
-            solved: [a, c, s],
-            terms: terms.into(),
-            residuals: samples.iter().zip(fitted).map(|(v, f)| v - f).collect(),
-        });
+        let residuals = samples.iter().zip(fitted).map(|(v, f)| v - f).collect();
+        all.push(Pixel::new([a, c, s], light, residuals));
     }
     all
 }
@@ -152,9 +170,9 @@ fn noisy(set: &FringeSet, step: usize) -> [f64; 3] {
     sums.map(|sum| sum / all.max(1e-12))
 }
 
-/// Pixels whose residual of a step is no noise.
-fn odd(set: &FringeSet, pixels: &[Pixel], step: usize) -> usize {
-    let weights = noisy(set, step);
+/// What is left of a residual of pixels; `weights` are those of the mean and both parts of the fringe in
+/// the light that makes it noisy.
+pub(super) fn left(pixels: &[Pixel], weights: [f64; 3], step: usize) -> Left {
     let mut points: Vec<Point<'_>> = pixels
         .iter()
         .map(|pixel| Point {
@@ -184,7 +202,12 @@ fn odd(set: &FringeSet, pixels: &[Pixel], step: usize) -> usize {
         let modulation = point.terms[1].hypot(point.terms[2]);
         point.left.abs() > SIGMAS * **deviation + BLURRED * harmonics * modulation
     };
-    points.iter().zip(&deviations).filter(beyond).count()
+    let odd = points.iter().zip(&deviations).filter(beyond).count();
+    deviations.sort_by(f64::total_cmp);
+    Left {
+        odd,
+        deviation_dn: deviations.get(deviations.len() / 2).copied().unwrap_or(0.0),
+    }
 }
 
 /// The terms of the residual that is usual; points far from it by the last round's count less.

@@ -3,8 +3,10 @@
 use super::grid::{full_scale, value};
 use crate::protocol::Frame;
 
-/// Pixels that are looked at, about; of smaller images all.
-const PIXELS: usize = 40_000;
+/// Pixels that tell of a few damaged ones; of smaller images all.
+pub(super) const MANY: usize = 40_000;
+/// Pixels that tell of hundredths of them.
+pub(super) const FEW: usize = 8_000;
 
 /// Pixels with their values in every frame; those at the camera's full scale are left out.
 pub(super) struct Scatter {
@@ -13,12 +15,12 @@ pub(super) struct Scatter {
 }
 
 impl Scatter {
-    /// Pixels of frames of one size and format.
-    pub(super) fn new(frames: &[Frame]) -> Self {
+    /// About so many pixels of frames of one size and format.
+    pub(super) fn new(frames: &[Frame], pixels: usize) -> Self {
         let (width, height) = frames
             .first()
             .map_or((0, 0), |f| (f.width as usize, f.height as usize));
-        let stride = (width * height / PIXELS).max(1);
+        let stride = (width * height / pixels).max(1);
         let mut values = Vec::with_capacity(width * height / stride * frames.len());
         for row in 0..height {
             // Every row at other columns.

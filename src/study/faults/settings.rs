@@ -35,13 +35,19 @@ const LINKS: [(&str, bool, Link); 3] = [
     ("data line", true, Link::Anonymous),
     ("counted only", false, Link::Anonymous),
 ];
-/// Devices and scenes. Of each link the ordinary table has one of them, so that each of a kind is
-/// there; with `each` it has all.
-const DEVICES: [&str; 2] = ["webcam-grey", "dlp-evm"];
+/// Devices of a bench and scenes. Of each link the ordinary table has one of them, so that each of a
+/// kind is there; with `each` it has all.
+const DEVICES: [&str; 4] = ["webcam-grey", "dlp-evm", "pmp-bench", "pmp-real"];
 const SCENES: [&str; 3] = ["sphere", "torso", "plane"];
+/// A device with sets of three steps and nothing else, and its scenes; a white plane is too bright for
+/// what it has for skin.
+const POD: &str = "sgrt-pod";
+const POD_SCENES: [&str; 2] = ["sphere", "torso"];
+/// How much farther than a bench's a pod's scene is.
+const FARTHER_MM: f64 = 1400.0;
 
 /// Settings for faults of frames: how frames tell which they are, each with one device before one
-/// scene, or with `each` with all devices before all scenes.
+/// scene and a pod where that is all or nothing, or with `each` with all devices before all scenes.
 ///
 /// # Errors
 /// None, as long as the built-in profiles are sound.
@@ -54,6 +60,17 @@ pub fn frames(each: bool) -> Result<Vec<Setting>> {
                     let name = format!("{name}, {device}, {scene}");
                     all.push(setting(&name, small(device, line)?, scene, link)?);
                 }
+            }
+        }
+        for (s, scene) in POD_SCENES.into_iter().enumerate() {
+            // One with all that tells frames apart, one with nothing.
+            if each || 2 * s == l {
+                let name = format!("{name}, {POD}, {scene}");
+                let mut far = setting(&name, small(POD, line)?, scene, link)?;
+                for object in &mut far.scene.object {
+                    object.position_mm[2] += FARTHER_MM;
+                }
+                all.push(far);
             }
         }
     }
