@@ -24,6 +24,7 @@
 //! - `means`: sets of three steps have the mean of the other sets, but in a few pixels;
 //! - `harmonics`: the modulation of fringes does not follow their phase;
 //! - `lit`: hardly a pixel of a Gray frame is brighter than white;
+//! - `slips`: the means of three sets in turn are not whole rows apart;
 //! - `torn`: no frame changes along a whole row from one to the next while the others do not;
 //! - `rows`: no frame is whole rows above the others where surfaces end.
 //!
@@ -63,6 +64,7 @@ mod residuals;
 mod rows;
 mod scatter;
 mod shifts;
+mod slips;
 mod torn;
 
 pub(super) use modulation::{LEAST_FOLLOWING, following};
@@ -147,6 +149,9 @@ fn examine(manifest: &Manifest, frames: &[Frame], identified: bool) -> Result<()
     }
     torn::check(frames, &down, noise_dn)
         .and_then(|()| rows::check(frames, &down, noise_dn))
+        .map_err(departs)?;
+    let mut axes = plan.axes.iter();
+    axes.try_for_each(|axis| slips::check(axis, frames, noise_dn))
         .map_err(departs)
 }
 

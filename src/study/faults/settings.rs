@@ -39,12 +39,13 @@ const LINKS: [(&str, bool, Link); 3] = [
 /// kind is there; with `each` it has all.
 const DEVICES: [&str; 4] = ["webcam-grey", "dlp-evm", "pmp-bench", "pmp-real"];
 const SCENES: [&str; 3] = ["sphere", "torso", "plane"];
-/// A device with sets of three steps and nothing else, and its scenes; a white plane is too bright for
-/// what it has for skin.
+/// A device with sets of three steps and nothing else, and its scenes; a plane is too bright for it.
 const POD: &str = "sgrt-pod";
 const POD_SCENES: [&str; 2] = ["sphere", "torso"];
-/// How much farther than a bench's a pod's scene is.
+/// How much farther than a bench's a pod's scene is,
 const FARTHER_MM: f64 = 1400.0;
+/// and how much darker: as skin.
+const DARKER: f64 = 0.6;
 
 /// Settings for faults of frames: how frames tell which they are, each with one device before one
 /// scene and a pod where that is all or nothing, or with `each` with all devices before all scenes.
@@ -69,6 +70,7 @@ pub fn frames(each: bool) -> Result<Vec<Setting>> {
                 let mut far = setting(&name, small(POD, line)?, scene, link)?;
                 for object in &mut far.scene.object {
                     object.position_mm[2] += FARTHER_MM;
+                    object.albedo *= DARKER;
                 }
                 all.push(far);
             }
