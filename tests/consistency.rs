@@ -612,3 +612,69 @@ fn a_camera_on_its_side_is_not_doubted() {
         );
     }
 }
+
+/// A ceiling pod's capture, of sets of three steps alone, before the sphere at its distance.
+fn pod(light: f64, gamma: f64) -> Captured {
+    let mut profile = profile("sgrt-pod", light);
+    if gamma != 1.0 {
+        profile.projector.response = Some(Response::Gamma(gamma));
+    }
+    let mut scene = Scene::load("sphere").unwrap();
+    for object in &mut scene.object {
+        object.position_mm[2] += 1400.0;
+    }
+    scan_before(&profile, &scene, |frames| frames, 0).unwrap()
+}
+
+/// Sets of three steps have no residual of their own; what ties them is that all have one mean.
+#[test]
+fn sets_of_three_steps_are_held_against_each_other() {
+    for (light, gamma) in [(0.1, 1.0), (0.5, 1.0), (0.5, 0.5), (0.5, 2.2), (1.0, 0.7)] {
+        let captured = pod(light, gamma);
+        let found = check_sequence(&captured.manifest, &captured.frames);
+        assert_eq!(found, Ok(()), "{light} of the light, gamma {gamma}");
+    }
+    let captured = pod(1.0, 1.0);
+    let width = captured.frames[0].width as usize;
+    let told = |frames: &[Frame], needle: &str, what: String| {
+        let found = check_sequence(&captured.manifest, frames);
+        assert!(
+            found.as_ref().is_err_and(|e| e.contains(needle)),
+            "{what}: {found:?}"
+        );
+    };
+    for k in 0..9 {
+        for part in [0.8, 0.9] {
+            let short = changed(&captured, k, |data| {
+                for v in data {
+                    *v = (4.0 + part * (f64::from(*v) - 4.0)).round().max(0.0) as u8;
+                }
+            });
+            let words = format!("frame {k} has {part:.2} of the light");
+            told(&short, &words, format!("{part} of frame {k}"));
+        }
+        let dark = changed(&captured, k, |data| data.fill(4));
+        told(&dark, "", format!("frame {k} dark"));
+        let mut other = captured.frames.clone();
+        other[k].data = captured.frames[(k + 4) % 9].data.clone();
+        told(&other, "", format!("another set's for frame {k}"));
+        let flipped = changed(&captured, k, |data| {
+            data.iter_mut().step_by(20).for_each(|v| *v ^= 32);
+        });
+        told(
+            &flipped,
+            "contradict the other fringes",
+            format!("bits of frame {k}"),
+        );
+    }
+    // Every second frame lacks a row, which no one frame beside the others shows.
+    let mut lacking = captured.frames.clone();
+    for frame in lacking.iter_mut().skip(1).step_by(2) {
+        frame.data.copy_within(101 * width.., 100 * width);
+    }
+    told(
+        &lacking,
+        "rows apart",
+        "a row of every second frame".to_owned(),
+    );
+}

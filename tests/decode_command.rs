@@ -136,7 +136,7 @@ fn every_image_format_decodes_to_the_same_columns() {
 }
 
 #[test]
-fn pictures_in_another_order_are_refused_unless_that_is_meant() {
+fn pictures_in_another_order_are_told_and_refused_where_that_is_wanted() {
     let root = tempfile::tempdir().unwrap();
     let (frames, out) = (root.path().join("frames"), root.path().join("out"));
     std::fs::create_dir(&frames).unwrap();
@@ -154,18 +154,17 @@ fn pictures_in_another_order_are_refused_unless_that_is_meant() {
         std::fs::rename(from, to).unwrap();
     }
     let again = [&args[..], &["--force"]].concat();
-    let needles = [
-        "sequence.toml",
-        "frames 2 and 5 look exchanged",
-        "--doubtful",
-    ];
-    refused(&again, &needles);
-    let output = phasma(&[&again[..], &["--doubtful"]].concat());
+    let needles = ["sequence.toml", "frames 2 and 5 look exchanged"];
+    refused(&[&again[..], &["--strict"]].concat(), &needles);
+    let output = phasma(&[&again[..], &["--json"]].concat());
     let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.success(), "{said}");
+    let json: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
     assert!(
-        output.status.success() && said.contains(needles[1]),
-        "{said}"
+        json["doubt"].as_str().unwrap().contains(needles[1]),
+        "{json}"
     );
+    assert!(needles.iter().all(|needle| said.contains(needle)), "{said}");
 }
 
 #[test]

@@ -42,9 +42,9 @@ pub(super) struct Args {
     /// Least modulation in grey levels
     #[arg(long, value_name = "DN", default_value_t = Options::default().min_modulation_dn)]
     min_modulation: f32,
-    /// Decode pictures that do not follow the manifest's sequence: say so, no more
+    /// Refuse pictures that do not follow the manifest's sequence, in place of a warning
     #[arg(long)]
-    doubtful: bool,
+    strict: bool,
     /// Overwrite results of an earlier run
     #[arg(long)]
     force: bool,
@@ -100,17 +100,16 @@ pub(super) fn run(args: &Args) -> Result<()> {
     )
     .map_err(|e| name_calibration(name_file(e, &args.manifest), args.calibration.as_deref()))?;
     let stack = frames.stack();
-    check(&manifest, &stack, args)?;
+    let doubt = doubt(&args.manifest, &manifest, &stack, args.strict)?;
     let mut decoded = decoder.decode(&stack)?;
     args.method.apply(&decoder, &mut decoded, options)?;
     std::fs::create_dir_all(&args.out).map_err(|e| Error::io(&args.out, e))?;
     let names = write_outputs(&args.out, &decoder, &decoded)?;
     let summary = Summary::new(&decoder, &decoded);
     if args.json {
-        println!(
-            "{}",
-            serde_json::to_string_pretty(&summary).expect("numbers and strings")
-        );
+        let mut figures = serde_json::to_value(&summary).expect("numbers and strings");
+        figures["doubt"] = doubt.into();
+        println!("{figures:#}");
     } else {
         print!("{summary}");
         println!("written      {}: {}", args.out.display(), names.join(", "));
@@ -118,20 +117,26 @@ pub(super) fn run(args: &Args) -> Result<()> {
     Ok(())
 }
 
-/// Holds the pictures against their sequence.
-fn check(manifest: &Manifest, stack: &FrameStack<'_>, args: &Args) -> Result<()> {
+/// Holds pictures against their sequence: what speaks against them. A projector whose response is not
+/// straight is reason enough for a doubt, and no reason to give nothing.
+///
+/// # Errors
+/// What speaks against them, where that is to be an error.
+pub(super) fn doubt(
+    place: &Path,
+    manifest: &Manifest,
+    stack: &FrameStack<'_>,
+    strict: bool,
+) -> Result<Option<String>> {
     let Err(why) = check_pictures(manifest, stack) else {
-        return Ok(());
+        return Ok(None);
     };
-    if args.doubtful {
-        eprintln!("phasma: {why}");
-        return Ok(());
+    if strict {
+        let allowed = "pictures of this sequence in its order";
+        return Err(Error::input(place.display(), why, allowed));
     }
-    Err(Error::input(
-        args.manifest.display(),
-        why,
-        "pictures of this sequence in its order; --doubtful decodes them all the same",
-    ))
+    eprintln!("phasma: {}: {why}", place.display());
+    Ok(Some(why))
 }
 
 /// Puts the manifest's name before an error about the sequence in it.

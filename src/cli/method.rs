@@ -1,10 +1,11 @@
 //! `--method`: which way from projector coordinates to points.
 
+use super::decode::doubt;
 use crate::calibrate::height::{Given, Mapping, meeting_mm};
 use crate::decode::{Decoded, Decoder, Options, Plan, load_frames};
 use crate::error::{Error, Result};
 use crate::geometry::Rig;
-use crate::host::{MANIFEST_FILE, check_pictures};
+use crate::host::MANIFEST_FILE;
 use crate::pattern::{Axis, Manifest};
 use std::path::{Path, PathBuf};
 
@@ -212,10 +213,7 @@ impl Capture {
             let plan = Plan::new(&manifest)?;
             let frames = load_frames(&manifest, &plan, folder)?;
             let stack = frames.stack();
-            check_pictures(&manifest, &stack).map_err(|why| {
-                let allowed = "pictures of the sequence in its order";
-                Error::input(folder.display(), why, allowed)
-            })?;
+            doubt(folder, &manifest, &stack, false)?;
             let (width, height) = (frames.width, frames.height);
             Decoder::new(&manifest, width, height, Some(rig), options)?.decode(&stack)
         };

@@ -21,8 +21,8 @@ pub struct Args {
     /// The form of less than a minute
     #[arg(long)]
     quick: bool,
-    /// Only a part of the study, where it has parts: speed has pass, pair and link, work-precision
-    /// scan, frames and term
+    /// Only a part of the study, where it has parts; a part that it has not is answered with those that
+    /// it has
     #[arg(long, value_name = "PART", requires = "name")]
     only: Option<String>,
     /// Seed of all noise and of everything that is drawn

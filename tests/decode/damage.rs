@@ -76,6 +76,39 @@ fn flipped_bits_make_no_wrong_coordinates() {
     }
 }
 
+/// Three periods of three steps: each set's mean is the others', so a flipped bit that moves the phase is
+/// told, but for the lower ones, which move it by no more than noise does a few times over.
+#[test]
+fn flipped_bits_of_three_steps_are_refused() {
+    let scene = Scene::default();
+    let positions = sweep(24);
+    let phases: Vec<f64> = (0..3).map(|i| TAU * f64::from(i) / 3.0).collect();
+    let sets = [20.0, 192.0, 1920.0].map(|period| fringes(Axis::X, period, &phases));
+    let manifest = manifest(sets.concat());
+    let sound = scene.frames_u8(&manifest, &positions);
+    let (before, odd) = wrong(&decode(&scene, &manifest, &sound), &positions);
+    assert_eq!(before, 0);
+    assert!(odd * 2000 <= positions.len(), "{odd}");
+    for k in 0..sound.len() {
+        for bit in 5..8 {
+            let mut frames = sound.clone();
+            let mut struck = vec![false; positions.len()];
+            for j in 0..DAMAGED {
+                let draw = uniform((k * 8 + bit) as u64 * 1000 + j as u64);
+                let at = (draw * positions.len() as f64) as usize;
+                frames[k][at] ^= u8::from(!struck[at]) << bit;
+                struck[at] = true;
+            }
+            let decoded = decode(&scene, &manifest, &frames);
+            let map = decoded.axis(Axis::X).unwrap();
+            let left = |(i, _): &(usize, &bool)| map.verdict[*i] == Verdict::Valid;
+            let damaged = struck.iter().enumerate().filter(|(_, struck)| **struck);
+            let left = damaged.filter(left).count();
+            assert_eq!(left, 0, "frame {k}, bit {bit}");
+        }
+    }
+}
+
 /// A response curve and flickering light leave residuals in every pixel: they are usual there.
 #[test]
 fn curved_responses_and_flicker_are_not_damage() {

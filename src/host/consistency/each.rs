@@ -33,7 +33,7 @@ pub(super) fn check(
     along: Axis,
     grid: &Grid,
 ) -> Result<(), String> {
-    let levels = Levels::new(manifest, axis, grid.noise_dn);
+    let levels = Levels::new(manifest, axis, grid);
     let n = manifest.frame.len();
     let all: Vec<Option<usize>> = (0..n).map(Some).collect();
     let bad = bands(grid, along).into_par_iter().filter_map(|pixels| {

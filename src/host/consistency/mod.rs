@@ -15,7 +15,8 @@
 //!   jump less;
 //! - `shifts`: all frames of an axis are what the patterns have at one coordinate, offset and
 //!   scaled; the list with one frame lost, repeated or exchanged with its neighbour would leave
-//!   less than half, or explain as much with fewer jumps between neighbouring pixels. This ties
+//!   less than half, or explain as much with fewer jumps between neighbouring pixels. Of sequences of
+//!   fringes alone each set has the contrast that is left of it (`contrasts`). This ties
 //!   sets of three steps, references and Gray code together;
 //! - `each`: without a frame that was dark, lit too short, torn or of another pattern the others fit
 //!   far better, in some part of the image;
@@ -47,6 +48,7 @@
 //! modulation and 1.5 DN of noise that is an error of 0.1 rad in each. Harmonics are believed up to
 //! 0.08 rad.
 
+mod contrasts;
 mod direction;
 mod each;
 mod fringes;

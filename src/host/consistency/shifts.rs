@@ -7,6 +7,7 @@
 //! capture is doubted where another list leaves far less unexplained, or explains as much with far
 //! fewer jumps from pixel to pixel.
 
+use super::contrasts::contrasts;
 use super::grid::{Grid, Line, range};
 use crate::decode::{AxisPlan, Order};
 use crate::pattern::{Manifest, Pattern};
@@ -62,7 +63,7 @@ pub(super) struct Fit {
 /// Whether another list explains the frames distinctly better.
 pub(super) fn check(manifest: &Manifest, axis: &AxisPlan, grid: &Grid) -> Result<(), String> {
     let pixels = pairs(grid);
-    let levels = Levels::new(manifest, axis, grid.noise_dn);
+    let levels = Levels::new(manifest, axis, grid);
     let n = manifest.frame.len();
     let all: Vec<_> = (0..n).map(Some).collect();
     let Some(asked) = levels.fit(&all, &pixels, f64::INFINITY, true) else {
@@ -196,7 +197,7 @@ pub(super) struct Levels {
 }
 
 impl Levels {
-    pub(super) fn new(manifest: &Manifest, axis: &AxisPlan, noise_dn: f32) -> Self {
+    pub(super) fn new(manifest: &Manifest, axis: &AxisPlan, grid: &Grid) -> Self {
         let patterns = || manifest.frame.iter().map(|frame| &frame.pattern);
         let own = |pattern: &&Pattern| pattern.axis() == Some(axis.axis);
         let finest = patterns()
@@ -207,19 +208,22 @@ impl Levels {
             .min(STEP_PX)
             .max(axis.extent_px / COORDINATES);
         let count = (axis.extent_px / step_px).ceil() as usize;
-        let row = |pattern: &Pattern| {
+        let row = |(pattern, contrast): (&Pattern, f32)| {
             let shown = match pattern.axis() {
                 None => true,
                 Some(a) => a == axis.axis && resolved_px(pattern).is_some(),
             };
-            let at = |i: usize| level(pattern, i as f64 * step_px);
+            let at = |i: usize| level(pattern, contrast, i as f64 * step_px);
             shown.then(|| (0..count).map(at).collect()).flatten()
         };
         Self {
-            rows: patterns().map(row).collect(),
+            rows: patterns()
+                .zip(contrasts(manifest, axis, grid))
+                .map(row)
+                .collect(),
             step_px,
             finest,
-            noise_dn: f64::from(noise_dn),
+            noise_dn: f64::from(grid.noise_dn),
         }
     }
 
@@ -309,14 +313,14 @@ fn resolved_px(pattern: &Pattern) -> Option<f64> {
     (period_px >= FINE_PX).then_some(length_px)
 }
 
-/// A pattern's level at a coordinate in projector pixels; none of a picture.
-fn level(pattern: &Pattern, x: f64) -> Option<f32> {
+/// A pattern's level at a coordinate in projector pixels, of fringes of a contrast; none of a picture.
+fn level(pattern: &Pattern, contrast: f32, x: f64) -> Option<f32> {
     let level = match *pattern {
         Pattern::Fringe {
             period_px,
             phase_rad,
             ..
-        } => 0.5 + 0.5 * (TAU * (x / period_px).fract() + phase_rad).cos(),
+        } => 0.5 + 0.5 * f64::from(contrast) * (TAU * (x / period_px).fract() + phase_rad).cos(),
         _ => pattern.level(x.round() as u32)?,
     };
     Some(level as f32)

@@ -19,7 +19,7 @@ use std::ops::Add;
 /// row takes its set off by a third.
 const MOST_ROWS: f64 = 0.05;
 /// Deviations of its noise that it has to be off.
-const SIGMAS: f64 = 8.0;
+const SIGMAS: f64 = 6.0;
 /// A slope has so many deviations of a sample's noise a row: four of its own, of nine samples above and
 /// nine below.
 const STEEP: f32 = 1.0;

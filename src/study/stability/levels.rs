@@ -36,7 +36,7 @@ pub(super) const GROUP: Group = Group {
         },
         Sweep {
             key: "bits-stretched",
-            title: "The same, stretched to 8 bits or to 16",
+            title: "Converters of 1 to 16 bits, numbers stretched to 8 bits or to 16",
             oracle: "As before, with the step that is left",
             ratio: "levels",
             error: "worst error in projector px",

@@ -35,7 +35,7 @@ pub(super) const GROUP: Group = Group {
         },
         Sweep {
             key: "late-light",
-            title: "The same light after a billion frames",
+            title: "A source's light after a billion frames",
             oracle: "A source that is switched on then gives what one gives that is switched on at time \
                 0; device time is integer nanoseconds. Allowed: rounding",
             ratio: "frames of 20 ms",

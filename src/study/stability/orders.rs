@@ -33,7 +33,7 @@ pub(super) const GROUP: Group = Group {
         },
         Sweep {
             key: "edges",
-            title: "The same under noise: code edges on the wraps and off them, periods of 16 px",
+            title: "Code edges on the wraps and off them under noise, periods of 16 px",
             oracle: "Allowed: one wrong period in ten thousand of the pixels answered",
             ratio: "modulation over noise",
             error: "share of wrong periods",

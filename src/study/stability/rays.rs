@@ -35,7 +35,7 @@ pub(super) const GROUP: Group = Group {
         },
         Sweep {
             key: "baseline-f32",
-            title: "The same as a decoder gives coordinates, in f32",
+            title: "Tiny baselines, coordinates in f32 as a decoder gives them",
             oracle: "Allowed: half a last place of f32 in coordinate, ray and depth, times their slopes",
             ratio: "distance over baseline",
             error: "depth error in mm",
@@ -44,7 +44,7 @@ pub(super) const GROUP: Group = Group {
         },
         Sweep {
             key: "baseline-noise",
-            title: "The same with noise of 0.02 projector pixels",
+            title: "Tiny baselines, noise of 0.02 projector pixels",
             oracle: "RMS over 4096 draws. Allowed: slope times noise, with the second order of 1/t and \
                 5 % for the draws. A depth known worse than a twentieth of itself is none",
             ratio: "distance over baseline",

@@ -33,7 +33,7 @@ pub(super) const GROUP: Group = Group {
         },
         Sweep {
             key: "origin-reference",
-            title: "The same: the reference path",
+            title: "A rig and a plane ever farther from the scene's origin: the reference path",
             oracle: "Allowed: 16 roundings of f64 in the scene's coordinates",
             ratio: "offset over distance",
             error: "worst error in projector px",
