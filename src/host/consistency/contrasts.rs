@@ -11,13 +11,13 @@ use crate::pattern::{Manifest, Pattern};
 /// Pixels that are looked at, at most.
 const PIXELS: usize = 500;
 
-/// The contrast of each frame's fringes in parts of the most that a set has; 1 for other frames, and
-/// where others than fringes say how bright the light is.
-pub(super) fn contrasts(manifest: &Manifest, axis: &AxisPlan, grid: &Grid) -> Vec<f32> {
+/// The contrast of each frame's fringes in parts of the most that a set has, of sequences that have
+/// nothing but fringes; 1 for those of the other axis.
+pub(super) fn contrasts(manifest: &Manifest, axis: &AxisPlan, grid: &Grid) -> Option<Vec<f32>> {
     let mut all = vec![1.0; manifest.frame.len()];
     let mut patterns = manifest.frame.iter().map(|frame| &frame.pattern);
     if axis.sets.len() < 2 || !patterns.all(|pattern| matches!(pattern, Pattern::Fringe { .. })) {
-        return all;
+        return None;
     }
     let mut parts: Vec<Vec<f64>> = vec![Vec::new(); axis.sets.len()];
     for pixel in grid.sample(PIXELS) {
@@ -42,5 +42,5 @@ pub(super) fn contrasts(manifest: &Manifest, axis: &AxisPlan, grid: &Grid) -> Ve
             all[*frame] = part as f32;
         }
     }
-    all
+    Some(all)
 }

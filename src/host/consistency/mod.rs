@@ -38,7 +38,8 @@
 //! exchanged with its complement, which mirrors the picture, where the mirrored coordinates are on
 //! the projector; a
 //! bit whose edges the camera does not see; the last frame, shown twice; rows that all frames lack
-//! alike; rows that a frame lacks whose patterns vary down the image. Limits of the checks
+//! alike; rows that a frame lacks whose patterns vary down the image, or that several lack where a
+//! surface has neither edges nor shades. Limits of the checks
 //! themselves: patterns of a period below 10 projector pixels are left out of `shifts`; a frame exchanged with one that is not its neighbour is looked for only within a
 //! set and a code; two faults in one run are not looked for; objects on less than 0.1 % of the
 //! image are not checked; and in light so dim that noise is much of the fringes (about a tenth of a

@@ -9,6 +9,10 @@ const ROUNDING_DN: f64 = 0.3;
 /// Least deviation to begin with: residuals of whole numbers may have a median of 0.
 const FIRST_DN: f64 = 1.0;
 
+/// A group's variance is no more than so many times the middle one's, and that of shot noise by its light:
+/// rows of one brightness may all be damaged.
+const MOST: f64 = 4.0;
+
 /// Variance by light, linear between groups, for points in order of their light.
 pub(super) struct Noise<'a> {
     points: &'a [(f64, f64)],
@@ -19,7 +23,14 @@ impl<'a> Noise<'a> {
     /// Of points of light and residual, in order of their light; at least one.
     pub(super) fn of(points: &'a [(f64, f64)]) -> Self {
         let size = points.len().div_ceil(GROUPS).max(1);
-        let groups = points.chunks(size).map(group).collect();
+        let mut groups: Vec<(f64, f64)> = points.chunks(size).map(group).collect();
+        let middle = groups.len() / 2;
+        let mut variances: Vec<f64> = groups.iter().map(|(_, variance)| *variance).collect();
+        let usual = *variances.select_nth_unstable_by(middle, f64::total_cmp).1;
+        let light = groups[middle].0.max(1e-9);
+        for group in &mut groups {
+            group.1 = group.1.min(MOST * usual * (group.0 / light).max(1.0));
+        }
         Self { points, groups }
     }
 

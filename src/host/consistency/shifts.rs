@@ -29,8 +29,10 @@ const FINE_PX: f64 = 10.0;
 const COORDINATES: f64 = 8192.0;
 /// A pixel's misfit counts up to this part of its squared range.
 const CAP: f64 = 0.05;
-/// Misfit below which nothing is doubted.
+/// Misfit below which nothing is doubted,
 const GOOD: f64 = 2e-3;
+/// and where the contrast of each pattern is known: exchanged steps of one of three sets leave 1e-3.
+const CLOSE: f64 = 4e-4;
 /// And so many times what noise alone leaves: no list can leave less than the noise.
 const NOISY: f64 = 2.0;
 /// Another list has to leave less than this part of the misfit.
@@ -55,6 +57,8 @@ pub(super) struct Fit {
     pub(super) each: Vec<f64>,
     /// The part of it that is noise.
     noise: f64,
+    /// Misfit below which it is not doubted.
+    good: f64,
     /// Whether the list is a shifted one. Exchanged bits are told by `gray`.
     shifted: bool,
     coordinates: Vec<f64>,
@@ -134,7 +138,7 @@ fn lists(n: usize) -> Vec<List> {
 impl Fit {
     /// Whether more is left than noise and what disturbs all frames alike leave.
     pub(super) fn is_doubtful(&self) -> bool {
-        self.misfit > GOOD.max(NOISY * self.noise)
+        self.misfit > self.good.max(NOISY * self.noise)
     }
 }
 
@@ -194,6 +198,8 @@ pub(super) struct Levels {
     /// Least length in projector pixels that the patterns tell apart.
     finest: f64,
     noise_dn: f64,
+    /// Misfit below which a list is not doubted.
+    good: f64,
 }
 
 impl Levels {
@@ -208,6 +214,9 @@ impl Levels {
             .min(STEP_PX)
             .max(axis.extent_px / COORDINATES);
         let count = (axis.extent_px / step_px).ceil() as usize;
+        let contrasts = contrasts(manifest, axis, grid);
+        let good = if contrasts.is_some() { CLOSE } else { GOOD };
+        let contrasts = contrasts.unwrap_or_else(|| vec![1.0; manifest.frame.len()]);
         let row = |(pattern, contrast): (&Pattern, f32)| {
             let shown = match pattern.axis() {
                 None => true,
@@ -217,13 +226,11 @@ impl Levels {
             shown.then(|| (0..count).map(at).collect()).flatten()
         };
         Self {
-            rows: patterns()
-                .zip(contrasts(manifest, axis, grid))
-                .map(row)
-                .collect(),
+            rows: patterns().zip(contrasts).map(row).collect(),
             step_px,
             finest,
             noise_dn: f64::from(grid.noise_dn),
+            good,
         }
     }
 
@@ -293,6 +300,7 @@ impl Levels {
             misfit: misfit / pixels.len() as f64,
             each,
             noise: noise / pixels.len() as f64,
+            good: self.good,
             shifted: shows.windows(2).any(|w| w[0] == w[1]) || shows.last() == Some(&None),
             coordinates,
         })
