@@ -198,8 +198,8 @@ pub(super) struct Levels {
     /// Least length in projector pixels that the patterns tell apart.
     finest: f64,
     noise_dn: f64,
-    /// Misfit below which a list is not doubted.
-    good: f64,
+    /// Whether the patterns are fringes alone, whose contrast is known.
+    smooth: bool,
 }
 
 impl Levels {
@@ -215,7 +215,7 @@ impl Levels {
             .max(axis.extent_px / COORDINATES);
         let count = (axis.extent_px / step_px).ceil() as usize;
         let contrasts = contrasts(manifest, axis, grid);
-        let good = if contrasts.is_some() { CLOSE } else { GOOD };
+        let smooth = contrasts.is_some();
         let contrasts = contrasts.unwrap_or_else(|| vec![1.0; manifest.frame.len()]);
         let row = |(pattern, contrast): (&Pattern, f32)| {
             let shown = match pattern.axis() {
@@ -230,7 +230,7 @@ impl Levels {
             step_px,
             finest,
             noise_dn: f64::from(grid.noise_dn),
-            good,
+            smooth,
         }
     }
 
@@ -282,10 +282,14 @@ impl Levels {
             let mean = known.iter().map(|(i, _)| pixel[*i]).sum::<f32>() / n as f32;
             let total: f32 = known.iter().map(|(i, _)| (pixel[*i] - mean).powi(2)).sum();
             let most_explained = explain(&known, pixel, mean, &inverse, &mut explained);
+            let best = match self.smooth {
+                true => peak(&explained, most_explained),
+                false => most_explained,
+            };
             let (low, high) = range(pixel);
             let squared = f64::from(high - low).powi(2).max(1.0);
             let scale = squared * (n - 3) as f64;
-            each.push((f64::from(total - most_explained) / scale).clamp(0.0, CAP));
+            each.push((f64::from(total - best) / scale).clamp(0.0, CAP));
             misfit += each[each.len() - 1];
             if misfit > most {
                 return None;
@@ -300,10 +304,26 @@ impl Levels {
             misfit: misfit / pixels.len() as f64,
             each,
             noise: noise / pixels.len() as f64,
-            good: self.good,
+            good: if self.smooth { CLOSE } else { GOOD },
             shifted: shows.windows(2).any(|w| w[0] == w[1]) || shows.last() == Some(&None),
             coordinates,
         })
+    }
+}
+
+/// The most that is explained between coordinates, by the parabola through the most of it at one and
+/// what its neighbours explain.
+fn peak(explained: &[f32], most: f32) -> f32 {
+    let place = explained.iter().position(|here| *here == most);
+    let before = place.and_then(|place| place.checked_sub(1));
+    let three = before.and_then(|before| explained[before..].first_chunk());
+    let Some([before, _, after]) = three else {
+        return most;
+    };
+    let bend = 2.0 * most - before - after;
+    match bend > 0.0 {
+        true => most + (after - before).powi(2) / (8.0 * bend),
+        false => most,
     }
 }
 

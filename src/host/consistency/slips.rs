@@ -236,7 +236,7 @@ mod tests {
                 let words = said(up).unwrap();
                 let (_, off) = words.split_once("are ").unwrap();
                 let found: f64 = off.split_once(' ').unwrap().0.parse().unwrap();
-                assert!((found / rows - 1.0).abs() < 0.1, "{words}");
+                assert!((found / rows - 1.0).abs() < 0.3, "{words}");
             }
         }
     }
