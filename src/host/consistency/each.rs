@@ -1,14 +1,14 @@
 //! Each frame against all the others, one part of the image at a time.
 //!
-//! As in `shifts`, all frames that vary along an axis are one offset and one contrast times what the
+//! As `explained` has it, all frames that vary along an axis are one offset and one contrast times what the
 //! patterns have at one coordinate. A frame that was dark, lit too short, of another pattern or torn
 //! leaves much unexplained that the others without it do not. Defocus, response curves and light
 //! from elsewhere leave something too, but no single frame's lack makes most of that go. A torn
 //! frame is wrong below its tear only, hence the parts. Which frame it is cannot always be told: of
 //! a Gray code, the lack of another bit may explain as much.
 
+use super::explained::Levels;
 use super::grid::{Grid, Line};
-use super::shifts::Levels;
 use crate::decode::AxisPlan;
 use crate::pattern::{Axis, Manifest};
 use rayon::prelude::*;

@@ -45,13 +45,15 @@
 //! image are not checked; and in light so dim that noise is much of the fringes (about a tenth of a
 //! built-in profile's) exchanged steps of a set of three may pass, for the noise then leaves
 //! more than half of what the fault does. Single pixels are told in sets of four or more steps, from 4
-//! deviations of noise and in 0.05 % of the pixels on; with four steps of 16 projector pixels, 60 DN of
+//! deviations of noise and in 0.05 % of the pixels on, and in several sets of three from 2 % on (fewer are
+//! the decoder's to refuse); with four steps of 16 projector pixels, 60 DN of
 //! modulation and 1.5 DN of noise that is an error of 0.1 rad in each. Harmonics are believed up to
 //! 0.08 rad.
 
 mod contrasts;
 mod direction;
 mod each;
+mod explained;
 mod fringes;
 mod gains;
 mod gray;
