@@ -84,24 +84,26 @@ fn others(code: &GrayCode) -> Vec<Other> {
         .collect()
 }
 
-/// The codes of neighbours along the lines that differ, bit b of a word from bit b's frames.
-fn neighbours(code: &GrayCode, grid: &Grid) -> Vec<(u64, u64)> {
-    let read = |values: &[f32]| {
-        let (low, high) = range(values);
-        let middle = 0.5 * (low + high);
-        let bit = |bit: &GrayBit| match (bit.plain, bit.inverse) {
-            (Some(plain), Some(inverse)) => values[plain] > values[inverse],
-            (Some(plain), None) => values[plain] > middle,
-            (None, inverse) => inverse.is_some_and(|inverse| values[inverse] <= middle),
-        };
-        let bits = code.bits.iter().enumerate();
-        bits.fold(0u64, |word, (b, each)| word | u64::from(bit(each)) << b)
+/// The word that a pixel reads, bit b of it from bit b's frames.
+pub(super) fn word(code: &GrayCode, values: &[f32]) -> u64 {
+    let (low, high) = range(values);
+    let middle = 0.5 * (low + high);
+    let bit = |bit: &GrayBit| match (bit.plain, bit.inverse) {
+        (Some(plain), Some(inverse)) => values[plain] > values[inverse],
+        (Some(plain), None) => values[plain] > middle,
+        (None, inverse) => inverse.is_some_and(|inverse| values[inverse] <= middle),
     };
+    let bits = code.bits.iter().enumerate();
+    bits.fold(0u64, |word, (b, each)| word | u64::from(bit(each)) << b)
+}
+
+/// The codes of neighbours along the lines that differ.
+fn neighbours(code: &GrayCode, grid: &Grid) -> Vec<(u64, u64)> {
     let mut found = Vec::new();
     for line in &grid.lines {
         let mut before: Option<u64> = None;
         for i in 0..line.len() {
-            let now = line.varies[i].then(|| read(line.pixel(i)));
+            let now = line.varies[i].then(|| word(code, line.pixel(i)));
             if let (Some(a), Some(b)) = (before, now)
                 && a != b
             {

@@ -13,6 +13,7 @@
 //!   takes away; sets of three steps have none of their own, but one mean between them;
 //! - `gray`: along a line of the image the code counts; another order of its bits would make it
 //!   jump less;
+//! - `sense`: the phase of short fringe sets grows where the code counts up;
 //! - `shifts`: all frames of an axis are what the patterns have at one coordinate, offset and
 //!   scaled; the list with one frame lost, repeated or exchanged with its neighbour would leave
 //!   less than half, or explain as much with fewer jumps between neighbouring pixels. Of sequences of
@@ -68,6 +69,7 @@ mod noise;
 mod residuals;
 mod rows;
 mod scatter;
+mod sense;
 mod shifts;
 mod slips;
 mod torn;
@@ -144,6 +146,7 @@ fn examine(manifest: &Manifest, frames: &[Frame], identified: bool) -> Result<()
             .and_then(|()| fringes::check(axis, &grid))
             .and_then(|()| gains::check(&plan, &grid))
             .and_then(|()| gray::check(axis, &grid))
+            .and_then(|()| sense::check(axis, &grid))
             .and_then(|()| shifts::check(manifest, axis, &grid))
             .and_then(|()| each::check(manifest, axis, along, &grid))
             .and_then(|()| match &scatter {

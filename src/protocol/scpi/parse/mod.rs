@@ -14,6 +14,10 @@ use data::params;
 /// Longest mnemonic (IEEE 488.2, 7.6.1.4.1).
 const MAX_MNEMONIC: usize = 12;
 
+/// Most mnemonics of a header, what it inherits included: more than any device has, and few enough that a
+/// line of commands that inherit from each other takes memory in step with its length.
+const MAX_NODES: usize = 16;
+
 /// One mnemonic of a header in upper case, and its numeric suffix where it has one.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Node {
@@ -98,6 +102,10 @@ fn unit(cursor: &mut Cursor<'_>, node: &mut Vec<Node>) -> Result<Unit, DeviceErr
     path.push(mnemonic(cursor)?);
     while !common && cursor.eat(b':') {
         path.push(mnemonic(cursor)?);
+    }
+    if path.len() > MAX_NODES {
+        let what = format!("a header of more than {MAX_NODES} mnemonics");
+        return Err(ErrorCode::UndefinedHeader.with(what));
     }
     let query = cursor.eat(b'?');
     if !common {

@@ -32,6 +32,14 @@ fn headers_inherit_the_node_of_the_unit_before() {
 }
 
 #[test]
+fn headers_that_inherit_ever_more_end_the_message() {
+    let program = parse("A:B;".repeat(16_000).as_bytes());
+    assert_eq!(program.units.len(), MAX_NODES - 1);
+    let error = program.error.unwrap();
+    assert_eq!(error.code, ErrorCode::UndefinedHeader);
+}
+
+#[test]
 fn parameters_of_every_kind() {
     let number = |value, suffix: &str| Param::Number {
         value,
