@@ -23,8 +23,8 @@ const COORDINATES: f64 = 8192.0;
 const CAP: f64 = 0.05;
 /// Misfit below which nothing is doubted,
 pub(super) const GOOD: f64 = 2e-3;
-/// and where the contrast of each pattern is known: exchanged steps of one of three sets leave 1e-3.
-const CLOSE: f64 = 4e-4;
+/// and where the contrast of each pattern is known: exchanged steps of one of three sets leave 2e-3.
+const CLOSE: f64 = 1e-3;
 /// And so many times what noise alone leaves: no list can leave less than the noise.
 const NOISY: f64 = 2.0;
 

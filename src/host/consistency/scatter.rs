@@ -6,7 +6,7 @@ use crate::protocol::Frame;
 /// Pixels that tell of a few damaged ones; of smaller images all.
 pub(super) const MANY: usize = 40_000;
 /// Pixels that tell of hundredths of them.
-pub(super) const FEW: usize = 8_000;
+pub(super) const FEW: usize = 2_500;
 
 /// Pixels with their values in every frame; those at the camera's full scale are left out.
 pub(super) struct Scatter {
