@@ -503,6 +503,70 @@ fn an_exposure_that_does_not_cover_the_patterns_is_named() {
     assert!(error.contains("not sinusoidal"), "{error}");
 }
 
+/// However little of the bit planes an exposure covers: told, or points are where all of them put them.
+#[test]
+fn no_exposure_of_some_bit_planes_gives_another_surface() {
+    let whole = profile("dlp-evm", 1.0);
+    for scene in ["torso", "sphere"] {
+        let sound = depths(&scan(&whole, scene, |frames| frames, 0).unwrap()).unwrap();
+        for exposure_us in [
+            30.0, 60.0, 120.0, 250.0, 400.0, 550.0, 700.0, 850.0, 1000.0, 1100.0, 1300.0, 1700.0,
+            2100.0, 2800.0, 3500.0, 4250.0, 5000.0, 6500.0, 7500.0, 8200.0, 8400.0,
+        ] {
+            let mut short = whole.clone();
+            short.camera.exposure_us = exposure_us;
+            let captured = scan(&short, scene, |frames| frames, 0);
+            let Some(depth) = captured.ok().as_ref().and_then(depths) else {
+                continue;
+            };
+            let gross = |(a, b): &(&f32, &f32)| (*a - *b).abs() > 1.0;
+            let pairs = || depth.iter().zip(&sound);
+            let both = pairs().filter(|(a, b)| (*a - *b).is_finite()).count();
+            let moved = pairs().filter(gross).count();
+            assert!(
+                both > 1000 && moved * 500 < both,
+                "{scene}, {exposure_us} us: {moved} of {both} points are elsewhere"
+            );
+        }
+    }
+}
+
+/// Rows that many frames lack, or all of them alike, are told by what they leave at the bottom.
+#[test]
+fn rows_missing_in_many_frames_are_told() {
+    for (name, scene, farther_mm) in [
+        ("webcam-grey", "sphere", 0.0),
+        ("dlp-evm", "torso", 0.0),
+        ("sgrt-pod", "torso", 1400.0),
+    ] {
+        let mut placed = Scene::load(scene).unwrap();
+        for object in &mut placed.object {
+            object.position_mm[2] += farther_mm;
+        }
+        let captured = scan_before(&profile(name, 1.0), &placed, |frames| frames, 0).unwrap();
+        let width = captured.frames[0].width as usize;
+        let height = captured.frames[0].height as usize;
+        for every in [1, 2, 3] {
+            for (rows, row) in [(1, 0), (1, height / 2), (1, height - 9), (4, height / 3)] {
+                let mut bad = captured.clone();
+                for k in (0..bad.frames.len()).step_by(every) {
+                    bad.frames = changed(&bad, k, |data| {
+                        let bytes = data.len() / height;
+                        let end = data.len() - rows * bytes;
+                        data.copy_within((row + rows) * bytes.., row * bytes);
+                        data[end..].fill(0);
+                    });
+                }
+                let told = check_sequence(&bad.manifest, &bad.frames);
+                assert!(
+                    told.is_err(),
+                    "{name}, {scene}, {width} wide: {rows} rows from {row} of every {every}. frame"
+                );
+            }
+        }
+    }
+}
+
 /// A frame whose rows from some on are another's is told wherever it is torn: at whole size, where the
 /// light ends within the image, and a tear may leave a few rows of it only. What a tear changes in
 /// hardly a pixel need not be told, for it moves hardly a point.

@@ -102,6 +102,18 @@ impl FringeSet {
         sum
     }
 
+    /// Whether the steps are, within a hundredth of their weight, as far from each other as N of them
+    /// in a turn are.
+    pub fn steps_are_equal(&self) -> bool {
+        let n = self.phases.len() as f64;
+        let sum = |order: f64| {
+            let turn = |(c, s): (f64, f64), t: &f64| (c + (order * t).cos(), s + (order * t).sin());
+            let (c, s) = self.phases.iter().fold((0.0, 0.0), turn);
+            c.hypot(s) / n
+        };
+        sum(1.0) < 0.01 && sum(2.0) < 0.01 && sum(n) > 0.99
+    }
+
     /// Sum of squared residuals of samples against their fit.
     pub fn residual(&self, samples: &[f64]) -> f64 {
         let [a, c, s] = self.solve(samples);

@@ -33,12 +33,18 @@ impl Tape {
 pub struct RecordedCamera<C: Camera> {
     camera: C,
     tape: Option<Tape>,
+    /// The device's end has gone, and has not been had back.
+    gone: bool,
 }
 
 impl<C: Camera> RecordedCamera<C> {
     /// Wraps a camera that has just been opened.
     pub fn new(camera: C, tape: Option<Tape>) -> Self {
-        let recorded = Self { camera, tape };
+        let recorded = Self {
+            camera,
+            tape,
+            gone: false,
+        };
         recorded.put(Event::Opened);
         recorded
     }
@@ -65,7 +71,13 @@ impl<C: Camera> Camera for RecordedCamera<C> {
             match &frame {
                 Ok(None) => {}
                 Ok(Some(frame)) => self.put(Event::Frame(Arc::new(frame.clone()))),
-                Err(error) => self.put(Event::Note(error.to_string())),
+                Err(error) => {
+                    self.put(Event::Note(error.to_string()));
+                    // No frame comes after an error that is not one frame's.
+                    if !self.camera.has_skipped() && !std::mem::replace(&mut self.gone, true) {
+                        self.put(Event::Unplugged);
+                    }
+                }
             }
         }
         frame
@@ -84,12 +96,19 @@ impl<C: Camera> Camera for RecordedCamera<C> {
     }
 
     fn reopen(&mut self, timeout: Duration) -> Result<()> {
-        self.put(Event::Left);
+        if !self.gone {
+            self.put(Event::Left);
+        }
         let reopened = self.camera.reopen(timeout);
-        self.put(match &reopened {
-            Ok(()) => Event::Opened,
-            Err(error) => Event::Note(error.to_string()),
-        });
+        match &reopened {
+            Ok(()) => {
+                if std::mem::take(&mut self.gone) {
+                    self.put(Event::Plugged);
+                }
+                self.put(Event::Opened);
+            }
+            Err(error) => self.put(Event::Note(error.to_string())),
+        }
         reopened
     }
 }

@@ -90,6 +90,7 @@ struct Client {
     first_id: u64,
     /// Goes with the task that serves the client.
     queue: Weak<Queue>,
+    task: tokio::task::AbortHandle,
 }
 
 /// The listeners and their clients.
@@ -230,15 +231,24 @@ impl FrameSocket {
         }
         self.counts.0 += 1;
         let queue = Arc::new(Queue::default());
-        self.clients.push(Client {
-            first_id,
-            queue: Arc::downgrade(&queue),
-        });
+        let weak = Arc::downgrade(&queue);
         let (left, stall) = (self.left.clone(), self.stall);
-        tokio::spawn(async move {
+        let task = tokio::spawn(async move {
             send(stream, queue, stall).await;
             left.notify_one();
         });
+        self.clients.push(Client {
+            first_id,
+            queue: weak,
+            task: task.abort_handle(),
+        });
+    }
+
+    /// Leaves all clients, as when the device has gone; frames that wait for them are lost.
+    pub(super) fn hang_up(self) {
+        for client in self.clients {
+            client.task.abort();
+        }
     }
 
     /// Takes the newest frames from whoever is the furthest behind, until `len` bytes more fit. A

@@ -227,3 +227,50 @@ fn a_scan_during_which_the_port_went_is_replayed_from_either_side() {
         }
     }
 }
+
+/// A device that is killed while it is scanned is gone at once, port and camera; so is its replay, and
+/// who scans that has left no path.
+#[test]
+fn a_device_that_was_killed_in_a_scan_is_killed_in_its_replay() {
+    let base = tempfile::tempdir().unwrap();
+    let file = base.path().join("host.rec");
+    let mut served = Served::spawn_as_it_is(serve().args(["--clock", "real"]));
+    let scan = phasma()
+        .args(["scan", "--camera", &served.at.camera, "--control"])
+        .arg(&served.at.control)
+        .arg("--out")
+        .arg(base.path().join("scan"))
+        .arg("--record")
+        .arg(&file)
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let end = Instant::now() + Duration::from_secs(5);
+    let frames = || {
+        let info = phasma()
+            .args(["record", "info", "--json"])
+            .arg(&file)
+            .output();
+        let info = serde_json::from_slice::<serde_json::Value>(&info.unwrap().stdout);
+        info.map_or(0, |info| info["frame"]["count"].as_u64().unwrap_or(0))
+    };
+    while frames() < 2 {
+        assert!(Instant::now() < end, "no frame comes");
+    }
+    served.child.kill().unwrap();
+    served.child.wait().unwrap();
+    let failed = scan.wait_with_output().unwrap();
+    assert_eq!(failed.status.code(), Some(1), "{}", text(&failed));
+    drop(served);
+    let recorded = frames();
+    assert!((2..13).contains(&recorded), "{recorded}");
+
+    for clock in ["real", "fast"] {
+        let mut command = replay(&file, &["--clock", clock]);
+        let replayed = Served::spawn_as_it_is(command.stderr(Stdio::piped()));
+        let scan = replayed.scan(&base.path().join(clock), &[]);
+        assert_eq!(scan.status.code(), Some(1), "{clock}: {}", text(&scan));
+        let words = (Some(0), String::new());
+        assert_eq!(stop(replayed), words, "{clock}: {}", text(&scan));
+    }
+}

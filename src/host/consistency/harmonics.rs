@@ -8,32 +8,33 @@
 //! cover all bit planes of a DMD leaves fringes with steps in them, which are such harmonics.
 //!
 //! What is not found: harmonics whose two orders cancel in the modulation, and those of sequences
-//! without white and black or whose steps are not equal.
+//! without white and black (both are `evenness`' to find), and those of steps that are not equal.
 
+use super::evenness::LARGEST_RAD;
 use super::scatter::Scatter;
 use crate::decode::FringeSet;
 use nalgebra::{Matrix3, Vector3};
 use std::f64::consts::TAU;
 
-/// The largest error of phase in radians that is believed: a projector of gamma 0.6 and four steps
-/// has 0.06, one of 2.2 has 0.01.
-const LARGEST_RAD: f64 = 0.08;
 /// Fewest pixels that tell.
 const FEWEST: usize = 1000;
-/// Contrast of white and black in DN from which on a pixel is looked at.
-const LEAST_DN: f64 = 20.0;
-/// Part of the most contrast that fringes have from which on a pixel is looked at: blur.
-const LEAST_CONTRAST: f64 = 0.5;
-/// How far from equal steps may be, in parts of a step's weight.
-const EQUAL: f64 = 0.01;
+/// Contrast of white and black in DN from which on a pixel is looked at,
+const LEAST_DN: f64 = 8.0;
+/// and in deviations of the noise.
+const LEAST_SIGMAS: f64 = 10.0;
+/// Part of the usual pixel's modulation from which on one is looked at, for blur takes the rest, and up
+/// to which it is believed.
+const USUAL: std::ops::Range<f64> = 0.5..2.0;
 
 /// Whether harmonics of the fringes move the phase by more than is believed.
 pub(super) fn check(
     set: &FringeSet,
     references: Option<(usize, usize)>,
+    noise_dn: f32,
     scatter: &Scatter,
 ) -> Result<(), String> {
-    let Some(found) = references.and_then(|references| ripple(set, references, scatter)) else {
+    let found = references.and_then(|references| ripple(set, references, noise_dn, scatter));
+    let Some(found) = found else {
         return Ok(());
     };
     if found <= LARGEST_RAD {
@@ -51,39 +52,44 @@ pub(super) fn check(
 }
 
 /// How far the modulation follows N times the phase, in parts of it.
-fn ripple(set: &FringeSet, (white, black): (usize, usize), scatter: &Scatter) -> Option<f64> {
-    let n = set.phases.len() as f64;
-    let sum = |order: f64| {
-        let turn = |(c, s): (f64, f64), t: &f64| (c + (order * t).cos(), s + (order * t).sin());
-        let (c, s) = set.phases.iter().fold((0.0, 0.0), turn);
-        c.hypot(s) / n
-    };
-    if sum(1.0) > EQUAL || sum(2.0) > EQUAL || sum(n) < 1.0 - EQUAL {
+fn ripple(
+    set: &FringeSet,
+    (white, black): (usize, usize),
+    noise_dn: f32,
+    scatter: &Scatter,
+) -> Option<f64> {
+    if !set.steps_are_equal() {
         return None;
     }
+    let n = set.phases.len() as f64;
+    let least = LEAST_DN.max(LEAST_SIGMAS * f64::from(noise_dn));
     let first = set.phases[0];
+    // Modulation in parts of half the contrast, and phase.
+    let told = |pixel: &[f32]| {
+        let contrast = f64::from(pixel[white] - pixel[black]);
+        (contrast >= least).then(|| {
+            let samples: Vec<f64> = set.frames.iter().map(|f| f64::from(pixel[*f])).collect();
+            let [_, c, s] = set.solve(&samples);
+            (2.0 * c.hypot(s) / contrast, s.atan2(c) + first)
+        })
+    };
+    let mut told: Vec<(f64, f64)> = scatter.pixels().filter_map(told).collect();
+    if told.len() < FEWEST {
+        return None;
+    }
+    let middle = told.len() / 2;
+    let usual = told
+        .select_nth_unstable_by(middle, |a, b| a.0.total_cmp(&b.0))
+        .1
+        .0;
+    told.retain(|(modulation, _)| USUAL.contains(&(modulation / usual)));
     let mut normal = Matrix3::zeros();
     let mut right = Vector3::zeros();
-    let mut pixels = 0;
-    for pixel in scatter.pixels() {
-        let contrast = f64::from(pixel[white] - pixel[black]);
-        if contrast < LEAST_DN {
-            continue;
-        }
-        let samples: Vec<f64> = set.frames.iter().map(|f| f64::from(pixel[*f])).collect();
-        let [_, c, s] = set.solve(&samples);
-        let modulation = 2.0 * c.hypot(s) / contrast;
-        if !(LEAST_CONTRAST..2.0).contains(&modulation) {
-            continue;
-        }
-        let turns = n * (s.atan2(c) + first).rem_euclid(TAU);
+    for (modulation, phase) in told {
+        let turns = n * phase.rem_euclid(TAU);
         let row = Vector3::new(1.0, turns.cos(), turns.sin());
         normal += row * row.transpose();
         right += row * modulation;
-        pixels += 1;
-    }
-    if pixels < FEWEST {
-        return None;
     }
     let fitted = normal.try_inverse()? * right;
     Some(fitted[1].hypot(fitted[2]) / fitted[0])
@@ -132,7 +138,7 @@ mod tests {
             let set = FringeSet::new("steps", 16.0, (0..n).collect(), phases).unwrap();
             let found = |order: f64, amplitude: f64| {
                 let scatter = Scatter::new(&frames(n, order, amplitude), MANY);
-                ripple(&set, (n, n + 1), &scatter).unwrap()
+                ripple(&set, (n, n + 1), 0.0, &scatter).unwrap()
             };
             assert!(found(n as f64 - 1.0, 0.0) < 1e-3);
             for order in [n as f64 - 1.0, n as f64 + 1.0] {

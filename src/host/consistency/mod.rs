@@ -5,6 +5,7 @@
 //! count. A sequence is redundant, and each part of it that is gives a check that noise, texture,
 //! response curves and steps in depth do not trip:
 //!
+//! - `tails`: no frame ends in rows of zeros below rows that were written;
 //! - `levels`: white is the brightest frame of each pixel and black the darkest, and a Gray bit
 //!   is not its complement;
 //! - `fringes`: more steps than unknowns leave a residual, which another order or the lack of
@@ -24,6 +25,7 @@
 //! - `residuals`: hardly a pixel's steps contradict each other by more than its noise. Rows that are
 //!   missing and bits that are flipped leave pixels that do;
 //! - `means`: sets of three steps have the mean of the other sets, but in a few pixels;
+//! - `evenness`: the phase of fringes runs evenly along a line;
 //! - `harmonics`: the modulation of fringes does not follow their phase;
 //! - `lit`: hardly a pixel of a Gray frame is brighter than white;
 //! - `slips`: the means of three sets in turn are not whole rows apart;
@@ -38,9 +40,9 @@
 //! projector that the camera sees; one set of three steps alone; a Gray code whose first bit is
 //! exchanged with its complement, which mirrors the picture, where the mirrored coordinates are on
 //! the projector; a
-//! bit whose edges the camera does not see; the last frame, shown twice; rows that all frames lack
-//! alike; rows that a frame lacks whose patterns vary down the image, or that several lack where a
-//! surface has neither edges nor shades. Limits of the checks
+//! bit whose edges the camera does not see; the last frame, shown twice; from a link that leaves no
+//! empty rows at the bottom, rows that all frames lack alike, rows that a frame lacks whose patterns
+//! vary down the image, and rows that several lack where a surface has neither edges nor shades. Limits of the checks
 //! themselves: patterns of a period below 10 projector pixels are left out of `shifts`; a frame exchanged with one that is not its neighbour is looked for only within a
 //! set and a code; two faults in one run are not looked for; objects on less than 0.1 % of the
 //! image are not checked; and in light so dim that noise is much of the fringes (about a tenth of a
@@ -54,6 +56,7 @@
 mod contrasts;
 mod direction;
 mod each;
+mod evenness;
 mod explained;
 mod fringes;
 mod gains;
@@ -72,6 +75,7 @@ mod scatter;
 mod sense;
 mod shifts;
 mod slips;
+mod tails;
 mod torn;
 
 pub(super) use modulation::{LEAST_FOLLOWING, following};
@@ -123,11 +127,18 @@ fn examine(manifest: &Manifest, frames: &[Frame], identified: bool) -> Result<()
     } else {
         None
     };
-    let mut noise_dn = 0.0;
+    let along: Vec<Axis> = plan
+        .axes
+        .iter()
+        .map(|axis| direction::along(axis, frames))
+        .collect();
     let mut down = vec![false; frames.len()];
-    for axis in &plan.axes {
-        let along = direction::along(axis, frames);
-        direction::mark(axis, along, &mut down);
+    for (axis, along) in plan.axes.iter().zip(&along) {
+        direction::mark(axis, *along, &mut down);
+    }
+    tails::check(frames, &down).map_err(departs)?;
+    let mut noise_dn = 0.0;
+    for (axis, along) in plan.axes.iter().zip(along) {
         let grid = Grid::new(frames, along);
         noise_dn = grid.noise_dn;
         let varying = grid.varying();
@@ -149,6 +160,11 @@ fn examine(manifest: &Manifest, frames: &[Frame], identified: bool) -> Result<()
             .and_then(|()| sense::check(axis, &grid))
             .and_then(|()| shifts::check(manifest, axis, &grid))
             .and_then(|()| each::check(manifest, axis, along, &grid))
+            .and_then(|()| {
+                axis.sets
+                    .iter()
+                    .try_for_each(|set| evenness::check(set, &grid))
+            })
             .and_then(|()| match &scatter {
                 Some(scatter) => everywhere(&plan, axis, noise_dn, scatter),
                 None => Ok(()),
@@ -177,7 +193,7 @@ fn everywhere(
     let references = plan.white.zip(plan.black);
     for set in &axis.sets {
         residuals::check(set, plan.black, scatter)?;
-        harmonics::check(set, references, scatter)?;
+        harmonics::check(set, references, noise_dn, scatter)?;
     }
     means::check(axis, noise_dn, scatter)?;
     lit::check(axis, references, scatter)

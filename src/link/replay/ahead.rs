@@ -16,8 +16,19 @@ pub(super) enum Output {
     Frame(Arc<Frame>),
     /// Has a frame that does not say which it is, taken at a time of the replay.
     Counted(Arc<Frame>, u64),
-    /// Takes its end of the control port away; false puts it back.
-    Unplug(bool),
+    /// Takes its end away.
+    Gone(End),
+    /// Puts it back.
+    Back(End),
+}
+
+/// An end of the device's.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum End {
+    /// Of the control port.
+    Port,
+    /// Of the camera.
+    Camera,
 }
 
 impl Output {
@@ -25,7 +36,7 @@ impl Output {
         match self {
             Self::Bytes(bytes) => bytes.len(),
             Self::Frame(frame) | Self::Counted(frame, _) => frame.data.len(),
-            Self::Unplug(_) => 0,
+            Self::Gone(_) | Self::Back(_) => 0,
         }
     }
 }
@@ -80,13 +91,25 @@ impl Ahead {
         self.queue.front().map(|due| due.due_ns)
     }
 
-    /// Forgets it; a port that has gone still comes back.
+    /// Forgets it; ends that have gone still come back.
     pub(super) fn forget(&mut self) {
-        let back = |due: &Due| due.output == Output::Unplug(false);
-        let back = self.queue.iter().rposition(back);
-        let back = back.and_then(|at| self.queue.remove(at));
+        let back = |end| {
+            let mut queue = self.queue.iter().rev();
+            let due = queue.find(|due| due.output == Output::Back(end));
+            due.map(|due| (due.due_ns, due.session, end))
+        };
+        let mut kept: Vec<_> = [End::Port, End::Camera]
+            .into_iter()
+            .filter_map(back)
+            .collect();
+        kept.sort_by_key(|(due_ns, ..)| *due_ns);
         self.queue.clear();
-        self.queue.extend(back);
+        self.queue
+            .extend(kept.into_iter().map(|(due_ns, session, end)| Due {
+                due_ns,
+                output: Output::Back(end),
+                session,
+            }));
         self.bytes = 0;
     }
 }

@@ -8,7 +8,7 @@
 
 mod reading;
 
-use super::ahead::{Ahead, Output};
+use super::ahead::{Ahead, End, Output};
 use super::departure::{Departure, Said};
 use crate::protocol::record::Reader;
 use reading::Stop;
@@ -131,7 +131,7 @@ impl<R: Read> Player<R> {
             // What is said to a client that has left goes nowhere, as on a wire.
             let heard = !self.gone && due.session == self.session;
             // Whoever was there has lost the port.
-            self.gone |= self.spoke && due.output == Output::Unplug(true);
+            self.gone |= self.spoke && due.output == Output::Gone(End::Port);
             self.go_on(now_ns);
             if heard || !matches!(due.output, Output::Bytes(_)) {
                 return Some(due.output);

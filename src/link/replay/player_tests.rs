@@ -68,8 +68,10 @@ fn outputs<R: Read>(player: &mut Player<R>, now_ns: u64) -> Vec<String> {
             Output::Bytes(bytes) => String::from_utf8(bytes).unwrap(),
             Output::Frame(frame) => format!("frame {}", frame.id),
             Output::Counted(frame, taken_ns) => format!("frame {} of {taken_ns}", frame.id),
-            Output::Unplug(true) => "gone".to_owned(),
-            Output::Unplug(false) => "back".to_owned(),
+            Output::Gone(End::Port) => "gone".to_owned(),
+            Output::Back(End::Port) => "back".to_owned(),
+            Output::Gone(End::Camera) => "camera gone".to_owned(),
+            Output::Back(End::Camera) => "camera back".to_owned(),
         })
         .collect()
 }
@@ -265,6 +267,41 @@ fn a_port_that_went_goes_and_comes_back() {
     player.receive(b"q", 103);
     assert_eq!(player.news().map(|_| ()), Some(()));
     assert_eq!(outputs(&mut player, 112), ["back"]);
+}
+
+#[test]
+fn a_camera_that_went_goes_and_comes_back() {
+    let camera = Channel::Camera;
+    let events = [
+        (10, PORT, sent("x")),
+        (11, camera, Event::Frame(frame(1))),
+        (12, camera, Event::Unplugged),
+        (15, PORT, sent("y")),
+        (16, PORT, received("z")),
+        (22, camera, Event::Plugged),
+        (40, PORT, Event::Left),
+    ];
+    let mut bytes = encode_head().to_vec();
+    for ((time_ns, channel, event), number) in events.iter().zip(0..) {
+        bytes.extend(encode_record(number, *time_ns, *channel, event));
+    }
+    let reader = Reader::new(std::io::Cursor::new(bytes), "rec").unwrap();
+    let mut player = Player::new(reader, false, None);
+    player.receive(b"x", 100);
+    assert_eq!(outputs(&mut player, 104), ["frame 1", "camera gone"]);
+    // The port is still there, and its client.
+    player.receive(b"y", 105);
+    assert_eq!(outputs(&mut player, 110), ["z"]);
+    assert_eq!(outputs(&mut player, 112), ["camera back"]);
+    player.hang_up(130);
+    assert_eq!(player.news(), None);
+    assert_eq!(
+        player.finish(),
+        Outcome {
+            matched_bytes: 2,
+            ..Outcome::default()
+        }
+    );
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! Reads a recording ahead, until there is a reason to stop.
 
-use super::{Output, Player};
+use super::{End, Output, Player};
 use crate::protocol::Frame;
 use crate::protocol::record::{Channel, Event, Record};
 use std::io::Read;
@@ -96,14 +96,14 @@ impl<R: Read> Player<R> {
                     return;
                 }
                 Event::Unplugged => {
-                    self.put(time_ns, Output::Unplug(true), now_ns);
-                    if self.recorded_spoke {
+                    self.put(time_ns, Output::Gone(end_of(channel)), now_ns);
+                    if channel.is_port() && self.recorded_spoke {
                         self.lost = self.unanswered;
                         self.stop = Stop::Leave(number, time_ns);
                         return;
                     }
                 }
-                Event::Plugged => self.put(time_ns, Output::Unplug(false), now_ns),
+                Event::Plugged => self.put(time_ns, Output::Back(end_of(channel)), now_ns),
                 Event::Cut(why) => self
                     .news
                     .push_back(format!("the recording was cut here: {why}")),
@@ -129,5 +129,13 @@ impl<R: Read> Player<R> {
         let due_ns = replay_ns.saturating_add(time_ns.saturating_sub(recorded_ns));
         let due_ns = if self.fast { 0 } else { due_ns };
         self.ahead.put(due_ns, output, self.session);
+    }
+}
+
+/// Which end a channel is.
+fn end_of(channel: Channel) -> End {
+    match channel.is_port() {
+        true => End::Port,
+        false => End::Camera,
     }
 }
