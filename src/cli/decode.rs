@@ -7,7 +7,7 @@ use crate::decode::{
     write_outputs,
 };
 use crate::error::{Error, Result};
-use crate::host::check_pictures;
+use crate::host::{check_pictures, doubt_pictures};
 use crate::pattern::Manifest;
 use std::path::{Path, PathBuf};
 
@@ -128,7 +128,8 @@ pub(super) fn doubt(
     stack: &FrameStack<'_>,
     strict: bool,
 ) -> Result<Option<String>> {
-    let Err(why) = check_pictures(manifest, stack) else {
+    let departs = check_pictures(manifest, stack).err();
+    let Some(why) = departs.or_else(|| doubt_pictures(manifest, stack)) else {
         return Ok(None);
     };
     if strict {

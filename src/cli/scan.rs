@@ -168,7 +168,11 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let decoding = (!args.no_decode)
         .then(|| decode_captured(&captured, args))
         .transpose()?;
-    report(&captured, args, source, capture_s, decoding.as_ref());
+    let doubt = captured.doubt();
+    if let Some(why) = &doubt {
+        eprintln!("phasma: {address}: {why}");
+    }
+    report(&captured, args, source, capture_s, decoding.as_ref(), doubt);
     Ok(())
 }
 
@@ -326,6 +330,7 @@ fn report(
     calibration: &str,
     capture_s: f64,
     decoding: Option<&(Summary, f64)>,
+    doubt: Option<String>,
 ) {
     if args.json {
         let summary = serde_json::json!({
@@ -336,6 +341,7 @@ fn report(
             "capture_s": capture_s,
             "decode_s": decoding.map(|d| d.1),
             "decoding": decoding.map(|d| &d.0),
+            "doubt": doubt,
             "out": args.out,
         });
         println!("{summary}");

@@ -1,7 +1,7 @@
 //! What a scan has captured, and how it is kept: pictures, the manifest that says what they show,
 //! and the calibration.
 
-use super::consistency::{LEAST_FOLLOWING, following};
+use super::consistency::{LEAST_FOLLOWING, doubt, following};
 use crate::error::{Error, Result};
 use crate::geometry::Rig;
 use crate::pattern::{Manifest, Pattern};
@@ -56,6 +56,12 @@ impl Captured {
             ))),
             _ => Ok(()),
         }
+    }
+
+    /// What a user should know of the frames, though they follow their sequence: fringes that are not
+    /// sinusoidal.
+    pub fn doubt(&self) -> Option<String> {
+        doubt(&self.manifest, &self.frames)
     }
 
     /// Refuses a folder that holds a capture already, before one is made.

@@ -31,7 +31,7 @@ pub use captured::{CALIBRATION_FILE, Captured, MANIFEST_FILE, write_png};
 pub use clock::monotonic_ns;
 pub use consistency::{check as check_sequence, check_identified as check_identified_sequence};
 pub use instrument::Instrument;
-pub use pictures::{check_pictures, frame_of};
+pub use pictures::{check_pictures, doubt_pictures, frame_of};
 pub use port::{CommandPort, MemoryPort, SerialPort};
 pub use record::{RecordedCamera, RecordedPort, Tape};
 pub use scanner::{Progress, ScanOptions, Scanner, scan_free_running};

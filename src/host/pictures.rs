@@ -1,6 +1,6 @@
 //! Grey levels from anywhere, as a link would have brought them.
 
-use super::consistency::check;
+use super::consistency::{check, doubt};
 use crate::decode::{FrameStack, Samples};
 use crate::pattern::Manifest;
 use crate::protocol::{Frame, PixelFormat};
@@ -33,12 +33,19 @@ pub fn frame_of(samples: &Samples<'_>, (width, height): (usize, usize), place: u
 /// # Errors
 /// How they depart from the sequence.
 pub fn check_pictures(manifest: &Manifest, stack: &FrameStack<'_>) -> Result<(), String> {
+    frames_of(stack).map_or(Ok(()), |frames| check(manifest, &frames))
+}
+
+/// What a user should know of pictures that follow their sequence.
+pub fn doubt_pictures(manifest: &Manifest, stack: &FrameStack<'_>) -> Option<String> {
+    doubt(manifest, &frames_of(stack)?)
+}
+
+/// Frames of all pictures, if all were loaded.
+fn frames_of(stack: &FrameStack<'_>) -> Option<Vec<Frame>> {
     let size = (stack.width(), stack.height());
     let there = |(place, samples): (usize, &Samples<'_>)| {
         (!samples.is_empty()).then(|| frame_of(samples, size, place))
     };
-    match stack.frames().iter().enumerate().map(there).collect() {
-        Some(frames) => check(manifest, Vec::as_slice(&frames)),
-        None => Ok(()),
-    }
+    stack.frames().iter().enumerate().map(there).collect()
 }

@@ -9,15 +9,25 @@
 //!
 //! Coarse fringes grow too little from pixel to pixel to show it; they only tell which fringe of the fine
 //! ones it is, and are left out.
+//!
+//! Three steps take the second harmonic for the fringe, which any response curve but a straight one
+//! has: that is a property of the device, and is told without refusing anything. With four steps and
+//! more an error of that size is none that a response curve makes.
 
 use super::grid::{Grid, Line};
 use crate::decode::FringeSet;
 use nalgebra::{Matrix2, Vector2};
 use std::f64::consts::{PI, TAU};
 
-/// The largest error of phase in radians that is believed: a projector of gamma 0.6 and four steps has
-/// 0.06, one of 2.2 has 0.01.
+/// The largest error of phase in radians of four and more steps that is believed: a projector of gamma
+/// 0.6 and four steps has 0.06, one of 2.2 has 0.01.
 pub(super) const LARGEST_RAD: f64 = 0.08;
+/// Steps from which on it is refused.
+pub(super) const REFUSED_STEPS: usize = 4;
+/// The largest that is not worth telling: 0.08 projector pixels of a fringe of 16.
+const WORTH_RAD: f64 = 0.03;
+/// Deviations that an error is more than what is held against it.
+const SIGMAS: f64 = 4.0;
 /// Every so many'th line is looked at.
 const LINES: usize = 4;
 /// Fewest pixels that tell.
@@ -33,27 +43,41 @@ const LEAST_SHOWN: f64 = 0.1;
 
 /// Whether the phase of a set is off by more than is believed, as a function of itself.
 pub(super) fn check(set: &FringeSet, grid: &Grid) -> Result<(), String> {
-    match phase_error(set, grid) {
-        Some(found) if found > LARGEST_RAD => Err(format!(
+    match set.frames.len() >= REFUSED_STEPS {
+        true => beyond(LARGEST_RAD, set, grid).map_or(Ok(()), Err),
+        false => Ok(()),
+    }
+}
+
+/// What is to be told of a set's phase.
+pub(super) fn doubt(set: &FringeSet, grid: &Grid) -> Option<String> {
+    beyond(WORTH_RAD, set, grid)
+}
+
+/// Words on a phase that is surely off by more than so much.
+fn beyond(least_rad: f64, set: &FringeSet, grid: &Grid) -> Option<String> {
+    let (found, deviation) = phase_error(set, grid)?;
+    (found - SIGMAS * deviation > least_rad).then(|| {
+        format!(
             "the fringes of frames {} to {} are not sinusoidal: the phase is off by up to about {found:.2} \
              rad; does the camera's exposure cover all of the pattern's, and is the projector's response \
              straight?",
             set.frames[0],
             set.frames[set.frames.len() - 1],
-        )),
-        _ => Ok(()),
-    }
+        )
+    })
 }
 
-/// The amplitude of the error of phase in radians; none where too few pixels would show it.
-fn phase_error(set: &FringeSet, grid: &Grid) -> Option<f64> {
+/// The amplitude of the error of phase and its standard deviation, in radians; none where too few pixels
+/// would show it.
+fn phase_error(set: &FringeSet, grid: &Grid) -> Option<(f64, f64)> {
     if !set.steps_are_equal() {
         return None;
     }
     let n = set.phases.len() as f64;
     let mut normal = Matrix2::zeros();
     let mut right = Vector2::zeros();
-    let mut shown = 0.0;
+    let (mut shown, mut square) = (0.0, 0.0);
     let mut pixels = 0;
     for line in grid.lines.iter().step_by(LINES) {
         let phases = phases(set, line, f64::from(grid.noise_dn));
@@ -71,13 +95,18 @@ fn phase_error(set: &FringeSet, grid: &Grid) -> Option<f64> {
             normal += row * row.transpose();
             right += row * (next - rise);
             shown += left * left;
+            square += (next - rise).powi(2);
             pixels += 1;
         }
     }
     if pixels < FEWEST || shown < LEAST_SHOWN * pixels as f64 {
         return None;
     }
-    Some((normal.try_inverse()? * right).norm())
+    let inverse = normal.try_inverse()?;
+    let error = inverse * right;
+    let variance = (square - error.dot(&right)).max(0.0) / pixels as f64;
+    let most = inverse.symmetric_eigenvalues().max();
+    Some((error.norm(), (variance * most).sqrt()))
 }
 
 /// The phase of each pixel of a line that has fringes.
@@ -140,9 +169,9 @@ mod tests {
             let phases = (0..n).map(|k| TAU * k as f64 / n as f64).collect();
             let set = FringeSet::new("steps", 16.0, (0..n).collect(), phases).unwrap();
             let (below, above) = (n as f64 - 1.0, n as f64 + 1.0);
-            for period_px in [7.3, 8.0, 12.6] {
+            for period_px in [7.3, 8.0, 9.1] {
                 let found = |harmonics: &[(f64, f64)]| {
-                    phase_error(&set, &grid(n, period_px, harmonics)).unwrap()
+                    phase_error(&set, &grid(n, period_px, harmonics)).unwrap().0
                 };
                 let close = |found: f64, want: f64| {
                     // To second order in the amplitudes.

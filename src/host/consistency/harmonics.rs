@@ -10,7 +10,7 @@
 //! What is not found: harmonics whose two orders cancel in the modulation, and those of sequences
 //! without white and black (both are `evenness`' to find), and those of steps that are not equal.
 
-use super::evenness::LARGEST_RAD;
+use super::evenness::{LARGEST_RAD, REFUSED_STEPS};
 use super::scatter::Scatter;
 use crate::decode::FringeSet;
 use nalgebra::{Matrix3, Vector3};
@@ -33,6 +33,9 @@ pub(super) fn check(
     noise_dn: f32,
     scatter: &Scatter,
 ) -> Result<(), String> {
+    if set.frames.len() < REFUSED_STEPS {
+        return Ok(());
+    }
     let found = references.and_then(|references| ripple(set, references, noise_dn, scatter));
     let Some(found) = found else {
         return Ok(());

@@ -109,6 +109,19 @@ pub fn check_identified(manifest: &Manifest, frames: &[Frame]) -> Result<(), Str
     examine(manifest, frames, true)
 }
 
+/// What a user should know of frames that follow their sequence: fringes that are not sinusoidal, so that
+/// points are off by what depends on their place in a fringe. Frames as for [`check`].
+pub fn doubt(manifest: &Manifest, frames: &[Frame]) -> Option<String> {
+    let plan = Plan::new(manifest).ok()?;
+    if frames.len() != plan.frames {
+        return None;
+    }
+    plan.axes.iter().find_map(|axis| {
+        let grid = Grid::new(frames, direction::along(axis, frames));
+        axis.sets.iter().find_map(|set| evenness::doubt(set, &grid))
+    })
+}
+
 fn examine(manifest: &Manifest, frames: &[Frame], identified: bool) -> Result<(), String> {
     // What cannot be decoded holds nothing that could be checked.
     let Ok(plan) = Plan::new(manifest) else {
