@@ -166,10 +166,15 @@ fn follow(
         let mut measured = Measured::default();
         let mut reading = Reading::default();
         let (mut time_ns, mut last_frame, mut decoding) = (0, begin, Duration::ZERO);
-        for sight in &mut sights {
+        for (sight, pod) in sights.iter_mut().zip(pods) {
             let Ok(taken) = scans.recv() else {
                 break 'scans;
             };
+            if count == 0
+                && let Some(why) = taken.captured.doubt()
+            {
+                eprintln!("phasma: {}: {why}", pod.name);
+            }
             let arrived = Instant::now();
             let doubt = sight.measure(&taken.captured, taken.identified, &mut measured, most)?;
             reading.warnings.extend(doubt);

@@ -15,7 +15,7 @@ use std::time::{Duration, Instant};
 
 /// Where a pod is reached, and where it stands.
 pub(super) struct Address {
-    name: String,
+    pub(super) name: String,
     camera: String,
     control: String,
     room_from_rig: Pose,

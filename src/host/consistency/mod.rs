@@ -53,6 +53,7 @@
 //! modulation and 1.5 DN of noise that is an error of 0.1 rad in each. Harmonics are believed up to
 //! 0.08 rad.
 
+mod changes;
 mod contrasts;
 mod direction;
 mod each;

@@ -178,7 +178,7 @@ fn distances(rows: &Rows) -> Table {
     let mut table = Table::new(
         "paper-agreement",
         "Trapezoid at L: Hausdorff distance (HD) and mean distance to agreement (MDTA) in mm; \
-         triangulation but for the columns with f0 held.",
+         triangulation but for the columns with f0 held, which are to the surface.",
         &[
             "L in mm",
             "HD, paper",
