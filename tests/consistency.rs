@@ -538,6 +538,97 @@ fn no_exposure_of_some_bit_planes_gives_another_surface() {
     }
 }
 
+/// Frames that were lit for a part of their exposure, one or several, Gray frames and fringes: told, or
+/// the points are there and where they were.
+#[test]
+fn frames_with_less_light_are_told_or_cost_no_points() {
+    for (name, scene) in [
+        ("webcam-grey", "sphere"),
+        ("dlp-evm", "torso"),
+        ("pmp-bench", "torso"),
+    ] {
+        let mut small = profile(name, 1.0);
+        let camera = &mut small.camera;
+        camera.sensor_width_mm *= 320.0 / f64::from(camera.width_px);
+        (camera.width_px, camera.height_px) = (320, 200);
+        let captured = scan(&small, scene, |frames| frames, 0).unwrap();
+        let sound = depths(&captured).unwrap();
+        let points = sound.iter().filter(|depth| depth.is_finite()).count();
+        let patterns = captured.manifest.frame.iter().map(|frame| &frame.pattern);
+        let places = |wanted: fn(&Pattern) -> bool| -> Vec<usize> {
+            let found = patterns.clone().enumerate().filter(|(_, p)| wanted(p));
+            found.map(|(k, _)| k).collect()
+        };
+        let black = places(|p| matches!(p, Pattern::Black {}))[0];
+        let fringes = places(|p| matches!(p, Pattern::Fringe { .. }));
+        let gray = places(|p| matches!(p, Pattern::Gray { .. }));
+        let mut struck: Vec<Vec<usize>> = gray.iter().map(|k| vec![*k]).collect();
+        struck.extend(gray.windows(3).map(|three| vec![three[0], three[2]]));
+        struck.push(gray.clone());
+        struck.push(fringes.clone());
+        for k in &gray {
+            struck.push([&fringes[..], &[*k]].concat());
+        }
+        let mut told = 0;
+        for frames in &struck {
+            for fraction in [0.3, 0.5, 0.6, 0.7] {
+                let mut bad = captured.clone();
+                for k in frames {
+                    let dark = &captured.frames[black].data;
+                    bad.frames = changed(&bad, *k, |data| {
+                        for (level, dark) in data.iter_mut().zip(dark) {
+                            let (light, dark) = (f64::from(*level), f64::from(*dark));
+                            *level = (dark + fraction * (light - dark)).round() as u8;
+                        }
+                    });
+                }
+                let found = check_sequence(&bad.manifest, &bad.frames).is_ok();
+                let Some(depth) = found.then(|| depths(&bad)).flatten() else {
+                    told += 1;
+                    continue;
+                };
+                let left = depth.iter().filter(|depth| depth.is_finite()).count();
+                // Less light has more noise, of which the deviations tell.
+                let far = |(a, b): &(&f32, &f32)| (*a - *b).abs() > 10.0;
+                let moved = depth.iter().zip(&sound).filter(far).count();
+                assert!(
+                    left * 10 > points * 9 && moved <= 2,
+                    "{name}, {scene}: frames {frames:?} with {fraction}: {left} of {points} points, \
+                     {moved} of them elsewhere"
+                );
+            }
+        }
+        assert!(told * 3 > struck.len() * 8, "{name}, {scene}: {told} told");
+    }
+}
+
+/// So many flipped bits in every second frame that hardly a pixel is sound.
+#[test]
+fn bits_flipped_in_most_pixels_are_told() {
+    for name in ["pmp-bench", "webcam-grey", "dlp-evm", "sgrt-pod"] {
+        let captured = match name {
+            "sgrt-pod" => pod(1.0, 1.0),
+            _ => scan(&profile(name, 1.0), "sphere", |frames| frames, 0).unwrap(),
+        };
+        let mut bad = captured.clone();
+        for k in (0..bad.frames.len()).step_by(2) {
+            bad.frames = changed(&bad, k, |data| {
+                let len = data.len();
+                let mut state = 12345 + k as u64;
+                for _ in 0..len / 4 {
+                    state = state
+                        .wrapping_mul(6_364_136_223_846_793_005)
+                        .wrapping_add(1);
+                    let (at, bit) = ((state >> 33) as usize % len, state >> 20 & 7);
+                    data[at] ^= 1 << bit;
+                }
+            });
+        }
+        let told = check_sequence(&bad.manifest, &bad.frames);
+        assert!(told.is_err(), "{name}");
+    }
+}
+
 /// Rows that many frames lack, or all of them alike, are told by what they leave at the bottom.
 #[test]
 fn rows_missing_in_many_frames_are_told() {

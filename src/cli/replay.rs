@@ -102,8 +102,9 @@ fn judge(args: &Args, outcome: &Outcome) -> Result<()> {
             "{file}: followed for {matched} of the {all} bytes that clients sent in it"
         ))),
         count => Err(Error::device(format!(
-            "{file}: {count} clients have left the recorded path; {matched} of the {all} bytes \
-             that clients sent in it came again"
+            "{file}: {count} client{} left the recorded path; {matched} of the {all} bytes that \
+             clients sent in it came again",
+            if count == 1 { " has" } else { "s have" }
         ))),
     }
 }

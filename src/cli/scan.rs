@@ -168,6 +168,13 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let decoding = (!args.no_decode)
         .then(|| decode_captured(&captured, args))
         .transpose()?;
+    let measured = |(summary, _): &(Summary, f64)| summary.points != Some(0);
+    if !decoding.as_ref().is_none_or(measured) {
+        return Err(Error::device(format!(
+            "{address} (frames kept in {}): not one pixel could be measured",
+            args.out.display()
+        )));
+    }
     let doubt = captured.doubt();
     if let Some(why) = &doubt {
         eprintln!("phasma: {address}: {why}");

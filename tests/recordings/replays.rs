@@ -175,7 +175,7 @@ fn who_leaves_the_path_is_told_where_and_a_killed_recorder_has_written_all() {
     assert_eq!(status, Some(1), "{words}");
     let expected = "expected \"CAM:GAIN?\\n\", but \"CAM:EXP?\\n\", different from byte 4 on";
     assert_eq!(words.matches(expected).count(), 1, "{words}");
-    let end = "1 clients have left the recorded path; 16 of the 22 bytes";
+    let end = "1 client has left the recorded path; 16 of the 22 bytes";
     assert!(words.contains(end), "{words}");
 
     // Half of the way is not the way.

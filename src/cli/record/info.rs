@@ -1,6 +1,6 @@
 //! `phasma record info`.
 
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::protocol::record::{About, Ending, Kind, Side, Summary};
 use crate::protocol::{printable, printable_json};
 use std::path::Path;
@@ -14,7 +14,7 @@ pub(super) fn run(path: &Path, json: bool) -> Result<()> {
         report["file"] = path.display().to_string().into();
         report["file_bytes"] = size.into();
         println!("{}", printable_json(&report));
-        return Ok(());
+        return sound(path, &summary);
     }
     if let Some(about) = &summary.about {
         tell_about(about);
@@ -46,7 +46,22 @@ pub(super) fn run(path: &Path, json: bool) -> Result<()> {
         Ending::Damaged(what) => format!("damaged: {}", printable(what)),
     };
     println!("ends         {ending}");
-    Ok(())
+    sound(path, &summary)
+}
+
+/// A status that a program sees, once all has been told.
+///
+/// # Errors
+/// A recording that is damaged. One whose writer was killed is not.
+fn sound(path: &Path, summary: &Summary) -> Result<()> {
+    match &summary.ending {
+        Ending::Damaged(what) => Err(Error::device(format!(
+            "{}: damaged: {}",
+            path.display(),
+            printable(what)
+        ))),
+        _ => Ok(()),
+    }
 }
 
 fn tell_about(about: &About) {

@@ -24,8 +24,8 @@ use std::f64::consts::{PI, TAU};
 pub(super) const LARGEST_RAD: f64 = 0.08;
 /// Steps from which on it is refused.
 pub(super) const REFUSED_STEPS: usize = 4;
-/// The largest that is not worth telling: 0.08 projector pixels of a fringe of 16.
-const WORTH_RAD: f64 = 0.03;
+/// The largest that is not worth telling: 0.05 projector pixels of a fringe of 16.
+const WORTH_RAD: f64 = 0.02;
 /// Deviations that an error is more than what is held against it.
 const SIGMAS: f64 = 4.0;
 /// Every so many'th line is looked at.
@@ -137,7 +137,8 @@ mod tests {
     use crate::pattern::Axis;
     use crate::protocol::{Frame, PixelFormat};
 
-    /// Frames of `n` steps of fringes of a period in pixels, with harmonics by order and amplitude.
+    /// Frames of `n` steps of fringes of a period in pixels, with harmonics by order and amplitude, and as
+    /// many uniform ones.
     fn grid(n: usize, period_px: f64, harmonics: &[(f64, f64)]) -> Grid {
         let (width, height) = (160u32, 64u32);
         let level = |k: usize, i: u32| {
@@ -146,7 +147,8 @@ mod tests {
             let phase = TAU * (x / period_px + k as f64 / n as f64) + bent;
             let wave = |(order, amplitude): &(f64, f64)| amplitude * (order * phase).cos();
             let wave = phase.cos() + harmonics.iter().map(wave).sum::<f64>();
-            (20_000.0 + 10_000.0 * (0.6 + 0.4 * y / 64.0) * wave) as u16
+            let shown = if k < n { wave } else { 0.0 };
+            (20_000.0 + 10_000.0 * (0.6 + 0.4 * y / 64.0) * shown) as u16
         };
         let frame = |k: usize| Frame {
             id: k as u64,
@@ -160,7 +162,7 @@ mod tests {
                 .flat_map(|i| level(k, i).to_le_bytes())
                 .collect(),
         };
-        Grid::new(&(0..n).map(frame).collect::<Vec<_>>(), Axis::X)
+        Grid::new(&(0..2 * n).map(frame).collect::<Vec<_>>(), Axis::X)
     }
 
     #[test]

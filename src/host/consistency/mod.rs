@@ -8,6 +8,7 @@
 //! - `tails`: no frame ends in rows of zeros below rows that were written;
 //! - `levels`: white is the brightest frame of each pixel and black the darkest, and a Gray bit
 //!   is not its complement;
+//! - `dimmed`: a lit stripe of a Gray frame is as bright as white, and fringes are about half as bright;
 //! - `fringes`: more steps than unknowns leave a residual, which another order or the lack of
 //!   one frame would make distinctly smaller;
 //! - `gains`: a step of fringes that had less light than the others leaves a residual that its gain
@@ -24,6 +25,7 @@
 //!   far better, in some part of the image;
 //! - `residuals`: hardly a pixel's steps contradict each other by more than its noise. Rows that are
 //!   missing and bits that are flipped leave pixels that do;
+//! - `impulses`: hardly a pixel is like none beside it;
 //! - `means`: sets of three steps have the mean of the other sets, but in a few pixels;
 //! - `evenness`: the phase of fringes runs evenly along a line;
 //! - `harmonics`: the modulation of fringes does not follow their phase;
@@ -40,7 +42,8 @@
 //! projector that the camera sees; one set of three steps alone; a Gray code whose first bit is
 //! exchanged with its complement, which mirrors the picture, where the mirrored coordinates are on
 //! the projector; a
-//! bit whose edges the camera does not see; the last frame, shown twice; from a link that leaves no
+//! bit whose edges the camera does not see; the last frame, shown twice; less light in all frames alike,
+//! which makes noise, of which the deviations tell; from a link that leaves no
 //! empty rows at the bottom, rows that all frames lack alike, rows that a frame lacks whose patterns
 //! vary down the image, and rows that several lack where a surface has neither edges nor shades. Limits of the checks
 //! themselves: patterns of a period below 10 projector pixels are left out of `shifts`; a frame exchanged with one that is not its neighbour is looked for only within a
@@ -55,6 +58,7 @@
 
 mod changes;
 mod contrasts;
+mod dimmed;
 mod direction;
 mod each;
 mod evenness;
@@ -64,6 +68,7 @@ mod gains;
 mod gray;
 mod grid;
 mod harmonics;
+mod impulses;
 mod levels;
 mod lit;
 mod means;
@@ -170,6 +175,7 @@ fn examine(manifest: &Manifest, frames: &[Frame], identified: bool) -> Result<()
         let found = levels::check(&plan, axis, &grid)
             .and_then(|()| fringes::check(axis, &grid))
             .and_then(|()| gains::check(&plan, &grid))
+            .and_then(|()| dimmed::check(&plan, axis, &grid))
             .and_then(|()| gray::check(axis, &grid))
             .and_then(|()| sense::check(axis, &grid))
             .and_then(|()| shifts::check(manifest, axis, &grid))
@@ -185,7 +191,8 @@ fn examine(manifest: &Manifest, frames: &[Frame], identified: bool) -> Result<()
             });
         found.map_err(departs)?;
     }
-    torn::check(frames, &down, noise_dn)
+    impulses::check(frames, &down, noise_dn)
+        .and_then(|()| torn::check(frames, &down, noise_dn))
         .and_then(|()| rows::check(frames, &down, noise_dn))
         .map_err(departs)?;
     let mut axes = plan.axes.iter();

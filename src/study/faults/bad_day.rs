@@ -107,6 +107,9 @@ impl BadDay {
             Self::new("partial exposure, 0.5", What::PartialExposure, |f| {
                 f.fraction = Some(0.5);
             }),
+            Self::new("partial exposure, 0.65", What::PartialExposure, |f| {
+                f.fraction = Some(0.65);
+            }),
             Self::new("partial exposure, 0.8", What::PartialExposure, |f| {
                 f.fraction = Some(0.8);
             }),
