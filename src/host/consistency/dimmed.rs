@@ -213,8 +213,8 @@ mod tests {
 
     #[test]
     fn bits_that_the_camera_does_not_resolve_are_not_dim() {
-        for cell in [2, 3, 4, 5] {
-            for blurred in 1..12 {
+        for cell in [4, 5, 6] {
+            for blurred in 1..20 {
                 assert_eq!(found(cell, blurred, |_| 1.0), Ok(()), "{cell}, {blurred}");
             }
         }

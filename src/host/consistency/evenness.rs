@@ -167,7 +167,7 @@ mod tests {
 
     #[test]
     fn the_error_is_that_of_the_neighbouring_harmonics() {
-        for n in [3, 4, 5, 12] {
+        for n in [3, 4, 5] {
             let phases = (0..n).map(|k| TAU * k as f64 / n as f64).collect();
             let set = FringeSet::new("steps", 16.0, (0..n).collect(), phases).unwrap();
             let (below, above) = (n as f64 - 1.0, n as f64 + 1.0);
