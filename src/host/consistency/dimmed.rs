@@ -23,10 +23,12 @@ const LEAST_DN: f32 = 10.0;
 const LEAST_SIGMAS: f32 = 20.0;
 /// Fewest pixels that tell.
 const FEWEST: usize = 400;
-/// Least width of stripes in pixels, and least share of dark pixels. Of a sinusoid between dark and lit, as
-/// stripes are that the camera hardly resolves, more than [`MOST_LIT`] is lit where so much is dark.
+/// Least width of stripes in pixels, and least share of dark pixels.
 const LEAST_WIDTH: usize = 3;
 const LEAST_DARK: f64 = 0.2;
+/// Stripes that the camera hardly resolves are as far from black as from white; of dim ones the dark are
+/// black. The darkest have to be nearer to black than the brightest to white, by this.
+const ASYMMETRY: f32 = 0.5;
 /// Bits that need neither.
 const COARSE: usize = 3;
 
@@ -124,7 +126,12 @@ impl Light<'_> {
             .iter()
             .map(|line| line.windows(2).filter(|pair| edge(pair)).count())
             .sum();
-        let resolved = edges * LEAST_WIDTH <= all && share(dark) >= LEAST_DARK;
+        let mut sorted: Vec<f32> = parts().collect();
+        sorted.sort_unstable_by(f32::total_cmp);
+        let [darkest, brightest] = [0.05, 0.95].map(|q| sorted[(q * (all - 1) as f64) as usize]);
+        let resolved = edges * LEAST_WIDTH <= all
+            && share(dark) >= LEAST_DARK
+            && darkest < ASYMMETRY * (1.0 - brightest);
         (coarse || resolved).then_some(dim)
     }
 }

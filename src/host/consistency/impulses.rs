@@ -80,8 +80,10 @@ mod tests {
         let level = |i: usize| {
             let lit = (i % width / stripe).is_multiple_of(2);
             let level: u8 = if lit { 180 } else { 12 };
-            // Far from rows and columns.
-            let struck = (i * 2_654_435_761 >> 8) % every == 0;
+            // Mixed, so that neither along rows nor along columns runs are struck.
+            let mixed = (i as u64).wrapping_mul(0x9E37_79B9_7F4A_7C15);
+            let mixed = (mixed ^ mixed >> 29).wrapping_mul(0xBF58_476D_1CE4_E5B9) >> 40;
+            let struck = mixed as usize % every == 1;
             if struck { level ^ 0x80 } else { level }
         };
         Frame {
