@@ -7,6 +7,10 @@
 //! Patterns down the image change one frame along a row too, where a code has an edge, but all of it
 //! from dark to bright or all of it from bright to dark. Rows of another pattern change it both ways,
 //! and a frame of such a pattern has to change so.
+//!
+//! Of two Gray frames that differ in few of the pixels that are seen, a tear changes few. So where a part
+//! of a row changes alone, the frame is held against the one before and the one behind it: it is torn
+//! if all that is above the row, or all that is below, is theirs.
 
 use super::grid::{full_scale, read_row, value};
 use crate::protocol::Frame;
@@ -23,6 +27,10 @@ const QUIET: f32 = 0.15;
 const SIGMAS: f32 = 6.0;
 /// Part of a row's pixels that have to change so, in the same frame,
 const SHARE: f64 = 0.25;
+/// which is enough of them if the rest of the image is another frame's,
+const FEW: f64 = 0.06;
+/// in all but so many pixels,
+const NOT_THEIRS: f64 = 0.002;
 /// and how many at least.
 const LEAST: usize = 16;
 /// Part of a row's pixels that have to become brighter, and darker, of a pattern down the image.
@@ -137,17 +145,15 @@ pub(super) fn check(frames: &[Frame], down: &[bool], noise_dn: f32) -> Result<()
     let torn = |first: &usize| {
         let rows = *first..(first + BAND).min(height);
         let seen = Seen::of_band(frames, rows.clone(), every);
-        let frame_of = |k: usize| {
-            torn_frame(
-                &seen,
-                k * columns..(k + 1) * columns,
-                down,
-                [noise_dn, full],
-            )
+        let frame_of = |k: usize, row: usize| {
+            let pixels = k * columns..(k + 1) * columns;
+            let changed = changed(&seen, pixels, down, [noise_dn, full])?;
+            let is_torn = changed.share > SHARE || is_anothers(frames, &changed, row, every);
+            is_torn.then_some(changed.frame)
         };
         let mut found = rows
             .enumerate()
-            .filter_map(|(k, row)| Some((frame_of(k)?, row)));
+            .filter_map(|(k, row)| Some((frame_of(k, row)?, row)));
         found.next()
     };
     match bands
@@ -164,15 +170,25 @@ pub(super) fn check(frames: &[Frame], down: &[bool], noise_dn: f32) -> Result<()
     }
 }
 
+/// A frame that changes alone from a row to the next.
+struct Changed {
+    frame: usize,
+    /// In this part of the row's lit pixels,
+    share: f64,
+    /// by as much as this, at least, in DN.
+    least: f32,
+}
+
 /// The frame that changes alone, along a row whose pixels have these places; some deviation of noise and
 /// full scale in DN.
-fn torn_frame(
+fn changed(
     seen: &Seen,
     row: std::ops::Range<usize>,
     down: &[bool],
     [noise_dn, full]: [f32; 2],
-) -> Option<usize> {
+) -> Option<Changed> {
     let mut counts = vec![[0usize; 2]; down.len()];
+    let mut least = vec![f32::INFINITY; down.len()];
     let mut lit = 0u32;
     for i in row {
         let range = seen.high[i] - seen.low[i];
@@ -184,15 +200,53 @@ fn torn_frame(
         lit += 1;
         let most = seen.most[i];
         if most.abs() > (LOUD * range).max(2.0 * quiet) && seen.second[i] < quiet {
-            counts[seen.frame[i] as usize][usize::from(most > 0.0)] += 1;
+            let frame = seen.frame[i] as usize;
+            counts[frame][usize::from(most > 0.0)] += 1;
+            least[frame] = least[frame].min(most.abs());
         }
     }
     let part = |count: usize| count as f64 / f64::from(lit);
-    let is_torn = |(frame, ways): (usize, &[usize; 2])| {
+    let is_changed = |(frame, ways): &(usize, &[usize; 2])| {
         let both = ways[0] + ways[1];
         both >= LEAST
-            && part(both) > SHARE
-            && (!down[frame] || ways.iter().all(|way| part(*way) > EACH_WAY))
+            && part(both) > FEW
+            && (!down[*frame] || ways.iter().all(|way| part(*way) > EACH_WAY))
     };
-    counts.iter().enumerate().position(is_torn)
+    let by_count = |(_, ways): &(usize, &[usize; 2])| ways[0] + ways[1];
+    let (frame, ways) = counts
+        .iter()
+        .enumerate()
+        .filter(is_changed)
+        .max_by_key(by_count)?;
+    Some(Changed {
+        frame,
+        share: part(ways[0] + ways[1]),
+        least: least[frame],
+    })
+}
+
+/// Whether all that a frame has from a row on, or before it, is what the frame before it has, or the one
+/// behind it: differences are less than half of what changes.
+fn is_anothers(frames: &[Frame], changed: &Changed, row: usize, every: usize) -> bool {
+    let frame = &frames[changed.frame];
+    let neighbours = [changed.frame.wrapping_sub(1), changed.frame + 1];
+    let (mut own, mut theirs) = (Vec::new(), Vec::new());
+    let mut is_theirs = |other: &Frame, rows: std::ops::Range<usize>| {
+        let (mut pixels, mut differ) = (0usize, 0usize);
+        for row in rows {
+            read_row(frame, row, every, &mut own);
+            read_row(other, row, every, &mut theirs);
+            let pairs = own.iter().zip(&theirs);
+            differ += pairs
+                .filter(|(a, b)| (*a - *b).abs() > 0.5 * changed.least)
+                .count();
+            pixels += own.len();
+        }
+        differ as f64 <= NOT_THEIRS * pixels as f64
+    };
+    let height = frame.height as usize;
+    neighbours
+        .into_iter()
+        .filter_map(|k| frames.get(k))
+        .any(|other| is_theirs(other, row..height) || is_theirs(other, 0..row))
 }
