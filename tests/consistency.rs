@@ -860,3 +860,49 @@ fn fringes_that_run_against_the_code_are_told() {
         }
     }
 }
+
+/// Frames of a set in another order, or bits of a code, may fit the sequence as well as the right ones;
+/// what they decode to does not.
+#[test]
+fn sets_and_codes_in_another_order_are_told_by_what_they_decode_to() {
+    let captured = [
+        pod(0.5, 1.0),
+        scan(&profile("webcam-grey", 1.0), "torso", |frames| frames, 0).unwrap(),
+        scan(&profile("webcam-grey", 0.15), "torso", |frames| frames, 0).unwrap(),
+    ];
+    let doubt = |captured: &Captured| captured.decode(Options::default()).unwrap().1.doubt();
+    for sound in &captured {
+        assert_eq!(doubt(sound), None);
+    }
+    // Frames that take each other's places: the first and third step of a set, a set that begins
+    // elsewhere, a code that does.
+    let orders: [(&Captured, &[usize]); 5] = [
+        (&captured[0], &[2, 1, 0]),
+        (&captured[0], &[1, 2, 0]),
+        (&captured[0], &[0, 1, 2, 5, 4, 3]),
+        (&captured[1], &[0, 1, 2, 3, 5, 6, 7, 8, 9, 4]),
+        (&captured[1], &[0, 1, 2, 3, 9, 4, 5, 6, 7, 8]),
+    ];
+    for (sound, order) in orders {
+        let mut bad = sound.clone();
+        for (at, from) in order.iter().enumerate() {
+            bad.frames[at] = sound.frames[*from].clone();
+        }
+        let told = check_sequence(&bad.manifest, &bad.frames).err();
+        let told = told.or_else(|| doubt(&bad));
+        assert!(told.is_some(), "{order:?}");
+    }
+}
+
+/// Stripes along the rows of the image: a row of it may lie on an edge from one end to the other.
+#[test]
+fn sequences_of_both_axes_are_not_doubted() {
+    for scene in ["plane", "sphere", "trapezoid", "torso"] {
+        let mut profile = profile("dlp-evm", 1.0);
+        let both = |sequence: &phasma::profile::Sequence| sequence.name == "evm-4-xy";
+        let place = profile.sequence.iter().position(both).unwrap();
+        profile.sequence.swap(0, place);
+        let found = scan(&profile, scene, |frames| frames, 0);
+        assert!(found.is_ok(), "{scene}: {:?}", found.err());
+    }
+}

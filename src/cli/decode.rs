@@ -3,7 +3,7 @@
 use super::method::MethodArgs;
 use crate::calibrate::files::{Sizes, read_rig_sized};
 use crate::decode::{
-    Decoder, FrameStack, Options, Plan, Summary, frame_size, load_frames, output_names,
+    Decoded, Decoder, FrameStack, Options, Plan, Summary, frame_size, load_frames, output_names,
     write_outputs,
 };
 use crate::error::{Error, Result};
@@ -100,8 +100,8 @@ pub(super) fn run(args: &Args) -> Result<()> {
     )
     .map_err(|e| name_calibration(name_file(e, &args.manifest), args.calibration.as_deref()))?;
     let stack = frames.stack();
-    let doubt = doubt(&args.manifest, &manifest, &stack, args.strict)?;
     let mut decoded = decoder.decode(&stack)?;
+    let doubt = doubt(&args.manifest, &manifest, &stack, &decoded, args.strict)?;
     args.method.apply(&decoder, &mut decoded, options)?;
     std::fs::create_dir_all(&args.out).map_err(|e| Error::io(&args.out, e))?;
     let names = write_outputs(&args.out, &decoder, &decoded)?;
@@ -117,7 +117,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     Ok(())
 }
 
-/// Holds pictures against their sequence: what speaks against them. A projector whose response is not
+/// Holds pictures and what they decode to against their sequence: what speaks against them. A projector whose response is not
 /// straight is reason enough for a doubt, and no reason to give nothing.
 ///
 /// # Errors
@@ -126,10 +126,12 @@ pub(super) fn doubt(
     place: &Path,
     manifest: &Manifest,
     stack: &FrameStack<'_>,
+    decoded: &Decoded,
     strict: bool,
 ) -> Result<Option<String>> {
     let departs = check_pictures(manifest, stack).err();
-    let Some(why) = departs.or_else(|| doubt_pictures(manifest, stack)) else {
+    let doubt = || doubt_pictures(manifest, stack).or_else(|| decoded.doubt());
+    let Some(why) = departs.or_else(doubt) else {
         return Ok(None);
     };
     if strict {

@@ -213,11 +213,13 @@ impl Capture {
             let plan = Plan::new(&manifest)?;
             let frames = load_frames(&manifest, &plan, folder)?;
             let stack = frames.stack();
-            doubt(folder, &manifest, &stack, false)?;
             let (width, height) = (frames.width, frames.height);
-            Decoder::new(&manifest, width, height, Some(rig), options)?.decode(&stack)
+            let decoder = Decoder::new(&manifest, width, height, Some(rig), options)?;
+            let decoded = decoder.decode(&stack)?;
+            doubt(folder, &manifest, &stack, &decoded, false)?;
+            Ok(decoded)
         };
-        let decoded = read().map_err(|e| e.at("--reference"))?;
+        let decoded = read().map_err(|e: Error| e.at("--reference"))?;
         Ok(Self {
             folder: folder.to_owned(),
             decoded,

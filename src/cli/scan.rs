@@ -168,14 +168,17 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let decoding = (!args.no_decode)
         .then(|| decode_captured(&captured, args))
         .transpose()?;
-    let measured = |(summary, _): &(Summary, f64)| summary.points != Some(0);
+    let measured = |decoding: &Decoding| decoding.summary.points != Some(0);
     if !decoding.as_ref().is_none_or(measured) {
         return Err(Error::device(format!(
             "{address} (frames kept in {}): not one pixel could be measured",
             args.out.display()
         )));
     }
-    let doubt = captured.doubt();
+    let of_maps = decoding
+        .as_ref()
+        .and_then(|decoding| decoding.doubt.clone());
+    let doubt = captured.doubt().or(of_maps);
     if let Some(why) = &doubt {
         eprintln!("phasma: {address}: {why}");
     }
@@ -315,7 +318,15 @@ fn show(bar: &ProgressBar, progress: Progress<'_>) {
 }
 
 /// Decodes the capture into its folder.
-fn decode_captured(captured: &Captured, args: &Args) -> Result<(Summary, f64)> {
+/// What came of decoding a capture.
+struct Decoding {
+    summary: Summary,
+    decode_s: f64,
+    /// Why its maps are not to be believed.
+    doubt: Option<String>,
+}
+
+fn decode_captured(captured: &Captured, args: &Args) -> Result<Decoding> {
     let options = Options {
         keep_mixed: args.keep_mixed,
         weighted: args.weighted,
@@ -325,10 +336,15 @@ fn decode_captured(captured: &Captured, args: &Args) -> Result<(Summary, f64)> {
     let (decoder, mut decoded) = captured
         .decode(options)
         .map_err(|e| super::decode::name_calibration(e, args.calibration.as_deref()))?;
+    let doubt = decoded.doubt();
     args.method.apply(&decoder, &mut decoded, options)?;
     let decode_s = begin.elapsed().as_secs_f64();
     write_outputs(&args.out, &decoder, &decoded)?;
-    Ok((Summary::new(&decoder, &decoded), decode_s))
+    Ok(Decoding {
+        summary: Summary::new(&decoder, &decoded),
+        decode_s,
+        doubt,
+    })
 }
 
 fn report(
@@ -336,7 +352,7 @@ fn report(
     args: &Args,
     calibration: &str,
     capture_s: f64,
-    decoding: Option<&(Summary, f64)>,
+    decoding: Option<&Decoding>,
     doubt: Option<String>,
 ) {
     if args.json {
@@ -346,8 +362,8 @@ fn report(
             "first_id": captured.frames.first().map(|frame| frame.id),
             "calibration": calibration,
             "capture_s": capture_s,
-            "decode_s": decoding.map(|d| d.1),
-            "decoding": decoding.map(|d| &d.0),
+            "decode_s": decoding.map(|d| d.decode_s),
+            "decoding": decoding.map(|d| &d.summary),
             "doubt": doubt,
             "out": args.out,
         });
@@ -356,7 +372,9 @@ fn report(
         println!("device       {}", captured.idn);
         println!("calibration  {calibration}");
         match decoding {
-            Some((summary, decode_s)) => {
+            Some(Decoding {
+                summary, decode_s, ..
+            }) => {
                 print!("{summary}");
                 println!("time         captured in {capture_s:.2} s, decoded in {decode_s:.3} s");
             }

@@ -20,6 +20,7 @@ mod borders;
 mod cloud;
 mod decoder;
 pub(crate) mod deviation;
+mod doubt;
 mod edges;
 mod gray;
 mod load;

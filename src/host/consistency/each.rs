@@ -8,7 +8,7 @@
 //! a Gray code, the lack of another bit may explain as much.
 
 use super::explained::Levels;
-use super::grid::{Grid, Line};
+use super::grid::{Grid, Line, spread};
 use crate::decode::AxisPlan;
 use crate::pattern::{Axis, Manifest};
 use rayon::prelude::*;
@@ -88,8 +88,7 @@ fn bands(grid: &Grid, along: Axis) -> Vec<Vec<&[f32]>> {
         }
     }
     for band in &mut bands {
-        let stride = band.len().div_ceil(PIXELS).max(1);
-        *band = band.iter().copied().step_by(stride).collect();
+        *band = spread(band, PIXELS);
     }
     bands.retain(|band| band.len() >= LEAST_PIXELS);
     bands

@@ -19,6 +19,8 @@ const PIXELS: usize = 5000;
 const TOLERANCE: f64 = 0.04;
 /// Of the residual without gains, less than this part has to be left with them.
 const DISTINCT: f64 = 0.5;
+/// Part of the sum of the inverse gains that a step has to have to be called dark.
+const DARK: f64 = 0.8;
 
 /// Whether one step had distinctly more or less light than the others.
 pub(super) fn check(plan: &Plan, grid: &Grid) -> Result<(), String> {
@@ -64,6 +66,11 @@ fn gains(sets: &[&FringeSet], pixels: &[&[f32]]) -> Option<Vec<f64>> {
     let better = left(&inverse) < DISTINCT * left(&ones);
     if !better || !inverse.iter().all(|d| d.is_finite()) {
         return None;
+    }
+    // Of a frame that was dark alone nothing is left, so that it has all of the inverses, and the others
+    // have what noise gives them.
+    if let Some(dark) = inverse.iter().position(|d| *d > DARK * n as f64) {
+        return Some((0..n).map(|k| f64::from(k != dark)).collect());
     }
     // The bad one moves the mean, hardly the median.
     let mut sorted: Vec<f64> = inverse.iter().copied().collect();
@@ -130,6 +137,23 @@ mod tests {
                     let wanted = if k == bad { 0.9 } else { 1.0 };
                     assert!((gain - wanted).abs() < 0.015, "{steps:?}, {k}: {gain}");
                 }
+            }
+        }
+    }
+
+    #[test]
+    fn a_dark_step_is_the_one_that_is_named() {
+        for steps in [&[4][..], &[12], &[3, 3, 3]] {
+            let sets = sets(steps);
+            let n = steps.iter().sum();
+            for bad in 0..n {
+                let mut given = vec![1.0; n];
+                given[bad] = 0.0;
+                let found = found(&sets, &given, 1.0).unwrap();
+                let least = (0..n).min_by(|a, b| found[*a].total_cmp(&found[*b]));
+                assert_eq!(least, Some(bad), "{steps:?}: {found:?}");
+                let near = |g: &f64| (g - 1.0).abs() < 0.5;
+                assert_eq!(found.iter().filter(|g| near(g)).count(), n - 1, "{found:?}");
             }
         }
     }

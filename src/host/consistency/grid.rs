@@ -101,9 +101,8 @@ impl Grid {
 
     /// Pixels that vary in runs, from everywhere and no more than so many.
     pub(super) fn sample(&self, most: usize) -> Vec<&[f32]> {
-        let varying = || self.lines.iter().flat_map(Line::varying);
-        let stride = varying().count().div_ceil(most).max(1);
-        varying().step_by(stride).collect()
+        let varying: Vec<&[f32]> = self.lines.iter().flat_map(Line::varying).collect();
+        spread(&varying, most)
     }
 
     /// Whether a pixel varies, in a run or alone.
@@ -116,6 +115,19 @@ impl Grid {
     pub(super) fn varying(&self) -> f64 {
         share(self.lines.iter().flat_map(|line| &line.varies).copied())
     }
+}
+
+/// No more than so many of a list, from everywhere. Equal strides through lines of equal length would
+/// meet the same place of each, which may be an edge of the patterns: so one is taken from each
+/// stretch, by the golden ratio.
+pub(super) fn spread<T: Copy>(list: &[T], most: usize) -> Vec<T> {
+    let stride = list.len().div_ceil(most).max(1);
+    let within = |(k, stretch): (usize, &[T])| {
+        let part = (k as u64 * 0x9E37_79B9) & 0xFFFF_FFFF;
+        let place = (part * stretch.len() as u64) >> 32;
+        stretch[place as usize]
+    };
+    list.chunks(stride).enumerate().map(within).collect()
 }
 
 fn least_range(noise_dn: f32) -> f32 {
@@ -225,6 +237,18 @@ fn noise(lines: &[Line], frames: usize) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_is_spread_is_of_everywhere() {
+        let columns: Vec<usize> = (0..64 * 80).map(|i| i % 80).collect();
+        let mut found = spread(&columns, 64);
+        assert_eq!(found.len(), 64);
+        found.sort_unstable();
+        let gap = found.windows(2).map(|w| w[1] - w[0]).max();
+        assert!(gap <= Some(3), "{found:?}");
+        assert_eq!(spread(&[1, 2, 3], 64), [1, 2, 3]);
+        assert!(spread::<usize>(&[], 64).is_empty());
+    }
 
     #[test]
     fn short_runs_are_none() {

@@ -47,7 +47,10 @@
 //! empty rows at the bottom, rows that all frames lack alike, rows that a frame lacks whose patterns
 //! vary down the image, and rows that several lack where a surface has neither edges nor shades. Limits of the checks
 //! themselves: patterns of a period below 10 projector pixels are left out of `shifts`; a frame exchanged with one that is not its neighbour is looked for only within a
-//! set and a code; two faults in one run are not looked for; objects on less than 0.1 % of the
+//! set and a code; of two faults in one run each is looked for alone, and several that together make another
+//! order of a set or a code are left to [`Decoded::doubt`](crate::decode::Decoded::doubt), which sees that
+//! orders are uncertain; a set of many steps that begins elsewhere by less than a tenth of its period is not
+//! told; objects on less than 0.1 % of the
 //! image are not checked; and in light so dim that noise is much of the fringes (about a tenth of a
 //! built-in profile's) exchanged steps of a set of three may pass, for the noise then leaves
 //! more than half of what the fault does. Single pixels are told in sets of four or more steps, from 4

@@ -1,0 +1,106 @@
+//! What maps tell of the frames that they were decoded from.
+//!
+//! Noise makes orders uncertain where there is little light. Where there is much of it, fringes and codes
+//! contradict each other only if they are not those of the sequence: steps in another order, bits in
+//! another order, more than one frame of another pattern.
+
+use super::{Decoded, Verdict};
+use crate::pattern::Axis;
+
+/// Share of the brighter pixels whose order is uncertain from which on the frames are doubted: sound
+/// captures of the built-in profiles have up to 0.005 of all, any order of a code's bits or of a set's
+/// steps that the checks of the frames let pass 0.15 and more.
+const MOST_UNCERTAIN: f64 = 0.08;
+/// Share of the pixels that could be measured but for their being saturated.
+const MOST_SATURATED: f64 = 0.5;
+/// Fewest pixels that tell.
+const FEWEST: usize = 400;
+
+impl Decoded {
+    /// Why the frames should not be believed without a second look; none if nothing speaks against
+    /// them. Of maps as they come from the decoder, before orders are unwrapped or single pixels filled.
+    pub fn doubt(&self) -> Option<String> {
+        self.axes().find_map(|(axis, map)| {
+            uncertain(axis, &map.verdict, &self.modulation).or_else(|| saturated(&map.verdict))
+        })
+    }
+}
+
+fn uncertain(axis: Axis, verdicts: &[Verdict], modulation: &[f32]) -> Option<String> {
+    let ordered =
+        |(verdict, _): &(&Verdict, &f32)| matches!(verdict, Verdict::Valid | Verdict::Uncertain);
+    let pixels = || verdicts.iter().zip(modulation).filter(ordered);
+    let mut lights: Vec<f32> = pixels().map(|(_, light)| *light).collect();
+    if lights.len() < FEWEST {
+        return None;
+    }
+    let middle = lights.len() / 2;
+    let usual = *lights.select_nth_unstable_by(middle, f32::total_cmp).1;
+    let bright = || pixels().filter(|(_, light)| **light >= usual);
+    let count = bright().filter(|(v, _)| **v == Verdict::Uncertain).count();
+    let share = count as f64 / bright().count().max(1) as f64;
+    (share > MOST_UNCERTAIN).then(|| {
+        format!(
+            "the order along {} is uncertain in {:.0} % of the brighter pixels: frames may be exchanged, or \
+             of other patterns than the sequence has",
+            axis,
+            100.0 * share
+        )
+    })
+}
+
+fn saturated(verdicts: &[Verdict]) -> Option<String> {
+    let count = |wanted: Verdict| verdicts.iter().filter(|v| **v == wanted).count();
+    let saturated = count(Verdict::Saturated);
+    let share = saturated as f64 / (saturated + count(Verdict::Valid)).max(1) as f64;
+    (saturated >= FEWEST && share > MOST_SATURATED).then(|| {
+        format!(
+            "{:.0} % of the pixels are saturated: shorten the exposure, or lower the gain",
+            100.0 * share
+        )
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::decode::AxisMap;
+
+    /// Maps of which so many in a hundred pixels have a verdict, at some modulation; the others 50 DN.
+    fn decoded(verdict: Verdict, of_hundred: usize, modulation: f32) -> Decoded {
+        let is_other = |i: usize| i % 100 < of_hundred;
+        let pixels = 0..10_000;
+        let verdicts = pixels.clone().map(|i| match is_other(i) {
+            true => verdict,
+            false => Verdict::Valid,
+        });
+        let light = |i: usize| if is_other(i) { modulation } else { 50.0 };
+        Decoded {
+            x: Some(AxisMap {
+                verdict: verdicts.collect(),
+                ..AxisMap::default()
+            }),
+            modulation: pixels.map(light).collect(),
+            ..Decoded::default()
+        }
+    }
+
+    #[test]
+    fn uncertain_orders_in_good_light_are_doubted() {
+        let doubt = |of_hundred, light| decoded(Verdict::Uncertain, of_hundred, light).doubt();
+        assert_eq!(doubt(5, 50.0), None);
+        // Noise has its part where there is little light.
+        assert_eq!(doubt(40, 3.0), None);
+        let why = doubt(15, 50.0).unwrap();
+        assert!(why.contains("along x is uncertain in 15 %"), "{why}");
+    }
+
+    #[test]
+    fn saturated_pixels_are_doubted_where_they_are_most() {
+        assert_eq!(decoded(Verdict::Saturated, 40, 120.0).doubt(), None);
+        let why = decoded(Verdict::Saturated, 97, 120.0).doubt().unwrap();
+        assert!(why.starts_with("97 % of the pixels are saturated"), "{why}");
+        assert_eq!(decoded(Verdict::Dim, 97, 1.0).doubt(), None);
+        assert_eq!(Decoded::default().doubt(), None);
+    }
+}
