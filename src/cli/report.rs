@@ -45,6 +45,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     })?;
     let written = file.write_all(html.as_bytes());
     written.map_err(|e| Error::io(&args.out, e))?;
+    let (mut failed, mut all) = (0, 0);
     for (document, ..) in &parts {
         let checks: Vec<_> = document.checks().collect();
         let passed = checks.iter().filter(|check| check.passed()).count();
@@ -53,7 +54,12 @@ pub(super) fn run(args: &Args) -> Result<()> {
             document.title,
             checks.len()
         );
+        failed += checks.len() - passed;
+        all += checks.len();
     }
     println!("{}", args.out.display());
-    Ok(())
+    match failed {
+        0 => Ok(()),
+        _ => Err(Error::device(format!("{failed} of {all} checks failed"))),
+    }
 }

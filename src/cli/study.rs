@@ -5,9 +5,9 @@ use crate::study::ALL;
 use crate::study::lab::{Settings, Study, Surroundings, run as run_study};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::io::IsTerminal;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::Command;
-use std::time::{Instant, SystemTime, UNIX_EPOCH};
+use std::time::{Instant, UNIX_EPOCH};
 
 /// Run a study: rows in CSV, tables, plots, and one page that shows them
 #[derive(Debug, clap::Args)]
@@ -99,13 +99,13 @@ fn bar() -> ProgressBar {
 
 /// Which program this is: the source's revision when it was built, and the checksum of its file, which
 /// tells builds of one revision apart. The revision is what the build was told (`PHASMA_REVISION`),
-/// or else where git says that the source's folder stood when the file was written; nothing where
-/// neither is known.
+/// or else where git says that the source's folder stood when the file was written there; nothing where
+/// neither is known, as of a copy elsewhere.
 fn revision() -> String {
     let program = std::env::current_exe().ok();
     let bytes = program.as_ref().and_then(|path| std::fs::read(path).ok());
     let built = option_env!("PHASMA_REVISION").map(str::to_owned);
-    let built = built.or_else(|| head_at(program?.metadata().ok()?.modified().ok()?));
+    let built = built.or_else(|| head_at(&program?));
     let sum = bytes.map(|bytes| format!("program {:08x}", crc32fast::hash(&bytes)));
     let known: Vec<String> = built.into_iter().chain(sum).collect();
     match known.is_empty() {
@@ -115,8 +115,13 @@ fn revision() -> String {
     }
 }
 
-/// The commit that the source's folder stood at, by git's own log of that.
-fn head_at(time: SystemTime) -> Option<String> {
+/// The commit that the source's folder stood at when a file within it was written, by git's own log of
+/// that.
+fn head_at(program: &Path) -> Option<String> {
+    if !program.starts_with(env!("CARGO_MANIFEST_DIR")) {
+        return None;
+    }
+    let time = program.metadata().ok()?.modified().ok()?;
     let seconds = time.duration_since(UNIX_EPOCH).ok()?.as_secs();
     let head = format!("HEAD@{{{seconds} +0000}}");
     let told = Command::new("git")

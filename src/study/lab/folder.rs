@@ -57,7 +57,7 @@ impl Folder {
         let known = path.join(ABOUT);
         if known.exists() {
             let found = folder.about()?;
-            if found != *about {
+            if !found.is_of(about) {
                 return Err(Error::input(
                     place(),
                     described(&found),
@@ -254,6 +254,26 @@ pub(super) fn whole(rows: Vec<Row>, trials: &[Trial]) -> Rows {
     Rows { all }
 }
 
+impl About {
+    /// Whether rows of one may stand beside rows of the other. The same program is the same whatever the
+    /// commit that is told of it: a copy of it, or another user, may know none.
+    fn is_of(&self, other: &Self) -> bool {
+        let program = |about: &Self| {
+            let sum = about.revision.rsplit_once("program ");
+            sum.map(|(_, sum)| sum.to_owned())
+        };
+        let same = program(self).is_some() && program(self) == program(other);
+        let revision = match same {
+            true => other.revision.clone(),
+            false => self.revision.clone(),
+        };
+        Self {
+            revision,
+            ..self.clone()
+        } == *other
+    }
+}
+
 fn described(about: &About) -> String {
     let only = about.settings.only.as_ref();
     format!(
@@ -265,4 +285,33 @@ fn described(about: &About) -> String {
         about.made_by,
         about.revision
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_program_is_the_same_whatever_commit_is_told_of_it() {
+        let at = |revision: &str| About {
+            made_by: "phasma 0".to_owned(),
+            study: "noise".to_owned(),
+            settings: Settings {
+                quick: true,
+                seed: 1,
+                only: None,
+            },
+            revision: revision.to_owned(),
+        };
+        let begun = at("0123456789ab program 3cc4da00");
+        assert!(begun.is_of(&begun));
+        assert!(begun.is_of(&at("program 3cc4da00")));
+        assert!(!begun.is_of(&at("0123456789ab program 3cc4da01")));
+        let mut other = at("program 3cc4da00");
+        other.settings.seed = 2;
+        assert!(!begun.is_of(&other));
+        // Where neither knows its program, the revision has to be the same.
+        assert!(at("unknown").is_of(&at("unknown")));
+        assert!(!at("unknown").is_of(&at("0123456789ab")));
+    }
 }

@@ -53,6 +53,10 @@ fn percent(share: f64) -> String {
 }
 
 fn with_spread(spread: Spread, digits: usize) -> String {
+    // Dear settings run once, which has no spread.
+    if spread.low == spread.high {
+        return format!("{} (once)", figures(spread.median, digits));
+    }
     let [low, middle, high] =
         [spread.low, spread.median, spread.high].map(|value| figures(value, digits));
     format!("{middle} ({low} to {high})")
