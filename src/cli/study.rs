@@ -62,7 +62,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     };
     let document = run_study(study, out, &settings, &around, &progress)?;
     bar.finish_and_clear();
-    print!("{}", document.markdown(true));
+    print!("{}", document.screen());
     println!("\n{}: rows.csv, tables.md, report.html", out.display());
     let failed: Vec<&str> = document
         .checks()

@@ -49,10 +49,10 @@ impl Captured {
         match following(&self.manifest, &self.frames) {
             Some(found) if !found.is_shown() => Err(Error::device(format!(
                 "the frames show no modulation: {:.2} % of the pixels follow the sequence, {} % are \
-                 the least; the camera does not see the projector, or its \
-                 frames are not those of the sequence",
+                 the least; {}",
                 100.0 * found.share,
-                100.0 * LEAST_FOLLOWING
+                100.0 * LEAST_FOLLOWING,
+                found.cause()
             ))),
             _ => Ok(()),
         }
@@ -203,5 +203,44 @@ mod tests {
         fs::write(out.join("frame_99.png"), "").unwrap();
         captured.write(&out).unwrap();
         assert!(!out.join("frame_99.png").exists());
+    }
+
+    #[test]
+    fn frames_that_follow_nothing_say_the_likeliest_cause() {
+        let manifest = Manifest::parse(
+            "[projector]\nwidth_px = 64\nheight_px = 48\n\
+             [[frame]]\npattern = { kind = \"white\" }\n\
+             [[frame]]\npattern = { kind = \"black\" }\n\
+             [[frame]]\npattern = { kind = \"fringe\", axis = \"x\", period_px = 16, phase_rad = 0 }\n\
+             [[frame]]\npattern = { kind = \"fringe\", axis = \"x\", period_px = 16, phase_rad = 2.0943951 }\n\
+             [[frame]]\npattern = { kind = \"fringe\", axis = \"x\", period_px = 16, phase_rad = 4.1887902 }\n",
+            "test",
+        )
+        .unwrap();
+        let frame = |id: u64, level: u8| Frame {
+            id,
+            pattern_index: Some(id as u32),
+            width: 64,
+            height: 48,
+            format: PixelFormat::Grey,
+            exposure_start_ns: 0,
+            exposure_end_ns: 1,
+            data: vec![level; 64 * 48],
+        };
+        let why = |level: u8| {
+            let captured = Captured {
+                idn: "a,b,c,d".into(),
+                manifest: manifest.clone(),
+                calibration: None,
+                frames: (0..5).map(|id| frame(id, level)).collect(),
+            };
+            captured.check_modulation().unwrap_err().to_string()
+        };
+        assert!(why(255).contains("100 % are saturated"), "{}", why(255));
+        assert!(
+            why(90).contains("does not see the projector"),
+            "{}",
+            why(90)
+        );
     }
 }

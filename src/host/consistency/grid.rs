@@ -111,6 +111,17 @@ impl Grid {
         high - low > least_range(self.noise_dn)
     }
 
+    /// Share of the pixels that are at the camera's full scale in some frame, whether they vary or not.
+    pub(super) fn at_full_scale(&self) -> f64 {
+        let values = self.lines.iter().flat_map(|line| &line.values);
+        let full = full_scale(values.copied());
+        let pixels = self
+            .lines
+            .iter()
+            .flat_map(|line| (0..line.len()).map(|i| line.pixel(i)));
+        share(pixels.map(|pixel| range(pixel).1 >= full))
+    }
+
     /// Share of the pixels that vary in runs.
     pub(super) fn varying(&self) -> f64 {
         share(self.lines.iter().flat_map(|line| &line.varies).copied())

@@ -20,12 +20,17 @@ const LEAST_OF_VARYING: f64 = 0.5;
 /// and the least pixels.
 const LEAST_PIXELS: usize = 12;
 
+/// Share of saturated pixels that is the likeliest cause of frames that follow nothing.
+const MANY_SATURATED: f64 = 0.2;
+
 /// How much of the frames follows their sequence.
 pub(in crate::host) struct Following {
     /// Share of the pixels, 0 to 1, that follow in runs along a line.
     pub(in crate::host) share: f64,
     /// Whether most pixels that vary follow, in runs or not.
     most: bool,
+    /// Share of the pixels, 0 to 1, that are at the camera's full scale in some frame.
+    saturated: f64,
 }
 
 impl Following {
@@ -33,6 +38,20 @@ impl Following {
     /// surroundings.
     pub(in crate::host) fn is_shown(&self) -> bool {
         self.share >= LEAST_FOLLOWING || self.most
+    }
+
+    /// Why frames that do not show the sequence may not.
+    pub(in crate::host) fn cause(&self) -> String {
+        match self.saturated >= MANY_SATURATED {
+            true => format!(
+                "{:.0} % are saturated: shorten the exposure, lower the gain, or keep other light out",
+                100.0 * self.saturated
+            ),
+            false => {
+                "the camera does not see the projector, or its frames are not those of the sequence"
+                    .to_owned()
+            }
+        }
     }
 }
 
@@ -72,6 +91,7 @@ pub(in crate::host) fn following(manifest: &Manifest, frames: &[Frame]) -> Optio
     Some(Following {
         share: share(in_runs.into_iter()),
         most: follow >= LEAST_PIXELS && follow as f64 >= LEAST_OF_VARYING * varying as f64,
+        saturated: grid.at_full_scale(),
     })
 }
 

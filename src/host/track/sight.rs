@@ -30,7 +30,8 @@ impl Sight {
     }
 
     /// Decodes as many pixels of a scan as tracking needs ([`PIXELS`]) and adds at most `most` of its
-    /// points. Frames that do not follow their sequence add none; what is wrong with them is given.
+    /// points. Frames that do not follow their sequence add none; what is wrong with them is given, or why
+    /// those that do should be doubted ([`Decoded::doubt`]).
     /// `identified` are those of a link that says which frame each is. All scans are of the first one's
     /// sequence and calibration.
     ///
@@ -70,7 +71,8 @@ impl Sight {
         let known = depths.filter(|(depth, _)| !depth.is_nan());
         let sigma: Vec<f32> = known.map(|(_, sigma)| *sigma).collect();
         measured.push_pod(&self.points, &sigma, &self.room_from_rig, most);
-        Ok(None)
+        let doubt = self.decoded.doubt();
+        Ok(doubt.map(|why| format!("{}: {why}", self.name)))
     }
 
     fn depths(&mut self, captured: &Captured) -> Result<()> {

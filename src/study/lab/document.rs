@@ -49,6 +49,8 @@ pub struct Table {
     pub rows: Vec<Vec<String>>,
     /// Whether its figures are times, which no second run repeats.
     pub timed: bool,
+    /// Whether it is one of many of which another gives the gist: in the files, not on the screen.
+    pub detail: bool,
 }
 
 /// A plot.
@@ -104,6 +106,7 @@ impl Table {
             header: header.iter().map(|&word| word.to_owned()).collect(),
             rows: Vec::new(),
             timed: false,
+            detail: false,
         }
     }
 
@@ -116,6 +119,13 @@ impl Table {
     #[must_use]
     pub fn timed(mut self) -> Self {
         self.timed = true;
+        self
+    }
+
+    /// The same table as one that is left to the files.
+    #[must_use]
+    pub fn detail(mut self) -> Self {
+        self.detail = true;
         self
     }
 }

@@ -67,9 +67,12 @@ impl Folder {
             folder.lock()?;
             return Ok(folder);
         }
-        let mut entries = fs::read_dir(path).map_err(|e| Error::io(path, e))?;
-        if let Some(entry) = entries.next() {
+        for entry in fs::read_dir(path).map_err(|e| Error::io(path, e))? {
             let entry = entry.map_err(|e| Error::io(path, e))?;
+            // What a study that was killed in its first moment has left.
+            if entry.file_name() == beside(ABOUT).as_str() {
+                continue;
+            }
             return Err(Error::input(
                 place(),
                 format!("{}, which no study has made", entry.file_name().display()),
@@ -184,7 +187,7 @@ impl Folder {
     /// Writes a file so that it is never there in part.
     pub(super) fn replace(&self, name: &str, bytes: &[u8]) -> Result<()> {
         let path = self.path.join(name);
-        let beside = self.path.join(format!(".{name}.new"));
+        let beside = self.path.join(beside(name));
         fs::write(&beside, bytes).map_err(|e| Error::io(&beside, e))?;
         fs::rename(&beside, &path).map_err(|e| Error::io(&path, e))
     }
@@ -209,7 +212,7 @@ impl Folder {
     /// # Errors
     /// What the system refuses.
     pub fn leave(&self, name: &str, bytes: &[u8]) -> Result<()> {
-        let (path, beside) = (self.place(name)?, self.place(&format!(".{name}.new"))?);
+        let (path, beside) = (self.place(name)?, self.place(&beside(name))?);
         fs::write(&beside, bytes).map_err(|e| Error::io(&beside, e))?;
         fs::rename(&beside, &path).map_err(|e| Error::io(&path, e))
     }
@@ -221,6 +224,11 @@ impl Folder {
     pub fn left(&self, name: &str) -> Result<Vec<u8>> {
         file::read(&self.files().join(name), MOST_BYTES)
     }
+}
+
+/// The name of a file until it is whole.
+fn beside(name: &str) -> String {
+    format!(".{name}.new")
 }
 
 /// Appends rows.

@@ -66,6 +66,22 @@ impl Document {
         }
         out
     }
+
+    /// What a terminal shows: tables but for details, the checks that failed and how many passed.
+    pub fn screen(&self) -> String {
+        let mut out = format!("# {}\n", self.title);
+        for table in self.tables().filter(|table| !table.detail) {
+            out += &format!("\n{}\n\n{}", table.caption, table.markdown());
+        }
+        let (passed, failed): (Vec<&Check>, Vec<&Check>) =
+            self.checks().partition(|check| check.passed());
+        if !failed.is_empty() {
+            let failed: Vec<Check> = failed.into_iter().cloned().collect();
+            out += &format!("\n{}", checks_table(&failed).markdown());
+        }
+        let all = self.checks().count();
+        out + &format!("\n{} of {all} checks passed\n", passed.len())
+    }
 }
 
 /// Checks as a table.

@@ -3,7 +3,7 @@
 use super::document::{Block, Document, Picture, Table};
 use super::folder::Folder;
 use super::markdown::checks_table;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::measure::plot::{PAGE_STYLE, STYLE, escaped};
 
 /// A page of one study, or of several with a list of them at its head. Each comes with the folder
@@ -75,7 +75,16 @@ fn of_table(table: &Table) -> String {
 }
 
 fn of_picture(picture: &Picture, folder: &Folder) -> Result<String> {
-    let data = base64(&folder.left(&picture.file)?);
+    let bytes = folder.left(&picture.file)?;
+    if let Err(e) = image::load_from_memory_with_format(&bytes, image::ImageFormat::Png) {
+        let place = folder.files().join(&picture.file);
+        return Err(Error::input(
+            place.display(),
+            e,
+            "the PNG that a trial has left",
+        ));
+    }
+    let data = base64(&bytes);
     let caption = escaped(&picture.caption);
     Ok(format!(
         "<figure class=\"large\"><img alt=\"{caption}\" src=\"data:image/png;base64,{data}\"/>\

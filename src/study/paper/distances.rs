@@ -178,16 +178,18 @@ fn distances(rows: &Rows) -> Table {
     let mut table = Table::new(
         "paper-agreement",
         "Trapezoid at L: Hausdorff distance (HD) and mean distance to agreement (MDTA) in mm; \
-         triangulation but for the columns with f0 held, which are to the surface.",
+         triangulation but for the columns of f0, which are to the surface.",
         &[
             "L in mm",
             "HD, paper",
             "f0 held",
+            "f0 anew",
             "to surface",
             "to points",
             "floor",
             "MDTA, paper",
             "f0 held",
+            "f0 anew",
             "to surface",
             "to points",
             "floor",
@@ -198,6 +200,7 @@ fn distances(rows: &Rows) -> Table {
             [
                 three(paper),
                 three(value(rows, l, HELD, &format!("{kind}_surface_mm"))),
+                three(value(rows, l, ANEW, &format!("{kind}_surface_mm"))),
                 three(value(rows, l, TRIANGULATION, &format!("{kind}_surface_mm"))),
                 three(value(rows, l, TRIANGULATION, &format!("{kind}_points_mm"))),
                 three(value(rows, l, TRIANGULATION, &format!("{kind}_floor_mm"))),

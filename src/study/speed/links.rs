@@ -112,18 +112,37 @@ impl From<Error> for Missing {
     }
 }
 
-/// A trial for each link.
-pub(super) fn trials(
+/// A trial of all links.
+pub(super) fn trial(
     settings: &Settings,
     group: &'static str,
-    work: fn(&Context<'_>, &'static str, Link) -> Result<Vec<Row>>,
-) -> Vec<Trial> {
-    let trial = |link: Link| {
-        let key = format!("link/{group}/{}", link.name().replace(' ', "-"));
-        let work = move |ctx: &Context<'_>| work(ctx, group, link);
-        Trial::new(key, settings.seed, work).alone()
-    };
-    LINKS.into_iter().map(trial).collect()
+    work: fn(&Context<'_>, &'static str) -> Result<Vec<Row>>,
+) -> Trial {
+    let work = move |ctx: &Context<'_>| work(ctx, group);
+    Trial::new(format!("link/{group}"), settings.seed, work).alone()
+}
+
+/// What each link has given in some rounds, or why it has nothing. A machine's speed wanders, so the
+/// links take turns: what one round is slow for, all of them have.
+pub(super) fn in_turns<T>(
+    rounds: usize,
+    mut once: impl FnMut(Link) -> Result<Vec<T>, Missing>,
+) -> Vec<(Link, Result<Vec<T>, Missing>)> {
+    let mut found: Vec<_> = LINKS
+        .into_iter()
+        .map(|link| (link, Ok(Vec::new())))
+        .collect();
+    for _ in 0..rounds {
+        for (link, all) in &mut found {
+            if let Ok(so_far) = all {
+                match once(*link) {
+                    Ok(more) => so_far.extend(more),
+                    Err(missing) => *all = Err(missing),
+                }
+            }
+        }
+    }
+    found
 }
 
 /// The bench with the data line, by which frames are told on links that say nothing else of them.
@@ -152,18 +171,19 @@ pub(super) fn patterns(profile: &Profile) -> usize {
 }
 
 /// A row of a link, with what was found or why there is nothing.
-pub(super) fn row(
+pub(super) fn row<T>(
     group: &str,
     link: Link,
-    found: Result<impl FnOnce(Row) -> Row, Missing>,
-) -> Vec<Row> {
+    found: Result<T, Missing>,
+    complete: impl FnOnce(Row, T) -> Row,
+) -> Row {
     let row = Row::new().text("group", group).text("name", link.name());
-    vec![match found {
-        Ok(complete) => complete(row),
+    match found {
+        Ok(found) => complete(row, found),
         // Machines differ in what they have, so this is no failure of the study.
         Err(Missing::Lack(why)) => row.text("state", "lacking").text("note", &why),
         Err(Missing::Broken(why)) => row.text("state", "broken").text("note", &why),
-    }]
+    }
 }
 
 /// A conversation with a device, and its camera.

@@ -57,8 +57,8 @@ impl Study for Speed {
     fn trials(&self, settings: &Settings) -> Result<Vec<Trial>> {
         let mut trials = passes::trials(settings);
         trials.extend(pairs::trials(settings));
-        trials.extend(latency::trials(settings));
-        trials.extend(throughput::trials(settings));
+        trials.push(latency::trial(settings));
+        trials.push(throughput::trial(settings));
         Ok(trials)
     }
 

@@ -3,7 +3,7 @@
 //! no noise and a plane before it, so that a frame takes little to render; what is left of that is
 //! the row of the device in memory.
 
-use super::links::{Link, TIMEOUT, Talk, bytes, over, patterns, profile, row};
+use super::links::{Link, TIMEOUT, Talk, bytes, in_turns, over, patterns, profile, row};
 use crate::error::{Error, Result};
 use crate::profile::Scene;
 use crate::study::lab::{Context, Row, Settings, Trial};
@@ -13,40 +13,52 @@ use std::time::Duration;
 /// A camera of which nothing came for so long has no more frames.
 const QUIET: Duration = Duration::from_millis(800);
 
-/// A trial for each link.
-pub fn trials(settings: &Settings) -> Vec<Trial> {
-    super::links::trials(settings, "throughput", run)
+/// Rounds over the links, and sequences over a link in each.
+const ROUNDS: [usize; 2] = [5, 20];
+const QUICK_ROUNDS: [usize; 2] = [2, 3];
+
+/// The trial.
+pub fn trial(settings: &Settings) -> Trial {
+    super::links::trial(settings, "throughput", run)
 }
 
-fn run(ctx: &Context<'_>, group: &'static str, link: Link) -> Result<Vec<Row>> {
+fn run(ctx: &Context<'_>, group: &'static str) -> Result<Vec<Row>> {
     let mut profile = profile(ctx.settings)?;
     profile.camera.sensor.noiseless = true;
     let scene = Scene::load("plane")?;
-    let turns = if ctx.settings.quick { 5 } else { 101 };
+    let [rounds, turns] = if ctx.settings.quick {
+        QUICK_ROUNDS
+    } else {
+        ROUNDS
+    };
     let frames = patterns(&profile);
     let watch = ctx.stopwatch();
-    let found = over(ctx, (&profile, &scene), (link, "SEQ"), |talk| {
-        warm_up(talk, frames)?;
-        let runs = (0..turns).map(|_| sequence(watch, talk, frames, link));
-        runs.collect::<Result<Vec<_>>>()
+    let found = in_turns(rounds, |link| {
+        over(ctx, (&profile, &scene), (link, "SEQ"), |talk| {
+            warm_up(talk, frames)?;
+            let runs = (0..turns).map(|_| sequence(watch, talk, frames, link));
+            runs.collect::<Result<Vec<_>>>()
+        })
     });
     let bytes = bytes(&profile);
-    let complete = |runs: Vec<(usize, f64)>| {
-        let copy_us = watch.seconds_a_copy(bytes) * 1e6;
+    let copy_us = watch.seconds_a_copy(bytes) * 1e6;
+    let complete = |row: Row, runs: Vec<(usize, f64)>| {
+        let all = runs.len() * frames;
         let came: usize = runs.iter().map(|run| run.0).sum();
         let rates = runs.iter().map(|&(came, seconds)| came as f64 / seconds);
         let rate = Spread::new(rates.collect());
-        move |row: Row| {
-            row.number("frames", (turns * frames) as f64)
-                .number("bytes", bytes as f64)
-                .number("lost", (turns * frames - came) as f64)
-                .number("rate", rate.median)
-                .number("rate_low", rate.low)
-                .number("rate_high", rate.high)
-                .number("copy_us", copy_us)
-        }
+        row.number("frames", all as f64)
+            .number("bytes", bytes as f64)
+            .number("lost", (all - came) as f64)
+            .number("rate", rate.median)
+            .number("rate_low", rate.low)
+            .number("rate_high", rate.high)
+            .number("copy_us", copy_us)
     };
-    Ok(row(group, link, found.map(complete)))
+    let rows = found.into_iter();
+    Ok(rows
+        .map(|(link, found)| row(group, link, found, complete))
+        .collect())
 }
 
 /// A sequence that makes what is made once; then nothing of it, or of an earlier stream, is left in the

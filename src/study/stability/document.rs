@@ -113,7 +113,7 @@ fn section(group: &Group, rows: &Rows) -> Section {
     let mut blocks = Vec::new();
     for sweep in group.sweeps {
         let of: Vec<&Row> = rows.of(sweep.key).collect();
-        blocks.push(Block::Table(table(sweep, &of)));
+        blocks.push(Block::Table(table(sweep, &of).detail()));
         blocks.extend(figure(sweep, &of).map(Block::Figure));
         blocks.push(Block::Checks(checks(sweep.key, &of)));
     }

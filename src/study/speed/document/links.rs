@@ -13,8 +13,11 @@ pub(super) fn section(rows: &Rows) -> Section {
     let mut blocks = vec![
         Block::Words(
             "A device of the bench on the fast clock: exposures take no time, so that what is left is \
-             what the rendering and the link take. In memory there is no link: that row is the \
-             rendering and the firmware, and the others less that are their links. All carry the \
+             what the rendering and the link take. In memory there is no link: the device is called \
+             on the host's own thread, and renders a frame when the host asks for it. Over the links \
+             it is threads of its own, which render the next frames of a sequence while the host \
+             takes the last, so that a link can carry more frames a second than are rendered in \
+             memory. Links take turns, some rounds long. All carry the \
              embedded data line, by which V4L2 tells frames. USB/IP is read by the host's own \
              drivers; USB of the kernel is the same device handed to vhci_hcd and read as \
              /dev/videoN, its port as /dev/ttyACMN."

@@ -1,8 +1,8 @@
-//! Frames against the reference path: tables and the plot.
+//! Frames against the reference path: tables, and the plot that they share with the GPU's.
 
 use super::{figure, of_bound, percent, um, with_spread, words};
 use crate::measure::plot::figures;
-use crate::study::lab::{Block, Check, Look, Row, Section, Series, Table};
+use crate::study::lab::{Block, Check, Figure, Look, Row, Section, Series, Table};
 use crate::study::work_precision::pareto::front;
 use crate::study::work_precision::row::spread;
 
@@ -13,7 +13,23 @@ fn frame_name(row: &Row) -> [String; 2] {
     [row.get("setting").to_owned(), row.get("samples").to_owned()]
 }
 
-pub(super) fn section(frames: &[&Row], bound_um: f64) -> Section {
+/// The sections of the processor's frames and the GPU's, which share a Pareto front and a plot.
+pub(super) fn sections(frames: &[&Row], gpu: &[&Row], bound_um: f64) -> [Section; 2] {
+    let there: Vec<&Row> = gpu
+        .iter()
+        .copied()
+        .filter(|row| row.get("note").is_empty())
+        .collect();
+    let all: Vec<&Row> = frames.iter().chain(&there).copied().collect();
+    let place = |row: &&Row| [row.value("ns"), row.value("inlier_rmse_mm")];
+    let best = front(&all.iter().map(place).collect::<Vec<_>>());
+    let plot = plot(&all, &best);
+    let (of_processor, of_gpu) = best.split_at(frames.len());
+    let processor = processor(frames, of_processor, plot, bound_um);
+    [processor, super::gpu::section(gpu, of_gpu, bound_um)]
+}
+
+fn processor(frames: &[&Row], best: &[bool], plot: Figure, bound_um: f64) -> Section {
     let mut errors = Table::new(
         "work-precision-frames",
         "Frames without noise against the reference path (f64, thousands of rays a pixel): error of \
@@ -31,16 +47,11 @@ pub(super) fn section(frames: &[&Row], bound_um: f64) -> Section {
     let mut times = Table::new(
         "work-precision-frame-times",
         "Nanoseconds a pixel of a frame on all threads, median (quartiles), with the geometry that \
-         four frames share; * is on the Pareto front.",
+         four frames share; * is on the Pareto front, with the GPU's where there is one.",
         &["filter", "rays", "ns/px", ""],
     )
     .timed();
-    let places: Vec<[f64; 2]> = frames
-        .iter()
-        .map(|row| [row.value("ns"), row.value("inlier_rmse_mm")])
-        .collect();
-    let best = front(&places);
-    for (row, best) in frames.iter().zip(&best) {
+    for (row, best) in frames.iter().zip(best) {
         let [filter, rays] = frame_name(row);
         let edges = row.value("crease_rmse_mm");
         errors.row([
@@ -78,32 +89,6 @@ pub(super) fn section(frames: &[&Row], bound_um: f64) -> Section {
                  fewer are asked for, and gain from sixty-four. Sampling in f64 is the reference path \
                  itself, which tests every ray against every surface: its times are no renderer's, \
                  but how they grow with the rays is.";
-    let by = |setting: &str, look: Look| {
-        let of = || frames.iter().filter(|row| row.get("setting") == setting);
-        let points = of().map(|row| (row.value("ns"), row.value("inlier_rmse_mm")));
-        let mut series = Series::new(setting, look, points);
-        series.tips = of()
-            .map(|row| format!("{} rays", row.get("samples")))
-            .collect();
-        series
-    };
-    let mut series = vec![
-        by("closed form, f32", Look::Both),
-        by("closed form, f64", Look::Dots),
-        by("sampled, f64", Look::Both),
-    ];
-    let on = frames.iter().zip(&best).filter(|(_, best)| **best);
-    let mut on: Vec<(f64, f64)> = on
-        .map(|(row, _)| (row.value("ns"), row.value("inlier_rmse_mm")))
-        .collect();
-    on.sort_by(|a, b| a.0.total_cmp(&b.0));
-    series.push(Series::new("Pareto front", Look::Dashed, on));
-    let plot = figure(
-        "work-precision-frames",
-        "Error of frames without noise, on smooth surfaces, against time.",
-        ["time of a pixel of a frame, ns", "RMSE, mm"],
-        series,
-    );
     let fast = frames
         .iter()
         .find(|row| frame_name(row) == ["closed form, f32".to_owned(), "1".to_owned()]);
@@ -126,4 +111,42 @@ pub(super) fn section(frames: &[&Row], bound_um: f64) -> Section {
             Block::Checks(check.into_iter().collect()),
         ],
     }
+}
+
+/// All of them by time and error, and the front.
+fn plot(all: &[&Row], best: &[bool]) -> Figure {
+    let point = |row: &Row| (row.value("ns"), row.value("inlier_rmse_mm"));
+    let by = |name: &str, look: Look, is: &dyn Fn(&Row) -> bool| {
+        let of = || all.iter().filter(|row| is(row));
+        let mut series = Series::new(name, look, of().map(|row| point(row)));
+        series.tips = of()
+            .map(|row| format!("{} rays", row.get("samples")))
+            .collect();
+        series
+    };
+    let of_gpu = |row: &Row| row.get("group") == "gpu";
+    let mut series: Vec<Series> = [
+        ("closed form, f32", Look::Both),
+        ("closed form, f64", Look::Dots),
+        ("sampled, f64", Look::Both),
+    ]
+    .map(|(name, look)| {
+        by(name, look, &|row| {
+            !of_gpu(row) && row.get("setting") == name
+        })
+    })
+    .into();
+    if all.iter().any(|row| of_gpu(row)) {
+        series.push(by("closed form, f32, GPU", Look::Both, &of_gpu));
+    }
+    let on = all.iter().zip(best).filter(|(_, best)| **best);
+    let mut on: Vec<(f64, f64)> = on.map(|(row, _)| point(row)).collect();
+    on.sort_by(|a, b| a.0.total_cmp(&b.0));
+    series.push(Series::new("Pareto front", Look::Dashed, on));
+    figure(
+        "work-precision-frames",
+        "Error of frames without noise, on smooth surfaces, against time.",
+        ["time of a pixel of a frame, ns", "RMSE, mm"],
+        series,
+    )
 }

@@ -1,15 +1,13 @@
 //! The study's page.
 
 mod frames;
+mod gpu;
 mod grid;
 mod scans;
 mod terms;
 
-use super::row::spread;
 use crate::measure::plot::figures;
-use crate::study::lab::{
-    Block, Chart, Document, Figure, Row, Rows, Section, Series, Settings, Table,
-};
+use crate::study::lab::{Block, Chart, Document, Figure, Row, Rows, Series, Settings};
 use crate::study::timing::Spread;
 
 /// All of it.
@@ -23,10 +21,7 @@ pub fn document(rows: &Rows, settings: &Settings) -> Document {
         sections.push(scans::section(&scans, settings));
     }
     if !frames.is_empty() {
-        sections.push(frames::section(&frames, bound_um));
-    }
-    if !gpu.is_empty() {
-        sections.push(of_gpu(&gpu, bound_um));
+        sections.extend(frames::sections(&frames, &gpu, bound_um));
     }
     if !terms.is_empty() {
         sections.push(terms::section(&terms, bound_um));
@@ -87,45 +82,5 @@ fn figure(name: &str, caption: &str, axes: [&str; 2], series: Vec<Series>) -> Fi
         name: name.to_owned(),
         caption: caption.to_owned(),
         sheet: chart.sheet(),
-    }
-}
-
-/// All of it is of the adapter at hand, and so in a table of times.
-fn of_gpu(gpu: &[&Row], bound_um: f64) -> Section {
-    let mut table = Table::new(
-        "work-precision-gpu",
-        "The same frames by the GPU: a frame's time is from its order to its bytes.",
-        &[
-            "adapter",
-            "rays",
-            "smooth, RMSE um",
-            "of noise bound, %",
-            "edges, RMSE um",
-            "ns/px",
-        ],
-    )
-    .timed();
-    let mut blocks = Vec::new();
-    for row in gpu {
-        if !row.get("note").is_empty() {
-            let why = format!("The GPU's rows are left out: {}.", row.get("note"));
-            blocks.push(Block::Words(why));
-            continue;
-        }
-        table.row([
-            row.get("adapter").to_owned(),
-            row.get("samples").to_owned(),
-            um(row.value("inlier_rmse_mm")),
-            of_bound(row, bound_um),
-            um(row.value("crease_rmse_mm")),
-            with_spread(spread(row, "ns"), 3),
-        ]);
-    }
-    if !table.rows.is_empty() {
-        blocks.push(Block::Table(table));
-    }
-    Section {
-        title: "The processor and the GPU".to_owned(),
-        blocks,
     }
 }
