@@ -21,6 +21,8 @@ use tokio::io::unix::AsyncFd;
 
 /// Bytes of replies that wait for a client to read them.
 const MAX_OUTPUT: usize = 1 << 20;
+/// Bytes that are read at a time. Few commands: the first one's reply must not wait for the last one's.
+const MOST_AT_ONCE: usize = 1 << 10;
 /// How often replies that found no room are offered again.
 const RETRY: Duration = Duration::from_millis(5);
 
@@ -47,6 +49,12 @@ pub(super) struct Pty {
     tells_writes: bool,
     /// Nothing has been seen written since a client found the port free.
     unwritten: bool,
+    /// A write has been told of that is not known to have been read;
+    written: bool,
+    /// when the last client left, this was so.
+    left_unread: bool,
+    /// What was read last has not been told of yet: a write is told of after its bytes can be read.
+    owed: bool,
     /// Bytes that were read and are to be handed on next.
     unread: Option<Vec<u8>>,
     output: Vec<u8>,
@@ -79,6 +87,9 @@ impl Pty {
             hung_up: false,
             tells_writes: false,
             unwritten: false,
+            written: false,
+            left_unread: false,
+            owed: false,
             unread: None,
             output: Vec::new(),
         })
@@ -102,15 +113,32 @@ impl Pty {
                     // its leaving is. With a new client there already, the leaving comes first.
                     if self.hung_up && self.clients > 0 {
                         self.hung_up = false;
-                        self.unread = self.skip_old(bytes);
+                        // Its writes are told of before it can leave: what came without a word is
+                        // the new one's.
+                        let of_old = std::mem::take(&mut self.left_unread);
+                        self.unread = match of_old {
+                            true => self.skip_old(bytes),
+                            false => Some(bytes),
+                        };
+                        (self.written, self.owed) = (false, !of_old && self.unwritten);
                         return Ok(Event::HungUp);
+                    }
+                    if bytes.len() < MOST_AT_ONCE {
+                        // There is no more.
+                        self.owed |= !self.written;
+                        (self.written, self.left_unread) = (false, false);
                     }
                     return Ok(Event::Data(bytes));
                 }
-                Err(Errno::WOULDBLOCK) => {}
+                // All that was told of has been read.
+                Err(Errno::WOULDBLOCK) => (self.written, self.left_unread) = (false, false),
                 Err(e) => return Err(Error::io(&self.path, e.into())),
             }
             self.count_clients();
+            // It may have written and left since the reading.
+            if self.hung_up && self.left_unread {
+                continue;
+            }
             if std::mem::take(&mut self.hung_up) {
                 return Ok(Event::HungUp);
             }
@@ -159,8 +187,7 @@ impl Pty {
     }
 
     fn read(&self) -> Result<Vec<u8>, Errno> {
-        // Few commands at a time: the first one's reply must not wait for the last one's.
-        let mut bytes = vec![0; 1 << 10];
+        let mut bytes = vec![0; MOST_AT_ONCE];
         let len = rustix::io::read(&self.master, &mut bytes)?;
         bytes.truncate(len);
         Ok(bytes)
@@ -189,12 +216,16 @@ impl Pty {
             } else if event.events().contains(inotify::ReadFlags::MODIFY) {
                 self.tells_writes = true;
                 self.unwritten = false;
+                self.written |= !std::mem::take(&mut self.owed);
             } else if event
                 .events()
                 .intersects(inotify::ReadFlags::CLOSE_WRITE | inotify::ReadFlags::CLOSE_NOWRITE)
             {
                 self.clients = self.clients.saturating_sub(1);
-                left |= self.clients == 0;
+                if self.clients == 0 {
+                    left = true;
+                    self.left_unread |= self.written;
+                }
             }
         }
         if left {
@@ -234,6 +265,8 @@ mod tests {
     use super::*;
     use std::fs::File;
     use std::io::{Read, Write};
+    use std::sync::Arc;
+    use std::sync::atomic::{AtomicBool, Ordering};
 
     fn client(pty: &Pty) -> File {
         let mut options = File::options();
@@ -285,5 +318,72 @@ mod tests {
             assert_eq!(pty.next().await.unwrap(), Event::HungUp);
             assert!(data(&mut pty).await.ends_with(b"*TST?\n"));
         });
+    }
+
+    #[test]
+    fn what_a_client_wrote_before_it_left_is_its_own() {
+        run(async |mut pty| {
+            // Known to be there, and nothing to be read.
+            let mut old = client(&pty);
+            assert!(tokio::time::timeout(RETRY, pty.next()).await.is_err());
+            old.write_all(b"*IDN?\n").unwrap();
+            drop(old);
+            assert_eq!(data(&mut pty).await, b"*IDN?\n");
+            assert_eq!(pty.next().await.unwrap(), Event::HungUp);
+        });
+    }
+
+    /// Ends when it is dropped, by a failing test too.
+    struct Busy(Arc<AtomicBool>);
+
+    impl Busy {
+        fn threads(count: usize) -> Self {
+            let over = Arc::new(AtomicBool::new(false));
+            for _ in 0..count {
+                let over = over.clone();
+                std::thread::spawn(move || while !over.load(Ordering::Relaxed) {});
+            }
+            Self(over)
+        }
+    }
+
+    impl Drop for Busy {
+        fn drop(&mut self) {
+            self.0.store(true, Ordering::Relaxed);
+        }
+    }
+
+    /// Clients that come as soon as the last one has left, while others take the processor from them
+    /// between their writing and its being told.
+    #[test]
+    fn clients_in_quick_succession_are_all_heard() {
+        const CLIENTS: usize = 3000;
+        let busy = Busy::threads(4);
+        run(async |mut pty| {
+            let path = pty.path().to_owned();
+            std::thread::spawn(move || {
+                for _ in 0..CLIENTS {
+                    let mut options = File::options();
+                    let mut port = options.read(true).write(true).open(&path).unwrap();
+                    port.write_all(b"*TST?\n").unwrap();
+                    let mut reply = [0; 2];
+                    port.read_exact(&mut reply).unwrap();
+                }
+            });
+            let (mut heard, mut left) = (0, 0);
+            while heard < CLIENTS {
+                let next = tokio::time::timeout(Duration::from_secs(20), pty.next()).await;
+                match next.expect("a client that was not heard").unwrap() {
+                    Event::Data(bytes) => {
+                        assert_eq!(bytes, b"*TST?\n");
+                        heard += 1;
+                        assert!(pty.send(b"0\n"));
+                    }
+                    Event::HungUp => left += 1,
+                }
+            }
+            assert_eq!(left, CLIENTS - 1);
+        });
+        drop(busy);
     }
 }
