@@ -1,6 +1,8 @@
 //! `phasma track`: follows a patient and the tumour through the ports of the pods, live.
 
+mod patience;
 mod pod;
+mod span;
 mod table;
 
 use crate::error::{Error, Result};
@@ -11,9 +13,11 @@ use crate::host::track::{
 use crate::patient::planning::Planning;
 use crate::profile::{Configuration, Station, StationDevice};
 use glam::DVec3;
+use patience::{FOREVER, Patience};
 use pod::{Address, Source, Taken};
+use span::Span;
 use std::path::PathBuf;
-use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::time::{Duration, Instant};
 use table::{Row, Table};
 
@@ -70,7 +74,10 @@ pub(super) fn run(args: &Args) -> Result<()> {
             "a station, which says where its devices stand",
         ));
     };
-    let table = Table::create(args.out.as_deref())?;
+    if args.scans == Some(0) {
+        return Err(Error::input("--scans", 0, "1 or more"));
+    }
+    Table::check(args.out.as_deref())?;
     super::step("planning");
     let planning = Planning::load(&args.planning)?;
     let planned = Planned::new(&planning, &Region::chest(), &ModelOptions::default())?;
@@ -84,7 +91,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
             .name("pods".into())
             .spawn_scoped(threads, move || scan(from, timeout, scans, &send));
         let scanning = scanning.map_err(|e| Error::device(format!("no thread: {e}")))?;
-        let followed = follow(args, &planned, &pods, &taken, table);
+        let followed = follow(args, &planned, &pods, &taken);
         // Whoever scans notices that nobody listens any more.
         drop(taken);
         let scanned = scanning
@@ -148,27 +155,38 @@ fn scan(
 }
 
 /// Fits, decides and tells, scan by scan, until there is none.
-fn follow(
-    args: &Args,
-    planned: &Planned,
-    pods: &[Address],
-    scans: &Receiver<Taken>,
-    mut table: Table,
-) -> Result<()> {
+fn follow(args: &Args, planned: &Planned, pods: &[Address], scans: &Receiver<Taken>) -> Result<()> {
     let mut hold = Hold::new(HoldRules::default())?;
     let mut follower = Follower::new(planned)?;
     let mut sights: Vec<Sight> = pods.iter().map(Address::sight).collect();
     let target = planned.tumour_mm();
     let begin = Instant::now();
+    let mut table = Table::new(args.out.as_deref(), begin);
+    let mut patience = Patience::new(hold.stale());
     let most = POINTS / pods.len().max(1);
     let mut count = 0;
     'scans: loop {
         let mut measured = Measured::default();
         let mut reading = Reading::default();
-        let (mut time_ns, mut last_frame, mut decoding) = (0, begin, Duration::ZERO);
+        let mut span = Span::default();
+        let (mut last_frame, mut decoding) = (begin, Duration::ZERO);
         for (sight, pod) in sights.iter_mut().zip(pods) {
-            let Ok(taken) = scans.recv() else {
-                break 'scans;
+            let mut silence = patience.left();
+            let taken = loop {
+                match scans.recv_timeout(silence) {
+                    Ok(taken) => break taken,
+                    Err(RecvTimeoutError::Timeout) => {
+                        // The beam is off before anything else is known, and said to be so once.
+                        table.silent(count, planned.model.components(), hold.silent())?;
+                        silence = FOREVER;
+                    }
+                    Err(RecvTimeoutError::Disconnected) => {
+                        if args.scans != Some(count) && *hold.beam() == Beam::On {
+                            table.silent(count, planned.model.components(), hold.silent())?;
+                        }
+                        break 'scans;
+                    }
+                }
             };
             if count == 0
                 && let Some(why) = taken.captured.doubt()
@@ -179,9 +197,10 @@ fn follow(
             let doubt = sight.measure(&taken.captured, taken.identified, &mut measured, most)?;
             reading.warnings.extend(doubt);
             decoding += arrived.elapsed();
-            time_ns = taken.end_ns.max(time_ns);
+            span.take(&taken.captured.frames);
             last_frame = taken.arrived.max(last_frame);
         }
+        patience.heard();
         let Answers { rigid, motion: fit } = follower.answer(&measured);
         match &fit {
             Ok(fit) => {
@@ -200,23 +219,24 @@ fn follow(
             Err(lost) => reading.warnings.push(lost.to_string()),
         }
         let host_ms = last_frame.elapsed().as_secs_f64() * 1e3;
-        let beam: Beam = hold.update(time_ns, &reading).clone();
+        let beam: Beam = hold.update(span.end_ns, &reading).clone();
         table.row(&Row {
             scan: count,
-            host_s: begin.elapsed().as_secs_f64(),
-            device_s: time_ns as f64 * 1e-9,
+            device_s: span.end_ns as f64 * 1e-9,
             rigid: rigid.as_ref().ok(),
             motion: fit.as_ref().ok(),
+            modes: planned.model.components(),
             target,
             points: measured.len(),
             decode_ms: decoding.as_secs_f64() * 1e3,
             host_ms,
+            since_motion_ms: span.middle_to_end_ms().map(|device_ms| device_ms + host_ms),
             beam: &beam,
             warnings: &warnings(&rigid, &reading),
         })?;
         count += 1;
     }
-    table.finish()
+    Ok(())
 }
 
 /// All that is to be doubted, of both answers.

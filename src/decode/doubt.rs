@@ -20,9 +20,14 @@ impl Decoded {
     /// Why the frames should not be believed without a second look; none if nothing speaks against
     /// them. Of maps as they come from the decoder, before orders are unwrapped or single pixels filled.
     pub fn doubt(&self) -> Option<String> {
-        self.axes().find_map(|(axis, map)| {
-            uncertain(axis, &map.verdict, &self.modulation).or_else(|| saturated(&map.verdict))
-        })
+        let of_light = || self.axes().find_map(|(_, map)| saturated(&map.verdict));
+        self.doubt_of_orders().or_else(of_light)
+    }
+
+    /// [`Self::doubt`] of the orders alone: something bright before the camera may well saturate it.
+    pub fn doubt_of_orders(&self) -> Option<String> {
+        let mut axes = self.axes();
+        axes.find_map(|(axis, map)| uncertain(axis, &map.verdict, &self.modulation))
     }
 }
 

@@ -82,8 +82,6 @@ impl Address {
 pub(super) struct Taken {
     pub(super) captured: Captured,
     pub(super) identified: bool,
-    /// Device time of the last frame's end in nanoseconds.
-    pub(super) end_ns: u64,
     /// When the last frame had come.
     pub(super) arrived: Instant,
 }
@@ -130,9 +128,7 @@ impl Source {
             }
         });
         let captured = captured.map_err(|e| e.at(&self.name))?;
-        let last = captured.frames.last();
         Ok(Taken {
-            end_ns: last.map_or(0, |frame| frame.exposure_end_ns),
             identified: self.scanner.identifies(),
             captured,
             arrived,

@@ -5,58 +5,74 @@ use crate::host::track::{Beam, MotionFit, RigidFit, six};
 use glam::DVec3;
 use std::fs::File;
 use std::io::{BufWriter, Write};
-use std::path::Path;
+use std::path::{Path, PathBuf};
+use std::time::{Instant, SystemTime, UNIX_EPOCH};
 
 /// Where lines go.
 pub(super) struct Table {
-    to: BufWriter<Box<dyn Write>>,
-    place: String,
+    path: Option<PathBuf>,
+    begin: Instant,
+    /// None before the first line.
+    to: Option<BufWriter<Box<dyn Write>>>,
 }
 
 /// What one scan has come to.
 pub(super) struct Row<'a> {
     pub(super) scan: u64,
-    /// Since the first scan, by the host's clock.
-    pub(super) host_s: f64,
     /// The last frame's end by the device's clock; 0 where its link does not carry it.
     pub(super) device_s: f64,
     pub(super) rigid: Option<&'a RigidFit>,
     pub(super) motion: Option<&'a MotionFit>,
+    /// Coefficients that the motion has.
+    pub(super) modes: usize,
     /// Where the tumour was planned.
     pub(super) target: DVec3,
     pub(super) points: usize,
     pub(super) decode_ms: f64,
     /// From the last frame to the answer.
     pub(super) host_ms: f64,
+    /// From the middle of the scan, by the device's clock, and from the last frame, by the host's, to the
+    /// answer; none where the links carry no times.
+    pub(super) since_motion_ms: Option<f64>,
     pub(super) beam: &'a Beam,
     pub(super) warnings: &'a [String],
 }
 
 impl Table {
-    /// Begins the table: a new file, or standard output.
+    /// Refuses a file that is there, before anything is done.
     ///
     /// # Errors
-    /// A file that is there already, and what the system refuses.
-    pub(super) fn create(path: Option<&Path>) -> Result<Self> {
-        let (to, place): (Box<dyn Write>, String) = match path {
-            None => (Box::new(std::io::stdout()), "standard output".to_owned()),
-            Some(path) => {
-                let file = File::create_new(path).map_err(|e| match e.kind() {
-                    std::io::ErrorKind::AlreadyExists => Error::input(
-                        format!("--out {}", path.display()),
-                        "a file that is there already",
-                        "a new file",
-                    ),
-                    _ => Error::io(path, e),
-                })?;
-                (Box::new(file), path.display().to_string())
-            }
-        };
-        let mut table = Self {
-            to: BufWriter::new(to),
-            place,
-        };
-        let mut names: Vec<String> = ["scan", "host_s", "device_s", "points"]
+    /// Such a file, and a folder that is not there.
+    pub(super) fn check(path: Option<&Path>) -> Result<()> {
+        let Some(path) = path else { return Ok(()) };
+        if path.exists() {
+            return Err(there(path));
+        }
+        match path
+            .parent()
+            .filter(|folder| !folder.as_os_str().is_empty())
+        {
+            Some(folder) if !folder.is_dir() => Err(Error::input(
+                format!("--out {}", path.display()),
+                format!("no folder {}", folder.display()),
+                "a new file in a folder that is there",
+            )),
+            _ => Ok(()),
+        }
+    }
+
+    /// A table for a new file, or standard output, which both stay as they are until there is a line;
+    /// times are since `begin`.
+    pub(super) fn new(path: Option<&Path>, begin: Instant) -> Self {
+        Self {
+            path: path.map(Path::to_owned),
+            begin,
+            to: None,
+        }
+    }
+
+    fn names(modes: usize) -> Vec<String> {
+        let mut names: Vec<String> = ["scan", "unix_s", "host_s", "device_s", "points"]
             .map(String::from)
             .into();
         for name in six::NAMES {
@@ -72,18 +88,45 @@ impl Table {
             names.push(format!("tumour_{axis}_mm"));
             names.push(format!("tumour_{axis}_sd_mm"));
         }
+        for mode in 1..=modes {
+            names.push(format!("mode_{mode}"));
+            names.push(format!("mode_{mode}_sd"));
+        }
         let rest = [
             "tumour_off_mm",
             "rms_mm",
             "coverage",
             "decode_ms",
             "host_ms",
+            "since_motion_ms",
             "beam",
             "why",
         ];
         names.extend(rest.map(String::from));
-        table.line(&names)?;
-        Ok(table)
+        names
+    }
+
+    /// Says that the beam is held though nothing has come.
+    ///
+    /// # Errors
+    /// As for [`Self::row`].
+    pub(super) fn silent(&mut self, scan: u64, modes: usize, beam: &Beam) -> Result<()> {
+        let columns = Self::names(modes).len();
+        let mut fields = self.first(scan, "");
+        fields.resize(columns - 2, String::new());
+        fields.extend(verdict(beam, &[]));
+        self.line(modes, &fields)
+    }
+
+    /// Number and times.
+    fn first(&self, scan: u64, device_s: &str) -> Vec<String> {
+        let unix = SystemTime::now().duration_since(UNIX_EPOCH);
+        vec![
+            scan.to_string(),
+            format!("{:.3}", unix.unwrap_or_default().as_secs_f64()),
+            format!("{:.4}", self.begin.elapsed().as_secs_f64()),
+            device_s.to_owned(),
+        ]
     }
 
     /// Adds a scan; what is not known is empty.
@@ -91,12 +134,8 @@ impl Table {
     /// # Errors
     /// What the system refuses.
     pub(super) fn row(&mut self, row: &Row<'_>) -> Result<()> {
-        let mut fields = vec![
-            row.scan.to_string(),
-            format!("{:.4}", row.host_s),
-            format!("{:.6}", row.device_s),
-            row.points.to_string(),
-        ];
+        let mut fields = self.first(row.scan, &format!("{:.6}", row.device_s));
+        fields.push(row.points.to_string());
         let six = row.rigid.map(|fit| (fit.six.to_array(), fit.deviations()));
         for i in 0..6 {
             fields.push(six.map_or(String::new(), |(value, _)| format!("{:.4}", value[i])));
@@ -108,6 +147,13 @@ impl Table {
             };
             fields.push(of(&|m| m.tumour_mm[axis]));
             fields.push(of(&|m| m.tumour_covariance.col(axis)[axis].max(0.0).sqrt()));
+        }
+        for mode in 0..row.modes {
+            let of = |f: &dyn Fn(&MotionFit) -> f64| {
+                row.motion.map_or(String::new(), |m| format!("{:.4}", f(m)))
+            };
+            fields.push(of(&|m| m.state.coefficients[mode]));
+            fields.push(of(&|m| m.covariance[(mode, mode)].max(0.0).sqrt()));
         }
         let off = |m: &MotionFit| format!("{:.4}", (m.tumour_mm - row.target).length());
         fields.push(row.motion.map_or(String::new(), off));
@@ -121,32 +167,62 @@ impl Table {
         );
         fields.push(format!("{:.2}", row.decode_ms));
         fields.push(format!("{:.2}", row.host_ms));
-        let (beam, why) = match row.beam {
-            Beam::On => ("on", String::new()),
-            Beam::Held(reason) => ("held", reason.to_string()),
+        let since = row.since_motion_ms;
+        fields.push(since.map_or(String::new(), |ms| format!("{ms:.2}")));
+        fields.extend(verdict(row.beam, row.warnings));
+        self.line(row.modes, &fields)
+    }
+
+    /// Whoever follows it reads each line as it comes.
+    fn line(&mut self, modes: usize, fields: &[String]) -> Result<()> {
+        let path = self.path.as_deref();
+        let failed = |e| match path {
+            Some(path) => Error::io(path, e),
+            None => Error::io("standard output", e),
         };
-        fields.push(beam.to_owned());
-        let mut words = row.warnings.to_vec();
-        if !why.is_empty() && !words.contains(&why) {
-            words.insert(0, why);
-        }
-        fields.push(format!("\"{}\"", words.join("; ").replace('"', "'")));
-        self.line(&fields)
+        let to = match &mut self.to {
+            Some(to) => to,
+            None => {
+                let to = self.to.insert(BufWriter::new(opened(path)?));
+                writeln!(to, "{}", Self::names(modes).join(",")).map_err(failed)?;
+                to
+            }
+        };
+        writeln!(to, "{}", fields.join(","))
+            .and_then(|()| to.flush())
+            .map_err(failed)
     }
+}
 
-    fn line(&mut self, fields: &[String]) -> Result<()> {
-        let line = fields.join(",");
-        // Whoever follows it reads each scan as it comes.
-        writeln!(self.to, "{line}")
-            .and_then(|()| self.to.flush())
-            .map_err(|e| Error::io(&self.place, e))
+/// Whether the beam may be on, and all that is to be said.
+fn verdict(beam: &Beam, warnings: &[String]) -> [String; 2] {
+    let (beam, why) = match beam {
+        Beam::On => ("on", String::new()),
+        Beam::Held(reason) => ("held", reason.to_string()),
+    };
+    let mut words = warnings.to_vec();
+    if !why.is_empty() && !words.contains(&why) {
+        words.insert(0, why);
     }
+    let words = words.join("; ").replace('"', "'");
+    [beam.to_owned(), format!("\"{words}\"")]
+}
 
-    /// Ends the table.
-    ///
-    /// # Errors
-    /// What the system refuses.
-    pub(super) fn finish(mut self) -> Result<()> {
-        self.to.flush().map_err(|e| Error::io(&self.place, e))
+fn opened(path: Option<&Path>) -> Result<Box<dyn Write>> {
+    let Some(path) = path else {
+        return Ok(Box::new(std::io::stdout()));
+    };
+    match File::create_new(path) {
+        Ok(file) => Ok(Box::new(file)),
+        Err(e) if e.kind() == std::io::ErrorKind::AlreadyExists => Err(there(path)),
+        Err(e) => Err(Error::io(path, e)),
     }
+}
+
+fn there(path: &Path) -> Error {
+    Error::input(
+        format!("--out {}", path.display()),
+        "a file that is there already",
+        "a new file",
+    )
 }

@@ -31,7 +31,7 @@ impl Sight {
 
     /// Decodes as many pixels of a scan as tracking needs ([`PIXELS`]) and adds at most `most` of its
     /// points. Frames that do not follow their sequence add none; what is wrong with them is given, or why
-    /// those that do should be doubted ([`Decoded::doubt`]).
+    /// those that do should be doubted ([`Decoded::doubt_of_orders`]).
     /// `identified` are those of a link that says which frame each is. All scans are of the first one's
     /// sequence and calibration.
     ///
@@ -71,7 +71,8 @@ impl Sight {
         let known = depths.filter(|(depth, _)| !depth.is_nan());
         let sigma: Vec<f32> = known.map(|(_, sigma)| *sigma).collect();
         measured.push_pod(&self.points, &sigma, &self.room_from_rig, most);
-        let doubt = self.decoded.doubt();
+        // What hides the patient may be bright: pixels that are saturated say so by not being there.
+        let doubt = self.decoded.doubt_of_orders();
         Ok(doubt.map(|why| format!("{}: {why}", self.name)))
     }
 

@@ -16,6 +16,7 @@ pub use reason::Reason;
 pub use rules::HoldRules;
 
 use crate::error::Result;
+use std::time::Duration;
 
 /// What the beam is to do.
 #[derive(Debug, Clone, PartialEq)]
@@ -88,6 +89,16 @@ impl Hold {
             return self.held(Reason::Stale);
         }
         &self.beam
+    }
+
+    /// Holds because readings stay away, whatever the time: of who has a clock of another kind.
+    pub fn silent(&mut self) -> &Beam {
+        self.held(Reason::Stale)
+    }
+
+    /// How old a reading may become.
+    pub fn stale(&self) -> Duration {
+        Duration::from_nanos(self.rules.stale_ns)
     }
 
     fn held(&mut self, reason: Reason) -> &Beam {
