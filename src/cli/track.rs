@@ -206,7 +206,7 @@ fn follow(args: &Args, planned: &Planned, pods: &[Address], scans: &Receiver<Tak
             Ok(fit) => {
                 let off = fit.tumour_mm - target;
                 let along = off.normalize_or(DVec3::Z);
-                let variance = along.dot(fit.tumour_covariance * along);
+                let variance = along.dot(fit.total_covariance(target) * along);
                 reading.quantities.push(Quantity {
                     name: "tumour",
                     value: off.length(),

@@ -42,7 +42,7 @@ fn tables_are_those_of_the_studies() {
     for name in [
         "paper",
         "noise",
-        "work-precision.quick",
+        "work-precision",
         "sgrt",
         "acceptance.quick",
     ] {

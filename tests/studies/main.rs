@@ -44,7 +44,14 @@ fn acceptance() {
 #[test]
 #[ignore = "takes minutes; a lane of `.ci/run --whole` does it"]
 fn whole_forms() {
-    for name in ["paper", "stability", "noise", "sgrt"] {
+    for name in [
+        "paper",
+        "stability",
+        "noise",
+        "sgrt",
+        "work-precision",
+        "speed",
+    ] {
         whole(name);
     }
 }

@@ -136,7 +136,9 @@ impl Table {
     pub(super) fn row(&mut self, row: &Row<'_>) -> Result<()> {
         let mut fields = self.first(row.scan, &format!("{:.6}", row.device_s));
         fields.push(row.points.to_string());
-        let six = row.rigid.map(|fit| (fit.six.to_array(), fit.deviations()));
+        let six = row
+            .rigid
+            .map(|fit| (fit.six.to_array(), fit.total_deviations()));
         for i in 0..6 {
             fields.push(six.map_or(String::new(), |(value, _)| format!("{:.4}", value[i])));
             fields.push(six.map_or(String::new(), |(_, sd)| format!("{:.4}", sd[i])));
@@ -146,7 +148,8 @@ impl Table {
                 row.motion.map_or(String::new(), |m| format!("{:.4}", f(m)))
             };
             fields.push(of(&|m| m.tumour_mm[axis]));
-            fields.push(of(&|m| m.tumour_covariance.col(axis)[axis].max(0.0).sqrt()));
+            let variance = |m: &MotionFit| m.total_covariance(row.target).col(axis)[axis];
+            fields.push(of(&|m| variance(m).max(0.0).sqrt()));
         }
         for mode in 0..row.modes {
             let of = |f: &dyn Fn(&MotionFit) -> f64| {

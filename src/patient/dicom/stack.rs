@@ -9,6 +9,10 @@ use rayon::prelude::*;
 /// By how much distances of slices may differ, as a part of the usual one.
 const UNEVEN: f64 = 0.02;
 
+/// By how many times their thickness slices may be apart: some scanners leave gaps, but not as wide as
+/// they.
+const WIDEST: f64 = 1.75;
+
 /// How far slices may be off the line through the first, as a part of a pixel.
 const ASIDE: f64 = 0.1;
 
@@ -41,6 +45,7 @@ impl Stack {
         even(&slices, &heights)?;
         let count = slices.len() - 1;
         let spacing = (heights[count] - heights[0]) / count as f64;
+        adjoining(&slices[0], spacing)?;
         Self::checked(slices, spacing)
     }
 
@@ -161,6 +166,18 @@ fn upright(slices: &[Slice]) -> Result<()> {
         }
     }
     Ok(())
+}
+
+/// Refuses slices that are much thinner than they are apart: every second one is missing.
+fn adjoining(slice: &Slice, spacing: f64) -> Result<()> {
+    match slice.thickness_mm {
+        Some(mm) if mm > 0.0 && spacing > WIDEST * mm => Err(Error::input(
+            slice.place(),
+            format!("slices of {mm} mm each {spacing:.3} mm: some are missing"),
+            format!("slices at most {WIDEST} times their thickness apart"),
+        )),
+        _ => Ok(()),
+    }
 }
 
 /// Refuses doubled and missing slices and uneven distances.

@@ -30,6 +30,9 @@ use glam::DVec3;
 use std::path::{Path, PathBuf};
 use tumour::Tumour;
 
+/// A skin that moves less over all phases shows no breath, in millimetres.
+const LEAST_MOTION_MM: f64 = 0.1;
+
 /// What to make a planning folder of.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Import {
@@ -128,6 +131,13 @@ impl Import {
             }
             let centroid_mm = tumour.moments.centroid_mm;
             let motion = fields.write(&file.phase, out, &skin, centroid_mm, step)?;
+            if motion.skin_mm < LEAST_MOTION_MM {
+                return Err(Error::input(
+                    "fields",
+                    format!("a skin that moves {:.3} mm at most", motion.skin_mm),
+                    format!("{LEAST_MOTION_MM} mm or more: without it no breath can be seen"),
+                ));
+            }
             // Last, so that a folder with a planning.toml is whole.
             file.write(out)?;
             Ok(motion)

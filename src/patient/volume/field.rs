@@ -31,7 +31,7 @@ impl Field {
                 format!("{}, as its grid has voxels", grid.voxels()),
             ));
         }
-        let short = |v: &[f32; 3]| v.iter().all(|x| x.abs() <= LONGEST_MM);
+        let short = |v: &[f32; 3]| v.iter().map(|x| x * x).sum::<f32>() <= LONGEST_MM * LONGEST_MM;
         if let Some(at) = vectors.iter().position(|v| !short(v)) {
             let found = DVec3::from_array(vectors[at].map(f64::from));
             return Err(Error::input(

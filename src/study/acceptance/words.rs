@@ -42,4 +42,5 @@ pub(super) const LATENCY: &str = "Latency is device time, in which the emulated 
     uses: the frames are held against their sequence, and of the pixels every second of every second row \
     is decoded, which leaves several times the points that are fitted. The frames of a pod are looked at \
     while the next one scans, so that only the last one's are left when the last frame has come; what a \
-    host takes for all of a scan says how many it keeps up with.";
+    host takes for all of a scan says how many it keeps up with. Frames are in memory: what a link takes to \
+    carry them is in the study `speed`. The quick form runs beside other tests, and is not held to times.";

@@ -7,6 +7,8 @@
 mod patient;
 mod pod;
 mod pods;
+#[cfg(test)]
+mod tests;
 
 pub use patient::{InRoom, Moment};
 pub use pod::Pod;

@@ -5,6 +5,9 @@ use super::published;
 use crate::measure::plot::figures;
 use crate::study::lab::{Block, Chart, Check, Figure, Look, Rows, Series, Table};
 
+/// The deviation that is stated may be too small by so much, for two patients tell little of it.
+const MOST_OVER_DEVIATION: f64 = 2.0;
+
 /// The three columns of the paper.
 const INPUTS: [&str; 3] = ["ideal", "noisy", "scanned"];
 
@@ -137,6 +140,15 @@ fn figure(rows: &Rows, patients: &[&str]) -> Figure {
     }
 }
 
+/// Error over what was said of it, RMS over all moments.
+fn over_deviation(rows: &Rows) -> f64 {
+    let of = rows.with("input", "scanned");
+    let ratios: Vec<f64> = of
+        .map(|row| row.value("tpe_mm") / row.value("deviation_mm"))
+        .collect();
+    (ratios.iter().map(|ratio| ratio * ratio).sum::<f64>() / ratios.len() as f64).sqrt()
+}
+
 /// Our tracker through our scanner is no worse than the paper's through theirs.
 fn checks(rows: &Rows, patients: &[&str]) -> Vec<Check> {
     let position = over_patients(rows, "scanned", patients, "tpe_mm").mean;
@@ -155,5 +167,10 @@ fn checks(rows: &Rows, patients: &[&str]) -> Vec<Check> {
             1.0 - published::DICE[2],
         ),
         Check::at_most("scans without an answer", lost as f64, 0.0),
+        Check::at_most(
+            "position error over the stated deviation, RMS through the scanner",
+            over_deviation(rows),
+            MOST_OVER_DEVIATION,
+        ),
     ]
 }

@@ -68,8 +68,8 @@ fn judge(
     };
     let error = fit.tumour_mm - moment.tumour_mm;
     let shared = overlap(&fit.tumour(&planned.model), &moment.tumour, OVERLAP_COLUMNS)?;
-    let variance = fit.tumour_covariance;
-    let along = error.normalize_or_zero();
+    let variance = fit.total_covariance(planned.tumour_mm());
+    let variance = variance.x_axis.x + variance.y_axis.y + variance.z_axis.z;
     let warnings: Vec<String> = fit.warnings.iter().map(ToString::to_string).collect();
     if skin.input == Input::Scanned {
         row = row.number("late_mm", (fit.tumour_mm - late.tumour_mm).length());
@@ -80,7 +80,7 @@ fn judge(
         .number("error_x_mm", error.x)
         .number("error_y_mm", error.y)
         .number("error_z_mm", error.z)
-        .number("deviation_mm", along.dot(variance * along).max(0.0).sqrt())
+        .number("deviation_mm", variance.max(0.0).sqrt())
         .number("skin_coverage", fit.coverage)
         .text("warnings", &warnings.join("; ")))
 }

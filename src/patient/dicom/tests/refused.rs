@@ -18,12 +18,21 @@ fn a_series_that_is_no_volume_is_named_with_the_file() {
     assert_eq!(good.grid().spacing_mm, DVec3::new(1.5, 1.5, 3.0));
     assert_eq!(good.voxels(), &Voxels::I16(vec![-1000; 60]));
 
-    let cases: [(Change, &str); 16] = [
+    let cases: [(Change, &str); 17] = [
         (
             |s| drop(s.remove(2)),
             "3.dcm: a slice missing between it and ",
         ),
         (|s| drop(s.drain(1..4)), "two or more"),
+        (
+            |s| {
+                drop((s.remove(3), s.remove(1)));
+                for (_, image) in s.iter_mut() {
+                    image.text((0x18, 0x50), "3");
+                }
+            },
+            "0.dcm: slices of 3 mm each 6.000 mm: some are missing; allowed: ",
+        ),
         (
             |s| {
                 let z = "-10\\20\\160";

@@ -90,6 +90,16 @@ fn fields_that_do_not_match_are_named() {
             "none above 0.5 mm from the reference phase to itself",
         ],
     );
+    let still = complaint(|_, import| {
+        for (_, path) in &import.phases {
+            let field = Field::of(grid(8.0, 64.0), |_| DVec3::ZERO, "dvf").unwrap();
+            write_field(path, &field, Packing::Plain).unwrap();
+        }
+    });
+    has(
+        &still,
+        &["fields: a skin that moves 0.000 mm at most", "0.1 mm"],
+    );
     let metres = complaint(|_, import| {
         let mut wrong = grid(8.0, 64.0);
         wrong.spacing_mm = DVec3::splat(0.008);
