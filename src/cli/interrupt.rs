@@ -1,5 +1,5 @@
 //! Ctrl-C and TERM during a capture: the camera stops giving frames, so that the scan ends as after
-//! any other failure and leaves the device as it found it.
+//! any other failure and leaves the device as it found it; asked a second time, it ends at once.
 
 use crate::error::{Error, Result};
 use crate::host::Camera;
@@ -8,6 +8,8 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
+/// The exit status of a program that a signal has ended, as shells have it.
+const INTERRUPTED: i32 = 130;
 /// How long a capture may go on after the signal.
 const SLICE: Duration = Duration::from_millis(100);
 
@@ -29,6 +31,10 @@ impl<C> Interruptible<C> {
             .spawn(move || {
                 if wait().is_ok() {
                     flag.store(true, Ordering::Relaxed);
+                    // A port that has gone is waited for: who asks again does not want to.
+                    if wait().is_ok() {
+                        std::process::exit(INTERRUPTED);
+                    }
                 }
             });
         Self {

@@ -26,7 +26,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     match &args.action {
         Action::List => {
             for name in scene_names() {
-                println!("{name:<16}{}", Scene::load(name)?.description);
+                println!("{name:<24}{}", Scene::load(name)?.description);
             }
         }
         Action::Check { file } => {
