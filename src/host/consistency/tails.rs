@@ -110,7 +110,7 @@ mod tests {
 
     #[test]
     fn noise_alone_is_written() {
-        let noise = |r: usize, c: usize| u16::from((r * 31 + c * 17) % 5 == 0);
+        let noise = |r: usize, c: usize| u16::from((r * 31 + c * 17).is_multiple_of(5));
         let cut = frame(
             PixelFormat::Grey,
             |r, c| if r < 10 { noise(r, c) } else { 0 },
