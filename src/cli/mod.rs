@@ -31,9 +31,12 @@ mod dialect;
 mod doctor;
 mod faults;
 mod interrupt;
+mod locate;
 mod method;
+mod new_file;
 mod patient;
 mod plan;
+mod pods;
 mod profile;
 mod record;
 #[cfg(target_os = "linux")]
@@ -47,6 +50,7 @@ mod serve;
 mod served;
 mod study;
 mod track;
+mod vector;
 #[cfg(not(target_os = "linux"))]
 mod without_link;
 #[cfg(not(target_os = "linux"))]
@@ -79,6 +83,7 @@ enum Command {
     Dialect(dialect::Args),
     Scene(scene::Args),
     Patient(patient::Args),
+    Locate(locate::Args),
     Track(track::Args),
     Plan(plan::Args),
     Bench(bench::Args),
@@ -133,6 +138,7 @@ fn dispatch(command: Command) -> Result<()> {
         Command::Dialect(args) => dialect::run(&args),
         Command::Scene(args) => scene::run(&args),
         Command::Patient(args) => patient::run(&args),
+        Command::Locate(args) => locate::run(&args),
         Command::Track(args) => track::run(&args),
         Command::Plan(args) => plan::run(&args),
         Command::Bench(args) => bench::run(&args),

@@ -1,47 +1,34 @@
 //! `phasma track`: follows a patient and the tumour through the ports of the pods, live.
 
 mod patience;
-mod pod;
 mod span;
 mod table;
 
+use super::new_file;
+use super::pods::{Address, PodArgs, Source, Taken};
 use crate::error::{Error, Result};
 use crate::host::track::{
     Answers, Beam, Follower, Hold, HoldRules, Measured, ModelOptions, POINTS, Planned, Quantity,
     Reading, Region, Sight,
 };
 use crate::patient::planning::Planning;
-use crate::profile::{Configuration, Station, StationDevice};
 use glam::DVec3;
 use patience::{FOREVER, Patience};
-use pod::{Address, Source, Taken};
 use span::Span;
 use std::path::PathBuf;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::time::{Duration, Instant};
 use table::{Row, Table};
 
-/// Longest timeout in seconds.
-const MAX_TIMEOUT_S: f64 = 3600.0;
+/// Largest tolerance in millimetres.
+const MOST_TOLERANCE_MM: f64 = 1000.0;
 
 /// Follow a patient's skin and tumour through the ports of one or several pods: six degrees of freedom,
 /// the tumour's place with its deviation, beam-hold, latency, a line of CSV a scan
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
-    /// Run directory of a served station: each of its devices in a folder of its name.
-    #[arg(
-        long,
-        value_name = "DIR",
-        required_unless_present = "pod",
-        conflicts_with = "pod"
-    )]
-    run_dir: Option<PathBuf>,
-    /// A pod by its ports: its name in the station, its camera and its control port. Once for each.
-    #[arg(long, value_name = "NAME=CAMERA,CONTROL")]
-    pod: Vec<String>,
-    /// Where the pods stand in the room: a station's name or file.
-    #[arg(long, value_name = "STATION", default_value = "sgrt-ceiling")]
-    station: String,
+    #[command(flatten)]
+    pods: PodArgs,
     /// What planning knows of the patient, as `phasma patient plan` and `phasma patient import`
     /// write it.
     #[arg(long, value_name = "DIR")]
@@ -55,34 +42,26 @@ pub(super) struct Args {
     /// How far the tumour may be from where it was planned, in millimetres.
     #[arg(long, value_name = "MM", default_value_t = 5.0)]
     tolerance_mm: f64,
-    /// Seconds to wait for a reply or a frame.
-    #[arg(long, value_name = "S", default_value_t = 5.0)]
-    timeout: f64,
 }
 
 pub(super) fn run(args: &Args) -> Result<()> {
-    let within = |name: &str, value: f64, most: f64| match (0.001..=most).contains(&value) {
-        true => Ok(()),
-        false => Err(Error::input(name, value, format!("0.001 to {most}"))),
-    };
-    within("--timeout", args.timeout, MAX_TIMEOUT_S)?;
-    within("--tolerance-mm", args.tolerance_mm, 1000.0)?;
-    let Configuration::Station(station) = Configuration::load(&args.station)? else {
+    let timeout = args.pods.timeout()?;
+    if !(0.001..=MOST_TOLERANCE_MM).contains(&args.tolerance_mm) {
         return Err(Error::input(
-            format!("--station {}", args.station),
-            "a device",
-            "a station, which says where its devices stand",
+            "--tolerance-mm",
+            args.tolerance_mm,
+            format!("0.001 to {MOST_TOLERANCE_MM}"),
         ));
-    };
+    }
+    let station = args.pods.station()?;
     if args.scans == Some(0) {
         return Err(Error::input("--scans", 0, "1 or more"));
     }
-    Table::check(args.out.as_deref())?;
+    args.out.as_deref().map_or(Ok(()), new_file::check)?;
     super::step("planning");
     let planning = Planning::load(&args.planning)?;
     let planned = Planned::new(&planning, &Region::chest(), &ModelOptions::default())?;
-    let pods = addresses(args, &station)?;
-    let timeout = Duration::from_secs_f64(args.timeout);
+    let pods = args.pods.addresses(&station)?;
     // A scan waits for as many pods as there are; the device is never asked for more than that ahead.
     let (send, taken) = sync_channel(pods.len());
     std::thread::scope(|threads| {
@@ -102,22 +81,6 @@ pub(super) fn run(args: &Args) -> Result<()> {
     })
 }
 
-fn addresses(args: &Args, station: &Station) -> Result<Vec<Address>> {
-    match &args.run_dir {
-        Some(folder) => {
-            let devices = station.device.iter();
-            let of =
-                |device: &StationDevice| Address::of_run_dir(device, &folder.join(&device.name));
-            devices.map(of).collect()
-        }
-        None => args
-            .pod
-            .iter()
-            .map(|text| Address::of_ports(text, station))
-            .collect(),
-    }
-}
-
 /// Scans with one pod after the other, for their projectors take turns, while what was scanned before
 /// is looked at.
 fn scan(
@@ -128,7 +91,7 @@ fn scan(
 ) -> Result<()> {
     let mut sources = Vec::new();
     for pod in pods {
-        sources.push(Source::open(pod, timeout)?);
+        sources.push(Source::open(pod, timeout)?.without_checks());
     }
     let mut scanned = Ok(());
     let mut count = 0;
@@ -158,10 +121,12 @@ fn scan(
 fn follow(args: &Args, planned: &Planned, pods: &[Address], scans: &Receiver<Taken>) -> Result<()> {
     let mut hold = Hold::new(HoldRules::default())?;
     let mut follower = Follower::new(planned)?;
-    let mut sights: Vec<Sight> = pods.iter().map(Address::sight).collect();
+    let sight = |pod: &Address| Sight::new(&pod.name, pod.room_from_rig);
+    let mut sights: Vec<Sight> = pods.iter().map(sight).collect();
     let target = planned.tumour_mm();
     let begin = Instant::now();
-    let mut table = Table::new(args.out.as_deref(), begin);
+    let modes = planned.model.components();
+    let mut table = Table::new(args.out.as_deref(), begin, modes);
     let mut patience = Patience::new(hold.stale());
     let most = POINTS / pods.len().max(1);
     let mut count = 0;
@@ -177,12 +142,12 @@ fn follow(args: &Args, planned: &Planned, pods: &[Address], scans: &Receiver<Tak
                     Ok(taken) => break taken,
                     Err(RecvTimeoutError::Timeout) => {
                         // The beam is off before anything else is known, and said to be so once.
-                        table.silent(count, planned.model.components(), hold.silent())?;
+                        table.silent(count, hold.silent())?;
                         silence = FOREVER;
                     }
                     Err(RecvTimeoutError::Disconnected) => {
                         if args.scans != Some(count) && *hold.beam() == Beam::On {
-                            table.silent(count, planned.model.components(), hold.silent())?;
+                            table.silent(count, hold.silent())?;
                         }
                         break 'scans;
                     }
@@ -225,7 +190,6 @@ fn follow(args: &Args, planned: &Planned, pods: &[Address], scans: &Receiver<Tak
             device_s: span.end_ns as f64 * 1e-9,
             rigid: rigid.as_ref().ok(),
             motion: fit.as_ref().ok(),
-            modes: planned.model.components(),
             target,
             points: measured.len(),
             decode_ms: decoding.as_secs_f64() * 1e3,

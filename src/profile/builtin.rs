@@ -41,7 +41,7 @@ const STATIONS: [(&str, &str); 2] = [
 ];
 
 /// Name and text of each scene.
-const SCENES: [(&str, &str); 8] = [
+const SCENES: [(&str, &str); 9] = [
     (
         "trapezoid",
         include_str!("../../device-profiles/scenes/trapezoid.toml"),
@@ -73,6 +73,10 @@ const SCENES: [(&str, &str); 8] = [
     (
         "treatment-room-head",
         include_str!("../../device-profiles/scenes/treatment-room-head.toml"),
+    ),
+    (
+        "treatment-room-board",
+        include_str!("../../device-profiles/scenes/treatment-room-board.toml"),
     ),
 ];
 

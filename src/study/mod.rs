@@ -3,6 +3,7 @@
 
 pub mod acceptance;
 mod all;
+pub mod boards;
 pub mod calibration;
 pub mod clinic;
 mod draws;

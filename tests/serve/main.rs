@@ -6,6 +6,7 @@ mod clock;
 mod dialects;
 mod directory;
 mod place;
+mod pods;
 mod scan;
 mod served;
 mod service;

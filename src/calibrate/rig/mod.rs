@@ -5,12 +5,15 @@
 //! for the rig. The centroid of a dot's image is not the image of its centre, and by how much it is
 //! off takes the lens and the pose, which are what is wanted; so it solves with the centroids as
 //! they are, moves them by what the solution says ([`super::board::bias`]), reads the projector's
-//! coordinates anew at the moved points, and solves again, until they stay.
+//! coordinates anew at the moved points, and solves again, until they stay. [`place`] does the same
+//! where the rig is known and only the board's place is not.
 
 mod checks;
+mod place;
 mod rounds;
 mod sight;
 
+pub use place::place;
 pub use rounds::calibrate;
 pub use sight::{PoseData, sight};
 

@@ -2,17 +2,18 @@
 
 use super::checks::against_nominal;
 use super::{Calibration, Missed, PoseData, Task};
+use crate::calibrate::board::Seen;
 use crate::calibrate::board::bias::of_disc;
 use crate::calibrate::board::lit::unread;
 use crate::calibrate::solve::{Solution, Unsolved, solve};
-use crate::geometry::Board;
+use crate::geometry::{Board, Lens, Pose};
 use glam::DVec2;
 
 /// Below this nothing moves that matters: a thousandth of what a dot's centre is known by.
-const STAYS_PX: f64 = 1e-5;
+pub(super) const STAYS_PX: f64 = 1e-5;
 /// The bias depends on the lens and the poses so little that three are enough; a pose that comes and
 /// goes could take more.
-const ROUNDS: usize = 6;
+pub(super) const ROUNDS: usize = 6;
 
 /// Solves for the rig of a task from its poses; `missed` are those without a board, for the report.
 ///
@@ -114,18 +115,29 @@ fn biases_of(
         else {
             continue;
         };
-        for (seen, bias) in pose.seen.iter().zip(biases) {
-            let radius = board.radius_mm(seen.index);
-            if radius > 0.0 {
-                let lens = &solution.rig.camera.lens;
-                let centre = board.point(seen.index);
-                *bias = of_disc(lens, &solved.camera_from_board, centre, radius).unwrap_or(*bias);
-            }
-        }
+        let lens = &solution.rig.camera.lens;
+        update(biases, board, lens, &solved.camera_from_board, &pose.seen);
     }
     biases
 }
 
-fn largest<'a>(pairs: impl Iterator<Item = (&'a DVec2, &'a DVec2)>) -> f64 {
+/// The biases of one pose's points.
+pub(super) fn update(
+    biases: &mut [DVec2],
+    board: &Board,
+    lens: &Lens,
+    camera_from_board: &Pose,
+    seen: &[Seen],
+) {
+    for (seen, bias) in seen.iter().zip(biases) {
+        let radius = board.radius_mm(seen.index);
+        if radius > 0.0 {
+            let centre = board.point(seen.index);
+            *bias = of_disc(lens, camera_from_board, centre, radius).unwrap_or(*bias);
+        }
+    }
+}
+
+pub(super) fn largest<'a>(pairs: impl Iterator<Item = (&'a DVec2, &'a DVec2)>) -> f64 {
     pairs.map(|(a, b)| (*a - *b).length()).fold(0.0, f64::max)
 }

@@ -3,7 +3,7 @@
 use super::coefficients::{Model, free, ranked, restricted};
 use super::fit::{Effort, minimise};
 use super::model::{State, residual};
-use super::normal::Normal;
+use super::normal::{Free, Normal};
 use super::observation::PoseObservations;
 use super::refusal::{Why, refusal};
 use super::robust::{self, Loss};
@@ -25,6 +25,25 @@ pub(super) struct Solved {
     /// Of the free unknowns of the rig, then six of each board.
     pub covariance: DMatrix<f64>,
     pub inflation: [f64; 2],
+}
+
+/// The minimum with some of the rig's unknowns free.
+pub(super) struct Settled {
+    pub state: State,
+    /// Of the free unknowns of the rig, then six of each board.
+    pub covariance: DMatrix<f64>,
+    pub inflation: [f64; 2],
+}
+
+impl Settled {
+    fn of(self, model: Model) -> Solved {
+        Solved {
+            state: self.state,
+            model,
+            covariance: self.covariance,
+            inflation: self.inflation,
+        }
+    }
 }
 
 impl Bundle {
@@ -62,7 +81,7 @@ impl Bundle {
         let maps = start::maps(self, choice.robust)?;
         let mut state = start::state(self, &maps, sizes, &first, choice)?;
         self.drop_behind(&mut state)?;
-        self.approach(&mut state, &first, choice, false)?;
+        self.approach(&mut state, &free(&first), choice, false)?;
         let mut solved = self.largest(&state, &[most, fewer, first, least], choice)?;
         let largest = solved.model;
         let order = ranked(
@@ -78,9 +97,9 @@ impl Bundle {
             }
             let mut other = self.clone();
             let smaller = restricted(&solved.state, &model);
-            match other.settle(smaller, model, choice) {
+            match other.settle(smaller, &free(&model), choice) {
                 Ok(found) if unfolded(&found.state, &model, choice) => {
-                    (*self, solved) = (other, found);
+                    (*self, solved) = (other, found.of(model));
                     break;
                 }
                 _ => {}
@@ -103,13 +122,14 @@ impl Bundle {
                 continue;
             }
             let (mut other, mut state) = (self.clone(), restricted(state, model));
-            let solved = other
-                .approach(&mut state, model, choice, true)
-                .and_then(|()| other.settle(state, *model, choice));
-            match solved {
-                Ok(solved) if unfolded(&solved.state, model, choice) => {
+            let free = free(model);
+            let settled = other
+                .approach(&mut state, &free, choice, true)
+                .and_then(|()| other.settle(state, &free, choice));
+            match settled {
+                Ok(settled) if unfolded(&settled.state, model, choice) => {
                     *self = other;
-                    return Ok(solved);
+                    return Ok(settled.of(*model));
                 }
                 Ok(_) => {}
                 Err(why) => refusal = why,
@@ -119,14 +139,13 @@ impl Bundle {
     }
 
     /// Near to the minimum, by a robust loss; where asked to, leaves out poses that do not belong.
-    fn approach(
+    pub fn approach(
         &mut self,
         state: &mut State,
-        model: &Model,
+        free: &Free,
         choice: &Choice,
         drop: bool,
     ) -> Result<(), Unsolved> {
-        let free = free(model);
         let mut last = f64::INFINITY;
         for _ in 0..8 {
             let scales = robust::scales(&self.poses, state);
@@ -135,7 +154,7 @@ impl Bundle {
             } else {
                 Loss::Square([1.0; 2])
             };
-            let fit = minimise(&self.poses, state, &free, &loss, Effort::ROUGH)
+            let fit = minimise(&self.poses, state, free, &loss, Effort::ROUGH)
                 .ok_or_else(|| self.refusal(Why::NoStart, state))?;
             *state = fit.state;
             // Scales are 1 at least: nearer to that there is nothing to gain.
@@ -153,8 +172,12 @@ impl Bundle {
     }
 
     /// To the minimum of squares over what counts, with outliers decided and noise estimated.
-    fn settle(&mut self, state: State, model: Model, choice: &Choice) -> Result<Solved, Unsolved> {
-        let free = free(&model);
+    pub fn settle(
+        &mut self,
+        state: State,
+        free: &Free,
+        choice: &Choice,
+    ) -> Result<Settled, Unsolved> {
         let (mut state, mut inflation, mut moved) = (state, [1.0; 2], true);
         for _ in 0..6 {
             let changed = choice.robust && robust::reject(&mut self.poses, &state);
@@ -162,7 +185,7 @@ impl Bundle {
                 break;
             }
             let loss = Loss::Square(inflation);
-            let fit = minimise(&self.poses, &state, &free, &loss, Effort::FULL)
+            let fit = minimise(&self.poses, &state, free, &loss, Effort::FULL)
                 .ok_or_else(|| self.refusal(Why::NoStart, &state))?;
             state = fit.state;
             if !fit.converged {
@@ -170,19 +193,18 @@ impl Bundle {
                 return Err(self.refusal(why, &state));
             }
             let before = inflation;
-            inflation = self.inflation(&state, &model);
+            inflation = self.inflation(&state, free);
             moved = (0..2).any(|g| (inflation[g] / before[g] - 1.0).abs() > 1e-3);
         }
-        if self.degrees_of_freedom(&model) == 0 {
-            let unknowns = self.unknowns(&model);
+        if self.degrees_of_freedom(free) == 0 {
+            let unknowns = self.unknowns(free);
             return Err(self.refusal(Why::TooFew { unknowns }, &state));
         }
         let covariance = Normal::at(&self.poses, &state, &Loss::Square(inflation))
-            .and_then(|n| n.covariance(&free))
+            .and_then(|n| n.covariance(free))
             .ok_or_else(|| self.refusal(Why::Open, &state))?;
-        Ok(Solved {
+        Ok(Settled {
             state,
-            model,
             covariance,
             inflation,
         })
@@ -210,20 +232,20 @@ impl Bundle {
     }
 
     /// Numbers observed minus unknowns.
-    pub fn degrees_of_freedom(&self, model: &Model) -> usize {
-        self.observed().saturating_sub(self.unknowns(model))
+    pub fn degrees_of_freedom(&self, free: &Free) -> usize {
+        self.observed().saturating_sub(self.unknowns(free))
     }
 
     /// The rig's unknowns and six of each board.
-    fn unknowns(&self, model: &Model) -> usize {
-        free(model).iter().filter(|f| **f).count() + 6 * self.poses.len()
+    fn unknowns(&self, free: &Free) -> usize {
+        free.iter().filter(|f| **f).count() + 6 * self.poses.len()
     }
 
     /// Mean squares of the whitened residuals of camera and projector, each group taken to have its
     /// share of the degrees of freedom; 1 where they are below or chance explains them: three
     /// standard deviations of a mean of squares, sqrt(2 / n).
-    fn inflation(&self, state: &State, model: &Model) -> [f64; 2] {
-        let share = self.degrees_of_freedom(model) as f64 / self.observed() as f64;
+    fn inflation(&self, state: &State, free: &Free) -> [f64; 2] {
+        let share = self.degrees_of_freedom(free) as f64 / self.observed() as f64;
         self.squares(state).map(|(sum, count)| {
             let free = count as f64 * share;
             let factor = sum / free;

@@ -18,6 +18,7 @@ mod homography;
 mod model;
 mod normal;
 mod observation;
+mod place;
 mod refusal;
 mod resection;
 mod robust;
@@ -33,6 +34,7 @@ mod zhang;
 
 pub use chi_square::{chi_square_below, chi_square_bound};
 
+pub use place::{Placed, place};
 pub use solution::{
     Errors, LeftOut, Parameter, PointResidual, ProjectorResidual, Solution, SolvedPose,
 };

@@ -32,7 +32,7 @@ const OF_POSE: [(&str, &str); 6] = [
 ];
 
 pub(super) fn of(bundle: Bundle, solved: Solved) -> Solution {
-    let degrees_of_freedom = bundle.degrees_of_freedom(&solved.model);
+    let degrees_of_freedom = bundle.degrees_of_freedom(&free(&solved.model));
     let squares: f64 = bundle.squares(&solved.state).iter().map(|s| s.0).sum();
     let Solved {
         state,
@@ -124,7 +124,7 @@ fn of_pose(pose: &Pose) -> [f64; 6] {
     [turn.x, turn.y, turn.z, place.x, place.y, place.z]
 }
 
-fn solved_pose(pose: &PoseObservations, state: &State, board: usize) -> SolvedPose {
+pub(super) fn solved_pose(pose: &PoseObservations, state: &State, board: usize) -> SolvedPose {
     let points: Vec<PointResidual> = pose
         .points
         .iter()

@@ -43,6 +43,14 @@ pub enum Unsolved {
         /// How many are needed.
         wanted: String,
     },
+    /// A board that stands nowhere before a rig that is known.
+    #[error("the board cannot be placed: {found}; wanted: {wanted}")]
+    Unplaced {
+        /// What its points do.
+        found: String,
+        /// What they should.
+        wanted: String,
+    },
     /// Data that leave a parameter open, or fit no rig at all.
     #[error("the rig cannot be determined: {found}; wanted: {wanted}")]
     Undetermined {

@@ -9,28 +9,28 @@ use crate::pattern::{Axis, Manifest};
 use image::RgbImage;
 
 /// A pose that was looked at.
-pub(super) struct Looked {
+pub(in crate::cli) struct Looked {
     /// What was found, or why nothing was.
-    pub(super) found: Result<PoseData, String>,
+    pub(in crate::cli) found: Result<PoseData, String>,
     /// The picture, with what was found in it.
-    pub(super) picture: RgbImage,
+    pub(in crate::cli) picture: RgbImage,
     /// Share of the pixels that are saturated in some frame.
-    pub(super) saturated: f64,
+    pub(in crate::cli) saturated: f64,
     /// Width and height of the camera's image.
-    pub(super) camera_px: [u32; 2],
+    pub(in crate::cli) camera_px: [u32; 2],
     /// Width and height of the projector's image.
-    pub(super) projector_px: [u32; 2],
+    pub(in crate::cli) projector_px: [u32; 2],
     /// What the device says of itself.
-    pub(super) nominal: Option<Rig>,
+    pub(in crate::cli) nominal: Option<Rig>,
     /// The camera's noise.
-    pub(super) noise: Option<NoiseModel>,
+    pub(in crate::cli) noise: Option<NoiseModel>,
 }
 
 /// Decodes a pose's frames and looks for the board in them.
 ///
 /// # Errors
 /// A sequence that does not tell both axes, and frames that do not fit it.
-pub(super) fn look(
+pub(in crate::cli) fn look(
     board: &Board,
     name: &str,
     manifest: &Manifest,

@@ -14,6 +14,8 @@ mod without_device;
 #[cfg(not(target_os = "linux"))]
 use without_device as emulated;
 
+pub(super) use look::look;
+
 use super::backend;
 use super::board_args::BoardArgs;
 use super::step;

@@ -1,5 +1,6 @@
 //! `phasma patient import`: a planning folder from a CT, displacement fields and a tumour.
 
+use crate::cli::vector::vector;
 use crate::error::{Error, Result};
 use crate::patient::import::{Import, Imported};
 use crate::patient::isosurface::SKIN_HU;
@@ -57,7 +58,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
         ct: args.ct.clone(),
         skin_hu: args.skin_hu,
         tumour: args.tumour.clone(),
-        isocentre_mm: args.isocentre.as_deref().map(point).transpose()?,
+        isocentre_mm: args.isocentre()?,
         reference_percent: args.reference_phase,
         phases: args
             .phase
@@ -73,6 +74,14 @@ pub(super) fn run(args: &Args) -> Result<()> {
 }
 
 impl Args {
+    fn isocentre(&self) -> Result<Option<DVec3>> {
+        let point = |text| {
+            let allowed = "X,Y,Z in millimetres, as -12.5,140,-812";
+            vector("--isocentre", text, 1e5, allowed)
+        };
+        self.isocentre.as_deref().map(point).transpose()
+    }
+
     /// What was asked for, or the folder's name where a patient may be called that.
     fn name(&self) -> String {
         let folder = || {
@@ -94,19 +103,6 @@ fn phase(text: &str) -> Result<(f64, PathBuf)> {
             format!("--phase {text}"),
             "no phase",
             "PERCENT=FILE, as 50=dvf_50.mha",
-        )),
-    }
-}
-
-/// `X,Y,Z`.
-fn point(text: &str) -> Result<DVec3> {
-    let numbers: Option<Vec<f64>> = text.split(',').map(|n| n.trim().parse().ok()).collect();
-    match numbers.as_deref() {
-        Some(&[x, y, z]) => Ok(DVec3::new(x, y, z)),
-        _ => Err(Error::input(
-            format!("--isocentre {text}"),
-            "no point",
-            "X,Y,Z in millimetres, as -12.5,140,-812",
         )),
     }
 }

@@ -1,9 +1,9 @@
 //! A line of CSV for each scan.
 
+use crate::cli::new_file;
 use crate::error::{Error, Result};
 use crate::host::track::{Beam, MotionFit, RigidFit, six};
 use glam::DVec3;
-use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::time::{Instant, SystemTime, UNIX_EPOCH};
@@ -12,6 +12,8 @@ use std::time::{Instant, SystemTime, UNIX_EPOCH};
 pub(super) struct Table {
     path: Option<PathBuf>,
     begin: Instant,
+    /// Coefficients that the motion has.
+    modes: usize,
     /// None before the first line.
     to: Option<BufWriter<Box<dyn Write>>>,
 }
@@ -23,8 +25,6 @@ pub(super) struct Row<'a> {
     pub(super) device_s: f64,
     pub(super) rigid: Option<&'a RigidFit>,
     pub(super) motion: Option<&'a MotionFit>,
-    /// Coefficients that the motion has.
-    pub(super) modes: usize,
     /// Where the tumour was planned.
     pub(super) target: DVec3,
     pub(super) points: usize,
@@ -39,34 +39,13 @@ pub(super) struct Row<'a> {
 }
 
 impl Table {
-    /// Refuses a file that is there, before anything is done.
-    ///
-    /// # Errors
-    /// Such a file, and a folder that is not there.
-    pub(super) fn check(path: Option<&Path>) -> Result<()> {
-        let Some(path) = path else { return Ok(()) };
-        if path.exists() {
-            return Err(there(path));
-        }
-        match path
-            .parent()
-            .filter(|folder| !folder.as_os_str().is_empty())
-        {
-            Some(folder) if !folder.is_dir() => Err(Error::input(
-                format!("--out {}", path.display()),
-                format!("no folder {}", folder.display()),
-                "a new file in a folder that is there",
-            )),
-            _ => Ok(()),
-        }
-    }
-
     /// A table for a new file, or standard output, which both stay as they are until there is a line;
-    /// times are since `begin`.
-    pub(super) fn new(path: Option<&Path>, begin: Instant) -> Self {
+    /// times are since `begin`, and the motion has so many coefficients.
+    pub(super) fn new(path: Option<&Path>, begin: Instant, modes: usize) -> Self {
         Self {
             path: path.map(Path::to_owned),
             begin,
+            modes,
             to: None,
         }
     }
@@ -110,12 +89,12 @@ impl Table {
     ///
     /// # Errors
     /// As for [`Self::row`].
-    pub(super) fn silent(&mut self, scan: u64, modes: usize, beam: &Beam) -> Result<()> {
-        let columns = Self::names(modes).len();
+    pub(super) fn silent(&mut self, scan: u64, beam: &Beam) -> Result<()> {
+        let columns = Self::names(self.modes).len();
         let mut fields = self.first(scan, "");
         fields.resize(columns - 2, String::new());
         fields.extend(verdict(beam, &[]));
-        self.line(modes, &fields)
+        self.line(&fields)
     }
 
     /// Number and times.
@@ -151,7 +130,7 @@ impl Table {
             let variance = |m: &MotionFit| m.total_covariance(row.target).col(axis)[axis];
             fields.push(of(&|m| variance(m).max(0.0).sqrt()));
         }
-        for mode in 0..row.modes {
+        for mode in 0..self.modes {
             let of = |f: &dyn Fn(&MotionFit) -> f64| {
                 row.motion.map_or(String::new(), |m| format!("{:.4}", f(m)))
             };
@@ -173,11 +152,11 @@ impl Table {
         let since = row.since_motion_ms;
         fields.push(since.map_or(String::new(), |ms| format!("{ms:.2}")));
         fields.extend(verdict(row.beam, row.warnings));
-        self.line(row.modes, &fields)
+        self.line(&fields)
     }
 
     /// Whoever follows it reads each line as it comes.
-    fn line(&mut self, modes: usize, fields: &[String]) -> Result<()> {
+    fn line(&mut self, fields: &[String]) -> Result<()> {
         let path = self.path.as_deref();
         let failed = |e| match path {
             Some(path) => Error::io(path, e),
@@ -187,7 +166,7 @@ impl Table {
             Some(to) => to,
             None => {
                 let to = self.to.insert(BufWriter::new(opened(path)?));
-                writeln!(to, "{}", Self::names(modes).join(",")).map_err(failed)?;
+                writeln!(to, "{}", Self::names(self.modes).join(",")).map_err(failed)?;
                 to
             }
         };
@@ -212,20 +191,8 @@ fn verdict(beam: &Beam, warnings: &[String]) -> [String; 2] {
 }
 
 fn opened(path: Option<&Path>) -> Result<Box<dyn Write>> {
-    let Some(path) = path else {
-        return Ok(Box::new(std::io::stdout()));
-    };
-    match File::create_new(path) {
-        Ok(file) => Ok(Box::new(file)),
-        Err(e) if e.kind() == std::io::ErrorKind::AlreadyExists => Err(there(path)),
-        Err(e) => Err(Error::io(path, e)),
-    }
-}
-
-fn there(path: &Path) -> Error {
-    Error::input(
-        format!("--out {}", path.display()),
-        "a file that is there already",
-        "a new file",
-    )
+    Ok(match path {
+        Some(path) => Box::new(new_file::create(path)?),
+        None => Box::new(std::io::stdout()),
+    })
 }

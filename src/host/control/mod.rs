@@ -217,7 +217,20 @@ impl<P: CommandPort> Control<P> {
         each!(self, control => control.selected(settings))
     }
 
-    fn select(&mut self, name: &str) -> Result<()> {
+    /// Name of the sequence that is selected now, where the device says so.
+    ///
+    /// # Errors
+    /// What the port or the device refuses.
+    pub(super) fn selection(&mut self) -> Result<Option<String>> {
+        let settings = each!(self, control => control.settings())?;
+        Ok(self.selected(&settings))
+    }
+
+    /// Selects a sequence.
+    ///
+    /// # Errors
+    /// What the port or the device refuses, and a sequence that it does not have.
+    pub(super) fn select(&mut self, name: &str) -> Result<()> {
         let refused = match each!(self, control => control.select(name)) {
             Ok(()) => return Ok(()),
             Err(error) => error,

@@ -202,6 +202,22 @@ impl<C: Camera, P: CommandPort> Scanner<C, P> {
         }
     }
 
+    /// Name of the sequence that is selected, where the device says so.
+    ///
+    /// # Errors
+    /// What the port or the device refuses.
+    pub fn selected(&mut self) -> Result<Option<String>> {
+        self.control.persist(Control::selection)
+    }
+
+    /// Selects a sequence; a scan does so by itself.
+    ///
+    /// # Errors
+    /// What the port or the device refuses, and a sequence that it does not have.
+    pub fn select(&mut self, name: &str) -> Result<()> {
+        self.control.persist(|control| control.select(name))
+    }
+
     /// The device's control port where it speaks SCPI, to set what a scan leaves alone: exposure,
     /// gain, light.
     pub fn instrument(&mut self) -> Option<&mut Instrument<P>> {

@@ -12,6 +12,11 @@ use std::path::Path;
 /// are no Hounsfield units (air at 0) are all above any level of skin.
 const MOST_BODY: f64 = 0.95;
 
+/// Denser than bone and all that is not metal, in Hounsfield units; and the part of a CT that may be.
+/// Of numbers whose bytes are swapped, or that are of another kind of image, far more are.
+const DENSE_HU: f32 = 4095.0;
+const MOST_DENSE: f64 = 0.01;
+
 /// A CT in the LPS of its scanner.
 pub(super) struct Ct {
     pub(super) volume: Volume,
@@ -47,11 +52,23 @@ impl Ct {
     /// Where the CT ends it is capped; a couch whose voxels touch the body's is a part of it.
     pub(super) fn skin(&self, level_hu: f64) -> Result<Mesh> {
         let voxels = self.volume.voxels();
-        let body = (0..voxels.len())
-            .into_par_iter()
-            .filter(|&n| f64::from(voxels.get(n)) >= level_hu)
-            .count();
-        let share = body as f64 / voxels.len() as f64;
+        let share_of = |is: &(dyn Fn(f32) -> bool + Sync)| {
+            let all = (0..voxels.len()).into_par_iter();
+            all.filter(|&n| is(voxels.get(n))).count() as f64 / voxels.len() as f64
+        };
+        let dense = share_of(&|hu| hu > DENSE_HU);
+        if dense > MOST_DENSE {
+            return Err(Error::input(
+                &self.place,
+                format!("{:.0} % of the voxels above {DENSE_HU}", 100.0 * dense),
+                format!(
+                    "Hounsfield units, at most {:.0} % of them above {DENSE_HU}: metal (are the bytes in \
+                     the order that the header says?)",
+                    100.0 * MOST_DENSE
+                ),
+            ));
+        }
+        let share = share_of(&|hu| f64::from(hu) >= level_hu);
         if share > MOST_BODY {
             return Err(Error::input(
                 &self.place,

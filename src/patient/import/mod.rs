@@ -33,6 +33,10 @@ use tumour::Tumour;
 /// A skin that moves less over all phases shows no breath, in millimetres.
 const LEAST_MOTION_MM: f64 = 0.1;
 
+/// No breath moves skin or tumour farther, in millimetres: what does is in another unit, or in another
+/// order of bytes.
+const MOST_MOTION_MM: f64 = 100.0;
+
 /// What to make a planning folder of.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Import {
@@ -138,6 +142,14 @@ impl Import {
                     format!("{LEAST_MOTION_MM} mm or more: without it no breath can be seen"),
                 ));
             }
+            let farthest_mm = motion.skin_mm.max(motion.tumour_mm);
+            if farthest_mm > MOST_MOTION_MM {
+                return Err(Error::input(
+                    "fields",
+                    format!("skin or tumour that move up to {farthest_mm:.1} mm"),
+                    format!("{MOST_MOTION_MM} mm or less: displacements in millimetres"),
+                ));
+            }
             // Last, so that a folder with a planning.toml is whole.
             file.write(out)?;
             Ok(motion)
@@ -173,7 +185,7 @@ impl Import {
             return Ok(at);
         }
         Err(Error::input(
-            "isocentre",
+            format!("isocentre in {}", ct.place),
             format!("{} mm", listed(at)),
             format!(
                 "a point in the CT's LPS that it shows, within {}",

@@ -79,9 +79,10 @@ impl<'a> Lines<'a> {
     /// Checks a key that has only one value that is read here, where it stands at all.
     pub(super) fn is(&self, key: &str, wanted: &str) -> Result<()> {
         let same = |value: &str| value.eq_ignore_ascii_case(wanted);
-        match self.lines.iter().find(|(_, k, _)| *k == key) {
-            Some((_, _, value)) if !same(value) => Err(self.wrong(key, shown(value), wanted)),
-            _ => Ok(()),
+        let mut all = self.lines.iter().filter(|(_, k, _)| *k == key);
+        match all.find(|(_, _, value)| !same(value)) {
+            Some((_, _, value)) => Err(self.wrong(key, shown(value), wanted)),
+            None => Ok(()),
         }
     }
 

@@ -77,20 +77,18 @@ fn timed(context: &Context<'_>, effort: Effort) -> Result<Vec<Row>> {
             last_s = seconds;
         }
         let (answers, fit_s) = context.timed(|| follower.answer(&measured));
-        // The first one searches from far away and makes what is made once: a line of its own.
-        {
-            let lost = usize::from(answers.rigid.is_err()) + usize::from(answers.motion.is_err());
-            rows.push(
-                Row::new()
-                    .text("subject", if round > 0 { "patient" } else { FIRST })
-                    .number("device_ms", pods.duration_ns() as f64 * 1e-6)
-                    .number("look_ms", looked_s * 1e3)
-                    .number("fit_ms", fit_s * 1e3)
-                    .number("host_ms", (last_s + fit_s) * 1e3)
-                    .number("scan_ms", (looked_s + fit_s) * 1e3)
-                    .number("lost", (lost + doubts) as f64),
-            );
-        }
+        let lost = usize::from(answers.rigid.is_err()) + usize::from(answers.motion.is_err());
+        rows.push(
+            Row::new()
+                // The first one searches from far away and makes what is made once: a line of its own.
+                .text("subject", if round > 0 { "patient" } else { FIRST })
+                .number("device_ms", pods.duration_ns() as f64 * 1e-6)
+                .number("look_ms", looked_s * 1e3)
+                .number("fit_ms", fit_s * 1e3)
+                .number("host_ms", (last_s + fit_s) * 1e3)
+                .number("scan_ms", (looked_s + fit_s) * 1e3)
+                .number("lost", (lost + doubts) as f64),
+        );
     }
     Ok(rows)
 }

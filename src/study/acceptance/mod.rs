@@ -2,13 +2,14 @@
 //! the three pods under the ceiling and the tracker.
 //!
 //! What lies on the couch is known in closed form, and so is where the couch takes it (`subject`). Known
-//! displacements (`known`), an hour of fading light and warming pods (`drift`), pods behind the linac's
+//! displacements (`known`), pods that boards have calibrated (`frame`), an hour of fading light and warming pods (`drift`), pods behind the linac's
 //! head (`hidden`), bodies that do not determine all motions (`phantoms`), regions of interest of all
 //! sizes (`region`), skin tones (`tones`), beam-hold (`hold`) and times (`latency`) are held against what
 //! clinics tolerate, and stand beside what was published of commercial systems (`summary`).
 
 mod answer;
 mod drift;
+mod frame;
 mod hidden;
 mod hold;
 mod known;
@@ -39,6 +40,8 @@ struct Effort {
     both_ways: bool,
     shifts_mm: &'static [f64],
     turns_deg: &'static [f64],
+    /// Poses of a board that each pod is calibrated by.
+    board_poses: usize,
     /// Device times in seconds of scans while the light fades, and of pods that have warmed.
     hour_s: &'static [f64],
     heat_s: &'static [f64],
@@ -67,6 +70,7 @@ impl Effort {
                 both_ways: false,
                 shifts_mm: &[10.0],
                 turns_deg: &[2.0],
+                board_poses: 6,
                 hour_s: &[0.0, 900.0, 3600.0],
                 heat_s: &[0.0, 3600.0],
                 repeats: 5,
@@ -83,6 +87,7 @@ impl Effort {
                 both_ways: true,
                 shifts_mm: &[1.0, 5.0, 10.0, 20.0],
                 turns_deg: &[0.5, 1.0, 2.0, 3.0],
+                board_poses: 20,
                 hour_s: &[
                     0.0, 1.0, 60.0, 300.0, 600.0, 1200.0, 1800.0, 2400.0, 3000.0, 3600.0,
                 ],
@@ -164,13 +169,14 @@ impl Study for Acceptance {
 
     fn parts(&self) -> &'static [&'static str] {
         &[
-            "known", "drift", "hidden", "phantoms", "region", "tones", "hold", "latency",
+            "known", "frame", "drift", "hidden", "phantoms", "region", "tones", "hold", "latency",
         ]
     }
 
     fn trials(&self, settings: &Settings) -> Result<Vec<Trial>> {
         let all = [
             known::trials(settings),
+            frame::trials(settings),
             drift::trials(settings),
             hidden::trials(settings),
             phantoms::trials(settings),
@@ -188,6 +194,7 @@ impl Study for Acceptance {
             sections: vec![
                 summary::section(rows),
                 known::section(rows),
+                frame::section(rows),
                 drift::section(rows),
                 hidden::section(rows),
                 phantoms::section(rows),

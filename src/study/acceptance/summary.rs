@@ -3,7 +3,7 @@
 use super::answer::part;
 use super::known::{BAR, TOLERANCE, worst_of_torso};
 use super::published::{self, Published};
-use super::{drift, hidden, hold, tones};
+use super::{drift, frame, hidden, hold, tones};
 use crate::measure::plot::figures;
 use crate::study::lab::{Block, Rows, Section, Table};
 
@@ -52,6 +52,16 @@ fn table(rows: &Rows) -> Table {
         &[(place, "mm"), (angle, "deg")],
         format!("{} mm, {} deg", BAR[0], BAR[1]),
         Some(published::SHIFTS),
+    );
+    let [place, angle] = frame::worst_by_boards(rows);
+    row(
+        (
+            "frame",
+            "the same by pods that boards have calibrated and located",
+        ),
+        &[(place, "mm"), (angle, "deg")],
+        format!("{} mm, {} deg", BAR[0], BAR[1]),
+        None,
     );
     let [place, angle] = tones::worst_of_all(rows);
     row(

@@ -2,14 +2,20 @@
 
 pub(super) const WHAT: &str = "A clinic accepts a surface-guidance system by phantoms on a couch whose \
     displacements are known. This is that suite for the three pods of the ceiling, the decoder and the \
-    rigid tracker, all of it as a client of the ports has it. Calibration and couch are exact here, so \
-    that what is left is what pods and tracker do. The published figures are of other systems, bodies \
+    rigid tracker, all of it as a client of the ports has it. Calibration and couch are exact here but \
+    for the pods of the section on their frame, so that what is left is what pods and tracker do. The published figures are of other systems, bodies \
     and ways of measuring; they stand beside ours for their size.";
 
 pub(super) const KNOWN: &str = "The torso is opaque, as phantoms are. The patient holds the breath at \
     the reference phase; light goes into the skin, and what comes out of it elsewhere shifts what is measured by some \
     tenths of a millimetre, so that against the planned surface there is an error that is the same in all \
     scans. Against a surface that the scanner has captured itself it cancels.";
+
+pub(super) const FRAME: &str = "In all other sections pods are what their profile says and stand where \
+    the station says. Here each is built with errors of its own (projector and focal length) and hangs a \
+    millimetre or so from its place. A board in many poses calibrates each pod, as `phasma calibrate` \
+    does; a board at the isocentre, seen by all of them, tells where each stands, as `phasma locate` does. \
+    What is left is beside what it would be without either, and beside pods that are known exactly.";
 
 pub(super) const DRIFT: &str = "Fading light dims the fringes and moves no phase. What moves a \
     scanner in clinics is heat: as an example the beam between camera and projector of each pod, of \
@@ -26,8 +32,8 @@ pub(super) const PHANTOMS: &str = "A flat board slides and turns in its plane, a
     right all the same.";
 
 pub(super) const REGION: &str = "A small region is flat: shifts along it and turns about axes in it are \
-    poorly known or not at all, and the tracker has to say so. The deviations that it predicts are those \
-    of noise: of what light in the skin does to all scans alike it knows nothing.";
+    poorly known or not at all, and the tracker has to say so. The deviations beside the errors are those \
+    of noise; what `phasma track` adds to them for light in the skin is not in them.";
 
 pub(super) const TONES: &str = "Dark skin returns less light: more noise, fewer points. It also lets \
     less light come back from below, so that the error which all scans share need not grow with it.";

@@ -73,6 +73,16 @@ impl Pod {
         Ok(())
     }
 
+    /// Takes it from now on to stand where it need not: where it was located.
+    pub fn placed(&mut self, room_from_rig: Pose) {
+        self.room_from_rig = room_from_rig;
+    }
+
+    /// The device.
+    pub fn profile(&self) -> &Profile {
+        &self.profile
+    }
+
     /// The rig that it decodes by.
     pub fn rig(&self) -> &Rig {
         &self.rig

@@ -4,7 +4,7 @@ use super::pod::Pod;
 use crate::decode::Decoded;
 use crate::error::{Error, Result};
 use crate::host::track::Measured;
-use crate::profile::{Configuration, Profile, Scene};
+use crate::profile::{Configuration, Profile, RigPlace, Scene};
 
 /// The station that stands under the ceiling.
 const STATION: &str = "sgrt-ceiling";
@@ -34,13 +34,26 @@ impl Pods {
     /// # Errors
     /// What [`Pod::new`] refuses.
     pub fn new(scene: &Scene, seed: u64, adapt: &dyn Fn(&mut Profile)) -> Result<Self> {
+        Self::as_built(scene, seed, &|_, profile, _| adapt(profile))
+    }
+
+    /// The same, each as it is built and where it stands: `adapt` has its number in the order of turns,
+    /// its profile, and its place by the station's file.
+    ///
+    /// # Errors
+    /// As for [`Self::new`].
+    pub fn as_built(
+        scene: &Scene,
+        seed: u64,
+        adapt: &dyn Fn(usize, &mut Profile, &mut RigPlace),
+    ) -> Result<Self> {
         let Configuration::Station(station) = Configuration::load(STATION)? else {
             return Err(Error::input(STATION, "a device", "a station"));
         };
-        let pods = station.device.iter().map(|device| {
+        let pods = station.device.iter().enumerate().map(|(number, device)| {
             let mut profile = Profile::load(&station.profile(device))?;
-            adapt(&mut profile);
-            let place = device.rig().unwrap_or(scene.rig);
+            let mut place = device.rig().unwrap_or(scene.rig);
+            adapt(number, &mut profile, &mut place);
             Pod::new(
                 &profile,
                 scene,

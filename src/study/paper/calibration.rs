@@ -5,27 +5,21 @@ use super::figures::Target;
 use super::published::REPROJECTION_PX;
 use super::scan::Scan;
 use super::{of, three};
-use crate::calibrate::board::Picture;
 use crate::calibrate::poses::{Wanted, poses};
-use crate::calibrate::rig::{Calibration, Missed, PoseData, Task, calibrate, sight};
+use crate::calibrate::rig::{Calibration, Missed, Task, calibrate};
 use crate::calibrate::solve::Choice;
-use crate::decode::{Decoder, FrameStack, Options, Samples};
-use crate::emulator::render;
+use crate::decode::{Decoder, Options};
 use crate::error::{Error, Result};
 use crate::geometry::{Board, Pose, Rig};
 use crate::measure::plot::figures;
-use crate::profile::{Profile, Scene, Shape};
+use crate::profile::Profile;
+use crate::study::boards::shown_to;
 use crate::study::calibration::Truth;
 use crate::study::lab::{Block, Check, Context, Row, Rows, Section, Settings, Table, Trial};
-use crate::study::scanned::{Levels, Scanned, Stage};
 
 /// Poses of the full form, which are the paper's, and of the quick one.
 const POSES: usize = 20;
 const QUICK_POSES: usize = 5;
-
-/// Reflectance of the board's paper and of the ink on it, as `phasma calibrate` has them.
-const PAPER: f64 = 0.45;
-const INK: f64 = 0.06;
 
 const WITH_TRUTH: &str = "true rig";
 const WITH_ESTIMATE: &str = "calibrated rig";
@@ -52,7 +46,7 @@ fn calibration(context: &Context<'_>) -> Result<Vec<Row>> {
     for (i, pose) in shown.iter().enumerate() {
         let name = format!("pose_{i:02}");
         let seed = context.seed.wrapping_mul(1000).wrapping_add(i as u64);
-        match look(&profile, &board, pose, &name, seed)? {
+        match shown_to(&profile, &board, pose, &name, seed)? {
             Ok(data) => {
                 seen.push(data);
                 places.push(*pose);
@@ -74,48 +68,6 @@ fn calibration(context: &Context<'_>) -> Result<Vec<Row>> {
     let mut rows = vec![solved(&found, &rig, &places)];
     rows.extend(scans(context, &found.solution.rig)?);
     Ok(rows)
-}
-
-/// The board in one pose: what a calibration keeps of it, or why it was not found.
-fn look(
-    profile: &Profile,
-    board: &Board,
-    pose: &Pose,
-    name: &str,
-    seed: u64,
-) -> Result<Result<PoseData, String>> {
-    let mut scene = Scene::load("board")?;
-    for object in &mut scene.object {
-        object.shape = Shape::Board {
-            board: *board,
-            ink: INK,
-        };
-        object.albedo = PAPER;
-    }
-    let (position, rotation) = pose.to_xyz_deg();
-    scene.place(0, position.to_array(), rotation.to_array())?;
-    let scanned = Stage::new(profile, &scene, seed, render::Options::default())?.scan(0);
-    let Scanned {
-        manifest,
-        rig,
-        size: (width, height),
-        frames,
-    } = &scanned;
-    let samples = frames.iter().map(|levels| match levels {
-        Levels::U8(levels) => Samples::U8(levels),
-        Levels::U16(levels) => Samples::U16(levels),
-    });
-    let stack = FrameStack::new(*width, *height, samples.collect())?;
-    let noise = rig
-        .noise
-        .ok_or_else(|| Error::device("a rig without noise"))?;
-    let options = Options {
-        noise: Some(noise),
-        ..Options::default()
-    };
-    let decoded = Decoder::new(manifest, *width, *height, None, options)?.decode(&stack)?;
-    let picture = Picture::from_frames(manifest, &stack, &noise)?;
-    Ok(sight(board, name, &picture, &decoded).map_err(|why| why.to_string()))
 }
 
 /// What was found, by the truth.

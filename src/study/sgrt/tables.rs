@@ -16,7 +16,8 @@ pub(super) fn blocks(rows: &Rows, patients: &[&str]) -> Vec<Block> {
         Block::Table(table(
             rows,
             patients,
-            ("sgrt-position", "tpe_mm", published::POSITION_MM),
+            ("sgrt-position", "tpe_mm"),
+            (published::POSITION_MM, 2),
             "Target position error in mm: the distance between the centroids of the tumour as \
              followed and as it is, mean and standard deviation over the moments of each patient; \
              in the last rows over the patients' means, and the paper's means.",
@@ -24,7 +25,8 @@ pub(super) fn blocks(rows: &Rows, patients: &[&str]) -> Vec<Block> {
         Block::Table(table(
             rows,
             patients,
-            ("sgrt-dice", "dice", published::DICE),
+            ("sgrt-dice", "dice"),
+            (published::DICE, 3),
             "Dice's coefficient of the tumour as followed and as it is, likewise.",
         )),
         Block::Table(simulated(rows, patients)),
@@ -58,7 +60,8 @@ fn over_patients(rows: &Rows, input: &str, patients: &[&str], column: &str) -> S
 fn table(
     rows: &Rows,
     patients: &[&str],
-    (name, column, paper): (&str, &str, [f64; 3]),
+    (name, column): (&str, &str),
+    (paper, decimals): ([f64; 3], usize),
     caption: &str,
 ) -> Table {
     let header = ["patient", "ideal skin", "with 0.5 mm noise", "as scanned"];
@@ -69,7 +72,7 @@ fn table(
     }
     let all = INPUTS.map(|input| with_spread(over_patients(rows, input, patients, column)));
     table.row([vec!["all".to_owned()], all.into()].concat());
-    let paper = paper.map(|v| format!("{v}"));
+    let paper = paper.map(|v| format!("{v:.decimals$}"));
     table.row([vec!["the paper's".to_owned()], paper.into()].concat());
     table
 }

@@ -3,6 +3,7 @@ mod derivatives;
 mod exact;
 mod honest;
 mod outliers;
+mod place;
 mod scene;
 mod stiff;
 mod which_coefficients;

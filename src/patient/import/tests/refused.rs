@@ -257,7 +257,10 @@ fn a_tumour_that_is_none_is_named() {
     let far = complaint(|_, import| import.isocentre_mm = Some(DVec3::ZERO));
     has(
         &far,
-        &["isocentre: (0, 0, 0) mm; allowed: a point in the CT's LPS that it shows, within ("],
+        &[
+            "isocentre in ",
+            "ct.mha: (0, 0, 0) mm; allowed: a point in the CT's LPS that it shows, within (",
+        ],
     );
 }
 

@@ -1,0 +1,26 @@
+//! Where a board stands before a rig that is known.
+
+use super::PoseData;
+use super::rounds::{ROUNDS, STAYS_PX, largest, update};
+use crate::calibrate::solve::{self, Placed, Unsolved};
+use crate::geometry::{Board, Rig};
+use glam::DVec2;
+
+/// Places a board that was seen by a rig, its dots freed of the bias of their outlines.
+///
+/// # Errors
+/// See [`solve::place`].
+pub fn place(board: &Board, pose: &PoseData, rig: &Rig) -> Result<Placed, Unsolved> {
+    let mut biases = vec![DVec2::ZERO; pose.seen.len()];
+    let mut round = 1;
+    loop {
+        let placed = solve::place(board, &pose.sightings(&biases), rig)?;
+        let before = biases.clone();
+        let at = &placed.pose.camera_from_board;
+        update(&mut biases, board, &rig.camera.lens, at, &pose.seen);
+        if round == ROUNDS || largest(before.iter().zip(&biases)) <= STAYS_PX {
+            return Ok(placed);
+        }
+        round += 1;
+    }
+}

@@ -1,0 +1,131 @@
+//! `phasma locate`: where the pods of a station stand in the room, by one board that all of them see.
+
+mod report;
+mod station;
+
+use super::board_args::BoardArgs;
+use super::calibrate::look;
+use super::new_file;
+use super::pods::{Address, PodArgs, Source};
+use super::vector::vector;
+use crate::calibrate::rig::place;
+use crate::error::{Error, Result};
+use crate::geometry::Pose;
+use crate::profile::{Profile, Station};
+use glam::DVec3;
+use report::Located;
+use std::path::PathBuf;
+use std::time::Duration;
+
+/// Measure where pods stand in the room: each scans one board at a known place, and a new station file
+/// has the places that follow
+#[derive(Debug, clap::Args)]
+pub(super) struct Args {
+    #[command(flatten)]
+    pods: PodArgs,
+    #[command(flatten)]
+    board: BoardArgs,
+    /// Where the board's middle is in the room, in millimetres [default: the isocentre]
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
+    board_position: Option<String>,
+    /// How the board is turned, in degrees about the room's x, then y, then z axis, from lying face down
+    /// with its columns along x and its rows along y [default: 180,0,0, face up]
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
+    board_rotation: Option<String>,
+    /// Sequence to show, with patterns along both axes [default: that of the profile]
+    #[arg(long, value_name = "NAME")]
+    sequence: Option<String>,
+    /// File for the station with the places that were found; a new one.
+    #[arg(long, value_name = "FILE")]
+    out: PathBuf,
+    /// Print the result as JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+pub(super) fn run(args: &Args) -> Result<()> {
+    let timeout = args.pods.timeout()?;
+    let room_from_board = args.room_from_board()?;
+    new_file::check(&args.out)?;
+    let mut measured = args.pods.station()?;
+    let pods = args.pods.addresses(&measured)?;
+    let mut all = Vec::new();
+    for pod in &pods {
+        super::step(&pod.name);
+        all.push(locate(args, pod, &measured, &room_from_board, timeout)?);
+    }
+    for located in &all {
+        station::move_to(&mut measured, &located.name, &located.room_from_rig);
+    }
+    station::write(&measured, &args.out)?;
+    for warning in all.iter().flat_map(Located::warnings) {
+        eprintln!("phasma: {warning}");
+    }
+    match args.json {
+        true => report::print_json(&all),
+        false => report::print(&all, &args.out),
+    }
+    Ok(())
+}
+
+impl Args {
+    fn room_from_board(&self) -> Result<Pose> {
+        let position_mm = self.board_position.as_deref();
+        let rotation_deg = self.board_rotation.as_deref();
+        let usual = DVec3::new(180.0, 0.0, 0.0);
+        Ok(Pose::from_xyz_deg(
+            position_mm.map_or(Ok(DVec3::ZERO), |text| {
+                vector(
+                    "--board-position",
+                    text,
+                    1e5,
+                    "X,Y,Z in millimetres, up to 1e5",
+                )
+            })?,
+            rotation_deg.map_or(Ok(usual), |text| {
+                vector(
+                    "--board-rotation",
+                    text,
+                    360.0,
+                    "X,Y,Z in degrees, up to 360",
+                )
+            })?,
+        ))
+    }
+}
+
+/// Scans the board with one pod and places it before the pod's camera.
+fn locate(
+    args: &Args,
+    pod: &Address,
+    station: &Station,
+    room_from_board: &Pose,
+    timeout: Duration,
+) -> Result<Located> {
+    let device = station.device.iter().find(|d| d.name == pod.name);
+    let profile = device.map(|device| Profile::load(&station.profile(device)));
+    let profile = profile.transpose()?;
+    let scale = profile.as_ref().and_then(|p| p.calibration.board_scale);
+    let board = args.board.board(scale.unwrap_or(1.0))?;
+    let own = profile.as_ref().and_then(Profile::calibration_sequence);
+    let own = own.map(|sequence| sequence.name.clone());
+    let mut source = Source::open(pod, timeout)?;
+    let scanned = match args.sequence.clone().or(own) {
+        Some(sequence) => source.show(&sequence).and_then(|()| source.scan()),
+        None => source.scan(),
+    };
+    let finished = source.finish();
+    let captured = scanned?.captured;
+    finished?;
+    let failed = |why: String| Error::device(format!("{}: {why}", pod.name));
+    let Some(rig) = captured.calibration else {
+        let why = "the device has no calibration to give: --calibration NAME=FILE gives one";
+        return Err(failed(why.to_owned()));
+    };
+    let looked = captured
+        .with_stack(|stack| look(&board, &pod.name, &captured.manifest, stack, Some(rig)))
+        .map_err(|e| e.at(&pod.name))?;
+    let data = looked.found.map_err(failed)?;
+    let placed = place(&board, &data, &rig).map_err(|e| failed(e.to_string()))?;
+    Ok(Located::new(pod, &placed, room_from_board))
+}

@@ -1,0 +1,53 @@
+//! The station's file with new places.
+
+use crate::cli::new_file;
+use crate::error::{Error, Result};
+use crate::geometry::Pose;
+use crate::profile::{Station, profile_names, scene_names};
+use crate::protocol::dialect::Dialect;
+use std::io::Write;
+use std::path::Path;
+
+/// Puts a device where it has been found.
+pub(super) fn move_to(station: &mut Station, name: &str, room_from_rig: &Pose) {
+    let (position_mm, rotation_deg) = room_from_rig.to_xyz_deg();
+    for device in station.device.iter_mut().filter(|d| d.name == name) {
+        device.position_mm = Some(position_mm.to_array());
+        device.rotation_deg = Some(rotation_deg.to_array());
+    }
+}
+
+/// Writes a new file; what it names is found from anywhere.
+///
+/// # Errors
+/// A file that has come meanwhile, and what the system refuses.
+pub(super) fn write(station: &Station, path: &Path) -> Result<()> {
+    let mut whole = station.clone();
+    whole.scene = match station.scene() {
+        Some(scene) => Some(anywhere(scene, scene_names())?),
+        None => None,
+    };
+    for (device, of) in whole.device.iter_mut().zip(&station.device) {
+        device.profile = anywhere(station.profile(of), profile_names())?;
+        device.dialect = match station.dialect(of) {
+            Some(dialect) => Some(anywhere(dialect, Dialect::names())?),
+            None => None,
+        };
+    }
+    let text = toml::to_string(&whole).expect("numbers and words");
+    let mut file = new_file::create(path)?;
+    write!(
+        file,
+        "# Places as `phasma locate` has measured them.\n\n{text}"
+    )
+    .map_err(|e| Error::io(path, e))
+}
+
+/// A built-in name as it is, and a file by its whole path.
+fn anywhere(name: String, mut built_in: impl Iterator<Item = &'static str>) -> Result<String> {
+    if built_in.any(|known| known == name) {
+        return Ok(name);
+    }
+    let path = std::path::absolute(&name).map_err(|e| Error::io(&name, e))?;
+    Ok(path.display().to_string())
+}

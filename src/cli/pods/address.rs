@@ -1,0 +1,73 @@
+//! Where a pod is reached, and where it stands.
+
+use crate::error::{Error, Result};
+use crate::geometry::{Pose, Rig};
+use crate::profile::{RigPlace, Station, StationDevice};
+use crate::protocol::Endpoints;
+use glam::DVec3;
+use std::path::Path;
+
+/// A pod.
+pub(in crate::cli) struct Address {
+    /// Its name in the station.
+    pub(in crate::cli) name: String,
+    pub(super) camera: String,
+    pub(super) control: String,
+    /// What it is calibrated by in place of what it says itself, and where that is from.
+    pub(super) calibration: Option<(String, Rig)>,
+    /// Takes coordinates in its rig's frame to the room's, by the station's file, in millimetres.
+    pub(in crate::cli) room_from_rig: Pose,
+}
+
+impl Address {
+    /// Of a device that is served, by its `device.json`.
+    ///
+    /// # Errors
+    /// A folder without a device.
+    pub(super) fn of_run_dir(device: &StationDevice, folder: &Path) -> Result<Self> {
+        let endpoints = Endpoints::read(folder)?;
+        let control = endpoints.control.display().to_string();
+        Ok(Self::new(device, endpoints.camera, control))
+    }
+
+    /// Of a device by its ports, `NAME=CAMERA,CONTROL`.
+    ///
+    /// # Errors
+    /// Words of another form, and a name that the station does not have.
+    pub(super) fn of_ports(text: &str, station: &Station) -> Result<Self> {
+        let place = || format!("--device {text}");
+        let parts = text.split_once('=').and_then(|(name, ports)| {
+            let (camera, control) = ports.split_once(',')?;
+            Some((name, camera, control))
+        });
+        let Some((name, camera, control)) = parts else {
+            return Err(Error::input(place(), "no pod", "NAME=CAMERA,CONTROL"));
+        };
+        let Some(device) = station.device.iter().find(|device| device.name == name) else {
+            let names: Vec<&str> = station.device.iter().map(|d| d.name.as_str()).collect();
+            return Err(Error::input(
+                place(),
+                format!("{name:?}, which {} does not have", station.name),
+                names.join(", "),
+            ));
+        };
+        Ok(Self::new(device, camera.to_owned(), control.to_owned()))
+    }
+
+    fn new(device: &StationDevice, camera: String, control: String) -> Self {
+        let RigPlace {
+            position_mm,
+            rotation_deg,
+        } = device.rig().unwrap_or_default();
+        Self {
+            name: device.name.clone(),
+            camera,
+            control,
+            calibration: None,
+            room_from_rig: Pose::from_xyz_deg(
+                DVec3::from_array(position_mm),
+                DVec3::from_array(rotation_deg),
+            ),
+        }
+    }
+}

@@ -1,0 +1,283 @@
+//! The frame that the pods share: pods that are not built as drawn and do not stand where they were
+//! hung, calibrated by a board and located by another.
+
+use super::Effort;
+use super::answer::{answered, doubted, part, rms, shift_mm, track, turn_deg, worst};
+use super::known::BAR;
+use super::subject::{Body, Subject, everywhere, time_ns};
+use crate::calibrate::poses::{Wanted, poses};
+use crate::calibrate::rig::{Task, calibrate, place};
+use crate::calibrate::solve::Choice;
+use crate::error::{Error, Result};
+use crate::geometry::{Board, MeshTree, Pose, Rig};
+use crate::host::track::{POINTS, Reference, Region, SixDof};
+use crate::profile::{Profile, RigPlace, Scene, Shape};
+use crate::study::boards::{seen_in, shown_to};
+use crate::study::clinic::{Pod, Pods};
+use crate::study::lab::{Block, Check, Context, Row, Rows, Section, Settings, Table, Trial};
+
+/// The room with the board by which pods are located.
+const BOARD_ROOM: &str = "treatment-room-board";
+/// What each pod is not as it was drawn (ours: what mechanics leaves): the projector's place in
+/// millimetres and its turn in degrees, and the camera's focal length as a factor.
+const BUILT: [([f64; 3], f64, f64); 3] = [
+    ([0.8, -0.3, 0.4], 0.10, 1.002),
+    ([-0.6, 0.5, -0.2], -0.08, 0.999),
+    ([0.5, 0.2, -0.6], 0.06, 1.001),
+];
+/// By what it is not where it was hung: millimetres and degrees (a ladder that was set against it).
+const KNOCKED: [([f64; 3], [f64; 3]); 3] = [
+    ([1.2, 0.9, 0.7], [0.06, 0.05, 0.05]),
+    ([-0.4, 1.1, -0.8], [-0.04, 0.07, -0.03]),
+    ([0.7, -1.0, 0.3], [0.05, -0.03, 0.06]),
+];
+/// Points farther from the surface than this are not the torso's, in millimetres.
+const NEAR_MM: f64 = 5.0;
+/// By what a scan's points are put into the room, from the worst to the best.
+const CASES: [&str; 4] = [
+    "as drawn and hung",
+    "as drawn, located by a board",
+    "calibrated, located by a board",
+    "as it is",
+];
+
+pub(super) fn trials(settings: &Settings) -> Vec<Trial> {
+    let effort = Effort::of(settings);
+    vec![Trial::new("frame/torso", settings.seed, move |context| {
+        framed(context, effort)
+    })]
+}
+
+fn as_built(number: usize, profile: &mut Profile, place: &mut RigPlace) {
+    let (moved, turned, longer) = BUILT[number % BUILT.len()];
+    for k in 0..3 {
+        profile.projector.position_mm[k] += moved[k];
+    }
+    profile.projector.rotation_deg[1] += turned;
+    profile.camera.focal_length_mm *= longer;
+    let (moved, turned) = KNOCKED[number % KNOCKED.len()];
+    for k in 0..3 {
+        place.position_mm[k] += moved[k];
+        place.rotation_deg[k] += turned[k];
+    }
+}
+
+/// By what a pod's frames become points in the room.
+struct Belief {
+    rig: Rig,
+    room_from_rig: Pose,
+}
+
+fn framed(context: &Context<'_>, effort: Effort) -> Result<Vec<Row>> {
+    let subject = Subject::new(Body::Torso)?;
+    let reference = subject.reference()?;
+    let surface = MeshTree::new(&subject.surface);
+    let displaced = [SixDof::default(), everywhere(1.0)];
+    let scene = subject.on_the_way(&displaced);
+    let drawn = Pods::new(&scene, context.seed, &|profile| effort.adapt(profile))?;
+    let mut pods = Pods::as_built(&scene, context.seed, &|number, profile, place| {
+        effort.adapt(profile);
+        as_built(number, profile, place);
+    })?;
+    let beliefs = beliefs(context, effort, &drawn, &pods)?;
+    let mut rows = Vec::new();
+    for (case, beliefs) in CASES.iter().zip(&beliefs) {
+        for (pod, belief) in pods.all.iter_mut().zip(beliefs) {
+            pod.calibrated(&belief.rig)?;
+            pod.placed(belief.room_from_rig);
+        }
+        for pose in displaced.iter().enumerate() {
+            rows.push(scanned(&mut pods, (&reference, &surface), pose, case)?);
+        }
+    }
+    Ok(rows)
+}
+
+/// A scan of pose `k`: the tracker's answer, and how far the points are from the torso, RMS.
+fn scanned(
+    pods: &mut Pods,
+    (reference, surface): (&Reference, &MeshTree),
+    (k, truth): (usize, &SixDof),
+    case: &str,
+) -> Result<Row> {
+    let scan = pods.scan(time_ns(k), true)?;
+    let fit = track(&pods.measured(&scan, POINTS), reference);
+    let back = truth.pose().inverse();
+    let [lo, hi] = Region::CHEST;
+    let mut near = Vec::new();
+    for (pod, decoded) in pods.all.iter().zip(&scan) {
+        let points = pod.points(decoded).into_iter().map(|p| back.point(p));
+        let inside = points.filter(|p| p.cmpge(lo).all() && p.cmple(hi).all());
+        let points: Vec<_> = inside.collect();
+        let feet = surface.closest_batch(&points).into_iter().flatten();
+        let off = points
+            .iter()
+            .zip(feet)
+            .map(|(p, foot)| foot.point.distance(*p));
+        near.extend(off.filter(|off| *off <= NEAR_MM));
+    }
+    let row = Row::new()
+        .text("subject", Body::Torso.name())
+        .text("case", case)
+        .number("surface_mm", rms(near));
+    Ok(answered(row, None, &fit, truth))
+}
+
+/// What each pod is taken for in each of the cases.
+fn beliefs(
+    context: &Context<'_>,
+    effort: Effort,
+    drawn: &Pods,
+    pods: &Pods,
+) -> Result<[Vec<Belief>; CASES.len()]> {
+    let mut all: [Vec<Belief>; CASES.len()] = std::array::from_fn(|_| Vec::new());
+    for (number, (drawn, pod)) in drawn.all.iter().zip(&pods.all).enumerate() {
+        let seed = context
+            .seed
+            .wrapping_mul(1000)
+            .wrapping_add(100 * number as u64);
+        let found = calibrated(pod, drawn.rig(), effort.board_poses, seed)?;
+        let [hung, located] = [drawn.rig(), &found].map(|rig| at_isocentre(pod, rig, seed));
+        let believed = [
+            (*drawn.rig(), drawn.room_from_rig()),
+            (*drawn.rig(), hung?),
+            (found, located?),
+            (*pod.rig(), pod.room_from_rig()),
+        ];
+        for (all, (rig, room_from_rig)) in all.iter_mut().zip(believed) {
+            all.push(Belief { rig, room_from_rig });
+        }
+    }
+    Ok(all)
+}
+
+/// A pod with the sequence that boards are shown by.
+fn for_boards(pod: &Pod) -> Profile {
+    let mut profile = pod.profile().clone();
+    profile.sequence = Vec::from_iter(profile.calibration_sequence().cloned());
+    profile
+}
+
+/// A pod calibrated by a board in many poses, which are chosen for a rig as it was drawn.
+fn calibrated(pod: &Pod, drawn: &Rig, count: usize, seed: u64) -> Result<Rig> {
+    let profile = for_boards(pod);
+    let board = Board::DOTS.scaled(profile.calibration.board_scale.unwrap_or(1.0));
+    let wanted = Wanted {
+        seed,
+        count,
+        distance_mm: profile.calibration.distance_mm,
+        ..Wanted::default()
+    };
+    let mut data = Vec::new();
+    for (i, pose) in poses(&board, drawn, &wanted)?.iter().enumerate() {
+        let name = format!("pose_{i:02}");
+        let seen = shown_to(
+            &profile,
+            &board,
+            pose,
+            &name,
+            seed.wrapping_add(1 + i as u64),
+        )?;
+        data.extend(seen.ok());
+    }
+    let [camera_px, projector_px] =
+        [&drawn.camera, &drawn.projector].map(|view| [view.lens.width_px, view.lens.height_px]);
+    let task = Task {
+        board: &board,
+        camera_px,
+        projector_px,
+        nominal: None,
+        noise: drawn.noise,
+        choice: Choice::default(),
+    };
+    let found = calibrate(&task, &data, Vec::new());
+    Ok(found
+        .map_err(|why| Error::device(why.to_string()))?
+        .solution
+        .rig)
+}
+
+/// Where a pod stands, by the board at the isocentre and a rig that it is taken for.
+fn at_isocentre(pod: &Pod, rig: &Rig, seed: u64) -> Result<Pose> {
+    let mut scene = Scene::load(BOARD_ROOM)?;
+    let (position, rotation) = pod.room_from_rig().to_xyz_deg();
+    scene.rig = RigPlace {
+        position_mm: position.to_array(),
+        rotation_deg: rotation.to_array(),
+    };
+    let (object, board) = scene
+        .object
+        .iter()
+        .find_map(|object| match object.shape {
+            Shape::Board { board, .. } => Some((object.clone(), board)),
+            _ => None,
+        })
+        .ok_or_else(|| Error::input(BOARD_ROOM, "no board", "a board"))?;
+    let data = seen_in(&scene, &for_boards(pod), &board, BOARD_ROOM, seed)?;
+    let data = data.map_err(Error::device)?;
+    let placed = place(&board, &data, rig).map_err(|why| Error::device(why.to_string()))?;
+    Ok(object.scene_from_object() * placed.rig_from_board.inverse())
+}
+
+fn of<'a>(rows: &'a Rows, case: &'a str) -> impl Iterator<Item = &'a Row> + Clone {
+    part(rows, "frame").filter(move |row| row.get("case") == case)
+}
+
+pub(super) fn section(rows: &Rows) -> Section {
+    let mut blocks = vec![Block::Words(super::words::FRAME.to_owned())];
+    if part(rows, "frame").next().is_some() {
+        blocks.push(Block::Table(table(rows)));
+        blocks.push(Block::Checks(checks(rows)));
+    }
+    Section {
+        title: "The frame that the pods share".to_owned(),
+        blocks,
+    }
+}
+
+fn table(rows: &Rows) -> Table {
+    let mut table = Table::new(
+        "acceptance-frame",
+        "A torso where it was planned and displaced in all six directions, by pods that are not built \
+         as drawn and do not stand where they were hung: distance of the points of all pods from the \
+         true surface (RMS, mm), worst error of the place (mm) and of the angles (degrees), and answers \
+         with a warning, by what the pods are taken for.",
+        &["pods", "points", "place", "angles", "with a warning"],
+    );
+    for case in CASES {
+        let all = of(rows, case);
+        table.row([
+            case.to_owned(),
+            format!(
+                "{:.3}",
+                worst(all.clone().map(|row| row.value("surface_mm")))
+            ),
+            format!("{:.3}", worst(all.clone().map(shift_mm))),
+            format!("{:.4}", worst(all.clone().map(turn_deg))),
+            format!("{} of {}", doubted(all.clone()), all.count()),
+        ]);
+    }
+    table
+}
+
+fn checks(rows: &Rows) -> Vec<Check> {
+    let by_boards = of(rows, CASES[2]);
+    vec![
+        Check::at_most(
+            "worst error of the place by pods that boards have calibrated and located, in mm",
+            worst(by_boards.clone().map(shift_mm)),
+            BAR[0],
+        ),
+        Check::at_most(
+            "worst error of the angles likewise, in degrees",
+            worst(by_boards.map(turn_deg)),
+            BAR[1],
+        ),
+    ]
+}
+
+/// The worst error of a place (mm) and of angles (degrees) by pods that boards have calibrated.
+pub(super) fn worst_by_boards(rows: &Rows) -> [f64; 2] {
+    let all = of(rows, CASES[2]);
+    [worst(all.clone().map(shift_mm)), worst(all.map(turn_deg))]
+}

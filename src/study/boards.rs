@@ -1,0 +1,71 @@
+//! Calibration boards before a device within the process: what a calibration keeps of each.
+
+use super::scanned::{Levels, Scanned, Stage};
+use crate::calibrate::board::Picture;
+use crate::calibrate::rig::{PoseData, sight};
+use crate::decode::{Decoder, FrameStack, Options};
+use crate::emulator::render;
+use crate::error::{Error, Result};
+use crate::geometry::{Board, Pose};
+use crate::profile::{Profile, Scene, Shape};
+
+/// Reflectance of the board's paper and of the ink on it, as `phasma calibrate` has them.
+const PAPER: f64 = 0.45;
+const INK: f64 = 0.06;
+
+/// A board in one pose before a device whose first sequence tells both axes: what a calibration keeps of
+/// it, or why it was not found.
+///
+/// # Errors
+/// A profile that cannot be rendered or whose sequence cannot be decoded.
+pub fn shown_to(
+    profile: &Profile,
+    board: &Board,
+    rig_from_board: &Pose,
+    name: &str,
+    seed: u64,
+) -> Result<Result<PoseData, String>> {
+    let mut scene = Scene::load("board")?;
+    for object in &mut scene.object {
+        object.shape = Shape::Board {
+            board: *board,
+            ink: INK,
+        };
+        object.albedo = PAPER;
+    }
+    let (position, rotation) = rig_from_board.to_xyz_deg();
+    scene.place(0, position.to_array(), rotation.to_array())?;
+    seen_in(&scene, profile, board, name, seed)
+}
+
+/// The same of a board that lies in a scene.
+///
+/// # Errors
+/// As for [`shown_to`].
+pub fn seen_in(
+    scene: &Scene,
+    profile: &Profile,
+    board: &Board,
+    name: &str,
+    seed: u64,
+) -> Result<Result<PoseData, String>> {
+    let scanned = Stage::new(profile, scene, seed, render::Options::default())?.scan(0);
+    let Scanned {
+        manifest,
+        rig,
+        size: (width, height),
+        frames,
+    } = &scanned;
+    let samples = frames.iter().map(Levels::samples).collect();
+    let stack = FrameStack::new(*width, *height, samples)?;
+    let noise = rig
+        .noise
+        .ok_or_else(|| Error::device("a rig without noise"))?;
+    let options = Options {
+        noise: Some(noise),
+        ..Options::default()
+    };
+    let decoded = Decoder::new(manifest, *width, *height, None, options)?.decode(&stack)?;
+    let picture = Picture::from_frames(manifest, &stack, &noise)?;
+    Ok(sight(board, name, &picture, &decoded).map_err(|why| why.to_string()))
+}
