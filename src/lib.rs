@@ -27,7 +27,7 @@
 //! | host   | [`host`] | how an application reaches a device: camera, port (SCPI or a dialect), scanner |
 //! | host   | [`host::track`] | a patient by the skin: six degrees of freedom, the tumour by a motion model, beam-hold |
 //! | host   | [`decode`] | frames to projector coordinates to points |
-//! | host   | [`calibrate`] | boards in pictures, solving for the rig, its files and report; triangulation |
+//! | host   | [`calibrate`] | boards in pictures, solving for the rig or for where a known one stands, its files and report; triangulation |
 //! | host   | [`measure`] | distances to the truth, overlap of solids, registration, pictures, plots |
 //! | top    | [`study`], `doctor`, [`cli`] | what needs both halves; what a machine lacks (Linux only); the commands |
 //!

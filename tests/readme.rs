@@ -73,6 +73,7 @@ fn every_command_runs() {
         "chess.svg",
         "planning/dvf_90.mha",
         "track.csv",
+        "located.toml",
         "imported/dvf_50.mha",
     ] {
         assert!(folder.path().join(file).is_file(), "{file}\n{out}");

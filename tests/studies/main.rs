@@ -49,6 +49,7 @@ fn whole_forms() {
         "stability",
         "noise",
         "sgrt",
+        "acceptance",
         "work-precision",
         "speed",
     ] {

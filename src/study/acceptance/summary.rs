@@ -57,7 +57,7 @@ fn table(rows: &Rows) -> Table {
     row(
         (
             "frame",
-            "the same by pods that boards have calibrated and located",
+            "still torso, pods that boards have calibrated and located",
         ),
         &[(place, "mm"), (angle, "deg")],
         format!("{} mm, {} deg", BAR[0], BAR[1]),
