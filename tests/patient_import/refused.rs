@@ -25,10 +25,11 @@ fn what_does_not_fit_is_named() {
     import.refused(&["--phase twenty=dvf_20.mha: no phase; allowed: PERCENT=FILE"]);
     Import::new()
         .with(&["--isocentre", "1,2"])
-        .refused(&["--isocentre 1,2: no point; allowed: X,Y,Z in millimetres"]);
-    Import::new()
-        .with(&["--isocentre", "0,-900,0"])
-        .refused(&["isocentre: (0, -900, 0) mm; allowed: a point in the CT's LPS"]);
+        .refused(&["--isocentre 1,2: not three numbers; allowed: X,Y,Z in millimetres"]);
+    Import::new().with(&["--isocentre", "0,-900,0"]).refused(&[
+        "isocentre in ",
+        ": (0, -900, 0) mm; allowed: a point in the CT's LPS",
+    ]);
     Import::new()
         .with(&["--name", "J. Doe"])
         .refused(&["patient's name: \"J. Doe\"; allowed: 1 to 64 letters"]);

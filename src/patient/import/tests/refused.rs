@@ -100,6 +100,21 @@ fn fields_that_do_not_match_are_named() {
         &still,
         &["fields: a skin that moves 0.000 mm at most", "0.1 mm"],
     );
+    // In micrometres.
+    let long = complaint(|_, import| {
+        for (percent, path) in &import.phases {
+            let moved = |p| 1000.0 * moved(p, *percent);
+            let field = Field::of(grid(8.0, 64.0), moved, "dvf").unwrap();
+            write_field(path, &field, Packing::Plain).unwrap();
+        }
+    });
+    has(
+        &long,
+        &[
+            "fields: skin or tumour that move up to ",
+            " mm; allowed: 100 mm or less",
+        ],
+    );
     let metres = complaint(|_, import| {
         let mut wrong = grid(8.0, 64.0);
         wrong.spacing_mm = DVec3::splat(0.008);
@@ -194,6 +209,20 @@ fn what_is_no_ct_is_named() {
     has(
         &raised,
         &["ct.mha: 100 % of the voxels at -500 or more; allowed: Hounsfield units"],
+    );
+    // The body's bytes in another order than its header says.
+    let swapped = complaint(|_, import| {
+        let swap = |p| f32::from((body(p) as i16).swap_bytes());
+        let ct = Volume::of(grid(4.0, 64.0), |p| f64::from(swap(p)), "ct").unwrap();
+        write_volume(&import.ct, &ct, Packing::Plain).unwrap();
+    });
+    has(
+        &swapped,
+        &[
+            "ct.mha: ",
+            " % of the voxels above 4095; allowed: Hounsfield units",
+            "order that the header says",
+        ],
     );
     let high = complaint(|_, import| import.skin_hu = 3000.0);
     has(
