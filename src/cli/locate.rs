@@ -58,7 +58,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
         station::move_to(&mut measured, &located.name, &located.room_from_rig);
     }
     station::write(&measured, &args.out)?;
-    for warning in all.iter().flat_map(Located::warnings) {
+    for warning in report::warnings(&all) {
         eprintln!("phasma: {warning}");
     }
     match args.json {

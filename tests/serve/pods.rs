@@ -201,6 +201,34 @@ fn a_pod_that_was_knocked_is_found_where_it_stands_now() {
         "none",
         &["left: ", "--sequence none", "pod-3, pod-3-xy"],
     );
+    let ports = format!(
+        "socket:{0}/left/camera.sock,{0}/left/control",
+        room.run.display()
+    );
+    let mut one_twice = phasma();
+    let (left, right) = (format!("left={ports}"), format!("right={ports}"));
+    one_twice.args(["locate", "--device", &left, "--device", &right, "--out"]);
+    refused(
+        one_twice.arg(&new),
+        &["--device: left and right by the same port; allowed: ports of its own"],
+    );
+    // A pod by another's name, and a board that lies elsewhere.
+    let mut other = phasma();
+    other.args(["locate", "--timeout", "60", "--device", &right, "--out"]);
+    let far = succeeded(&other.arg(room.place("other.toml")).output().unwrap());
+    assert!(
+        far.contains("right: more than 50 mm or 5 degrees from where"),
+        "{far}"
+    );
+    // A board of nearly the size that was said.
+    let mut nearly = room.command("locate");
+    nearly.args(["--scale", "4.99", "--out"]);
+    let nearly = succeeded(&nearly.arg(room.place("nearly.toml")).output().unwrap());
+    assert!(
+        nearly.contains("the board is not of the size that was said"),
+        "{nearly}"
+    );
+
     // A board of another size than it is.
     let mut command = room.command("locate");
     let output = command

@@ -11,6 +11,11 @@ use std::path::Path;
 /// for.
 const MOST_WHITENED: f64 = 1.5;
 
+/// A pod is hung to within so much of where it is drawn; one that is farther is another, or the board is
+/// elsewhere.
+const FAR_MM: f64 = 50.0;
+const FAR_DEG: f64 = 5.0;
+
 /// A pod's place.
 #[derive(Debug, Clone, Serialize)]
 pub(super) struct Located {
@@ -74,27 +79,64 @@ impl Located {
         }
     }
 
-    /// What a user should know before trusting it.
-    pub(super) fn warnings(&self) -> Vec<String> {
-        let groups = [("camera", &self.camera), ("projector", &self.projector)];
-        let mut warnings = Vec::new();
-        for (what, group) in groups {
-            if group.whitened_rms > MOST_WHITENED {
-                warnings.push(format!(
-                    "{}: the board's points are {:.1} times their noise off in the {what}'s image \
-                     (RMS {:.3} px): the calibration is not that of the pod as it is",
-                    self.name, group.whitened_rms, group.rms_px
-                ));
-            }
+    /// The part of what its points leave that is largest over their noise, and in which image.
+    fn worst(&self) -> (&'static str, &Group) {
+        match self.projector.whitened_rms > self.camera.whitened_rms {
+            true => ("projector", &self.projector),
+            false => ("camera", &self.camera),
         }
-        if self.projector.points == 0 {
-            warnings.push(format!(
-                "{}: by the camera alone: nothing of the board was lit",
-                self.name
-            ));
-        }
-        warnings
     }
+
+    fn is_far(&self) -> bool {
+        self.off_mm > FAR_MM || self.off_deg > FAR_DEG
+    }
+}
+
+/// What a user should know before trusting it.
+pub(super) fn warnings(all: &[Located]) -> Vec<String> {
+    let mut warnings = Vec::new();
+    let loose = all
+        .iter()
+        .filter(|l| l.worst().1.whitened_rms > MOST_WHITENED);
+    let mut loose_pods = 0;
+    for located in loose {
+        let (what, group) = located.worst();
+        loose_pods += 1;
+        warnings.push(format!(
+            "{}: the board's points are {:.1} times their noise off in the {what}'s image (RMS {:.3} \
+             px), and the deviations below count that as noise",
+            located.name, group.whitened_rms, group.rms_px
+        ));
+    }
+    match loose_pods {
+        0 => {}
+        n if n == all.len() && n > 1 => warnings.push(
+            "all pods say so: the board is not of the size that was said, or not flat".to_owned(),
+        ),
+        _ => warnings.push(
+            "the calibration is not that of the pod as it is, or the board not of the size that was said"
+                .to_owned(),
+        ),
+    }
+    for located in all.iter().filter(|l| l.projector.points == 0) {
+        warnings.push(format!(
+            "{}: by the camera alone: nothing of the board was lit",
+            located.name
+        ));
+    }
+    let far: Vec<&str> = all
+        .iter()
+        .filter(|l| l.is_far())
+        .map(|l| l.name.as_str())
+        .collect();
+    if !far.is_empty() {
+        warnings.push(format!(
+            "{}: more than {FAR_MM} mm or {FAR_DEG} degrees from where the station had it: is the board \
+             where --board-position and --board-rotation say, and is each pod the one that it is called?",
+            far.join(", ")
+        ));
+    }
+    warnings
 }
 
 /// A short table, and where the file is.

@@ -54,6 +54,11 @@ impl Address {
         Ok(Self::new(device, camera.to_owned(), control.to_owned()))
     }
 
+    /// Whether one of its ports is another's too.
+    pub(super) fn shares(&self, other: &Self) -> bool {
+        self.camera == other.camera || self.control == other.control
+    }
+
     fn new(device: &StationDevice, camera: String, control: String) -> Self {
         let RigPlace {
             position_mm,

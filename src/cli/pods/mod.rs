@@ -9,7 +9,6 @@ pub(super) use source::{Source, Taken};
 
 use crate::calibrate::files::read_rig;
 use crate::error::{Error, Result};
-use crate::geometry::Rig;
 use crate::profile::{Configuration, Station, StationDevice};
 use std::path::PathBuf;
 use std::time::Duration;
@@ -64,7 +63,7 @@ impl PodArgs {
     /// # Errors
     /// A file that cannot be read, and one of a device alone.
     pub(super) fn station(&self) -> Result<Station> {
-        match Configuration::load(&self.station)? {
+        match Configuration::load(&self.station).map_err(|e| e.at("--station"))? {
             Configuration::Station(station) => Ok(station),
             Configuration::Device(_) => Err(Error::input(
                 format!("--station {}", self.station),
@@ -78,7 +77,7 @@ impl PodArgs {
     ///
     /// # Errors
     /// Folders without a device, words of another form, pods that the station does not have, one that
-    /// is named twice, and calibrations that cannot be read.
+    /// is named twice, ports that are named twice, and calibrations that cannot be read.
     pub(super) fn addresses(&self, station: &Station) -> Result<Vec<Address>> {
         let mut addresses = match &self.run_dir {
             Some(folder) => {
@@ -94,31 +93,34 @@ impl PodArgs {
         };
         let names = addresses.iter().map(|address| address.name.clone());
         once("--device", names.collect())?;
+        for (i, address) in addresses.iter().enumerate() {
+            if let Some(first) = addresses[..i].iter().find(|first| first.shares(address)) {
+                return Err(Error::input(
+                    "--device",
+                    format!("{} and {} by the same port", first.name, address.name),
+                    "ports of its own for each pod",
+                ));
+            }
+        }
         let mut calibrated = Vec::new();
         for text in &self.calibration {
-            let (name, rig) = calibration(text)?;
             let place = || format!("--calibration {text}");
+            let Some((name, file)) = text.split_once('=').filter(|(_, file)| !file.is_empty())
+            else {
+                return Err(Error::input(place(), "no calibration", "NAME=FILE"));
+            };
             let mut all = addresses.iter_mut();
             let Some(address) = all.find(|address| address.name == name) else {
                 let names: Vec<&str> = addresses.iter().map(|a| a.name.as_str()).collect();
                 return Err(Error::input(place(), format!("{name:?}"), names.join(", ")));
             };
+            let rig = read_rig(file.as_ref()).map_err(|e| e.at(place()))?;
             address.calibration = Some((place(), rig));
-            calibrated.push(name);
+            calibrated.push(name.to_owned());
         }
         once("--calibration", calibrated)?;
         Ok(addresses)
     }
-}
-
-/// `NAME=FILE`.
-fn calibration(text: &str) -> Result<(String, Rig)> {
-    let place = || format!("--calibration {text}");
-    let Some((name, file)) = text.split_once('=').filter(|(_, file)| !file.is_empty()) else {
-        return Err(Error::input(place(), "no calibration", "NAME=FILE"));
-    };
-    let rig = read_rig(file.as_ref()).map_err(|e| e.at("--calibration"))?;
-    Ok((name.to_owned(), rig))
 }
 
 /// Refuses a pod that is named a second time.
