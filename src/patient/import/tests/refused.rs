@@ -100,10 +100,10 @@ fn fields_that_do_not_match_are_named() {
         &still,
         &["fields: a skin that moves 0.000 mm at most", "0.1 mm"],
     );
-    // In micrometres.
+    // In no unit that a breath is long in.
     let long = complaint(|_, import| {
         for (percent, path) in &import.phases {
-            let moved = |p| 1000.0 * moved(p, *percent);
+            let moved = |p| 20.0 * moved(p, *percent);
             let field = Field::of(grid(8.0, 64.0), moved, "dvf").unwrap();
             write_field(path, &field, Packing::Plain).unwrap();
         }
