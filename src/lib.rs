@@ -97,6 +97,7 @@ pub mod host;
 #[cfg(target_os = "linux")]
 pub mod link;
 pub mod measure;
+mod new_file;
 mod numbers;
 pub mod patient;
 pub mod pattern;

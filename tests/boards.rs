@@ -399,7 +399,7 @@ fn a_printed_board_is_not_overwritten_unasked() {
     let (status, said) = run("--kind chess --out dots.svg");
     assert_eq!(status, Some(2));
     assert!(
-        said.contains("dots.svg: a file that is there; allowed:"),
+        said.contains("dots.svg: an existing file; allowed:"),
         "{said}"
     );
     assert_eq!(std::fs::read_to_string(&file).unwrap(), dots);

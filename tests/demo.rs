@@ -154,7 +154,11 @@ fn a_killed_demo_leaves_no_device_behind() {
         .env("TMPDIR", folder.path())
         .spawn()
         .unwrap();
-    let run_dir = folder.path().join(format!("phasma-demo-{}", child.id()));
+    let run_dir = || {
+        let entries = std::fs::read_dir(folder.path()).unwrap();
+        let mut paths = entries.map(|entry| entry.unwrap().path());
+        paths.find(|path| path.to_string_lossy().contains("/phasma-demo-"))
+    };
     let wait = |what: &dyn Fn() -> bool| {
         for _ in 0..1000 {
             if what() {
@@ -165,13 +169,13 @@ fn a_killed_demo_leaves_no_device_behind() {
         false
     };
     assert!(
-        wait(&|| run_dir.join("device.json").exists()),
+        wait(&|| run_dir().is_some_and(|dir| dir.join("device.json").exists())),
         "the device starts"
     );
     child.kill().unwrap();
     child.wait().unwrap();
     assert!(
-        wait(&|| !run_dir.exists()),
+        wait(&|| run_dir().is_none()),
         "the device goes and takes its folder along"
     );
 }

@@ -14,7 +14,7 @@ fn the_table_is_as_documented_and_no_cell_is_wrong() {
     assert_eq!(
         markdown(&tables),
         include_str!("../src/study/faults/matrix.md"),
-        "`phasma faults matrix --out src/study/faults/matrix.md` renews the table"
+        "`phasma faults matrix --force --out src/study/faults/matrix.md` renews the table"
     );
 }
 

@@ -8,6 +8,7 @@ use crate::decode::{
 };
 use crate::error::{Error, Result};
 use crate::host::{check_pictures, doubt_pictures};
+use crate::new_file::check_folder;
 use crate::pattern::Manifest;
 use std::path::{Path, PathBuf};
 
@@ -82,7 +83,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     };
     let read = |path: &PathBuf| read_rig_sized(path, sizes);
     let rig = args.calibration.as_ref().map(read).transpose()?;
-    prepare(&args.out, args.force)?;
+    check_folder(&args.out, output_names(), args.force)?;
     let frames = load_frames(&manifest, &plan, folder)?;
     let options = Options {
         keep_mixed: args.keep_mixed,
@@ -174,25 +175,5 @@ pub(super) fn name_calibration(error: Error, calibration: Option<&Path>) -> Erro
             Error::input(place, found, allowed)
         }
         (other, _) => other,
-    }
-}
-
-/// Refuses a folder that holds results already, or a path that is no folder.
-pub(super) fn prepare(out: &Path, force: bool) -> Result<()> {
-    if out.exists() && !out.is_dir() {
-        return Err(Error::input(
-            format!("--out {}", out.display()),
-            "a file",
-            "a folder, or a path where one can be made",
-        ));
-    }
-    let old = output_names().iter().find(|name| out.join(name).exists());
-    match old {
-        Some(name) if !force => Err(Error::input(
-            format!("--out {}", out.display()),
-            format!("{name} of an earlier run"),
-            "another folder, or --force to overwrite",
-        )),
-        _ => Ok(()),
     }
 }

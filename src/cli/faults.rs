@@ -1,8 +1,10 @@
 //! `phasma faults`: the kinds of faults, schedules of them, and what the host makes of each.
 
 use crate::error::{Error, Result};
+use crate::new_file;
 use crate::profile::faults::{Kind, Schedule, Side};
 use crate::study::faults::{Table, markdown, tables};
+use std::io::Write;
 use std::path::{Path, PathBuf};
 
 /// List the faults that can be injected, check schedules of them, and try each on the host
@@ -27,6 +29,9 @@ enum Action {
         /// Write the tables as Markdown.
         #[arg(long, value_name = "FILE")]
         out: Option<PathBuf>,
+        /// Overwrite an existing file.
+        #[arg(long, requires = "out")]
+        force: bool,
         /// Strike at each frame and message in turn, not at six of them: minutes.
         #[arg(long)]
         each: bool,
@@ -48,16 +53,24 @@ pub(super) fn run(args: &Args) -> Result<()> {
                 println!("  {number:<4}  {words}");
             }
         }
-        Action::Matrix { out, each, json } => return matrix(out.as_deref(), *each, *json),
+        Action::Matrix {
+            out,
+            force,
+            each,
+            json,
+        } => return matrix(out.as_deref(), *force, *each, *json),
     }
     Ok(())
 }
 
-fn matrix(out: Option<&Path>, each: bool, json: bool) -> Result<()> {
+fn matrix(out: Option<&Path>, force: bool, each: bool, json: bool) -> Result<()> {
+    if let Some(path) = out {
+        new_file::check(path, force)?;
+    }
     let tables = tables(each, &|what| super::step(what))?;
     let text = markdown(&tables);
     if let Some(path) = out {
-        std::fs::write(path, &text).map_err(|e| Error::io(path, e))?;
+        new_file::write(path, force, |out| out.write_all(text.as_bytes()))?;
     }
     match json {
         true => println!("{}", serde_json::json!({ "tables": tables })),

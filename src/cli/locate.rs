@@ -5,12 +5,12 @@ mod station;
 
 use super::board_args::BoardArgs;
 use super::calibrate::look;
-use super::new_file;
 use super::pods::{Address, PodArgs, Source};
 use super::vector::vector;
 use crate::calibrate::rig::place;
 use crate::error::{Error, Result};
 use crate::geometry::Pose;
+use crate::new_file;
 use crate::profile::{Profile, Station};
 use glam::DVec3;
 use report::Located;
@@ -35,9 +35,12 @@ pub(super) struct Args {
     /// Sequence to show, with patterns along both axes [default: that of the profile]
     #[arg(long, value_name = "NAME")]
     sequence: Option<String>,
-    /// File for the station with the places that were found; a new one.
+    /// New file for the station with the measured places.
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
+    /// Overwrite an existing file.
+    #[arg(long)]
+    force: bool,
     /// Print the result as JSON.
     #[arg(long)]
     json: bool,
@@ -46,7 +49,7 @@ pub(super) struct Args {
 pub(super) fn run(args: &Args) -> Result<()> {
     let timeout = args.pods.timeout()?;
     let room_from_board = args.room_from_board()?;
-    new_file::check(&args.out)?;
+    new_file::check(&args.out, args.force)?;
     let mut measured = args.pods.station()?;
     let pods = args.pods.addresses(&measured)?;
     let mut all = Vec::new();
@@ -57,7 +60,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     for located in &all {
         station::move_to(&mut measured, &located.name, &located.room_from_rig);
     }
-    station::write(&measured, &args.out)?;
+    station::write(&measured, &args.out, args.force)?;
     for warning in report::warnings(&all) {
         eprintln!("phasma: {warning}");
     }

@@ -16,6 +16,15 @@ macro_rules! println {
     ($($arg:tt)*) => { print!("{}\n", format_args!($($arg)*)) };
 }
 
+/// Writes a line to standard error. The standard macro panics when the write fails; a message that
+/// nobody can read must not change the exit status.
+macro_rules! eprintln {
+    ($($arg:tt)*) => {{
+        use std::io::Write;
+        let _ = writeln!(std::io::stderr(), $($arg)*);
+    }};
+}
+
 mod backend;
 mod bench;
 mod board;
@@ -33,7 +42,6 @@ mod faults;
 mod interrupt;
 mod locate;
 mod method;
-mod new_file;
 mod patient;
 mod plan;
 mod pods;
@@ -94,11 +102,13 @@ enum Command {
     Report(report::Args),
 }
 
-/// Standard output cannot be written to.
+/// Ends the program because standard output cannot be written: with success when the reader closed
+/// the pipe, with status 1 otherwise.
 fn unheard(e: &std::io::Error) {
-    if e.kind() != std::io::ErrorKind::BrokenPipe {
-        eprintln!("phasma: standard output: {e}");
+    if e.kind() == std::io::ErrorKind::BrokenPipe {
+        std::process::exit(0);
     }
+    eprintln!("phasma: standard output: {e}");
     std::process::exit(1);
 }
 

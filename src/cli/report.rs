@@ -1,6 +1,7 @@
 //! `phasma report`: studies on one page.
 
 use crate::error::{Error, Result};
+use crate::new_file;
 use crate::study::ALL;
 use crate::study::lab::{page, read};
 use std::io::Write;
@@ -21,6 +22,7 @@ pub struct Args {
 }
 
 pub(super) fn run(args: &Args) -> Result<()> {
+    new_file::check(&args.out, args.force)?;
     let read: Result<Vec<_>> = args.studies.iter().map(|path| read(ALL, path)).collect();
     let read = read?;
     let parts: Vec<_> = read
@@ -28,23 +30,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
         .map(|(document, folder, made)| (document.clone(), folder, made.clone()))
         .collect();
     let html = page("Studies of Phasma", &parts)?;
-    let mut options = std::fs::OpenOptions::new();
-    options.write(true);
-    if args.force {
-        options.create(true).truncate(true);
-    } else {
-        options.create_new(true);
-    }
-    let mut file = options.open(&args.out).map_err(|e| match e.kind() {
-        std::io::ErrorKind::AlreadyExists => Error::input(
-            format!("--out {}", args.out.display()),
-            "a file that is there",
-            "another name, or --force to overwrite it",
-        ),
-        _ => Error::io(&args.out, e),
-    })?;
-    let written = file.write_all(html.as_bytes());
-    written.map_err(|e| Error::io(&args.out, e))?;
+    new_file::write(&args.out, args.force, |out| out.write_all(html.as_bytes()))?;
     let (mut failed, mut all) = (0, 0);
     for (document, ..) in &parts {
         let checks: Vec<_> = document.checks().collect();

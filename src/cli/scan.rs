@@ -4,7 +4,7 @@ use super::dialect;
 use super::interrupt::Interruptible;
 use super::method::MethodArgs;
 use crate::calibrate::files::read_rig;
-use crate::decode::{Options, Summary, write_outputs};
+use crate::decode::{Options, Summary, output_names, write_outputs};
 use crate::error::{Error, Result};
 use crate::geometry::Rig;
 use crate::host::usb::{UsbAddress, UsbCamera, UsbDevice, UsbPort};
@@ -12,9 +12,10 @@ use crate::host::{
     Camera, Capture, Captured, CommandPort, Intake, Progress, RecordedCamera, RecordedPort,
     ScanOptions, Scanner, SerialPort, Tape, monotonic_ns, open_camera, scan_free_running,
 };
+use crate::new_file::{check_folder, stream};
 use crate::pattern::Manifest;
 use crate::protocol::dialect::Dialect;
-use crate::protocol::record::{About, Limits, Recorder, Side, create};
+use crate::protocol::record::{About, Limits, Recorder, Side};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -124,7 +125,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     }
     let timeout = Duration::from_secs_f64(args.timeout);
     Captured::check_folder(&args.out, args.force)?;
-    super::decode::prepare(&args.out, args.force)?;
+    check_folder(&args.out, output_names(), args.force)?;
     let manifest = args.manifest.as_deref().map(Manifest::read).transpose();
     let manifest = manifest.map_err(|e| e.at("--manifest"))?;
     let calibration = args.calibration.as_deref().map(read_rig).transpose();
@@ -202,7 +203,7 @@ fn tape(args: &Args, path: &Path, address: &str, start: Instant) -> Result<Tape>
         seed: None,
         monotonic_ns: Some(monotonic_ns().saturating_sub(now_ns())),
     };
-    let file = create(path, "--record", args.force)?;
+    let file = stream(path, args.force).map_err(|e| e.at("--record"))?;
     let place = path.display().to_string();
     let notice = |text: &str| eprintln!("phasma: {text}");
     let recorder = Recorder::start(file, &place, about, 0, Limits::default(), notice)?;

@@ -4,6 +4,7 @@ use crate::error::{Error, Result};
 use crate::protocol::Endpoints;
 use rustix::process::{Pid, Signal, kill_process};
 use std::fs;
+use std::hash::{BuildHasher, RandomState};
 use std::io::Read;
 use std::os::unix::net::UnixStream;
 use std::path::{Path, PathBuf};
@@ -33,8 +34,11 @@ impl Served {
     /// A process that cannot be started, ends, or is not ready in time; with its own words.
     pub(super) fn start(command: &str, arguments: &[String]) -> Result<Self> {
         let program = std::env::current_exe().map_err(|e| Error::io("phasma", e))?;
-        // Short: the path of a socket has room for some hundred bytes.
-        let run_dir = std::env::temp_dir().join(format!("phasma-{command}-{}", std::process::id()));
+        // The device makes it, 0700, and removes it even where this process is killed. Its name cannot
+        // be foreseen: the keys of a `RandomState` are the system's random numbers. It is short because
+        // the path of a socket has room for some hundred bytes.
+        let number = RandomState::new().hash_one(std::process::id());
+        let run_dir = std::env::temp_dir().join(format!("phasma-{command}-{number:016x}"));
         let child = Command::new(&program)
             .arg("serve")
             .args(arguments)

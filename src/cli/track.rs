@@ -4,13 +4,13 @@ mod patience;
 mod span;
 mod table;
 
-use super::new_file;
 use super::pods::{Address, PodArgs, Source, Taken};
 use crate::error::{Error, Result};
 use crate::host::track::{
     Answers, Beam, Follower, Hold, HoldRules, Measured, ModelOptions, POINTS, Planned, Quantity,
     Reading, Region, Sight,
 };
+use crate::new_file;
 use crate::patient::planning::Planning;
 use glam::DVec3;
 use patience::{FOREVER, Patience};
@@ -39,6 +39,9 @@ pub(super) struct Args {
     /// File for the lines; standard output when absent.
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
+    /// Overwrite an existing file.
+    #[arg(long, requires = "out")]
+    force: bool,
     /// How far the tumour may be from where it was planned, in millimetres.
     #[arg(long, value_name = "MM", default_value_t = 5.0)]
     tolerance_mm: f64,
@@ -57,7 +60,9 @@ pub(super) fn run(args: &Args) -> Result<()> {
     if args.scans == Some(0) {
         return Err(Error::input("--scans", 0, "1 or more"));
     }
-    args.out.as_deref().map_or(Ok(()), new_file::check)?;
+    if let Some(path) = &args.out {
+        new_file::check(path, args.force)?;
+    }
     super::step("planning");
     let planning = Planning::load(&args.planning)?;
     let planned = Planned::new(&planning, &Region::chest(), &ModelOptions::default())?;
@@ -126,7 +131,7 @@ fn follow(args: &Args, planned: &Planned, pods: &[Address], scans: &Receiver<Tak
     let target = planned.tumour_mm();
     let begin = Instant::now();
     let modes = planned.model.components();
-    let mut table = Table::new(args.out.as_deref(), begin, modes);
+    let mut table = Table::new(args.out.as_deref(), args.force, begin, modes);
     let mut patience = Patience::new(hold.stale());
     let most = POINTS / pods.len().max(1);
     let mut count = 0;

@@ -2,7 +2,8 @@
 //! padded with spaces to a multiple of 64 bytes and ended by a newline, then the numbers in C order
 //! (NumPy enhancement proposal 1, "A Simple File Format for NumPy Arrays").
 
-use crate::error::{Error, Result};
+use crate::error::Result;
+use crate::new_file::replace;
 use std::io::Write;
 use std::path::Path;
 
@@ -20,9 +21,7 @@ pub fn write_npy(path: &Path, width: usize, height: usize, values: &[f32]) -> Re
     for v in values {
         bytes.extend_from_slice(&v.to_le_bytes());
     }
-    std::fs::File::create(path)
-        .and_then(|mut file| file.write_all(&bytes))
-        .map_err(|e| Error::io(path, e))
+    replace(path, |out| out.write_all(&bytes))
 }
 
 fn header(width: usize, height: usize) -> Vec<u8> {

@@ -3,8 +3,9 @@
 use super::decoder::Decoder;
 use super::maps::{Decoded, Verdict};
 use super::npy::write_npy;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::geometry::ply;
+use crate::new_file::{discard, replace_picture};
 use crate::pattern::Axis;
 use image::{GrayImage, Luma, Rgb, RgbImage};
 use rayon::prelude::*;
@@ -29,7 +30,7 @@ pub const fn output_names() -> &'static [&'static str] {
 
 /// Writes the maps of a decoding into `folder`, which exists: `projector_x.npy`, `sigma_x.npy` and
 /// `phase_x.png` (and `_y`) for the axes that were decoded, `modulation.npy`, `mask.png`, and with a
-/// rig `depth.npy` and `cloud.ply`. Returns the names written.
+/// rig `depth.npy` and `cloud.ply`. Returns the names written. On failure none of them is left.
 ///
 /// # Errors
 /// What the system refuses.
@@ -83,14 +84,12 @@ pub fn write_outputs(
     tasks
         .par_iter()
         .map(|(name, task)| task(&folder.join(name)).map(|()| *name))
-        .collect()
+        .collect::<Result<_>>()
+        .inspect_err(|_| discard(folder, tasks.iter().map(|(name, _)| name)))
 }
 
 fn save(path: &Path, image: image::DynamicImage) -> Result<()> {
-    image.save(path).map_err(|e| match e {
-        image::ImageError::IoError(e) => Error::io(path, e),
-        e => Error::device(format!("{}: {e}", path.display())),
-    })
+    replace_picture(path, |out| image.write_to(out, image::ImageFormat::Png))
 }
 
 /// The phase of the finest fringes as hue, black where there is none; of Gray code alone, its cells

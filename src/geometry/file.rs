@@ -1,9 +1,7 @@
-//! Files of geometry as bytes: read whole up to a cap, written under another name and renamed.
+//! Files of geometry as bytes, read whole up to a cap.
 
-use crate::error::{Error, Result};
-use std::fs::File;
-use std::io::{BufWriter, Write};
-use std::path::{Path, PathBuf};
+use crate::error::Result;
+use std::path::Path;
 
 /// Largest mesh or cloud file that is read: some 20 million triangles of binary STL.
 pub(crate) const MAX_BYTES: u64 = 1 << 30;
@@ -14,52 +12,6 @@ pub(crate) const MAX_BYTES: u64 = 1 << 30;
 /// What the system refuses, a folder, pipe or device, or a larger file.
 pub(crate) fn read(path: &Path) -> Result<Vec<u8>> {
     crate::file::read(path, MAX_BYTES)
-}
-
-/// Writes a file so that its name only ever stands for a whole one: into a new file beside it,
-/// which is renamed at the end and removed on failure.
-pub(crate) fn write_whole(
-    path: &Path,
-    fill: impl FnOnce(&mut BufWriter<File>) -> std::io::Result<()>,
-) -> Result<()> {
-    let (partial, file) = create_beside(path)?;
-    let written = (|| {
-        let mut writer = BufWriter::with_capacity(1 << 18, file);
-        fill(&mut writer)?;
-        writer.flush()?;
-        drop(writer);
-        std::fs::rename(&partial, path)
-    })();
-    written.map_err(|e| {
-        // The first failure is the one worth telling.
-        let _ = std::fs::remove_file(&partial);
-        Error::io(path, e)
-    })
-}
-
-fn create_beside(path: &Path) -> Result<(PathBuf, File)> {
-    let name = path.file_name().ok_or_else(|| {
-        Error::input(
-            path.display(),
-            "no file name",
-            "the path of a file to write",
-        )
-    })?;
-    for attempt in 0..1000 {
-        let mut other = std::ffi::OsString::from(".");
-        other.push(name);
-        other.push(format!(".{attempt}.partial"));
-        let partial = path.with_file_name(other);
-        match File::create_new(&partial) {
-            Ok(file) => return Ok((partial, file)),
-            Err(e) if e.kind() == std::io::ErrorKind::AlreadyExists => {}
-            Err(e) => return Err(Error::io(path, e)),
-        }
-    }
-    Err(Error::device(format!(
-        "{}: a thousand unfinished files (.partial) stand beside it",
-        path.display()
-    )))
 }
 
 /// The next line of `rest` without its end (LF, CR LF or CR), which is taken off `rest`; `None` at
@@ -105,20 +57,6 @@ pub(crate) fn quoted(word: &[u8]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn a_failed_write_leaves_the_old_file_and_no_litter() {
-        let dir = tempfile::tempdir().unwrap();
-        let path = dir.path().join("a.ply");
-        write_whole(&path, |w| w.write_all(b"old")).unwrap();
-        let failed = write_whole(&path, |w| {
-            w.write_all(b"ne")?;
-            Err(std::io::Error::other("disk full"))
-        });
-        assert!(failed.unwrap_err().to_string().contains("disk full"));
-        assert_eq!(std::fs::read(&path).unwrap(), b"old");
-        assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 1);
-    }
 
     #[test]
     fn lines_end_three_ways() {

@@ -4,11 +4,13 @@
 use super::consistency::{LEAST_FOLLOWING, doubt, following};
 use crate::error::{Error, Result};
 use crate::geometry::Rig;
+use crate::new_file::{self, replace, replace_picture};
 use crate::pattern::{Manifest, Pattern};
 use crate::protocol::{Frame, PixelFormat};
-use image::{ImageBuffer, Luma};
+use image::{ImageBuffer, ImageFormat, Luma};
 use rayon::prelude::*;
 use std::fs;
+use std::io::Write;
 use std::path::{Path, PathBuf};
 
 /// Name of the manifest in a folder of frames.
@@ -69,13 +71,14 @@ impl Captured {
     /// # Errors
     /// A folder that holds one, unless `force` is set.
     pub fn check_folder(folder: &Path, force: bool) -> Result<()> {
-        if force {
-            return Ok(());
-        }
+        new_file::check_folder(folder, [""; 0], force)?;
         let entries = match fs::read_dir(folder) {
             Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(()),
             entries => entries.map_err(|e| Error::io(folder, e))?,
         };
+        if force {
+            return Ok(());
+        }
         for entry in entries {
             let name = entry.map_err(|e| Error::io(folder, e))?.file_name();
             let name = name.to_string_lossy();
@@ -92,7 +95,8 @@ impl Captured {
     }
 
     /// Writes `frame_00.png` and so on (8 or 16 bits), `sequence.toml` that names them, and
-    /// `calibration.toml` where there is one; frames of an earlier capture go.
+    /// `calibration.toml` where there is one; frames of an earlier capture go. On failure none of
+    /// them is left.
     ///
     /// # Errors
     /// What the system refuses, and frames whose bytes do not fit their size.
@@ -105,6 +109,18 @@ impl Captured {
                 fs::remove_file(&path).map_err(|e| Error::io(&path, e))?;
             }
         }
+        self.write_files(folder)
+            .inspect_err(|_| self.discard(folder))
+    }
+
+    /// Removes the files that [`Self::write`] makes.
+    pub(crate) fn discard(&self, folder: &Path) {
+        let frames = (0..self.frames.len()).map(|i| self.file_name(i));
+        new_file::discard(folder, frames);
+        new_file::discard(folder, [MANIFEST_FILE, CALIBRATION_FILE]);
+    }
+
+    fn write_files(&self, folder: &Path) -> Result<()> {
         self.frames
             .par_iter()
             .enumerate()
@@ -114,8 +130,7 @@ impl Captured {
             frame.file = Some(self.file_name(i));
         }
         let write = |name: &str, text: String| {
-            let path = folder.join(name);
-            fs::write(&path, text).map_err(|e| Error::io(&path, e))
+            replace(&folder.join(name), |out| out.write_all(text.as_bytes()))
         };
         let pictures = manifest
             .frame
@@ -137,24 +152,21 @@ impl Captured {
 pub fn write_png(frame: &Frame, path: &Path) -> Result<()> {
     let (width, height) = (frame.width, frame.height);
     let wrong = || Error::device(format!("frame {}: its bytes do not fit its size", frame.id));
-    let saved = if frame.format == PixelFormat::Y16 {
+    if frame.format == PixelFormat::Y16 {
         let pixels: Vec<u16> = frame
             .data
             .chunks_exact(2)
             .map(|b| u16::from_le_bytes([b[0], b[1]]))
             .collect();
-        ImageBuffer::<Luma<u16>, _>::from_raw(width, height, pixels)
-            .ok_or_else(wrong)?
-            .save(path)
+        let picture = ImageBuffer::<Luma<u16>, _>::from_raw(width, height, pixels);
+        let picture = picture.ok_or_else(wrong)?;
+        replace_picture(path, |out| picture.write_to(out, ImageFormat::Png))
     } else {
-        ImageBuffer::<Luma<u8>, _>::from_raw(width, height, frame.data.as_slice())
-            .ok_or_else(wrong)?
-            .save(path)
-    };
-    saved.map_err(|e| match e {
-        image::ImageError::IoError(e) => Error::io(path, e),
-        e => Error::device(format!("{}: {e}", path.display())),
-    })
+        let pixels = frame.data.as_slice();
+        let picture = ImageBuffer::<Luma<u8>, _>::from_raw(width, height, pixels);
+        let picture = picture.ok_or_else(wrong)?;
+        replace_picture(path, |out| picture.write_to(out, ImageFormat::Png))
+    }
 }
 
 #[cfg(test)]

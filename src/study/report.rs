@@ -3,9 +3,10 @@
 use super::score::{Score, depth_errors};
 use crate::decode::Decoded;
 use crate::emulator::Truth;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::geometry::Rig;
 use crate::measure::picture;
+use crate::new_file::replace_picture;
 use image::{GrayImage, Rgb, RgbImage};
 use serde::Serialize;
 use std::fmt;
@@ -252,9 +253,7 @@ fn stack(pictures: &[RgbImage]) -> RgbImage {
 }
 
 fn save(picture: &RgbImage, path: &Path) -> Result<()> {
-    picture
-        .save(path)
-        .map_err(|e| Error::device(format!("{}: {e}", path.display())))
+    replace_picture(path, |out| picture.write_to(out, image::ImageFormat::Png))
 }
 
 /// Two quantiles of the finite values; `None` without any.

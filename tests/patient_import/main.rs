@@ -182,7 +182,7 @@ fn the_isocentre_is_the_tumours_middle_and_the_reference_at_rest() {
     let complaint = words(&twice.stderr);
     assert_eq!(twice.status.code(), Some(2), "{complaint}");
     assert!(
-        complaint.contains("planning.toml is there already"),
+        complaint.contains("planning.toml, which exists"),
         "{complaint}"
     );
 }

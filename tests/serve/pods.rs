@@ -173,7 +173,7 @@ fn a_pod_that_was_knocked_is_found_where_it_stands_now() {
     let mut again = room.command("locate");
     refused(
         again.arg("--out").arg(&out),
-        &["found.toml: a file that is there already"],
+        &["found.toml: an existing file"],
     );
     let new = room.place("new.toml");
     let with = |option: &str, value: &str, words: &[&str]| {

@@ -2,7 +2,8 @@
 
 use super::number::written;
 use crate::error::{Error, Result};
-use crate::geometry::{Lens, Rig, file};
+use crate::geometry::{Lens, Rig};
+use crate::new_file;
 use std::fmt::Write as _;
 use std::io::Write as _;
 use std::path::Path;
@@ -47,7 +48,7 @@ pub fn write_opencv(path: &Path, rig: &Rig, errors: &Reprojection) -> Result<()>
         }
     };
     let text = to_opencv(rig, errors, format);
-    file::write_whole(path, |out| out.write_all(text.as_bytes()))
+    new_file::replace(path, |out| out.write_all(text.as_bytes()))
 }
 
 /// A rig as the text of an OpenCV file. R and T take points of the camera's frame, in millimetres,

@@ -1,6 +1,7 @@
 //! The folder that a report goes to.
 
 use crate::error::{Error, Result};
+use crate::new_file;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -23,10 +24,7 @@ pub const FILES: [&str; 7] = [
 /// A file in the folder's place, a folder with such files, what the system refuses.
 pub fn prepare(folder: &Path, also: &[&str], force: bool) -> Result<()> {
     let place = || format!("--out {}", folder.display());
-    if folder.exists() && !folder.is_dir() {
-        let allowed = "a folder, or a path where one can be made";
-        return Err(Error::input(place(), "a file", allowed));
-    }
+    new_file::check_folder(folder, [""; 0], force)?;
     fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
     let ours = ours(folder, also)?;
     if force {

@@ -21,7 +21,7 @@ pub use summary::{Figures, LeftOutPose, Summary, SummaryParameter};
 
 use super::rig::Calibration;
 use crate::error::Result;
-use crate::geometry::file::write_whole;
+use crate::new_file::replace;
 use std::io::Write;
 use std::path::Path;
 
@@ -34,23 +34,23 @@ pub fn write(folder: &Path, calibration: &Calibration, about: &About) -> Result<
     let summary = Summary::new(calibration, about);
     let [page, points, poses, parameters, covariance, rig, figures] = FILES;
     let solution = &calibration.solution;
-    write_whole(&folder.join(points), |out| points::write(calibration, out))?;
-    write_whole(&folder.join(poses), |out| {
+    replace(&folder.join(points), |out| points::write(calibration, out))?;
+    replace(&folder.join(poses), |out| {
         poses::write(calibration, about, out)
     })?;
-    write_whole(&folder.join(parameters), |out| {
+    replace(&folder.join(parameters), |out| {
         covariance::write_parameters(solution, out)
     })?;
-    write_whole(&folder.join(covariance), |out| {
+    replace(&folder.join(covariance), |out| {
         covariance::write(solution, out)
     })?;
-    write_whole(&folder.join(rig), |out| {
+    replace(&folder.join(rig), |out| {
         out.write_all(solution.rig.to_toml().as_bytes())
     })?;
-    write_whole(&folder.join(page), |out| {
+    replace(&folder.join(page), |out| {
         out.write_all(page::page(calibration, about, &summary).as_bytes())
     })?;
-    write_whole(&folder.join(figures), |out| {
+    replace(&folder.join(figures), |out| {
         out.write_all(summary.to_json().as_bytes())
     })?;
     Ok(summary)

@@ -3,7 +3,9 @@
 mod svg;
 
 use super::board_args::BoardArgs;
-use crate::error::{Error, Result};
+use crate::error::Result;
+use crate::new_file;
+use std::io::Write;
 use std::path::PathBuf;
 
 /// Write a calibration board to print: an SVG at true scale
@@ -14,7 +16,7 @@ pub(super) struct Args {
     /// The SVG file
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
-    /// Overwrite a file that is there
+    /// Overwrite an existing file
     #[arg(long)]
     force: bool,
 }
@@ -22,17 +24,12 @@ pub(super) struct Args {
 /// Runs the command.
 ///
 /// # Errors
-/// Boards that cannot be, a file that is there, what the system refuses.
+/// Boards that cannot be, an existing file, what the system refuses.
 pub(super) fn run(args: &Args) -> Result<()> {
     let board = args.board.board(1.0)?;
-    if args.out.exists() && !args.force {
-        return Err(Error::input(
-            args.out.display(),
-            "a file that is there",
-            "another file, or --force to overwrite",
-        ));
-    }
-    std::fs::write(&args.out, svg::page(&board)).map_err(|e| Error::io(&args.out, e))?;
+    new_file::write(&args.out, args.force, |out| {
+        out.write_all(svg::page(&board).as_bytes())
+    })?;
     let page = svg::page_mm(&board);
     println!(
         "{}: {} x {} mm; print it at 100 %, and measure its ruler",

@@ -38,7 +38,7 @@ impl Folder {
             out,
         };
         let captures = folder.out.join(CAPTURES);
-        let had_captures = captures.exists();
+        let had_captures = captures.symlink_metadata().is_ok();
         if args.keep_captures && had_captures && !args.force {
             return Err(Error::input(
                 format!("--out {}", args.out.display()),
@@ -56,7 +56,7 @@ impl Folder {
         if folder.draft.exists() {
             fs::remove_dir_all(&folder.draft).map_err(|e| Error::io(&folder.draft, e))?;
         }
-        fs::create_dir(&folder.draft).map_err(|e| Error::io(&folder.draft, e))?;
+        create_private(&folder.draft).map_err(|e| Error::io(&folder.draft, e))?;
         Ok(folder)
     }
 
@@ -103,6 +103,17 @@ impl Drop for Folder {
             self.made.iter().all(|made| fs::remove_dir(made).is_ok());
         }
     }
+}
+
+/// Makes a folder that is new and for its owner alone.
+fn create_private(path: &Path) -> std::io::Result<()> {
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::DirBuilderExt as _;
+        fs::DirBuilder::new().mode(0o700).create(path)
+    }
+    #[cfg(not(unix))]
+    fs::create_dir(path)
 }
 
 /// Whether a folder is one that poses are read from.

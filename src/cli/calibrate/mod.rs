@@ -25,13 +25,14 @@ use crate::calibrate::rig::{Calibration, Missed, Task, calibrate};
 use crate::calibrate::solve::{Choice, Unsolved};
 use crate::error::{Error, Result};
 use crate::geometry::Board;
+use crate::new_file::replace;
 use crate::study::calibration::Truth;
 use emulated::Emulated;
 use folder::Folder;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde::Serialize;
 use session::Poses;
-use std::fs;
+use std::io::Write;
 use std::path::{Path, PathBuf};
 
 /// Folder of the captures that are kept.
@@ -294,7 +295,7 @@ fn finish(
     out.keep(about.pictures.iter().map(|(_, file)| file.as_str()))?;
     if let Some(truth) = truth {
         let path = args.out.join(TRUTH);
-        fs::write(&path, json(truth)).map_err(|e| Error::io(&path, e))?;
+        replace(&path, |file| file.write_all(json(truth).as_bytes()))?;
     }
     for file in OPENCV {
         let (rig, errors) = (&calibration.solution.rig, errors(calibration));

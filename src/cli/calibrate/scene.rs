@@ -2,8 +2,10 @@
 
 use crate::error::{Error, Result};
 use crate::geometry::{Board, Pose};
+use crate::new_file::scratch;
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
+use tempfile::TempDir;
 
 /// Reflectance of the paper: the built-in devices expose a white wall at a metre so that it fills
 /// three quarters of a full well, and a board comes as near as 700 mm.
@@ -12,9 +14,7 @@ const PAPER: f64 = 0.45;
 const AMBIENT_W_M2: f64 = 0.02;
 
 /// A scene file in a folder of its own; both go with this value.
-pub(super) struct SceneFile {
-    folder: PathBuf,
-}
+pub(super) struct SceneFile(TempDir);
 
 impl SceneFile {
     /// Writes the scene of a board in a pose.
@@ -22,24 +22,14 @@ impl SceneFile {
     /// # Errors
     /// What the system refuses.
     pub(super) fn write(board: &Board, rig_from_board: &Pose) -> Result<Self> {
-        let name = format!("phasma-board-{}", std::process::id());
-        let folder = std::env::temp_dir().join(name);
-        fs::create_dir_all(&folder).map_err(|e| Error::io(&folder, e))?;
-        let file = Self { folder };
+        let file = Self(scratch("phasma-board-")?);
         let path = file.path();
         fs::write(&path, text(board, rig_from_board)).map_err(|e| Error::io(&path, e))?;
         Ok(file)
     }
 
     pub(super) fn path(&self) -> PathBuf {
-        self.folder.join("board.toml")
-    }
-}
-
-impl Drop for SceneFile {
-    fn drop(&mut self) {
-        // Nothing more can be done here.
-        let _ = fs::remove_dir_all::<&Path>(&self.folder);
+        self.0.path().join("board.toml")
     }
 }
 

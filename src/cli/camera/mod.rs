@@ -7,7 +7,7 @@ mod usb;
 use crate::error::{Error, Result};
 use crate::host::{Camera as _, Capture, open_camera};
 use crate::protocol::printable_json;
-use serde_json::{Value, json};
+use serde_json::json;
 use std::time::Duration;
 
 /// Look at cameras
@@ -58,9 +58,15 @@ pub(super) fn run(args: &Args) -> Result<()> {
         ));
     }
     let mut camera = open_camera(&args.address, Capture::Auto, timeout)?;
-    let frame = camera.next_frame(timeout)?;
-    let report = match &frame {
-        Some(frame) => json!({
+    let Some(frame) = camera.next_frame(timeout)? else {
+        return Err(Error::device(format!(
+            "camera {}: no frame within {} s; a camera that waits for a trigger sends none until \
+             it is triggered (--timeout waits longer)",
+            args.address, args.timeout
+        )));
+    };
+    if args.json {
+        let report = json!({
             "address": args.address,
             "width": frame.width,
             "height": frame.height,
@@ -68,30 +74,19 @@ pub(super) fn run(args: &Args) -> Result<()> {
             "id": frame.id,
             "pattern_index": frame.pattern_index,
             "exposure_us": (frame.exposure_end_ns - frame.exposure_start_ns.min(frame.exposure_end_ns)) / 1000,
-        }),
-        None => json!({ "address": args.address, "frame": Value::Null }),
-    };
-    if args.json {
+        });
         println!("{}", printable_json(&report));
         return Ok(());
     }
     println!("camera       {}", args.address);
-    match frame {
-        Some(frame) => {
-            println!(
-                "frame        {} x {} {:?}",
-                frame.width, frame.height, frame.format
-            );
-            println!("id           {}", frame.id);
-            match frame.pattern_index {
-                Some(index) => println!("pattern      {index}"),
-                None => println!("pattern      none: the camera runs free"),
-            }
-        }
-        None => println!(
-            "frame        none within {} s: a camera that waits for a trigger is silent",
-            args.timeout
-        ),
+    println!(
+        "frame        {} x {} {:?}",
+        frame.width, frame.height, frame.format
+    );
+    println!("id           {}", frame.id);
+    match frame.pattern_index {
+        Some(index) => println!("pattern      {index}"),
+        None => println!("pattern      none: the camera runs free"),
     }
     Ok(())
 }

@@ -12,12 +12,14 @@ use crate::emulator::render::Options as RenderOptions;
 use crate::error::{Error, Result};
 use crate::geometry::ply;
 use crate::host::{Capture, Captured, ScanOptions};
+use crate::new_file::{check_folder, discard, replace};
 use crate::protocol::PixelFormat;
 use crate::protocol::service::{Item, Request, ask};
 use crate::study::report::{PICTURES, Summary, write_pictures};
 use crate::study::score::score;
 use image::GrayImage;
 use std::fs;
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
@@ -76,7 +78,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     }
     .checked()?;
     args.method.check()?;
-    check_folder(&args.out)?;
+    check_out(&args.out)?;
     step("starting the device");
     let served = Served::start("demo", &serve_arguments(args))?;
     let endpoints = served.endpoints();
@@ -117,10 +119,17 @@ pub(super) fn run(args: &Args) -> Result<()> {
     step("comparing");
     let score = score(&decoded, &truth, &captured.manifest, &rig)?;
     step("writing");
-    captured.write(&args.out)?;
-    ply::write_cloud(&args.out.join(CLOUD), &decoder.cloud(&decoded))?;
+    // Without the summary the folder is not known as a demo's: then nothing may stay in it.
+    let discarding = |_: &Error| {
+        captured.discard(&args.out);
+        discard(&args.out, [SUMMARY, CLOUD].into_iter().chain(PICTURES));
+    };
     let frame = seen(&captured)?;
-    write_pictures(&args.out, &frame, &decoded, &truth, &rig)?;
+    captured
+        .write(&args.out)
+        .and_then(|()| ply::write_cloud(&args.out.join(CLOUD), &decoder.cloud(&decoded)))
+        .and_then(|()| write_pictures(&args.out, &frame, &decoded, &truth, &rig))
+        .inspect_err(discarding)?;
     let masked = Decoding::new(&decoder, &decoded)
         .axes
         .into_iter()
@@ -143,7 +152,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     };
     let json = serde_json::to_string_pretty(&summary).expect("numbers and strings");
     let path = args.out.join(SUMMARY);
-    fs::write(&path, format!("{json}\n")).map_err(|e| Error::io(&path, e))?;
+    replace(&path, |out| writeln!(out, "{json}")).inspect_err(discarding)?;
     if args.json {
         println!("{json}");
     } else {
@@ -210,26 +219,11 @@ fn serve_arguments(args: &Args) -> Vec<String> {
 
 /// A folder that an earlier demo made may be written again; one with files of somebody else's under
 /// our names may not.
-fn check_folder(out: &Path) -> Result<()> {
+fn check_out(out: &Path) -> Result<()> {
     let summary = fs::read_to_string(out.join(SUMMARY)).unwrap_or_default();
     if summary.contains("\"made_by\": \"phasma demo") {
         return Ok(());
     }
-    let place = format!("--out {}", out.display());
-    if out.exists() && !out.is_dir() {
-        return Err(Error::input(
-            place,
-            "a file",
-            "a folder, or a path where one can be made",
-        ));
-    }
-    let ours = [SUMMARY, CLOUD].into_iter().chain(PICTURES);
-    if let Some(name) = ours.into_iter().find(|name| out.join(name).exists()) {
-        return Err(Error::input(
-            place,
-            format!("{name}, which no demo has made"),
-            "another folder",
-        ));
-    }
+    check_folder(out, [SUMMARY, CLOUD].into_iter().chain(PICTURES), false)?;
     Captured::check_folder(out, false)
 }

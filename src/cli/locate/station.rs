@@ -1,8 +1,8 @@
 //! The station's file with new places.
 
-use crate::cli::new_file;
 use crate::error::{Error, Result};
 use crate::geometry::Pose;
+use crate::new_file;
 use crate::profile::{Station, profile_names, scene_names};
 use crate::protocol::dialect::Dialect;
 use std::io::Write;
@@ -21,7 +21,7 @@ pub(super) fn move_to(station: &mut Station, name: &str, room_from_rig: &Pose) {
 ///
 /// # Errors
 /// A file that has come meanwhile, and what the system refuses.
-pub(super) fn write(station: &Station, path: &Path) -> Result<()> {
+pub(super) fn write(station: &Station, path: &Path, force: bool) -> Result<()> {
     let mut whole = station.clone();
     whole.scene = match station.scene() {
         Some(scene) => Some(anywhere(scene, scene_names())?),
@@ -35,12 +35,12 @@ pub(super) fn write(station: &Station, path: &Path) -> Result<()> {
         };
     }
     let text = toml::to_string(&whole).expect("numbers and words");
-    let mut file = new_file::create(path)?;
-    write!(
-        file,
-        "# Places as `phasma locate` has measured them.\n\n{text}"
-    )
-    .map_err(|e| Error::io(path, e))
+    new_file::write(path, force, |out| {
+        write!(
+            out,
+            "# Places as `phasma locate` has measured them.\n\n{text}"
+        )
+    })
 }
 
 /// A built-in name as it is, and a file by its whole path.

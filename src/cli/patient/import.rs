@@ -47,9 +47,12 @@ pub(super) struct Args {
     /// Write the CT into the folder too.
     #[arg(long)]
     with_ct: bool,
-    /// Folder for the files; it must not hold a planning already.
+    /// Folder for the files.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
+    /// Overwrite an earlier planning.
+    #[arg(long)]
+    force: bool,
 }
 
 pub(super) fn run(args: &Args) -> Result<()> {
@@ -67,6 +70,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
             .collect::<Result<_>>()?,
         spacing_mm: args.spacing_mm,
         with_ct: args.with_ct,
+        force: args.force,
     };
     let made = import.write(&args.out, &crate::cli::step)?;
     say(args, &import, &made);

@@ -2,9 +2,8 @@
 
 mod import;
 
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::patient::phantom::{Patient, Phantom, patient_names};
-use crate::patient::planning::PlanningFile;
 use std::path::{Path, PathBuf};
 
 /// Patients: the generated ones, who breathe, and planning folders, of them or of a clinic's data
@@ -28,9 +27,12 @@ enum Action {
     Plan {
         /// A built-in patient, or a TOML file.
         patient: String,
-        /// Folder for the files; it must not hold a planning already.
+        /// Folder for the files.
         #[arg(long, value_name = "DIR")]
         out: PathBuf,
+        /// Overwrite an earlier planning.
+        #[arg(long)]
+        force: bool,
         /// Distance of the voxels of displacement fields and CT.
         #[arg(long, value_name = "MM", default_value_t = 5.0)]
         spacing_mm: f64,
@@ -61,7 +63,8 @@ pub(super) fn run(args: &Args) -> Result<()> {
             out,
             spacing_mm,
             ct,
-        } => plan(&Patient::load(patient)?, out, *spacing_mm, *ct),
+            force,
+        } => plan(&Patient::load(patient)?, out, *spacing_mm, *ct, *force),
         Action::Import(args) => import::run(args),
     }
 }
@@ -88,16 +91,9 @@ fn describe(patient: &Patient) {
     );
 }
 
-fn plan(patient: &Patient, out: &Path, spacing_mm: f64, ct: bool) -> Result<()> {
-    if out.join(PlanningFile::NAME).exists() {
-        return Err(Error::input(
-            format!("--out {}", out.display()),
-            "planning.toml, of an earlier planning",
-            "another folder",
-        ));
-    }
+fn plan(patient: &Patient, out: &Path, spacing_mm: f64, ct: bool, force: bool) -> Result<()> {
     super::step(&format!("{}: skin, tumour and ten fields", patient.name));
-    Phantom::new(patient).export_planning(out, spacing_mm, ct)?;
+    Phantom::new(patient).export_planning(out, spacing_mm, ct, force)?;
     println!(
         "{}: planning.toml, skin.ply, tumour.ply, dvf_00.mha to dvf_90.mha",
         out.display()

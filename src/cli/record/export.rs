@@ -1,11 +1,12 @@
 //! `phasma record export`: pictures and text out of a recording.
 
 use crate::error::{Error, Result};
-use crate::host::write_png;
+use crate::host::{Captured, write_png};
+use crate::new_file::{NewFile, check_folder, discard};
 use crate::protocol::Frame;
 use crate::protocol::record::{Channel, Event, Record};
-use std::fs::{self, File};
-use std::io::{BufWriter, Write};
+use std::fs;
+use std::io::Write;
 use std::path::Path;
 
 /// Name of the conversation in the folder.
@@ -13,18 +14,13 @@ const CONVERSATION: &str = "conversation.txt";
 
 pub(super) fn run(path: &Path, out: &Path, force: bool) -> Result<()> {
     let mut reader = super::open(path)?;
-    let text = out.join(CONVERSATION);
-    if text.exists() && !force {
-        return Err(Error::input(
-            format!("--out {}", out.display()),
-            format!("{CONVERSATION} of an earlier export"),
-            "another folder, or --force to overwrite",
-        ));
-    }
+    check_folder(out, [CONVERSATION], force)?;
+    Captured::check_folder(out, force)?;
     fs::create_dir_all(out).map_err(|e| Error::io(out, e))?;
+    let text = out.join(CONVERSATION);
     let io = |e| Error::io(&text, e);
-    let mut lines = BufWriter::new(File::create(&text).map_err(io)?);
-    let (mut records, mut frames) = (0_u64, 0_u64);
+    let mut lines = NewFile::create(&text, force)?;
+    let (mut records, mut frames) = (0_u64, Discarding { out, count: 0 });
     loop {
         let record = match reader.read() {
             Ok(Some(record)) => record,
@@ -39,21 +35,38 @@ pub(super) fn run(path: &Path, out: &Path, force: bool) -> Result<()> {
         let mut words = words(&record);
         if let Event::Frame(frame) = record.event {
             // The number keeps frames apart whose ids repeat.
-            let name = format!("frame_{frames:06}.png");
+            let name = frame_name(frames.count);
             let frame = Frame::clone(&frame).into_luma();
             words = format!("{words}: {name}");
             write_png(&frame, &out.join(name))?;
-            frames += 1;
+            frames.count += 1;
         }
         let seconds = record.time_ns as f64 * 1e-9;
         writeln!(lines, "{seconds:14.6} {words}").map_err(io)?;
     }
-    lines.flush().map_err(io)?;
+    lines.finish()?;
+    let count = std::mem::take(&mut frames.count);
     println!(
-        "{records} records, {frames} frames: written {}",
+        "{records} records, {count} frames: written {}",
         out.display()
     );
     Ok(())
+}
+
+fn frame_name(number: u64) -> String {
+    format!("frame_{number:06}.png")
+}
+
+/// The pictures written so far, removed unless the export comes to its end.
+struct Discarding<'a> {
+    out: &'a Path,
+    count: u64,
+}
+
+impl Drop for Discarding<'_> {
+    fn drop(&mut self) {
+        discard(self.out, (0..self.count).map(frame_name));
+    }
 }
 
 /// A record in a line, its bytes escaped.

@@ -10,10 +10,10 @@ use crate::emulator::render::Options;
 use crate::emulator::{Firmware, Machine, Renderer, SerialLine, UserSequence};
 use crate::error::{Error, Result};
 use crate::link::{Device, Recording, RunDir, Seat, Stage, UsbLink, serve};
+use crate::new_file::stream;
 use crate::profile::faults::Schedule;
 use crate::profile::{Profile, Scene};
 use crate::protocol::Endpoints;
-use crate::protocol::record::create;
 use std::cell::Cell;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -146,10 +146,10 @@ impl Unit {
     /// Makes the file that it is recorded in.
     ///
     /// # Errors
-    /// A file that is there already, unless `force`, and what the system refuses.
+    /// An existing file, unless `force`, and what the system refuses.
     pub(super) fn record(&mut self, path: &Path, force: bool) -> Result<()> {
         let there = path.exists();
-        let file = create(path, "--record", force)?;
+        let file = stream(path, force).map_err(|e| e.at("--record"))?;
         self.made = (!there).then(|| Made {
             path: path.to_owned(),
             kept: Cell::new(false),

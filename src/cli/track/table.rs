@@ -1,8 +1,8 @@
 //! A line of CSV for each scan.
 
-use crate::cli::new_file;
 use crate::error::{Error, Result};
 use crate::host::track::{Beam, MotionFit, RigidFit, six};
+use crate::new_file;
 use glam::DVec3;
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
@@ -11,6 +11,8 @@ use std::time::{Instant, SystemTime, UNIX_EPOCH};
 /// Where lines go.
 pub(super) struct Table {
     path: Option<PathBuf>,
+    /// Whether it takes the place of an existing file.
+    force: bool,
     begin: Instant,
     /// Coefficients that the motion has.
     modes: usize,
@@ -41,9 +43,10 @@ pub(super) struct Row<'a> {
 impl Table {
     /// A table for a new file, or standard output, which both stay as they are until there is a line;
     /// times are since `begin`, and the motion has so many coefficients.
-    pub(super) fn new(path: Option<&Path>, begin: Instant, modes: usize) -> Self {
+    pub(super) fn new(path: Option<&Path>, force: bool, begin: Instant, modes: usize) -> Self {
         Self {
             path: path.map(Path::to_owned),
+            force,
             begin,
             modes,
             to: None,
@@ -165,7 +168,7 @@ impl Table {
         let to = match &mut self.to {
             Some(to) => to,
             None => {
-                let to = self.to.insert(BufWriter::new(opened(path)?));
+                let to = self.to.insert(BufWriter::new(opened(path, self.force)?));
                 writeln!(to, "{}", Self::names(self.modes).join(",")).map_err(failed)?;
                 to
             }
@@ -190,9 +193,9 @@ fn verdict(beam: &Beam, warnings: &[String]) -> [String; 2] {
     [beam.to_owned(), format!("\"{words}\"")]
 }
 
-fn opened(path: Option<&Path>) -> Result<Box<dyn Write>> {
+fn opened(path: Option<&Path>, force: bool) -> Result<Box<dyn Write>> {
     Ok(match path {
-        Some(path) => Box::new(new_file::create(path)?),
+        Some(path) => Box::new(new_file::stream(path, force)?),
         None => Box::new(std::io::stdout()),
     })
 }

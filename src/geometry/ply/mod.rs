@@ -7,6 +7,7 @@ mod tests;
 
 use super::{Cloud, Mesh, file};
 use crate::error::{Error, Result};
+use crate::new_file;
 use std::io::Write;
 use std::path::Path;
 
@@ -53,7 +54,7 @@ pub fn write_cloud(path: &Path, cloud: &Cloud) -> Result<()> {
             path.display()
         )));
     }
-    file::write_whole(path, |out| {
+    new_file::replace(path, |out| {
         preamble(out, count)?;
         for name in ["x", "y", "z"] {
             writeln!(out, "property float {name}")?;
@@ -87,7 +88,7 @@ pub fn write_cloud(path: &Path, cloud: &Cloud) -> Result<()> {
 /// # Errors
 /// What the system refuses.
 pub fn write_mesh(path: &Path, mesh: &Mesh) -> Result<()> {
-    file::write_whole(path, |out| {
+    new_file::replace(path, |out| {
         preamble(out, mesh.vertices.len())?;
         for name in ["x", "y", "z"] {
             writeln!(out, "property double {name}")?;

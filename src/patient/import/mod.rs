@@ -24,6 +24,7 @@ use super::planning::{ALLOWED_NAME, PlanningFile};
 use super::volume::{Grid, listed};
 use crate::error::{Error, Result};
 use crate::geometry::{Mesh, ply};
+use crate::new_file::{check_folder, discard};
 use ct::Ct;
 use fields::Fields;
 use glam::DVec3;
@@ -63,6 +64,8 @@ pub struct Import {
     pub spacing_mm: Option<f64>,
     /// Whether the folder gets the CT, as MetaImage.
     pub with_ct: bool,
+    /// Whether files in the folder may be replaced.
+    pub force: bool,
 }
 
 /// What has been made.
@@ -87,7 +90,8 @@ pub struct Imported {
 }
 
 impl Import {
-    /// Makes the folder, which may be there and hold anything but files of the names that are written.
+    /// Makes the folder, which may exist and, unless `force`, hold anything but files of the names that
+    /// are written.
     /// `step` hears what goes on.
     ///
     /// # Errors
@@ -110,8 +114,7 @@ impl Import {
                 self.with_ct,
             )
         };
-        let names = names(&file);
-        free(out, &names)?;
+        check_folder(out, file.names(), self.force)?;
         step("CT");
         let ct = Ct::read(&self.ct, self.reference_percent)?;
         fields.lie_in(ct.volume.grid(), &ct.place)?;
@@ -125,7 +128,7 @@ impl Import {
         fields.reach(&skin, "skin")?;
 
         let made = !out.exists();
-        std::fs::create_dir_all(out).map_err(|e| Error::io(out, e))?;
+        file.begin(out)?;
         let motion = (|| {
             ply::write_mesh(&out.join(&file.skin), &skin)?;
             ply::write_mesh(&out.join(&file.tumour), &tumour.mesh)?;
@@ -155,10 +158,12 @@ impl Import {
             Ok(motion)
         })();
         let motion = motion.inspect_err(|_| {
-            // None of them was there before; the first failure is the one worth telling.
-            for name in &names {
-                let _ = std::fs::remove_file(out.join(name));
+            // Files that were there before may be what is imported.
+            if self.force {
+                return;
             }
+            // The first failure is the one worth telling.
+            discard(out, file.names());
             if made {
                 let _ = std::fs::remove_dir(out);
             }
@@ -216,29 +221,5 @@ impl Import {
                 listed(high)
             ),
         ))
-    }
-}
-
-/// All files of a planning.
-fn names(file: &PlanningFile) -> Vec<String> {
-    let mut names = vec![
-        PlanningFile::NAME.to_owned(),
-        file.skin.clone(),
-        file.tumour.clone(),
-    ];
-    names.extend(file.ct.clone());
-    names.extend(file.phase.iter().map(|phase| phase.field.clone()));
-    names
-}
-
-/// Refuses a folder that has one of the files: a planning, or what a planning is made of.
-fn free(out: &Path, names: &[String]) -> Result<()> {
-    match names.iter().find(|name| out.join(name).exists()) {
-        None => Ok(()),
-        Some(name) => Err(Error::input(
-            out.display(),
-            format!("{name} is there already"),
-            "a folder without a planning",
-        )),
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::error::{Error, Result};
 use crate::geometry::extension;
-use crate::geometry::file::write_whole;
+use crate::new_file::replace;
 use crate::patient::volume::{Field, Grid, Volume, Voxels};
 use flate2::Compression;
 use flate2::write::ZlibEncoder;
@@ -136,15 +136,15 @@ fn write(
         header(grid, element, channels, packed, data)
     };
     match extension(path).as_str() {
-        "mha" => write_whole(path, |out| {
+        "mha" => replace(path, |out| {
             out.write_all(head("LOCAL").as_bytes())?;
             body(out)
         }),
         "mhd" => {
             let data = path.with_extension(if packed.is_some() { "zraw" } else { "raw" });
-            write_whole(&data, |out| body(out))?;
+            replace(&data, |out| body(out))?;
             let name = data.file_name().unwrap_or_default().to_string_lossy();
-            write_whole(path, |out| out.write_all(head(&name).as_bytes()))
+            replace(path, |out| out.write_all(head(&name).as_bytes()))
         }
         other => Err(Error::input(
             path.display(),

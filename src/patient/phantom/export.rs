@@ -2,7 +2,8 @@
 
 use super::{PHASES, Phantom, REFERENCE_PHASE, SKIN_TRIANGLES, State, hounsfield};
 use crate::error::{Error, Result};
-use crate::geometry::ply;
+use crate::geometry::{Mesh, ply};
+use crate::new_file::{check_folder, discard};
 use crate::patient::metaimage::{write_field_by_planes, write_volume_by_planes};
 use crate::patient::planning::PlanningFile;
 use crate::patient::volume::Grid;
@@ -25,8 +26,14 @@ impl Phantom {
     /// that the skin can be found in it to a small part of a voxel.
     ///
     /// # Errors
-    /// A spacing outside 1 to 20 mm, and what the system refuses.
-    pub fn export_planning(&self, folder: &Path, spacing_mm: f64, ct: bool) -> Result<()> {
+    /// A spacing outside 1 to 20 mm, files that would be overwritten without `force`, and what the system refuses.
+    pub fn export_planning(
+        &self,
+        folder: &Path,
+        spacing_mm: f64,
+        ct: bool,
+        force: bool,
+    ) -> Result<()> {
         if !SPACING_MM.contains(&spacing_mm) {
             let (least, most) = (SPACING_MM.start(), SPACING_MM.end());
             return Err(Error::input(
@@ -35,35 +42,45 @@ impl Phantom {
                 format!("{least} to {most}"),
             ));
         }
-        std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
-        let skin = self.skin(SKIN_TRIANGLES)?;
-        let grid = around(skin.bounds().unwrap_or_default(), spacing_mm);
         let file = PlanningFile {
             name: self.patient().name.clone(),
             ..PlanningFile::usual(
                 (0..PHASES).map(|tenth| 10.0 * tenth as f64),
                 10.0 * REFERENCE_PHASE as f64,
-                grid.spacing_mm,
+                DVec3::splat(spacing_mm),
                 ct,
             )
         };
-        ply::write_mesh(&folder.join(&file.skin), &skin)?;
+        check_folder(folder, file.names(), force)?;
+        let skin = self.skin(SKIN_TRIANGLES)?;
+        let grid = around(skin.bounds().unwrap_or_default(), spacing_mm);
+        file.begin(folder)?;
+        self.write_files(folder, &file, &skin, &grid)
+            .inspect_err(|_| discard(folder, file.names()))
+    }
+
+    fn write_files(
+        &self,
+        folder: &Path,
+        file: &PlanningFile,
+        skin: &Mesh,
+        grid: &Grid,
+    ) -> Result<()> {
+        ply::write_mesh(&folder.join(&file.skin), skin)?;
         let tumour = self.tumour_mesh(&State::REFERENCE, LEVEL);
         ply::write_mesh(&folder.join(&file.tumour), &tumour)?;
         for (tenth, phase) in file.phase.iter().enumerate() {
             let state = self.planning_phase(tenth);
             let voxel = |x| self.displacement(x, &state).as_vec3().to_array();
-            write_field_by_planes(&folder.join(&phase.field), &grid, |k| {
-                plane(&grid, k, voxel)
-            })?;
+            write_field_by_planes(&folder.join(&phase.field), grid, |k| plane(grid, k, voxel))?;
         }
         if let Some(name) = &file.ct {
-            let border_mm = hounsfield::BORDER_MM.max(0.5 * spacing_mm);
+            let border_mm = hounsfield::BORDER_MM.max(0.5 * grid.spacing_mm.x);
             let voxel = |x| {
                 let number = self.hounsfield_of(x, &State::REFERENCE, border_mm);
                 number.round() as i16
             };
-            write_volume_by_planes(&folder.join(name), &grid, |k| plane(&grid, k, voxel))?;
+            write_volume_by_planes(&folder.join(name), grid, |k| plane(grid, k, voxel))?;
         }
         // Last, so that a folder with a planning.toml is whole.
         file.write(folder)

@@ -1,7 +1,7 @@
 //! `planning.toml`.
 
-use crate::error::Result;
-use crate::geometry::file::write_whole;
+use crate::error::{Error, Result};
+use crate::new_file::replace;
 use crate::numbers::exactly;
 use crate::profile::TomlSource;
 use glam::DVec3;
@@ -101,6 +101,29 @@ impl PlanningFile {
         }
     }
 
+    /// Makes the folder where there is none. An older `planning.toml` goes, so that the folder is no
+    /// planning until the new one is written, last.
+    ///
+    /// # Errors
+    /// What the system refuses.
+    pub(in crate::patient) fn begin(&self, folder: &Path) -> Result<()> {
+        std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
+        let path = folder.join(Self::NAME);
+        match std::fs::remove_file(&path) {
+            Err(e) if e.kind() != std::io::ErrorKind::NotFound => Err(Error::io(path, e)),
+            _ => Ok(()),
+        }
+    }
+
+    /// All files of the planning, by their names in the folder.
+    pub(in crate::patient) fn names(&self) -> impl Iterator<Item = &str> {
+        let fields = self.phase.iter().map(|phase| phase.field.as_str());
+        [Self::NAME, &self.skin, &self.tumour]
+            .into_iter()
+            .chain(self.ct.as_deref())
+            .chain(fields)
+    }
+
     /// Whether a patient may have this name in a planning: 1 to 64 letters, digits, `-`, `_` or `.`.
     pub fn is_name(text: &str) -> bool {
         let known = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '.');
@@ -139,7 +162,7 @@ impl PlanningFile {
     /// # Errors
     /// What the system refuses.
     pub fn write(&self, folder: &Path) -> Result<()> {
-        write_whole(&folder.join(Self::NAME), |out| {
+        replace(&folder.join(Self::NAME), |out| {
             out.write_all(self.to_toml().as_bytes())
         })
     }

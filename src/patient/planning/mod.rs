@@ -24,7 +24,7 @@ pub use folder::Folder;
 
 use super::metaimage::{self, Packing};
 use super::volume::Field;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::geometry::{Mesh, ply};
 use std::path::Path;
 
@@ -75,13 +75,13 @@ impl Planning {
     /// # Panics
     /// Where there is no phase.
     pub fn save(&self, path: &Path) -> Result<()> {
-        std::fs::create_dir_all(path).map_err(|e| Error::io(path, e))?;
         let percents = self.phases.iter().map(|(percent, _)| *percent);
         let spacing_mm = self.phases[0].1.grid().spacing_mm;
         let file = PlanningFile {
             name: self.name.clone(),
             ..PlanningFile::usual(percents, self.reference_percent, spacing_mm, false)
         };
+        file.begin(path)?;
         ply::write_mesh(&path.join(&file.skin), &self.skin)?;
         ply::write_mesh(&path.join(&file.tumour), &self.tumour)?;
         for (phase, (_, field)) in file.phase.iter().zip(&self.phases) {

@@ -61,7 +61,7 @@ mod tests;
 pub use encode::{encode_head, encode_record};
 pub use reader::{Damage, Reader};
 pub use recorder::{Limits, Recorder};
-pub use store::{Store, create};
+pub use store::Store;
 pub use summary::{Channels, Ending, Format, Frames, Kind, Summary};
 
 use super::Frame;

@@ -46,7 +46,7 @@ impl InRoom {
     /// A name that no patient has, and what the system refuses.
     pub fn new(name: &str, region: &Region, scratch: &Path) -> Result<Self> {
         let phantom = Phantom::new(&Patient::load(name)?);
-        phantom.export_planning(scratch, SPACING_MM, false)?;
+        phantom.export_planning(scratch, SPACING_MM, false, false)?;
         let planning = Planning::load(scratch);
         std::fs::remove_dir_all(scratch).map_err(|e| Error::io(scratch, e))?;
         let planned = Planned::new(&planning?, region, &ModelOptions::default())?;

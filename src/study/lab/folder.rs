@@ -7,6 +7,7 @@ use super::settings::Settings;
 use super::trial::Trial;
 use crate::error::{Error, Result};
 use crate::file;
+use crate::new_file::{is_unfinished, replace};
 use serde::{Deserialize, Serialize};
 use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io::Write;
@@ -70,7 +71,7 @@ impl Folder {
         for entry in fs::read_dir(path).map_err(|e| Error::io(path, e))? {
             let entry = entry.map_err(|e| Error::io(path, e))?;
             // What a study that was killed in its first moment has left.
-            if entry.file_name() == beside(ABOUT).as_str() {
+            if is_unfinished(&entry.file_name()) {
                 continue;
             }
             return Err(Error::input(
@@ -186,10 +187,7 @@ impl Folder {
 
     /// Writes a file so that it is never there in part.
     pub(super) fn replace(&self, name: &str, bytes: &[u8]) -> Result<()> {
-        let path = self.path.join(name);
-        let beside = self.path.join(beside(name));
-        fs::write(&beside, bytes).map_err(|e| Error::io(&beside, e))?;
-        fs::rename(&beside, &path).map_err(|e| Error::io(&path, e))
+        replace(&self.path.join(name), |out| out.write_all(bytes))
     }
 
     /// Where trials leave files.
@@ -212,9 +210,7 @@ impl Folder {
     /// # Errors
     /// What the system refuses.
     pub fn leave(&self, name: &str, bytes: &[u8]) -> Result<()> {
-        let (path, beside) = (self.place(name)?, self.place(&beside(name))?);
-        fs::write(&beside, bytes).map_err(|e| Error::io(&beside, e))?;
-        fs::rename(&beside, &path).map_err(|e| Error::io(&path, e))
+        replace(&self.place(name)?, |out| out.write_all(bytes))
     }
 
     /// A file that a trial left.
@@ -224,11 +220,6 @@ impl Folder {
     pub fn left(&self, name: &str) -> Result<Vec<u8>> {
         file::read(&self.files().join(name), MOST_BYTES)
     }
-}
-
-/// The name of a file until it is whole.
-fn beside(name: &str) -> String {
-    format!(".{name}.new")
 }
 
 /// Appends rows.

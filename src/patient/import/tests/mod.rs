@@ -27,6 +27,7 @@ fn of_planning(folder: &Path) -> Import {
             .collect(),
         spacing_mm: None,
         with_ct: false,
+        force: false,
     }
 }
 
@@ -36,7 +37,9 @@ fn what_a_phantom_has_written_is_imported_as_it_was() {
     let [from, to, about] = ["from", "to", "about"].map(|name| dir.path().join(name));
     let phantom = Phantom::new(&Patient::load("p07-child").unwrap());
     let spacing_mm = 10.0;
-    phantom.export_planning(&from, spacing_mm, true).unwrap();
+    phantom
+        .export_planning(&from, spacing_mm, true, false)
+        .unwrap();
     let planned = Planning::load(&from).unwrap();
 
     let mut import = of_planning(&from);
@@ -149,6 +152,7 @@ fn small() -> (tempfile::TempDir, Import) {
         phases,
         spacing_mm: None,
         with_ct: false,
+        force: false,
     };
     (dir, import)
 }

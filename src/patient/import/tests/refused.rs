@@ -304,11 +304,7 @@ fn nothing_that_is_there_is_overwritten() {
         assert_eq!(error.exit_code(), 2);
         has(
             &error.to_string(),
-            &[
-                "planning: ",
-                name,
-                "is there already; allowed: a folder without a planning",
-            ],
+            &["planning: ", name, "--force to overwrite"],
         );
         assert_eq!(std::fs::read(out.join(name)).unwrap(), b"mine");
         assert_eq!(std::fs::read_dir(&out).unwrap().count(), 1);

@@ -35,7 +35,7 @@ fn a_planning_folder_says_what_the_phantom_does() {
     let dir = tempfile::tempdir().unwrap();
     let phantom = one("p07-child");
     let folder = dir.path().join("plan");
-    phantom.export_planning(&folder, 12.0, true).unwrap();
+    phantom.export_planning(&folder, 12.0, true, false).unwrap();
     let skin = Mesh::read(&folder.join("skin.ply")).unwrap();
     assert_eq!(skin, phantom.skin(SKIN_TRIANGLES).unwrap());
     closed(&Mesh::read(&folder.join("tumour.ply")).unwrap());
@@ -84,7 +84,7 @@ fn a_planning_folder_says_what_the_phantom_does() {
     let ct = std::fs::read(folder.join("ct_50.mha")).unwrap();
     assert!(ct.len() > 2 * voxels);
     let words = phantom
-        .export_planning(&folder, 0.1, false)
+        .export_planning(&folder, 0.1, false, false)
         .unwrap_err()
         .to_string();
     assert!(words.contains("0.1; allowed: 1 to 20"), "{words}");
@@ -100,7 +100,7 @@ fn the_skin_is_found_in_the_ct() {
         let dir = tempfile::tempdir().unwrap();
         let phantom = one(name);
         phantom
-            .export_planning(dir.path(), spacing_mm, true)
+            .export_planning(dir.path(), spacing_mm, true, false)
             .unwrap();
         let ct = Folder::open(dir.path()).unwrap().ct().unwrap().unwrap();
         for (level, most_beyond, most) in [(SKIN_HU, 0.15, 1.0 / 6.0), (-525.0, 0.01, 0.15)] {

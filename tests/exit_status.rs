@@ -1,0 +1,60 @@
+//! Exit status when a stream or a camera does not cooperate.
+#![cfg(target_os = "linux")]
+
+use std::fs::OpenOptions;
+use std::net::TcpListener;
+use std::process::{Command, Stdio};
+
+fn phasma(args: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_phasma"));
+    command.args(args);
+    command
+}
+
+#[test]
+fn unwritable_standard_error_keeps_the_exit_status() {
+    let full = OpenOptions::new().write(true).open("/dev/full").unwrap();
+    let status = phasma(&["compare", "missing.ply", "--truth", "missing.ply"])
+        .stderr(full)
+        .status()
+        .unwrap();
+    assert_eq!(status.code(), Some(2));
+}
+
+#[test]
+fn closed_pipe_ends_quietly() {
+    let (reader, writer) = std::io::pipe().unwrap();
+    drop(reader);
+    let output = phasma(&["profile", "list"])
+        .stdout(writer)
+        .stderr(Stdio::piped())
+        .output()
+        .unwrap();
+    assert_eq!(output.status.code(), Some(0));
+    assert!(output.stderr.is_empty());
+}
+
+#[test]
+fn full_standard_output_is_a_failure() {
+    let full = OpenOptions::new().write(true).open("/dev/full").unwrap();
+    let output = phasma(&["profile", "list"])
+        .stdout(full)
+        .stderr(Stdio::piped())
+        .output()
+        .unwrap();
+    assert_eq!(output.status.code(), Some(1));
+    assert!(String::from_utf8_lossy(&output.stderr).contains("standard output"));
+}
+
+#[test]
+fn camera_info_of_a_silent_port_fails_with_a_message() {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = format!("tcp:{}", listener.local_addr().unwrap());
+    let output = phasma(&["camera", "info", &address, "--timeout", "0.2"])
+        .output()
+        .unwrap();
+    assert_eq!(output.status.code(), Some(1));
+    assert!(output.stdout.is_empty());
+    let message = String::from_utf8_lossy(&output.stderr);
+    assert!(message.contains("no frame within 0.2 s"), "{message}");
+}
