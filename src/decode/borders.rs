@@ -15,7 +15,7 @@
 //!   this errs on the careful side. So a pixel stays only if that bound on its bias is lost in its
 //!   noise. On a line along which the coordinate does not change, no harm is done and it stays.
 
-use super::edges::{KEEP, MIXED, less};
+use super::edges::{KEEP, MIXED, held, less};
 use crate::geometry::NoiseModel;
 
 /// Deviations of noise: the same 5 sqrt(6) as an extrapolation's in [`super::edges`].
@@ -83,10 +83,15 @@ fn judge<const WRAPPED: bool>(near: &Near<'_>, period: f32, flags: &mut [u8]) {
         let x = row[i];
         // Brightness that the noise leaves of a drop.
         let sd = (near.noise.floor + near.noise.slope * light[i]).sqrt();
+        let slope = |a: f32, b: f32| less::<WRAPPED>(a, b, period).abs();
+        let held = held(
+            slope(l1[i], l2[i]).min(slope(r1[i], r2[i])),
+            slope(u1[i], u2[i]).min(slope(d1[i], d2[i])),
+        );
         let here = Pixel {
             x,
             light: light[i] + BIAS * sd,
-            step: STEP * sigma[i] + FLOOR_PX,
+            step: STEP * sigma[i] + FLOOR_PX + held,
             bias: BIAS * sigma[i] + FLOOR_PX,
         };
         let ([a, b], [c, d]) = ([l1[i], l2[i]], [r1[i], r2[i]]);

@@ -31,6 +31,9 @@ const SPAN: f32 = 0.9;
 const NOISE: f32 = 12.25;
 /// In projector pixels; far below what matters, above what f32 leaves of large coordinates.
 const FLOOR_PX: f32 = 0.02;
+/// Projector pixels per camera pixel from which on [`held`] allows nothing, and per allowed pixel.
+const AVERAGED: f32 = 1.1;
+const AVERAGING: f32 = 0.1;
 
 /// The rows around a row of an axis, each as long as it; rows beyond the image are NaN.
 pub(super) struct Around<'a> {
@@ -70,20 +73,15 @@ fn judge<const WRAPPED: bool>(around: &Around<'_>, period: f32, flags: &mut [u8]
     for i in 0..n {
         let x = v[3][i];
         let base = NOISE * sigma[i] + FLOOR_PX;
-        let (row_bad, row_has) = line::<WRAPPED>(
-            x,
-            [l1[i], l2[i], l3[i]],
-            [r1[i], r2[i], r3[i]],
-            base,
-            period,
-        );
-        let (col_bad, col_has) = line::<WRAPPED>(
-            x,
-            [v[2][i], v[1][i], v[0][i]],
-            [v[4][i], v[5][i], v[6][i]],
-            base,
-            period,
-        );
+        let (left, right) = ([l1[i], l2[i], l3[i]], [r1[i], r2[i], r3[i]]);
+        let (above, below) = ([v[2][i], v[1][i], v[0][i]], [v[4][i], v[5][i], v[6][i]]);
+        let base = base
+            + held(
+                gentler::<WRAPPED>(left, right, period),
+                gentler::<WRAPPED>(above, below, period),
+            );
+        let (row_bad, row_has) = line::<WRAPPED>(x, left, right, base, period);
+        let (col_bad, col_has) = line::<WRAPPED>(x, above, below, base, period);
         // The gentler of both sides, so that a depth step is not taken for a slope.
         let step = |a: f32, b: f32| {
             let (a, b) = (less::<WRAPPED>(x, a, period), less::<WRAPPED>(x, b, period));
@@ -116,6 +114,33 @@ pub(super) fn less<const WRAPPED: bool>(a: f32, b: f32, period: f32) -> f32 {
     } else {
         d
     }
+}
+
+/// How far an extrapolation may miss because the projector holds its pixels, in projector pixels, where
+/// the coordinate changes by so much per camera pixel along the row and along the column.
+///
+/// A footprint narrower than a projector pixel sees a staircase: from pixel to pixel the coordinate
+/// changes by 0 to 1, so an extrapolation misses by up to 1. One as wide as a projector pixel averages
+/// over a step and sees a straight line. Unknown slopes (NaN) allow nothing.
+#[inline(always)]
+pub(super) fn held(row: f32, column: f32) -> f32 {
+    let slope = row.max(column);
+    if slope < AVERAGED {
+        ((AVERAGED - slope) / AVERAGING).min(1.0)
+    } else {
+        0.0
+    }
+}
+
+/// The gentler slope of both sides, over two pixels of each; sides list the nearest pixel first.
+#[inline(always)]
+fn gentler<const WRAPPED: bool>(left: [f32; 3], right: [f32; 3], period: f32) -> f32 {
+    let slope = |side: [f32; 3]| {
+        let near = less::<WRAPPED>(side[0], side[1], period);
+        let far = less::<WRAPPED>(side[1], side[2], period);
+        0.5 * (near + far).abs()
+    };
+    slope(left).min(slope(right))
 }
 
 /// Whether x fails both sides' extrapolations, and whether there was any. Sides list the nearest
@@ -258,6 +283,23 @@ mod tests {
             judge_row(&around, 0.0, &mut flags);
             assert_eq!(flags, [KEEP, KEEP, wanted, KEEP, KEEP]);
         }
+    }
+
+    #[test]
+    fn a_staircase_of_held_pixels_stays_and_a_stray_of_two_pixels_goes() {
+        // Half a projector pixel per camera pixel, unblurred: the mean of round(x) over the footprint.
+        let mean = |i: i32| -> f32 {
+            let at = |k: i32| (0.5 * i as f32 + 0.3 + 0.05 * (k as f32 - 4.5)).round();
+            (0..10).map(at).sum::<f32>() / 10.0
+        };
+        let mut x: Vec<f32> = (0..40).map(mean).collect();
+        assert_eq!(flags(&x, 0.005, 0.0), [KEEP; 40]);
+        x[20] += 2.5;
+        assert_eq!(flags(&x, 0.005, 0.0)[20], MIXED);
+        // Footprints of two projector pixels average over steps: nothing more is allowed.
+        let mut wide: Vec<f32> = (0..12).map(|i| 2.0 * i as f32).collect();
+        wide[6] += 0.5;
+        assert_eq!(flags(&wide, 0.005, 0.0)[6], MIXED);
     }
 
     #[test]

@@ -1,0 +1,111 @@
+//! Random but sensible devices, which nobody tuned for: what decoding states of its errors has to
+//! hold on any of them.
+
+mod device;
+mod measure;
+
+use device::Device;
+use measure::{Measured, measure};
+use phasma::profile::{Profile, Scene};
+use std::ops::Range;
+use std::path::Path;
+
+/// Of the pixels that are lit and resolved, the least share that becomes points.
+const COVERAGE: f64 = 0.97;
+/// RMS of error over stated deviation, over errors within five deviations.
+const RATIO: [f64; 2] = [0.9, 1.15];
+/// The same in each fifth of the points by deviation, by projector pixels per camera pixel, and by
+/// modulation.
+const RATIO_OF_PARTS: [f64; 2] = [0.8, 1.3];
+/// Largest share of points beyond five deviations.
+const BEYOND: f64 = 0.001;
+/// One device in twenty may miss a bar if a note names the cause.
+const EXCUSED: u64 = 20;
+
+/// The bars that a device misses.
+fn missed(m: &Measured) -> Vec<&'static str> {
+    let within = |[low, high]: [f64; 2], [least, most]: [f64; 2]| least >= low && most <= high;
+    let part = |by: usize| within(RATIO_OF_PARTS, m.parts[by]);
+    [
+        (m.coverage >= COVERAGE, "coverage"),
+        (within(RATIO, [m.ratio; 2]), "ratio"),
+        (part(0), "ratio by deviation"),
+        (part(1), "ratio by w"),
+        (part(2), "ratio by modulation"),
+        (m.beyond <= BEYOND, "beyond five deviations"),
+    ]
+    .into_iter()
+    .filter_map(|(holds, bar)| (!holds).then_some(bar))
+    .collect()
+}
+
+fn hold(seeds: Range<u64>) {
+    let excused = (seeds.end - seeds.start) / EXCUSED;
+    let (mut failed, mut warned) = (Vec::new(), Vec::new());
+    for seed in seeds {
+        let device = Device::new(seed);
+        let measured = measure(&device, seed);
+        let missed = missed(&measured);
+        println!(
+            "{seed:3} {}  {measured}  {}",
+            device.label,
+            missed.join(", ")
+        );
+        match (missed.is_empty(), measured.notes.is_empty()) {
+            (true, _) => (),
+            (false, true) => failed.push(seed),
+            (false, false) => warned.push(seed),
+        }
+    }
+    assert!(
+        failed.is_empty() && warned.len() as u64 <= excused,
+        "devices that miss a bar: {failed:?}; with a note that says why: {warned:?}, allowed {excused}"
+    );
+}
+
+/// The bar that holds today; the others wait for the error of held projector pixels to be stated.
+#[test]
+fn forty_devices_lose_no_sound_pixels() {
+    for seed in 0..40 {
+        let device = Device::new(seed);
+        let measured = measure(&device, seed);
+        let words = format!("{seed} {}  {measured}", device.label);
+        assert!(measured.coverage >= COVERAGE, "{words}");
+    }
+}
+
+#[test]
+#[ignore = "35 of 40 miss a bar: the error of held projector pixels is neither corrected nor stated"]
+fn forty_devices() {
+    hold(0..40);
+}
+
+#[test]
+#[ignore = "minutes; misses its bars as forty_devices does, and joins .ci/run --whole when that passes"]
+fn four_hundred_devices() {
+    hold(1000..1400);
+}
+
+/// Devices for `tests/numpy_decoder.py`, one of each code: seeds.
+const WRITTEN: [u64; 3] = [20, 12, 14];
+
+#[test]
+#[ignore = "writes files for the lane of foreign clients"]
+fn writes_devices_for_foreign_decoders() {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("zoo");
+    for seed in WRITTEN {
+        let folder = folder.join(seed.to_string());
+        std::fs::create_dir_all(&folder).unwrap();
+        let device = Device::new(seed);
+        for (name, text) in [
+            ("profile.toml", &device.profile),
+            ("scene.toml", &device.scene),
+        ] {
+            std::fs::write(folder.join(name), text).unwrap();
+        }
+        let path = |name: &str| folder.join(name).display().to_string();
+        let profile = Profile::load(&path("profile.toml")).unwrap();
+        assert_eq!(profile.name, format!("zoo-{seed}"));
+        Scene::load(&path("scene.toml")).unwrap();
+    }
+}
