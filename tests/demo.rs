@@ -160,7 +160,7 @@ fn a_killed_demo_leaves_no_device_behind() {
         paths.find(|path| path.to_string_lossy().contains("/phasma-demo-"))
     };
     let wait = |what: &dyn Fn() -> bool| {
-        for _ in 0..1000 {
+        for _ in 0..12_000 {
             if what() {
                 return true;
             }

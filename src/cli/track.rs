@@ -141,7 +141,7 @@ fn follow(args: &Args, planned: &Planned, pods: &[Address], scans: &Receiver<Tak
         let mut span = Span::default();
         let (mut last_frame, mut decoding) = (begin, Duration::ZERO);
         for (sight, pod) in sights.iter_mut().zip(pods) {
-            let mut silence = patience.left();
+            let mut silence = patience.left(Instant::now());
             let taken = loop {
                 match scans.recv_timeout(silence) {
                     Ok(taken) => break taken,
@@ -170,7 +170,7 @@ fn follow(args: &Args, planned: &Planned, pods: &[Address], scans: &Receiver<Tak
             span.take(&taken.captured.frames);
             last_frame = taken.arrived.max(last_frame);
         }
-        patience.heard();
+        patience.heard(Instant::now());
         let Answers { rigid, motion: fit } = follower.answer(&measured);
         match &fit {
             Ok(fit) => {

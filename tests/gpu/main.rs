@@ -11,3 +11,4 @@ mod case;
 mod compare;
 mod frames;
 mod terms;
+mod variations;

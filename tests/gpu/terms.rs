@@ -1,4 +1,4 @@
-//! Parity over every term of image formation.
+//! Parity over every pass and every term of image formation, once each. [`crate::variations`] has more.
 
 use crate::case::Case;
 use crate::compare::agree;
@@ -8,7 +8,7 @@ use phasma::profile::{CameraResponse, Profile, Response};
 use std::path::Path;
 
 /// Two solids before a wall, tilted, that shade each other.
-const SOLIDS: &str = "ambient = { irradiance_w_m2 = 0.05 }
+pub const SOLIDS: &str = "ambient = { irradiance_w_m2 = 0.05 }
 [[object]]
 shape = { kind = \"plane\" }
 position_mm = [0, 0, 1060]
@@ -31,7 +31,7 @@ albedo = 0.7
 ";
 
 /// A mesh before a wall, with more to be said of it.
-fn torso(more: &str) -> String {
+pub fn torso(more: &str) -> String {
     format!(
         "ambient = {{ irradiance_w_m2 = 0.05 }}
 [[object]]
@@ -57,11 +57,11 @@ fn fringe(axis: Axis, period_px: f64) -> Pattern {
     }
 }
 
-fn real(name: &'static str, scene: &str, change: impl FnOnce(&mut Profile)) -> Case {
+pub fn real(name: &'static str, scene: &str, change: impl FnOnce(&mut Profile)) -> Case {
     Case::with(name, "pmp-real", scene, Path::new("."), change)
 }
 
-fn solids() -> Case {
+pub fn solids() -> Case {
     let mut case = Case::new("solids", SOLIDS);
     case.shoot(&[
         fringe(Axis::X, 16.0),
@@ -70,10 +70,6 @@ fn solids() -> Case {
     ]);
     case.shoot_picture();
     case
-}
-
-fn mesh() -> Case {
-    Case::new("mesh", &torso(""))
 }
 
 /// Distortions, vignetting, both focuses, contrast, glare, dark current and fixed pattern.
@@ -135,28 +131,6 @@ specular = { f0 = 0.3, roughness = 0.2 }
     Case::with("looks", "pmp-bench", scene, folder, |_| {})
 }
 
-fn boards() -> Case {
-    let mut case = real(
-        "boards",
-        "ambient = { irradiance_w_m2 = 0.05 }
-[[object]]
-shape = { kind = \"board\", board = { pattern = \"dots\", columns = 25, rows = 19, pitch_mm = 24.0, dot_mm = 10.0, marker_mm = 20.0 } }
-position_mm = [0, 0, 1050]
-rotation_deg = [5, -32, 2]
-albedo = 0.8
-[[object]]
-shape = { kind = \"board\", board = { pattern = \"chess\", columns = 9, rows = 6, pitch_mm = 12.0 } }
-position_mm = [-70, 0, 900]
-rotation_deg = [40, 10, 0]
-albedo = 0.7
-specular = { f0 = 0.04, roughness = 0.35 }
-",
-        |_| {},
-    );
-    case.shoot_picture();
-    case
-}
-
 fn skin() -> Case {
     let mut case = real("skin", &torso("skin = { fitzpatrick = 2 }"), |_| {});
     case.shoot(&[
@@ -193,7 +167,7 @@ albedo = 0.9
 }
 
 /// Something that goes, something that deforms, rows that start one after the other.
-fn motion(folder: &Path) -> Case {
+pub fn motion(folder: &Path) -> Case {
     for (name, height) in [("out", 0.0), ("in", 12.0)] {
         std::fs::write(folder.join(format!("{name}.obj")), hill(height)).unwrap();
     }
@@ -247,18 +221,6 @@ fn hill(height: f64) -> String {
 
 #[test]
 #[ignore = "needs a Vulkan adapter"]
-fn solids_and_slides_of_every_kind() {
-    agree(&solids());
-}
-
-#[test]
-#[ignore = "needs a Vulkan adapter"]
-fn a_mesh() {
-    agree(&mesh());
-}
-
-#[test]
-#[ignore = "needs a Vulkan adapter"]
 fn lenses_projector_and_sensor_of_a_real_bench() {
     agree(&real_bench());
 }
@@ -278,12 +240,6 @@ fn textures_highlights_and_lamps() {
 
 #[test]
 #[ignore = "needs a Vulkan adapter"]
-fn boards_of_dots_and_squares() {
-    agree(&boards());
-}
-
-#[test]
-#[ignore = "needs a Vulkan adapter"]
 fn light_under_skin() {
     agree(&skin());
 }
@@ -292,23 +248,6 @@ fn light_under_skin() {
 #[ignore = "needs a Vulkan adapter"]
 fn light_between_surfaces() {
     agree(&interreflection());
-}
-
-#[test]
-#[ignore = "needs a Vulkan adapter"]
-fn motion_and_deformation() {
-    let folder = tempfile::tempdir().unwrap();
-    agree(&motion(folder.path()));
-}
-
-#[test]
-#[ignore = "needs a Vulkan adapter"]
-fn a_rolling_shutter_with_all_that_moves() {
-    let folder = tempfile::tempdir().unwrap();
-    let mut case = motion(folder.path());
-    case.name = "rolling";
-    case.roll(12.0);
-    agree(&case);
 }
 
 /// Patterns in their time, with a global shutter and with one that rolls over what moves.
@@ -322,52 +261,15 @@ fn patterns_in_their_time() {
     case.time();
     agree(&case);
     let folder = tempfile::tempdir().unwrap();
-    case = motion(folder.path());
+    agree(&timed_rolling(folder.path()));
+}
+
+fn timed_rolling(folder: &Path) -> Case {
+    let mut case = motion(folder);
     case.name = "timed-rolling";
     case.roll(12.0);
     case.time();
-    agree(&case);
-}
-
-#[test]
-#[ignore = "needs a Vulkan adapter"]
-fn several_rays_a_pixel() {
-    for samples in [4, 16, 64] {
-        let mut case = solids();
-        case.name = "samples";
-        case.options.samples = samples;
-        case.shots.truncate(1);
-        agree(&case);
-    }
-}
-
-#[test]
-#[ignore = "needs a Vulkan adapter"]
-fn a_camera_far_out_of_focus() {
-    let mut case = real("defocus", SOLIDS, |profile| {
-        profile.camera.f_number = 2.0;
-        profile.camera.focus_mm = Some(850.0);
-        // As bright as at f/16.
-        profile.camera.sensor.quantum_efficiency /= 64.0;
-    });
-    case.shots.truncate(1);
-    agree(&case);
-}
-
-#[test]
-#[ignore = "needs a Vulkan adapter"]
-fn without_noise() {
-    let mut case = Case::with(
-        "no-noise",
-        "pmp-bench",
-        &torso(""),
-        Path::new("."),
-        |profile| {
-            profile.camera.sensor.noiseless = true;
-        },
-    );
-    case.shots.truncate(1);
-    agree(&case);
+    case
 }
 
 fn timed() -> Case {
@@ -382,18 +284,14 @@ fn timed() -> Case {
 #[test]
 fn every_term_has_a_case() {
     let folder = tempfile::tempdir().unwrap();
-    let mut rolling = motion(folder.path());
-    rolling.roll(12.0);
     let cases = [
-        solids(),
-        mesh(),
         real_bench(),
         bent(),
         looks(folder.path()),
         skin(),
         interreflection(),
         timed(),
-        rolling,
+        timed_rolling(folder.path()),
     ];
     let plans: Vec<Plan> = cases
         .iter()

@@ -110,7 +110,7 @@ fn open(served: &Served) -> BufReader<fs::File> {
 
 /// Waits until a file has so many bytes that were received.
 fn wait_for(file: &Path, received: u64) {
-    let end = Instant::now() + Duration::from_secs(5);
+    let end = Instant::now() + Duration::from_secs(60);
     loop {
         let info = phasma()
             .args(["record", "info", "--json"])
@@ -245,7 +245,7 @@ fn a_device_that_was_killed_in_a_scan_is_killed_in_its_replay() {
         .stderr(Stdio::piped())
         .spawn()
         .unwrap();
-    let end = Instant::now() + Duration::from_secs(5);
+    let end = Instant::now() + Duration::from_secs(60);
     let frames = || {
         let info = phasma()
             .args(["record", "info", "--json"])

@@ -6,7 +6,8 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
-pub const LONG: Duration = Duration::from_secs(5);
+/// Ends a wait for what will never come; what comes takes milliseconds.
+pub const LONG: Duration = Duration::from_secs(60);
 
 /// A device that is served; gone with the test.
 pub struct Served {

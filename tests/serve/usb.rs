@@ -249,11 +249,17 @@ fn slow(dir: &Path) -> Served {
 /// A scan that has begun and is far from its end.
 fn begun(served: &Served, out: &Path) -> Child {
     let mut scan = scan(&served.at.camera, out)
+        // Far longer than the tests wait.
+        .args(["--timeout", "600"])
         .stdout(Stdio::piped())
         .stderr(Stdio::piped())
         .spawn()
         .unwrap();
-    std::thread::sleep(Duration::from_millis(700));
+    // Frames are rendered only for a reader.
+    while rendering_us(served) == 0 {
+        assert!(scan.try_wait().unwrap().is_none(), "the scan has ended");
+        std::thread::sleep(Duration::from_millis(5));
+    }
     assert!(scan.try_wait().unwrap().is_none(), "the scan is over");
     scan
 }

@@ -30,8 +30,7 @@ impl Patience {
     }
 
     /// A scan has come.
-    pub(super) fn heard(&mut self) {
-        let now = Instant::now();
+    pub(super) fn heard(&mut self, now: Instant) {
         if let Some(last) = self.last.replace(now) {
             if self.usual.len() == USUAL {
                 self.usual.pop_front();
@@ -41,11 +40,11 @@ impl Patience {
     }
 
     /// For how long the next may stay away yet; without end before there have been two.
-    pub(super) fn left(&self) -> Duration {
+    pub(super) fn left(&self, now: Instant) -> Duration {
         match (self.last, self.usual.iter().max()) {
             (Some(last), Some(longest)) => (*longest * TIMES)
                 .max(self.least)
-                .saturating_sub(last.elapsed()),
+                .saturating_sub(now - last),
             _ => FOREVER,
         }
     }
@@ -57,26 +56,21 @@ mod tests {
 
     #[test]
     fn what_takes_long_is_waited_for_and_no_longer() {
-        let mut patience = Patience::new(Duration::from_millis(40));
-        assert_eq!(patience.left(), FOREVER);
-        patience.heard();
-        assert_eq!(patience.left(), FOREVER, "one tells no interval");
-        patience.heard();
-        assert!(patience.left() <= Duration::from_millis(40));
-        std::thread::sleep(Duration::from_millis(60));
-        assert_eq!(patience.left(), Duration::ZERO);
-        patience.heard();
-        let left = patience.left();
-        assert!(
-            left > Duration::from_millis(120),
-            "three times 60 ms: {left:?}"
-        );
-        for _ in 0..USUAL {
-            patience.heard();
+        let begin = Instant::now();
+        let at = |ms: u64| begin + Duration::from_millis(ms);
+        let ms = Duration::from_millis;
+        let mut patience = Patience::new(ms(40));
+        assert_eq!(patience.left(at(0)), FOREVER);
+        patience.heard(at(0));
+        assert_eq!(patience.left(at(5)), FOREVER, "one tells no interval");
+        patience.heard(at(10));
+        assert_eq!(patience.left(at(20)), ms(30));
+        assert_eq!(patience.left(at(70)), Duration::ZERO);
+        patience.heard(at(70));
+        assert_eq!(patience.left(at(70)), ms(180), "three times 60 ms");
+        for scan in 1..=USUAL as u64 {
+            patience.heard(at(70 + 10 * scan));
         }
-        assert!(
-            patience.left() <= Duration::from_millis(40),
-            "that is long ago"
-        );
+        assert_eq!(patience.left(at(120)), ms(40), "that is long ago");
     }
 }

@@ -62,13 +62,13 @@ def main():
     if sys.argv[1:] == ["--list"]:
         print("\n".join(name for name, _ in tests()))
         return 0
-    # Parts of names; "*" is all, and nothing is all but what is slow.
+    # Parts of names; "*" is all, and without any, all but those marked `whole`.
     wanted = FILTERS.read_text().split()
     failed = 0
     print("begins")
     for name, function in tests():
-        slow = getattr(function, "slow", False)
-        if not any(part in name or part == "*" for part in wanted) if wanted else slow:
+        whole = getattr(function, "whole", False)
+        if not any(part in name or part == "*" for part in wanted) if wanted else whole:
             continue
         RUNNING.write_text(name)
         start = time.monotonic()

@@ -8,7 +8,7 @@ import time
 
 from lab import loopback, vivid
 from lab.device import Device, expect_scan, reference_scan
-from lab.failure import expect, expect_in, expect_true, limit, slow
+from lab.failure import expect, expect_in, expect_true, limit, whole
 from lab.guest import wait_until
 from lab.profiles import FRAMES, GREY, PLAIN
 from lab.streams import expect_free_run, split
@@ -55,7 +55,7 @@ def refused(scratch, *options, status=1, user=None, camera=loopback.PHASMA):
     return done.err
 
 
-@slow
+@whole
 def test_the_reader_leaves_and_returns(scratch):
     device = loaded_and_served(scratch)
     for _ in range(3):
@@ -69,6 +69,7 @@ def test_the_reader_leaves_and_returns(scratch):
     device.stop()
 
 
+@whole
 def test_a_reader_that_dies(scratch):
     device = loaded_and_served(scratch)
     dead = reader(scratch)
@@ -86,6 +87,7 @@ def test_two_readers(scratch):
     device.stop()
 
 
+@whole
 def test_a_slow_reader(scratch):
     """A stopped reader does not hold up the device, nor another reader."""
     device = loaded_and_served(scratch)
@@ -96,7 +98,7 @@ def test_a_slow_reader(scratch):
     device.stop()
 
 
-@slow
+@whole
 def test_a_slow_scan(scratch):
     """A scan that is stopped in its middle is right, repeated where it has to be, or says why not."""
     for variation in (GREY, PLAIN):
@@ -121,7 +123,7 @@ def test_a_slow_scan(scratch):
         device.stop()
 
 
-@slow
+@whole
 @limit(150)
 def test_serve_killed_and_started_again(scratch):
     device = loaded_and_served(scratch)
@@ -140,6 +142,7 @@ def test_serve_killed_and_started_again(scratch):
     again.stop()
 
 
+@whole
 def test_a_foreign_producer_holds_the_node(scratch):
     loopback.load()
     foreign = scratch.hold(produce(loopback.PHASMA, 640, 480, b"GREY"))
@@ -161,6 +164,7 @@ def test_a_foreign_producer_holds_the_node(scratch):
     after.stop()
 
 
+@whole
 def test_two_devices_share_no_node(scratch):
     device = loaded_and_served(scratch)
     expect_in("serve", "/dev/video10: another phasma serves its camera there", refused(scratch))
@@ -168,6 +172,7 @@ def test_two_devices_share_no_node(scratch):
     device.stop()
 
 
+@whole
 def test_no_permission(scratch):
     loopback.load()
     os.chmod(loopback.PHASMA, 0o660)
@@ -199,6 +204,7 @@ def test_a_path_that_is_no_camera(scratch):
             expect_in(done.command, path, done.err)
 
 
+@whole
 def test_nobody_streams_into_the_node(scratch):
     loopback.load()
     device = served(scratch, camera="socket")
@@ -213,6 +219,7 @@ def test_the_fast_clock_is_refused(scratch):
     expect_in("serve", "--clock", said)
 
 
+@whole
 def test_a_module_in_use_is_not_removed(scratch):
     device = loaded_and_served(scratch)
     done = loopback.rmmod()
@@ -222,6 +229,7 @@ def test_a_module_in_use_is_not_removed(scratch):
     device.stop()
 
 
+@whole
 def test_a_module_with_two_buffers(scratch):
     """The module's default. A scan is right, or says what it lost."""
     loopback.load(max_buffers=2)
@@ -235,6 +243,7 @@ def test_a_module_with_two_buffers(scratch):
     device.stop()
 
 
+@whole
 def test_a_module_without_exclusive_caps(scratch):
     loopback.load(exclusive_caps=0)
     device = served(scratch)

@@ -5,7 +5,7 @@ import time
 
 from lab import loopback
 from lab.device import Device, expect_scan, reference_scan
-from lab.failure import expect, expect_in, limit, slow
+from lab.failure import expect, expect_in, limit, whole
 from lab.guest import wait_until
 from lab.profiles import GREY, PLAIN
 
@@ -20,7 +20,7 @@ def look(scratch, count):
         "v4l2-ctl", "-d", loopback.PHASMA, "--stream-mmap", f"--stream-count={count}", seconds=30)
 
 
-@slow
+@whole
 @limit(200)
 def test_a_reader_comes_and_goes_during_a_scan(scratch):
     """It resets the module's buffers under the scan, which goes on or is repeated."""
@@ -43,6 +43,7 @@ def test_a_reader_comes_and_goes_during_a_scan(scratch):
         device.stop()
 
 
+@whole
 def test_a_scan_that_fails_or_is_interrupted_leaves_the_camera_free(scratch):
     loopback.load()
     device = served(scratch)

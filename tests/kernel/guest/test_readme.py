@@ -1,12 +1,13 @@
 """The commands of the README that need a kernel: its blocks marked `sh kernel`."""
 
 from lab import loopback, udev
-from lab.failure import expect_true, limit
+from lab.failure import expect_true, limit, whole
 from lab.guest import PHASMA, REPO, wait_until
 
 PRELUDE = f"set -eu\nPATH={PHASMA.parent}:$PATH\ntrap 'kill $(jobs -p) 2> /dev/null; wait' EXIT\n"
 
 
+@whole
 @limit(400)
 def test_every_command_runs(scratch):
     text = (REPO / "README.md").read_text()

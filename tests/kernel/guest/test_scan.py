@@ -2,7 +2,7 @@
 
 from lab import loopback
 from lab.device import Device, expect_scan, reference_scan
-from lab.failure import expect_in, slow
+from lab.failure import expect_in, whole
 from lab.profiles import GREY, PLAIN, Y12, YUYV
 
 
@@ -19,16 +19,17 @@ def test_v4l_path_reads_grey(scratch):
     scanned(scratch, GREY, "v4l")
 
 
-@slow
+@whole
 def test_v4l_path_reads_frames_without_a_data_line(scratch):
     scanned(scratch, PLAIN, "v4l")
 
 
-@slow
+@whole
 def test_v4l_path_reads_12_bits(scratch):
     scanned(scratch, Y12, "v4l")
 
 
+@whole
 def test_v4l_path_reads_yuyv(scratch):
     scanned(scratch, YUYV, "v4l")
 
@@ -37,6 +38,7 @@ def test_nokhwa_path_reads_yuyv(scratch):
     scanned(scratch, YUYV, "nokhwa")
 
 
+@whole
 def test_the_path_is_chosen_by_what_the_node_offers(scratch):
     for variation in (GREY, YUYV):
         loopback.load()

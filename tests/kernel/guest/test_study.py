@@ -4,7 +4,7 @@ device as uvcvideo and cdc_acm drive it."""
 import csv
 
 from lab import loopback, usb
-from lab.failure import expect, expect_in, expect_true, limit, slow
+from lab.failure import expect, expect_in, expect_true, limit, whole
 from lab.guest import wait_until
 
 LINKS = ["in memory", "pty and frame socket", "pty and TCP", "USB/IP", "pty and V4L2", "USB of the kernel"]
@@ -22,7 +22,7 @@ def rows_of(rows, group):
     return found
 
 
-@slow
+@whole
 @limit(600)
 def test_speed_over_every_link(scratch):
     loopback.load()

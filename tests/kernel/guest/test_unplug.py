@@ -6,7 +6,7 @@ import os
 
 from lab import loopback
 from lab.device import Device
-from lab.failure import expect, expect_in, expect_true
+from lab.failure import expect, expect_in, expect_true, whole
 from lab.guest import wait_until
 from lab.profiles import GREY
 from lab.v4l2 import names, produce
@@ -37,6 +37,7 @@ def expect_gone(what, done, path):
     expect_true(f"{what}: no panic", "panicked" not in done.err)
 
 
+@whole
 def test_the_plug_is_pulled_out(scratch):
     """What the other tests stand on: a producer at work is told ENODEV."""
     nodes()
@@ -52,6 +53,7 @@ def test_the_plug_is_pulled_out(scratch):
     expect("errno of a write", found, errno.ENODEV)
 
 
+@whole
 def test_the_device_says_so_and_ends(scratch):
     nodes()
     device = Device(scratch, GREY, "/dev/video20").ready()
@@ -65,6 +67,7 @@ def test_the_device_says_so_and_ends(scratch):
     again.stop()
 
 
+@whole
 def test_a_scan_in_progress_says_so_and_ends(scratch):
     nodes()
     device = Device(scratch, GREY, "/dev/video21").ready()
@@ -76,6 +79,7 @@ def test_a_scan_in_progress_says_so_and_ends(scratch):
     expect_gone("serve", device.job.wait(30), "/dev/video21")
 
 
+@whole
 def test_a_viewer_ends_and_the_device_too(scratch):
     nodes()
     device = Device(scratch, GREY, "/dev/video22").ready()

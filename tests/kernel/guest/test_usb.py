@@ -12,7 +12,7 @@ import serial
 from lab import usb
 from lab.data_line import Line
 from lab.device import FrameSocket, expect_scan, reference_scan
-from lab.failure import expect, expect_in, expect_true, limit, slow
+from lab.failure import expect, expect_in, expect_true, limit, whole
 from lab.guest import PHASMA, wait_until
 from lab.profiles import GREY, SCENE, Y12, YUYV, replace
 from lab.streams import split
@@ -89,7 +89,7 @@ def test_controls_are_one_state_with_the_commands(scratch):
     device.stop()
 
 
-@slow
+@whole
 @limit(300)
 def test_a_thousand_frames_without_loss(scratch):
     device = plugged(scratch, GREY, "--no-noise")
@@ -138,6 +138,7 @@ def test_rts_triggers_and_dsr_tells(scratch):
     device.stop()
 
 
+@whole
 @limit(150)
 def test_unplugged_in_a_scan_and_plugged_in_again(scratch):
     wanted = reference_scan(scratch, GREY, "--no-noise")
@@ -161,6 +162,7 @@ def test_unplugged_in_a_scan_and_plugged_in_again(scratch):
     device.stop()
 
 
+@whole
 @limit(240)
 def test_unplugged_in_a_scan_that_goes_on_when_it_is_back(scratch):
     wanted = reference_scan(scratch, GREY, "--no-noise")
@@ -182,7 +184,7 @@ def test_unplugged_in_a_scan_that_goes_on_when_it_is_back(scratch):
     device.stop()
 
 
-@slow
+@whole
 @limit(400)
 def test_fifty_times_in_and_out(scratch):
     device = UsbDevice(scratch, GREY, how="export").ready()
@@ -208,6 +210,7 @@ def test_fifty_times_in_and_out(scratch):
     device.stop()
 
 
+@whole
 def test_two_devices_of_one_server(scratch):
     wanted = reference_scan(scratch, GREY, "--no-noise")
     usb.load()
@@ -240,6 +243,7 @@ def test_two_devices_of_one_server(scratch):
     wait_until("the cameras are gone", lambda: usb.video_node() is None)
 
 
+@whole
 def test_killed_while_attached(scratch):
     device = plugged(scratch, GREY)
     device.job.send(signal.SIGKILL)

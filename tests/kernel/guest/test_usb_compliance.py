@@ -3,7 +3,7 @@
 import re
 
 from lab.compliance import DRIVERS_OWN_STREAMING, expect_no_other_failure, reasons
-from lab.failure import expect, expect_in
+from lab.failure import expect, expect_in, whole
 from lab.profiles import GREY, Y12, YUYV
 from lab.usb import UsbVariation, plugged
 
@@ -35,21 +35,26 @@ def test_grey(scratch):
     complies(scratch, GREY, BULK, HIGH)
 
 
+@whole
 def test_16_bits(scratch):
     complies(scratch, Y12, BULK, HIGH)
 
 
+@whole
 def test_yuyv(scratch):
     complies(scratch, YUYV, BULK, HIGH)
 
 
+@whole
 def test_isochronous(scratch):
     complies(scratch, UsbVariation(GREY, 'transfer = "isochronous"'), ISOCHRONOUS, HIGH)
 
 
+@whole
 def test_super_speed(scratch):
     complies(scratch, UsbVariation(GREY, 'speed = "super"'), BULK, SUPER)
 
 
+@whole
 def test_super_speed_isochronous(scratch):
     complies(scratch, UsbVariation(GREY, 'speed = "super"\ntransfer = "isochronous"'), ISOCHRONOUS, SUPER)

@@ -6,7 +6,7 @@ import sys
 from lab import photographs
 from lab.data_line import Line
 from lab.device import Control, reference, reference_scan
-from lab.failure import expect, limit
+from lab.failure import expect, limit, whole
 from lab.guest import LANE, wait_until
 from lab.profiles import FRAMES, GREY
 from lab.streams import split
@@ -53,10 +53,12 @@ def recorded(scratch, *command):
     device.stop()
 
 
+@whole
 def test_v4l2_ctl_records_a_scan(scratch):
     recorded(scratch, "v4l2-ctl", "-d", "NODE", "--stream-mmap=16", f"--stream-count={COUNT}", "--stream-to=SAVED")
 
 
+@whole
 def test_ffmpeg_records_a_scan(scratch):
     # The camera offers YUYV as well, which ffmpeg would take, and stretch its luma to full range.
     recorded(
@@ -64,12 +66,14 @@ def test_ffmpeg_records_a_scan(scratch):
         "-frames:v", COUNT, "-vsync", "passthrough", "-f", "rawvideo", "-pix_fmt", "gray", "SAVED")
 
 
+@whole
 def test_gstreamer_records_a_scan(scratch):
     recorded(
         scratch, "gst-launch-1.0", "-q", "v4l2src", "device=NODE", f"num-buffers={COUNT}", "!",
         "video/x-raw,format=GRAY8", "!", "filesink", "location=SAVED")
 
 
+@whole
 @limit(180)  # the interpreter of the guest takes its time over OpenCV's libraries
 def test_opencv_and_pyserial_scan(scratch):
     wanted = reference_scan(scratch, GREY)

@@ -5,7 +5,7 @@ import re
 from lab import loopback
 from lab.data_line import Line
 from lab.device import Device, reference
-from lab.failure import expect, expect_in, expect_true
+from lab.failure import expect, expect_in, expect_true, whole
 from lab.guest import wait_until
 from lab.profiles import FRAMES, GREY, PLAIN, Y10, Y12, Y16, YUYV
 from lab.streams import expect_sequence, split
@@ -54,22 +54,27 @@ def test_it_saves_grey_as_rendered(scratch):
     saved_sequence(scratch, GREY)
 
 
+@whole
 def test_it_saves_frames_without_a_data_line_as_rendered(scratch):
     saved_sequence(scratch, PLAIN)
 
 
+@whole
 def test_it_saves_yuyv_as_rendered(scratch):
     saved_sequence(scratch, YUYV)
 
 
+@whole
 def test_it_saves_10_bits_as_rendered(scratch):
     saved_sequence(scratch, Y10)
 
 
+@whole
 def test_it_saves_12_bits_as_rendered(scratch):
     saved_sequence(scratch, Y12)
 
 
+@whole
 def test_it_saves_16_bits_as_rendered(scratch):
     saved_sequence(scratch, Y16)
 

@@ -2,7 +2,7 @@
 
 from lab import loopback
 from lab.device import Device, FrameSocket
-from lab.failure import expect
+from lab.failure import expect, whole
 from lab.profiles import GREY, YUYV
 from lab.streams import expect_free_run, split
 
@@ -40,12 +40,14 @@ def test_ffmpeg_reads_grey(scratch):
         "-frames:v", COUNT, "-vsync", "passthrough", "-f", "rawvideo", "-pix_fmt", "gray", "SAVED")
 
 
+@whole
 def test_ffmpeg_reads_yuyv(scratch):
     viewed(
         scratch, YUYV, "ffmpeg", "-nostdin", "-loglevel", "error", "-f", "v4l2", "-i", loopback.PHASMA,
         "-frames:v", COUNT, "-vsync", "passthrough", "-f", "rawvideo", "-pix_fmt", "yuyv422", "SAVED")
 
 
+@whole
 def test_gstreamer_reads_grey(scratch):
     viewed(
         scratch, GREY, "gst-launch-1.0", "-q", "v4l2src", f"device={loopback.PHASMA}",

@@ -2,7 +2,7 @@
 
 from lab import loopback, vivid
 from lab.device import Device, reference_scan
-from lab.failure import expect_in, expect_true
+from lab.failure import expect_in, expect_true, whole
 from lab.profiles import GREY
 
 
@@ -20,6 +20,7 @@ def expect_no_surface(scratch, done, out):
     expect_true("there is no cloud", not (scratch.dir / out / "cloud.ply").exists())
 
 
+@whole
 def test_a_scan_without_a_port_says_no_modulation(scratch):
     node = vivid.load()
     # A manifest of what a projector would have shown.
@@ -33,6 +34,7 @@ def test_a_scan_without_a_port_says_no_modulation(scratch):
         expect_no_surface(scratch, done, out)
 
 
+@whole
 def test_a_scan_with_another_devices_port_makes_no_surface(scratch):
     node = vivid.load()
     loopback.load()

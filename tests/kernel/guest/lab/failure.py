@@ -20,9 +20,9 @@ def expect_true(what, found):
         raise Failure(what)
 
 
-def slow(function):
-    """A test that only a run of all tests, or one by its name, includes."""
-    function.slow = True
+def whole(function):
+    """Marks a test that runs only with `--all` or by name. The others cover each client once."""
+    function.whole = True
     return function
 
 

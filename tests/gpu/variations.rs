@@ -1,0 +1,104 @@
+//! Parity over more cases of terms that [`crate::terms`] covers already: for whole runs.
+
+use crate::case::Case;
+use crate::compare::agree;
+use crate::terms::{SOLIDS, motion, real, solids, torso};
+use std::path::Path;
+
+fn boards() -> Case {
+    let mut case = real(
+        "boards",
+        "ambient = { irradiance_w_m2 = 0.05 }
+[[object]]
+shape = { kind = \"board\", board = { pattern = \"dots\", columns = 25, rows = 19, pitch_mm = 24.0, dot_mm = 10.0, marker_mm = 20.0 } }
+position_mm = [0, 0, 1050]
+rotation_deg = [5, -32, 2]
+albedo = 0.8
+[[object]]
+shape = { kind = \"board\", board = { pattern = \"chess\", columns = 9, rows = 6, pitch_mm = 12.0 } }
+position_mm = [-70, 0, 900]
+rotation_deg = [40, 10, 0]
+albedo = 0.7
+specular = { f0 = 0.04, roughness = 0.35 }
+",
+        |_| {},
+    );
+    case.shoot_picture();
+    case
+}
+
+#[test]
+#[ignore = "needs a Vulkan adapter"]
+fn solids_and_slides_of_every_kind() {
+    agree(&solids());
+}
+
+#[test]
+#[ignore = "needs a Vulkan adapter"]
+fn a_mesh() {
+    agree(&Case::new("mesh", &torso("")));
+}
+
+#[test]
+#[ignore = "needs a Vulkan adapter"]
+fn boards_of_dots_and_squares() {
+    agree(&boards());
+}
+
+#[test]
+#[ignore = "needs a Vulkan adapter"]
+fn motion_and_deformation() {
+    let folder = tempfile::tempdir().unwrap();
+    agree(&motion(folder.path()));
+}
+
+#[test]
+#[ignore = "needs a Vulkan adapter"]
+fn a_rolling_shutter_with_all_that_moves() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut case = motion(folder.path());
+    case.name = "rolling";
+    case.roll(12.0);
+    agree(&case);
+}
+
+#[test]
+#[ignore = "needs a Vulkan adapter"]
+fn several_rays_a_pixel() {
+    for samples in [4, 16, 64] {
+        let mut case = solids();
+        case.name = "samples";
+        case.options.samples = samples;
+        case.shots.truncate(1);
+        agree(&case);
+    }
+}
+
+#[test]
+#[ignore = "needs a Vulkan adapter"]
+fn a_camera_far_out_of_focus() {
+    let mut case = real("defocus", SOLIDS, |profile| {
+        profile.camera.f_number = 2.0;
+        profile.camera.focus_mm = Some(850.0);
+        // As bright as at f/16.
+        profile.camera.sensor.quantum_efficiency /= 64.0;
+    });
+    case.shots.truncate(1);
+    agree(&case);
+}
+
+#[test]
+#[ignore = "needs a Vulkan adapter"]
+fn without_noise() {
+    let mut case = Case::with(
+        "no-noise",
+        "pmp-bench",
+        &torso(""),
+        Path::new("."),
+        |profile| {
+            profile.camera.sensor.noiseless = true;
+        },
+    );
+    case.shots.truncate(1);
+    agree(&case);
+}
