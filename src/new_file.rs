@@ -139,7 +139,7 @@ pub(crate) fn write(
 /// [`check_folder`] has passed.
 ///
 /// # Errors
-/// See [`write`].
+/// See [`write()`].
 pub(crate) fn replace(
     path: &Path,
     fill: impl FnOnce(&mut BufWriter<File>) -> std::io::Result<()>,
@@ -150,7 +150,7 @@ pub(crate) fn replace(
 /// Writes a picture as [`replace`] writes a file.
 ///
 /// # Errors
-/// See [`write`].
+/// See [`write()`].
 pub(crate) fn replace_picture(
     path: &Path,
     fill: impl FnOnce(&mut BufWriter<File>) -> image::ImageResult<()>,

@@ -4,9 +4,11 @@
 //! is a function of key and counter alone, so that nothing has to be drawn before it. Noise of
 //! frames takes many at once, in lanes: `emulator::render::sensor::philox`.
 
-/// Multipliers and Weyl constants of Philox4x32.
+/// Multipliers of Philox4x32.
 pub(crate) const M: [u32; 2] = [0xD251_1F53, 0xCD9E_8D57];
+/// Weyl constants of Philox4x32, added to the key after each round.
 pub(crate) const W: [u32; 2] = [0x9E37_79B9, 0xBB67_AE85];
+/// Number of rounds.
 pub(crate) const ROUNDS: usize = 10;
 
 /// Four random words of one counter under a key.

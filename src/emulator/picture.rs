@@ -32,7 +32,7 @@ pub(super) fn decode(bytes: &[u8], projector: &Projector, place: &str) -> Result
 /// Reads a picture file.
 ///
 /// # Errors
-/// What [`bytes_of`] and [`decode`] refuse.
+/// What `bytes_of` and [`decode`] refuse.
 pub(super) fn read(path: &Path, projector: &Projector) -> Result<GrayImage> {
     decode(&bytes_of(path)?, projector, &path.display().to_string())
 }

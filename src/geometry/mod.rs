@@ -9,6 +9,8 @@ mod fold;
 mod lens;
 mod mesh;
 mod neighbours;
+#[cfg(test)]
+pub(crate) mod nominal;
 mod obj;
 pub mod ply;
 mod pose;

@@ -4,7 +4,7 @@
 //! The system's monotonic clock is read here for two purposes only: to end waits in time, and to
 //! tell frames that a camera took before it was triggered from those it took after.
 //!
-//! What an application of radiotherapy does with the scans is in [`track`].
+//! What an application of radiotherapy does with the scans is in `track`.
 
 mod camera;
 mod captured;

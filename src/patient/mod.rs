@@ -3,7 +3,7 @@
 //!
 //! The patient frame is DICOM's LPS in millimetres: x to the patient's left, y to posterior, z to
 //! the head. What a file of a scanner says stands in that scanner's own LPS; what
-//! [`planning`] and [`phantom`] hand out has its origin at the planning isocentre.
+//! [`planning`] and `phantom` hand out has its origin at the planning isocentre.
 
 pub mod dicom;
 pub mod import;

@@ -1,8 +1,8 @@
 //! Profiles, stations and scenes that ship inside the program.
 
-use super::TomlSource;
-use crate::error::{Error, Result};
-use std::path::{Path, PathBuf};
+use super::source::{self, TomlSource};
+use crate::error::Result;
+use std::path::PathBuf;
 
 /// Name and text of each profile.
 const PROFILES: [(&str, &str); 5] = [
@@ -96,41 +96,15 @@ pub fn scene_names() -> impl Iterator<Item = &'static str> {
 }
 
 pub(super) fn profile_source(name_or_path: &str) -> Result<(TomlSource, PathBuf)> {
-    source(name_or_path, &PROFILES, "profile")
+    source::load(name_or_path, &PROFILES, "profile")
 }
 
 /// A profile or a station.
 pub(super) fn configuration_source(name_or_path: &str) -> Result<(TomlSource, PathBuf)> {
     let shipped = [&PROFILES[..], &STATIONS].concat();
-    source(name_or_path, &shipped, "profile")
+    source::load(name_or_path, &shipped, "profile")
 }
 
 pub(super) fn scene_source(name_or_path: &str) -> Result<(TomlSource, PathBuf)> {
-    source(name_or_path, &SCENES, "scene")
-}
-
-/// The text of what ships under a name, or of a file, with the file's folder.
-///
-/// # Errors
-/// A name that is neither, with those that ship; an unreadable file.
-pub(crate) fn source(
-    name_or_path: &str,
-    shipped: &[(&str, &str)],
-    kind: &str,
-) -> Result<(TomlSource, PathBuf)> {
-    if let Some((name, text)) = shipped.iter().find(|(name, _)| *name == name_or_path) {
-        let place = format!("built-in {kind} {name}");
-        return Ok((TomlSource::new(text, &place), PathBuf::new()));
-    }
-    let path = Path::new(name_or_path);
-    if !path.is_file() {
-        let names: Vec<_> = shipped.iter().map(|(name, _)| *name).collect();
-        return Err(Error::input(
-            format!("{kind} {name_or_path:?}"),
-            "neither a built-in name nor a file",
-            format!("{} or the path of a TOML file", names.join(", ")),
-        ));
-    }
-    let folder = path.parent().unwrap_or(Path::new("")).to_path_buf();
-    Ok((TomlSource::read(path)?, folder))
+    source::load(name_or_path, &SCENES, "scene")
 }

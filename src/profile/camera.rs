@@ -1,7 +1,7 @@
 //! The camera of a profile: optics, timing, link.
 
-use super::check::{Check, distortion};
-use super::{Glare, Sensor, Vignetting, vignetting};
+use super::check::Check;
+use super::{Glare, Sensor, Vignetting, distortion, vignetting};
 use crate::error::Result;
 use crate::geometry::{Lens, Pose, View};
 use crate::pattern::manifest::MAX_SIDE_PX;
@@ -141,7 +141,7 @@ pub(super) fn check(c: &Camera, check: &Check<'_>) -> Result<()> {
     if let Some(point) = c.principal_point_px {
         check.all_within("camera.principal_point_px", &point, -1e6..=1e6)?;
     }
-    distortion(&c.view().lens, "camera.distortion", check)?;
+    distortion::check(&c.view().lens, "camera.distortion", check)?;
     check.within("camera.f_number", c.f_number, 0.5..=128.0)?;
     vignetting::check(&c.vignetting, &c.view().lens, "camera.vignetting", check)?;
     if let Some(focus) = c.focus_mm {

@@ -1,22 +1,27 @@
-//! What the named checks of profiles' and scenes' values are made of: what cannot exist is refused with its line and its range.
+//! Building blocks for checks of the values in a document. A violation is reported with the line, the
+//! value found and what is allowed.
 
 use super::source::TomlSource;
 use crate::error::Result;
-use crate::geometry::Lens;
 use std::fmt::{Display, LowerExp};
 use std::ops::RangeInclusive;
 
-/// A source with the checks that its values go through.
+/// Checks values that were read from a source, and reports violations by their place in it.
 pub(crate) struct Check<'a> {
+    /// The document that the values come from.
     pub(crate) source: &'a TomlSource,
 }
 
 impl<'a> Check<'a> {
+    /// Creates the checks for the values of a document.
     pub(crate) fn new(source: &'a TomlSource) -> Self {
         Self { source }
     }
 
-    /// A finite number in an inclusive range.
+    /// Checks that a value lies in an inclusive range. NaN lies in none.
+    ///
+    /// # Errors
+    /// Returns an error with the line of `field` if it does not.
     pub(crate) fn within<T>(&self, field: &str, value: T, range: RangeInclusive<T>) -> Result<()>
     where
         T: PartialOrd + Display + LowerExp + Copy,
@@ -41,6 +46,10 @@ impl<'a> Check<'a> {
         Err(self.source.violation(field, found, allowed))
     }
 
+    /// Checks that every value of a list lies in an inclusive range.
+    ///
+    /// # Errors
+    /// As for [`Self::within`], for the first value outside the range.
     pub(crate) fn all_within(
         &self,
         field: &str,
@@ -52,6 +61,10 @@ impl<'a> Check<'a> {
             .try_for_each(|&value| self.within(field, value, range.clone()))
     }
 
+    /// Checks a condition.
+    ///
+    /// # Errors
+    /// Returns an error with the line of `field`, the value found and what is allowed if `ok` is false.
     pub(crate) fn that(
         &self,
         ok: bool,
@@ -67,6 +80,10 @@ impl<'a> Check<'a> {
     }
 }
 
+/// Checks that a text can serve as a name: 1 to 64 ASCII letters, digits, `-`, `_` or `.`.
+///
+/// # Errors
+/// Returns an error with the line of `field` if it cannot.
 pub(crate) fn name(text: &str, field: &str, check: &Check<'_>) -> Result<()> {
     let ok = (1..=64).contains(&text.len())
         && text
@@ -78,14 +95,4 @@ pub(crate) fn name(text: &str, field: &str, check: &Check<'_>) -> Result<()> {
         format!("{text:?}"),
         "1 to 64 letters, digits, '-', '_' or '.'",
     )
-}
-
-/// Refuses coefficients for which the image folds over: some pixel would have no ray, or two.
-pub(crate) fn distortion(lens: &Lens, field: &str, check: &Check<'_>) -> Result<()> {
-    check.all_within(field, &lens.distortion, -1e3..=1e3)?;
-    lens.folds_before().map_or(Ok(()), |px| {
-        Err(check
-            .source
-            .violation(field, Lens::fold_found(px), Lens::FOLD_ALLOWED))
-    })
 }

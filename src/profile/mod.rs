@@ -1,15 +1,18 @@
 //! `device-profiles/*.toml` and scene files as typed, validated structs.
 
-pub(crate) mod builtin;
+mod builtin;
 mod calibration;
 mod camera;
 mod camera_response;
 pub(crate) mod check;
 mod control;
 mod device;
+mod distortion;
 pub mod faults;
 mod focus;
 mod glare;
+#[cfg(test)]
+mod hidden_pods;
 mod interreflection;
 mod led;
 mod light;
@@ -22,7 +25,7 @@ mod scene;
 mod sensor;
 mod sequence;
 pub(crate) mod skin;
-mod source;
+pub(crate) mod source;
 mod station;
 mod surface;
 mod timing;

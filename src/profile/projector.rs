@@ -1,8 +1,8 @@
 //! The projector of a profile: an inverse camera and its light.
 
-use super::check::{Check, distortion};
+use super::check::Check;
 use super::{Focus, Led, Response, Timing, Vignetting};
-use super::{focus, led, response, timing, vignetting};
+use super::{distortion, focus, led, response, timing, vignetting};
 use crate::error::Result;
 use crate::geometry::{Lens, Pose, View};
 use crate::pattern::manifest::MAX_SIDE_PX;
@@ -103,7 +103,7 @@ pub(super) fn check(p: &Projector, check: &Check<'_>) -> Result<()> {
         "at least 0.001 mm",
     )?;
     check.all_within("projector.rotation_deg", &p.rotation_deg, -360.0..=360.0)?;
-    distortion(&p.view().lens, "projector.distortion", check)?;
+    distortion::check(&p.view().lens, "projector.distortion", check)?;
     check.within("projector.bits", p.bits, 1..=8)?;
     check.within(
         "projector.radiant_intensity_w_sr",

@@ -5,7 +5,7 @@ use crate::error::Result;
 use serde::{Deserialize, Serialize};
 
 /// Optical properties of skin, by class or by coefficients at the projector's wavelength. What
-/// follows from either, with its sources, is in [`emulator::render::skin`](crate::emulator::render::skin).
+/// follows from either, with its sources, is in `emulator::render::skin`.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Skin {
@@ -28,6 +28,11 @@ fn index() -> f64 {
     1.4
 }
 
+/// Checks the properties of skin at the place `at` of a document.
+///
+/// # Errors
+/// Returns an error with the line if it has both a class and coefficients, or neither, or if a value
+/// is out of range.
 pub(crate) fn check(skin: &Skin, at: &str, check: &Check<'_>) -> Result<()> {
     let field = |name: &str| format!("{at}.{name}");
     let coefficients = [skin.absorption_per_mm, skin.reduced_scattering_per_mm];

@@ -4,7 +4,7 @@ use crate::error::{Error, Result};
 use crate::file;
 use serde::de::DeserializeOwned;
 use std::fmt::Display;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use toml::de::{DeTable, DeValue};
 
 /// Larger than any profile, scene or manifest; a file beyond it is refused unread.
@@ -110,4 +110,32 @@ impl TomlSource {
         }
         offset
     }
+}
+
+/// Loads the built-in document of a name, or else a file; also returns the file's folder, which is
+/// empty for a built-in one. `built_in` lists names and texts; `kind` names the kind of document in
+/// messages.
+///
+/// # Errors
+/// Returns an error if the name is neither built in nor a file, or if the file cannot be read.
+pub(crate) fn load(
+    name_or_path: &str,
+    built_in: &[(&str, &str)],
+    kind: &str,
+) -> Result<(TomlSource, PathBuf)> {
+    if let Some((name, text)) = built_in.iter().find(|(name, _)| *name == name_or_path) {
+        let place = format!("built-in {kind} {name}");
+        return Ok((TomlSource::new(text, &place), PathBuf::new()));
+    }
+    let path = Path::new(name_or_path);
+    if !path.is_file() {
+        let names: Vec<_> = built_in.iter().map(|(name, _)| *name).collect();
+        return Err(Error::input(
+            format!("{kind} {name_or_path:?}"),
+            "neither a built-in name nor a file",
+            format!("{} or the path of a TOML file", names.join(", ")),
+        ));
+    }
+    let folder = path.parent().unwrap_or(Path::new("")).to_path_buf();
+    Ok((TomlSource::read(path)?, folder))
 }

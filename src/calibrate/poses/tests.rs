@@ -1,14 +1,10 @@
 //! Poses of boards before the built-in devices.
 
 use super::*;
-use crate::profile::{Profile, profile_names};
+use crate::geometry::nominal;
 
 fn rig(name: &str) -> (Rig, f64) {
-    let profile = Profile::load(name).unwrap();
-    (
-        profile.nominal_rig(),
-        profile.calibration.board_scale.unwrap(),
-    )
+    (nominal::rig(name), nominal::board_scale(name))
 }
 
 /// How far from the camera a device's fields are to meet.
@@ -22,7 +18,7 @@ fn aimed_mm(name: &str) -> f64 {
 
 #[test]
 fn boards_are_shown_to_every_device_all_over_its_field() {
-    for name in profile_names() {
+    for name in nominal::names() {
         let (rig, scale) = rig(name);
         for (board, seed) in [
             (Board::DOTS.scaled(scale), 0),
@@ -97,7 +93,7 @@ fn a_seed_decides_and_chessboards_are_whole() {
 
 #[test]
 fn where_dots_would_be_too_small_a_tilt_gives_way() {
-    for name in profile_names() {
+    for name in nominal::names() {
         let (rig, scale) = rig(name);
         let board = Board::DOTS.scaled(scale);
         let tilts = |wanted: Wanted| -> Vec<f64> {
@@ -184,7 +180,7 @@ fn what_cannot_be_shown_is_told_with_numbers() {
 
 #[test]
 fn the_middles_of_the_fields_meet_where_they_were_aimed() {
-    for name in profile_names() {
+    for name in nominal::names() {
         let (rig, _) = rig(name);
         let meeting = meeting_mm(&rig).unwrap();
         let off = meeting / aimed_mm(name) - 1.0;

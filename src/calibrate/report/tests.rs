@@ -8,8 +8,7 @@ use crate::calibrate::solve::{
     Errors, LeftOut, Parameter, PointResidual, PoseSightings, ProjectorResidual, Solution,
     SolvedPose,
 };
-use crate::geometry::{Board, Pose, Rig};
-use crate::profile::Profile;
+use crate::geometry::{Board, Pose, Rig, nominal};
 use glam::{DMat2, DVec2, DVec3};
 use nalgebra::DMatrix;
 
@@ -38,7 +37,7 @@ const PROJECTOR_PX: f64 = 0.03;
 const SLOPE: DMat2 = DMat2::from_cols(DVec2::new(4.0, 0.5), DVec2::new(-1.0, 5.0));
 
 fn nominal() -> Rig {
-    Profile::load("pmp-bench").unwrap().nominal_rig()
+    nominal::rig("pmp-bench")
 }
 
 fn errors(lengths: &[f64]) -> Errors {

@@ -49,7 +49,7 @@ pub(crate) mod check {
 
     /// Asserts that each edge is used once in each direction, that no triangle is degenerate, and
     /// that the volume is positive; returns the volume in cubic millimetres.
-    pub(crate) fn closed(mesh: &Mesh) -> f64 {
+    pub fn closed(mesh: &Mesh) -> f64 {
         let mut edges: HashMap<(u32, u32), i32> = HashMap::new();
         let mut volume = 0.0;
         for (i, &[a, b, c]) in mesh.triangles.iter().enumerate() {
@@ -73,7 +73,7 @@ pub(crate) mod check {
 
     /// The largest angle in degrees between neighbouring triangles, edges left out where `skip`
     /// holds of both ends.
-    pub(crate) fn sharpest_deg(mesh: &Mesh, skip: impl Fn(DVec3) -> bool) -> f64 {
+    pub fn sharpest_deg(mesh: &Mesh, skip: impl Fn(DVec3) -> bool) -> f64 {
         let mut normals: HashMap<(u32, u32), DVec3> = HashMap::new();
         for (i, &[a, b, c]) in mesh.triangles.iter().enumerate() {
             let [p, q, r] = mesh.corners(i);

@@ -3,8 +3,9 @@
 use super::{catalogue, checks};
 use crate::error::Result;
 use crate::numbers::exactly;
+use crate::profile::Skin;
 use crate::profile::check::Check;
-use crate::profile::{Skin, TomlSource, builtin};
+use crate::profile::source::{self, TomlSource};
 use serde::{Deserialize, Serialize};
 
 /// A generated patient: body, tumour, breathing, and the day of the treatment. Every body of the
@@ -239,7 +240,7 @@ impl Patient {
     /// # Errors
     /// A name that is neither, unreadable files, and all that [`Self::parse`] refuses.
     pub fn load(name_or_path: &str) -> Result<Self> {
-        let (source, _) = builtin::source(name_or_path, &catalogue::PATIENTS, "patient")?;
+        let (source, _) = source::load(name_or_path, &catalogue::PATIENTS, "patient")?;
         Self::from_source(&source)
     }
 

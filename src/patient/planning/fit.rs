@@ -19,7 +19,9 @@ const MOST_BYTES: u64 = 4 << 30;
 /// Volume and centroid of what a surface encloses.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(in crate::patient) struct Moments {
+    /// Volume in cubic millimetres.
     pub(in crate::patient) volume_mm3: f64,
+    /// Centroid in the surface's frame.
     pub(in crate::patient) centroid_mm: DVec3,
 }
 

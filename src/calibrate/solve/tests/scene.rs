@@ -3,8 +3,7 @@
 
 use super::super::PoseSightings;
 use crate::calibrate::board::{Lit, Sighting};
-use crate::geometry::{Board, Lens, Pose, Rig};
-use crate::profile::Profile;
+use crate::geometry::{Board, Lens, Pose, Rig, nominal};
 use glam::{DMat2, DVec2, DVec3};
 
 /// Even and normal numbers of a seed (Knuth's 64-bit congruential generator; Box and Muller 1958).
@@ -48,7 +47,7 @@ pub struct Scene {
 }
 
 pub fn rig(profile: &str) -> Rig {
-    let mut rig = Profile::load(profile).unwrap().nominal_rig();
+    let mut rig = nominal::rig(profile);
     rig.noise = None;
     rig
 }

@@ -1,6 +1,7 @@
 //! What the parts give together, and what holds of all patients that ship.
 
 mod files;
+mod imported;
 mod motion;
 mod patients;
 mod planned;

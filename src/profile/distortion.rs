@@ -1,0 +1,15 @@
+//! Checks the distortion of a lens.
+
+use super::check::Check;
+use crate::error::Result;
+use crate::geometry::Lens;
+
+/// Refuses coefficients for which the image folds over: some pixel would have no ray, or two.
+pub(super) fn check(lens: &Lens, field: &str, check: &Check<'_>) -> Result<()> {
+    check.all_within(field, &lens.distortion, -1e3..=1e3)?;
+    lens.folds_before().map_or(Ok(()), |px| {
+        Err(check
+            .source
+            .violation(field, Lens::fold_found(px), Lens::FOLD_ALLOWED))
+    })
+}
