@@ -14,25 +14,33 @@
 //!        +---- [ link: pty, USB ] <------ [ host: port ] <---+          calibration
 //! ```
 //!
-//! | layer  | module | holds |
-//! | ------ | ------ | ----- |
-//! | ground | [`geometry`] | poses, the lens model, rigs, solids, meshes and their files, ray casting |
-//! | ground | [`pattern`] | what a projector shows; the sequence manifest |
-//! | ground | [`patient`] | volumes, MetaImage, CT series of DICOM, the skin as an iso-surface, the planning folder and what is imported into one; generated patients: a breathing thorax with a tumour |
-//! | ground | [`profile`] | devices, scenes, stations and schedules of faults as typed, checked structs; the built-in ones |
-//! | ground | [`protocol`] | SCPI, dialects, the frame socket's header, the data line, USB and USB/IP, recordings, the service channel, `device.json` |
-//! | ground | `v4l2` | nodes and queues of buffers of the kernel's camera interface (Linux only) |
-//! | device | [`emulator`] | firmware, control port and line, faults, slides, light source, [rendering](emulator::render), ground truth |
-//! | device | `link` | how a device reaches the world: pty, frame socket, V4L2 node, USB device, service socket, the time and the scene that several devices share, replay (Linux only) |
-//! | host   | [`host`] | how an application reaches a device: camera, port (SCPI or a dialect), scanner |
-//! | host   | [`host::track`] | a patient by the skin: six degrees of freedom, the tumour by a motion model, beam-hold |
-//! | host   | [`decode`] | frames to projector coordinates to points |
-//! | host   | [`calibrate`] | boards in pictures, solving for the rig or for where a known one stands, its files and report; triangulation |
-//! | host   | [`measure`] | distances to the truth, overlap of solids, registration, pictures, plots |
-//! | top    | [`study`], `doctor`, [`cli`] | what needs both halves; what a machine lacks (Linux only); the commands |
+//! | layer  | crate | here | holds |
+//! | ------ | ----- | ---- | ----- |
+//! | ground | `core` | [`error`] | errors, checked values, TOML with line numbers, file input and output, random numbers, SIMD dispatch |
+//! | ground | `shaders`, `device-profiles` | | embedded WGSL; embedded profiles, scenes, stations, dialects, patients |
+//! | ground | `geometry` | [`geometry`] | poses, the lens model, rigs, solids, meshes and their files, ray casting |
+//! | ground | `pattern` | [`pattern`] | what a projector shows; the sequence manifest |
+//! | ground | `protocol` | [`protocol`] | SCPI, dialects, the frame socket's header, the data line, USB and USB/IP, recordings, the service channel, `device.json`, schedules of faults |
+//! | ground | `planning` | [`patient`] | volumes, MetaImage, CT series of DICOM, the skin as an iso-surface, the planning folder and what is imported into one |
+//! | ground | `v4l2` | `v4l2` | nodes and queues of buffers of the kernel's camera interface (Linux only) |
+//! | device | `phantom` | [`patient::phantom`] | generated patients: a breathing thorax with a tumour |
+//! | device | `profile` | [`profile`] | devices, scenes and stations as typed, checked structs; the built-in ones |
+//! | device | `render` | [`emulator::render`] | image formation on the CPU and on a GPU, ground truth |
+//! | device | `device` | [`emulator`], `link` | firmware, control port and line, faults; how a device reaches the world: pty, frame socket, V4L2 node, USB device, service socket, the time and the scene that several devices share, replay (links on Linux only) |
+//! | host   | `decode` | [`decode`] | frames to projector coordinates to points |
+//! | host   | `calibrate` | [`calibrate`] | boards in pictures, solving for the rig or for where a known one stands, its files and report |
+//! | host   | `measure` | [`measure`] | distances to the truth, overlap of solids, registration |
+//! | host   | `host` | [`host`] | how an application reaches a device: camera, port (SCPI or a dialect), scanner |
+//! | host   | `sgrt` | [`host::track`] | a patient by the skin: six degrees of freedom, the tumour by a motion model, beam-hold |
+//! | both   | `report` | [`measure::plot`] | plots, pictures, the studies' bookkeeping |
+//! | top    | `study` | [`study`] | what needs both halves |
+//! | top    | this one | `doctor`, [`cli`] | what a machine lacks (Linux only); the commands |
 //!
-//! The wall: host-side modules never import device-side ones, nor the reverse; `tests/wall.rs`
-//! fails when one does. A decoder that could look behind it would prove nothing.
+//! Each crate `NAME` is `phasmid-NAME` in the folder `src/NAME` (`shaders` and `device-profiles` at the
+//! top level), and this one hands all of them out. A crate depends only on those above it in the
+//! members of `Cargo.toml`. The wall: host-side crates never depend on device-side ones, nor the
+//! reverse, not even in their tests; `.ci/crates` checks it. A decoder that could look behind it would
+//! prove nothing.
 //!
 //! # Conventions
 //!
@@ -79,34 +87,60 @@
 //! - A serial port of a Unix is opened by rustix and not by serialport, whose writes block in the
 //!   kernel where a line takes nothing, and whose descriptor cannot be told otherwise without unsafe
 //!   code. Elsewhere it is serialport's.
-//! - Patients are ground: planning folders, volumes and iso-surfaces are both halves' to read. The
-//!   generated ones, [`patient::phantom`], are truth, and the host's half never imports them.
+//! - Planning folders, volumes and iso-surfaces are both halves' to read. Generated patients,
+//!   [`patient::phantom`], are truth, and the host's half never depends on them.
 //! - Frames go to a V4L2 node no faster than they were exposed: a v4l2loopback reader that is more
 //!   than two frames behind loses all but the newest.
 
-pub mod calibrate;
+pub use phasmid_calibrate as calibrate;
 pub mod cli;
-pub mod decode;
+pub use phasmid_decode as decode;
 #[cfg(target_os = "linux")]
 pub mod doctor;
-pub mod emulator;
-pub mod error;
-mod file;
-pub mod geometry;
-pub mod host;
+/// See [`phasmid_device`].
+pub mod emulator {
+    #[doc(no_inline)]
+    pub use phasmid_device::*;
+    pub use phasmid_render as render;
+    pub use phasmid_render::led;
+}
+pub use phasmid_core::error;
+pub use phasmid_geometry as geometry;
+/// See [`phasmid_host`].
+pub mod host {
+    #[doc(no_inline)]
+    pub use phasmid_host::*;
+    pub use phasmid_sgrt as track;
+}
 #[cfg(target_os = "linux")]
-pub mod link;
-pub mod measure;
-mod new_file;
-mod numbers;
-pub mod patient;
-pub mod pattern;
-mod philox;
-pub mod profile;
-pub mod protocol;
-mod simd;
-pub mod study;
+pub use phasmid_device::link;
+/// See [`phasmid_measure`].
+pub mod measure {
+    #[doc(no_inline)]
+    pub use phasmid_measure::*;
+    pub use phasmid_report::picture;
+    pub use phasmid_report::plot;
+}
+/// See [`phasmid_planning`].
+pub mod patient {
+    pub use phasmid_phantom as phantom;
+    #[doc(no_inline)]
+    pub use phasmid_planning::*;
+}
+pub use phasmid_pattern as pattern;
+/// See [`phasmid_profile`].
+pub mod profile {
+    #[doc(no_inline)]
+    pub use phasmid_profile::*;
+    pub use phasmid_protocol::faults;
+}
+pub use phasmid_protocol as protocol;
+/// See [`phasmid_study`].
+pub mod study {
+    pub use phasmid_report::lab;
+    #[doc(no_inline)]
+    pub use phasmid_study::*;
+}
+pub use phasmid_core::error::{Error, Result};
 #[cfg(target_os = "linux")]
-pub mod v4l2;
-
-pub use error::{Error, Result};
+pub use phasmid_v4l2 as v4l2;

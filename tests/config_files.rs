@@ -563,7 +563,9 @@ fn lists_of_numbers_have_the_length_that_they_have_everywhere() {
     for folder in ["", "scenes", "stations", "faults", "patients"] {
         for entry in std::fs::read_dir(root.join(folder)).unwrap() {
             let path = entry.unwrap().path();
-            if !path.is_file() {
+            // The folder is a crate of its own.
+            let of_the_crate = path.ends_with("Cargo.toml") || path.ends_with("lib.rs");
+            if !path.is_file() || of_the_crate {
                 continue;
             }
             let text = std::fs::read_to_string(&path).unwrap();

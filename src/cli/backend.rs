@@ -1,6 +1,6 @@
 //! `--backend`: what runs the passes of a rendering.
 
-use crate::emulator::render::Backend;
+use phasmid_render::Backend;
 use std::fmt;
 
 /// What a command line may ask for.

@@ -1,7 +1,7 @@
 //! Which board, on a command line.
 
-use crate::error::{Error, Result};
-use crate::geometry::Board;
+use phasmid_core::error::{Error, Result};
+use phasmid_geometry::Board;
 use std::fmt::Display;
 
 /// A calibration board. Lengths that are not given are those of the paper's board, or of the

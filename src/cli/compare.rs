@@ -1,9 +1,9 @@
 //! `phasma compare`: a cloud against a true surface, as a table or as JSON.
 
-use crate::calibrate::files::read_rig;
-use crate::error::{Error, Result};
-use crate::geometry::{Pose, Rig, View, ply};
-use crate::measure::{
+use phasmid_calibrate::files::read_rig;
+use phasmid_core::error::{Error, Result};
+use phasmid_geometry::{Pose, Rig, View, ply};
+use phasmid_measure::{
     Alignment, Comparison, Directed, GROSS_MM, IcpOptions, Surface, Truth, align, compare,
 };
 use std::io::Write;

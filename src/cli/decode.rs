@@ -1,15 +1,15 @@
 //! `phasma decode`: photographs of a sequence to projector coordinates and points.
 
 use super::method::MethodArgs;
-use crate::calibrate::files::{Sizes, read_rig_sized};
-use crate::decode::{
+use phasmid_calibrate::files::{Sizes, read_rig_sized};
+use phasmid_core::error::{Error, Result};
+use phasmid_core::new_file::check_folder;
+use phasmid_decode::{
     Decoded, Decoder, FrameStack, Options, Plan, Summary, frame_size, load_frames, output_names,
     write_outputs,
 };
-use crate::error::{Error, Result};
-use crate::host::{check_pictures, doubt_pictures};
-use crate::new_file::check_folder;
-use crate::pattern::Manifest;
+use phasmid_host::{check_pictures, doubt_pictures};
+use phasmid_pattern::Manifest;
 use std::path::{Path, PathBuf};
 
 /// Decode photographs of projected patterns to projector coordinates, and with a calibration to

@@ -1,10 +1,10 @@
 //! `phasma dialect`: lists the shipped dialects, prints one, checks files.
 
-use crate::emulator::port::Port;
-use crate::error::{Error, Result};
-use crate::profile::{Profile, Station, StationDevice};
-use crate::protocol::dialect::Dialect;
-use crate::protocol::{Endpoints, endpoints};
+use phasmid_core::error::{Error, Result};
+use phasmid_device::port::Port;
+use phasmid_profile::{Profile, Station, StationDevice};
+use phasmid_protocol::dialect::Dialect;
+use phasmid_protocol::{Endpoints, endpoints};
 use std::path::Path;
 use std::sync::Arc;
 

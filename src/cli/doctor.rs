@@ -1,8 +1,8 @@
 //! `phasma doctor`: what this machine has and lacks.
 
 use crate::doctor::{Feature, MODPROBE, MODULES_LOAD, Machine, Shipped, UDEV, User, examine};
-use crate::error::{Error, Result};
-use crate::v4l2::Node;
+use phasmid_core::error::{Error, Result};
+use phasmid_v4l2::Node;
 use rustix::fs::{Access, AtFlags, CWD};
 use std::io;
 use std::path::Path;

@@ -1,9 +1,9 @@
 //! `phasma faults`: the kinds of faults, schedules of them, and what the host makes of each.
 
-use crate::error::{Error, Result};
-use crate::new_file;
-use crate::profile::faults::{Kind, Schedule, Side};
-use crate::study::faults::{Table, markdown, tables};
+use phasmid_core::error::{Error, Result};
+use phasmid_core::new_file;
+use phasmid_protocol::faults::{Kind, Schedule, Side};
+use phasmid_study::faults::{Table, markdown, tables};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 

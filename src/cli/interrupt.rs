@@ -1,9 +1,9 @@
 //! Ctrl-C and TERM during a capture: the camera stops giving frames, so that the scan ends as after
 //! any other failure and leaves the device as it found it; asked a second time, it ends at once.
 
-use crate::error::{Error, Result};
-use crate::host::Camera;
-use crate::protocol::Frame;
+use phasmid_core::error::{Error, Result};
+use phasmid_host::Camera;
+use phasmid_protocol::Frame;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};

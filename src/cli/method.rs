@@ -1,12 +1,12 @@
 //! `--method`: which way from projector coordinates to points.
 
 use super::decode::doubt;
-use crate::calibrate::height::{Given, Mapping, meeting_mm};
-use crate::decode::{Decoded, Decoder, Options, Plan, load_frames};
-use crate::error::{Error, Result};
-use crate::geometry::Rig;
-use crate::host::MANIFEST_FILE;
-use crate::pattern::{Axis, Manifest};
+use phasmid_calibrate::height::{Given, Mapping, meeting_mm};
+use phasmid_core::error::{Error, Result};
+use phasmid_decode::{Decoded, Decoder, Options, Plan, load_frames};
+use phasmid_geometry::Rig;
+use phasmid_host::MANIFEST_FILE;
+use phasmid_pattern::{Axis, Manifest};
 use std::path::{Path, PathBuf};
 
 /// How coordinates become points, as the command line says.

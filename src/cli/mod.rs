@@ -64,8 +64,8 @@ mod without_link;
 #[cfg(not(target_os = "linux"))]
 use {without_link as demo, without_link as doctor, without_link as replay, without_link as serve};
 
-use crate::error::Result;
 use clap::{Parser, Subcommand};
+use phasmid_core::error::Result;
 use std::process::ExitCode;
 
 /// A structured-light 3D scanner that is not there.

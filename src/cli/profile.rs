@@ -1,12 +1,12 @@
 //! `phasma profile`: lists the built-in profiles and checks profile files.
 
-use crate::decode::Plan;
-use crate::error::Result;
-use crate::profile::{
-    Configuration, Control, Parity, Profile, Scene, Station, TomlSource, profile_names,
-    station_names,
+use phasmid_core::error::Result;
+use phasmid_core::source::TomlSource;
+use phasmid_decode::Plan;
+use phasmid_profile::{
+    Configuration, Control, Parity, Profile, Scene, Station, profile_names, station_names,
 };
-use crate::protocol::dialect::Dialect;
+use phasmid_protocol::dialect::Dialect;
 use std::path::Path;
 
 /// List or check device profiles.

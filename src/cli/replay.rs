@@ -2,11 +2,11 @@
 
 use super::record;
 use super::serve::{Shutdown, default_run_dir, runtime};
-use crate::error::{Error, Result};
-use crate::host::monotonic_ns;
-use crate::link::{Outcome, Replay, RunDir, replay};
-use crate::protocol::Endpoints;
-use crate::protocol::record::{About, Event, Reader};
+use phasmid_core::error::{Error, Result};
+use phasmid_device::link::{Outcome, Replay, RunDir, replay};
+use phasmid_host::monotonic_ns;
+use phasmid_protocol::Endpoints;
+use phasmid_protocol::record::{About, Event, Reader};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -78,7 +78,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
 fn announce(args: &Args, endpoints: &Endpoints) {
     let mut text = format!(
         "{} as recorded in {}\n  control  {}\n  camera   {}\n",
-        crate::protocol::printable(&endpoints.name),
+        phasmid_protocol::printable(&endpoints.name),
         args.file.display(),
         endpoints.control.display(),
         endpoints.camera

@@ -1,9 +1,9 @@
 //! `phasma report`: studies on one page.
 
-use crate::error::{Error, Result};
-use crate::new_file;
-use crate::study::ALL;
-use crate::study::lab::{page, read};
+use phasmid_core::error::{Error, Result};
+use phasmid_core::new_file;
+use phasmid_report::lab::{page, read};
+use phasmid_study::ALL;
 use std::io::Write;
 use std::path::PathBuf;
 

@@ -3,20 +3,20 @@
 use super::dialect;
 use super::interrupt::Interruptible;
 use super::method::MethodArgs;
-use crate::calibrate::files::read_rig;
-use crate::decode::{Options, Summary, output_names, write_outputs};
-use crate::error::{Error, Result};
-use crate::geometry::Rig;
-use crate::host::usb::{UsbAddress, UsbCamera, UsbDevice, UsbPort};
-use crate::host::{
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use phasmid_calibrate::files::read_rig;
+use phasmid_core::error::{Error, Result};
+use phasmid_core::new_file::{check_folder, stream};
+use phasmid_decode::{Options, Summary, output_names, write_outputs};
+use phasmid_geometry::Rig;
+use phasmid_host::usb::{UsbAddress, UsbCamera, UsbDevice, UsbPort};
+use phasmid_host::{
     Camera, Capture, Captured, CommandPort, Intake, Progress, RecordedCamera, RecordedPort,
     ScanOptions, Scanner, SerialPort, Tape, monotonic_ns, open_camera, scan_free_running,
 };
-use crate::new_file::{check_folder, stream};
-use crate::pattern::Manifest;
-use crate::protocol::dialect::Dialect;
-use crate::protocol::record::{About, Limits, Recorder, Side};
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use phasmid_pattern::Manifest;
+use phasmid_protocol::dialect::Dialect;
+use phasmid_protocol::record::{About, Limits, Recorder, Side};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};

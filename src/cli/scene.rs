@@ -1,8 +1,8 @@
 //! `phasma scene`: lists the built-in scenes and checks scene files.
 
-use crate::error::Result;
-use crate::geometry::Mesh;
-use crate::profile::{Scene, Shape, scene_names};
+use phasmid_core::error::Result;
+use phasmid_geometry::Mesh;
+use phasmid_profile::{Scene, Shape, scene_names};
 
 /// List or check scenes.
 #[derive(Debug, clap::Args)]

@@ -1,7 +1,7 @@
 //! A device in a process of its own, for as long as a command needs it.
 
-use crate::error::{Error, Result};
-use crate::protocol::Endpoints;
+use phasmid_core::error::{Error, Result};
+use phasmid_protocol::Endpoints;
 use rustix::process::{Pid, Signal, kill_process};
 use std::fs;
 use std::hash::{BuildHasher, RandomState};

@@ -1,9 +1,9 @@
 //! `phasma study`: runs a study, or says which there are.
 
-use crate::error::{Error, Result};
-use crate::study::ALL;
-use crate::study::lab::{Settings, Study, Surroundings, run as run_study};
 use indicatif::{ProgressBar, ProgressStyle};
+use phasmid_core::error::{Error, Result};
+use phasmid_report::lab::{Settings, Study, Surroundings, run as run_study};
+use phasmid_study::ALL;
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 use std::process::Command;

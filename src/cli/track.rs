@@ -5,15 +5,15 @@ mod span;
 mod table;
 
 use super::pods::{Address, PodArgs, Source, Taken};
-use crate::error::{Error, Result};
-use crate::host::track::{
+use glam::DVec3;
+use patience::{FOREVER, Patience};
+use phasmid_core::error::{Error, Result};
+use phasmid_core::new_file;
+use phasmid_planning::planning::Planning;
+use phasmid_sgrt::{
     Answers, Beam, Follower, Hold, HoldRules, Measured, ModelOptions, POINTS, Planned, Quantity,
     Reading, Region, Sight,
 };
-use crate::new_file;
-use crate::patient::planning::Planning;
-use glam::DVec3;
-use patience::{FOREVER, Patience};
 use span::Span;
 use std::path::PathBuf;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
@@ -210,7 +210,7 @@ fn follow(args: &Args, planned: &Planned, pods: &[Address], scans: &Receiver<Tak
 
 /// All that is to be doubted, of both answers.
 fn warnings(
-    rigid: &std::result::Result<crate::host::track::RigidFit, crate::host::track::Lost>,
+    rigid: &std::result::Result<phasmid_sgrt::RigidFit, phasmid_sgrt::Lost>,
     reading: &Reading,
 ) -> Vec<String> {
     let mut all = match rigid {

@@ -1,7 +1,7 @@
 //! Three numbers in an option.
 
-use crate::error::{Error, Result};
 use glam::DVec3;
+use phasmid_core::error::{Error, Result};
 
 /// `X,Y,Z`, each at most `most` either way; `allowed` says in messages what they are.
 ///

@@ -1,6 +1,6 @@
 //! `phasma serve`, `replay`, `demo` and `doctor` where there is no link: they say so.
 
-use crate::error::{Error, Result};
+use phasmid_core::error::{Error, Result};
 
 /// Not in this build: it needs Linux.
 #[derive(Debug, clap::Args)]

@@ -16,7 +16,7 @@
 //!   noise. On a line along which the coordinate does not change, no harm is done and it stays.
 
 use super::edges::{KEEP, MIXED, held, less};
-use crate::geometry::NoiseModel;
+use phasmid_geometry::NoiseModel;
 
 /// Deviations of noise: the same 5 sqrt(6) as an extrapolation's in [`super::edges`].
 const STEP: f32 = 12.25;

@@ -2,8 +2,8 @@
 
 use super::decoder::Decoder;
 use super::maps::Decoded;
-use crate::geometry::Cloud;
 use glam::Vec3;
+use phasmid_geometry::Cloud;
 use rayon::prelude::*;
 
 /// Neighbours whose depths differ by more than this part of the depth (and 10 deviations) are on

@@ -10,7 +10,7 @@ const ROUNDS: usize = 4;
 /// Standard deviation of residuals, by their sizes in any order, at least one of them, without those
 /// beyond three of it. The median begins, and is held to be no less than `first`: residuals of
 /// whole numbers may have a median of 0. Nothing below `least` is believed.
-pub(crate) fn of_most(sizes: &mut [f64], first: f64, least: f64) -> f64 {
+pub fn of_most(sizes: &mut [f64], first: f64, least: f64) -> f64 {
     let middle = sizes.len() / 2;
     // 0.6745 of a deviation is the median of sizes. It alone is as coarse as whole numbers are.
     let median = *sizes.select_nth_unstable_by(middle, f64::total_cmp).1 / 0.6745;

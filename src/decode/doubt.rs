@@ -5,7 +5,7 @@
 //! another order, more than one frame of another pattern.
 
 use super::{Decoded, Verdict};
-use crate::pattern::Axis;
+use phasmid_pattern::Axis;
 
 /// Share of the brighter pixels whose order is uncertain from which on the frames are doubted: sound
 /// captures of the built-in profiles have up to 0.005 of all, any order of a code's bits or of a set's
@@ -69,7 +69,7 @@ fn saturated(verdicts: &[Verdict]) -> Option<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::decode::AxisMap;
+    use crate::AxisMap;
 
     /// Maps of which so many in a hundred pixels have a verdict, at some modulation; the others 50 DN.
     fn decoded(verdict: Verdict, of_hundred: usize, modulation: f32) -> Decoded {

@@ -7,8 +7,8 @@
 //! and it holds for any number of codes whose cells nest by powers of two.
 
 use super::samples::Sample;
-use crate::error::{Error, Result};
-use crate::pattern::Axis;
+use phasmid_core::error::{Error, Result};
+use phasmid_pattern::Axis;
 
 /// The frames of one bit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -238,7 +238,7 @@ fn decode32(code: u32) -> u32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::pattern::gray_decode;
+    use phasmid_pattern::gray_decode;
 
     fn frames(codes: &[(f64, u32)], without: Option<(f64, u32)>) -> Vec<GrayFrame> {
         let mut all = Vec::new();

@@ -2,10 +2,10 @@
 
 use super::plan::Plan;
 use super::samples::{FrameStack, Samples};
-use crate::error::{Error, Result};
-use crate::file;
-use crate::pattern::{MAX_SIDE_PX, Manifest};
 use image::{DynamicImage, ImageReader, Limits};
+use phasmid_core::error::{Error, Result};
+use phasmid_core::file;
+use phasmid_pattern::{MAX_SIDE_PX, Manifest};
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 

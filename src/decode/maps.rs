@@ -1,7 +1,7 @@
 //! What decoding gives: maps of one row of values after another, and why a pixel has none.
 
-use crate::geometry::NoiseModel;
-use crate::pattern::Axis;
+use phasmid_geometry::NoiseModel;
+use phasmid_pattern::Axis;
 
 /// Why a pixel has no coordinate.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

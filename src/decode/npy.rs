@@ -2,8 +2,8 @@
 //! padded with spaces to a multiple of 64 bytes and ended by a newline, then the numbers in C order
 //! (NumPy enhancement proposal 1, "A Simple File Format for NumPy Arrays").
 
-use crate::error::Result;
-use crate::new_file::replace;
+use phasmid_core::error::Result;
+use phasmid_core::new_file::replace;
 use std::io::Write;
 use std::path::Path;
 

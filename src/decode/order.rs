@@ -411,7 +411,7 @@ mod tests {
 
     /// Contrasts of the bits of a cell's word.
     fn word(cell: u64, half: f32) -> [f32; 7] {
-        let code = crate::pattern::gray_encode(cell);
+        let code = phasmid_pattern::gray_encode(cell);
         std::array::from_fn(|bit| if code >> bit & 1 == 1 { half } else { -half })
     }
 
@@ -427,7 +427,7 @@ mod tests {
         assert!(joined(&mixed(here + 1, 0.3), half).1);
         // A place far off, whose word differs in several bits, with a third of the light.
         let far = (0..120).filter(|&cell| {
-            let differ = crate::pattern::gray_encode(cell) ^ crate::pattern::gray_encode(here);
+            let differ = phasmid_pattern::gray_encode(cell) ^ phasmid_pattern::gray_encode(here);
             differ.count_ones() >= 2
         });
         for cell in far {

@@ -3,11 +3,11 @@
 use super::decoder::Decoder;
 use super::maps::{Decoded, Verdict};
 use super::npy::write_npy;
-use crate::error::Result;
-use crate::geometry::ply;
-use crate::new_file::{discard, replace_picture};
-use crate::pattern::Axis;
 use image::{GrayImage, Luma, Rgb, RgbImage};
+use phasmid_core::error::Result;
+use phasmid_core::new_file::{discard, replace_picture};
+use phasmid_geometry::ply;
+use phasmid_pattern::Axis;
 use rayon::prelude::*;
 use serde::Serialize;
 use std::path::Path;

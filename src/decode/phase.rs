@@ -7,7 +7,7 @@ use super::steps::FringeSet;
 use super::turns::turns;
 use super::usual::Usual;
 use super::weighted;
-use crate::geometry::NoiseModel;
+use phasmid_geometry::NoiseModel;
 use std::f64::consts::TAU;
 
 /// The camera's noise as a row kernel needs it.

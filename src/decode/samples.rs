@@ -1,6 +1,6 @@
 //! Borrowed frames: a stack of images of one size and one sample type.
 
-use crate::error::{Error, Result};
+use phasmid_core::error::{Error, Result};
 
 /// One frame's samples in digital numbers, row by row.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -13,6 +13,7 @@ pub enum Samples<'a> {
 
 impl Samples<'_> {
     /// Number of samples.
+    #[inline]
     pub fn len(&self) -> usize {
         match self {
             Self::U8(s) => s.len(),
@@ -76,21 +77,25 @@ impl<'a> FrameStack<'a> {
     }
 
     /// Columns.
+    #[inline]
     pub fn width(&self) -> usize {
         self.width
     }
 
     /// Rows.
+    #[inline]
     pub fn height(&self) -> usize {
         self.height
     }
 
     /// The frames in order.
+    #[inline]
     pub fn frames(&self) -> &[Samples<'a>] {
         &self.frames
     }
 
     /// Largest number that a sample of this type can be.
+    #[inline]
     pub fn full_scale(&self) -> f32 {
         match self.frames[0] {
             Samples::U8(_) => 255.0,

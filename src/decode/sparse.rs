@@ -7,9 +7,9 @@
 //! a step; their footprints do not overlap, and how steep a surface may be for a footprint is what it was.
 
 use super::{Decoded, Decoder, FrameStack, Options, Samples};
-use crate::error::Result;
-use crate::geometry::{Lens, Rig, View};
-use crate::pattern::Manifest;
+use phasmid_core::error::Result;
+use phasmid_geometry::{Lens, Rig, View};
+use phasmid_pattern::Manifest;
 use rayon::prelude::*;
 
 /// Most pixels from one that is decoded to the next.

@@ -6,8 +6,8 @@
 //! reduction for heterodyne interferometry", Opt. Eng. 23(4), 1984). For N equal steps the phase's
 //! standard deviation is sqrt(2/N) sigma / B.
 
-use crate::error::{Error, Result};
 use nalgebra::{Matrix3, Vector3};
+use phasmid_core::error::{Error, Result};
 use std::f64::consts::TAU;
 
 /// Least squares of one set of steps.

@@ -10,8 +10,8 @@
 use super::phase::{Check, OWN, RowNoise, SetKernel, TIED};
 use super::samples::Sample;
 use super::{Options, deviation};
-use crate::geometry::NoiseModel;
 use nalgebra::{SMatrix, SVector};
+use phasmid_geometry::NoiseModel;
 
 /// Pixels that are looked at.
 const PIXELS: usize = 4000;

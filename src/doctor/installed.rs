@@ -1,7 +1,7 @@
 //! The files that Phasma ships for the system, and whether they are installed.
 
 use super::{Check, Feature, Machine, Status};
-use crate::v4l2::RELOAD;
+use phasmid_v4l2::RELOAD;
 use std::path::{Path, PathBuf};
 
 /// A file for the system.

@@ -4,7 +4,7 @@
 use super::installed::{install_options, install_rules};
 use super::module;
 use super::{Check, Feature, Machine, Status};
-use crate::v4l2::{FORGOTTEN, RELOAD};
+use phasmid_v4l2::{FORGOTTEN, RELOAD};
 use std::os::unix::fs::MetadataExt;
 use std::path::PathBuf;
 

@@ -1,7 +1,8 @@
 //! Colours of files as reflectance.
 
 /// An sRGB component, 0 to 1, as linear light (IEC 61966-2-1).
-pub(crate) fn linear(component: f64) -> f64 {
+#[inline]
+pub fn linear(component: f64) -> f64 {
     if component <= 0.04045 {
         component / 12.92
     } else {
@@ -12,7 +13,7 @@ pub(crate) fn linear(component: f64) -> f64 {
 /// Reflectance of a colour from its linear components: their luminance (ITU-R BT.709), whatever
 /// the projector's wavelength. Three numbers are no spectrum, and mono cameras under green light
 /// see nearly this.
-pub(crate) fn luminance([r, g, b]: [f64; 3]) -> f64 {
+pub fn luminance([r, g, b]: [f64; 3]) -> f64 {
     0.2126 * r + 0.7152 * g + 0.0722 * b
 }
 

@@ -1,6 +1,6 @@
 //! Files of geometry as bytes, read whole up to a cap.
 
-use crate::error::Result;
+use phasmid_core::error::Result;
 use std::path::Path;
 
 /// Largest mesh or cloud file that is read: some 20 million triangles of binary STL.
@@ -11,12 +11,12 @@ pub(crate) const MAX_BYTES: u64 = 1 << 30;
 /// # Errors
 /// What the system refuses, a folder, pipe or device, or a larger file.
 pub(crate) fn read(path: &Path) -> Result<Vec<u8>> {
-    crate::file::read(path, MAX_BYTES)
+    phasmid_core::file::read(path, MAX_BYTES)
 }
 
 /// The next line of `rest` without its end (LF, CR LF or CR), which is taken off `rest`; `None` at
 /// the end of the file.
-pub(crate) fn next_line<'a>(rest: &mut &'a [u8]) -> Option<&'a [u8]> {
+pub fn next_line<'a>(rest: &mut &'a [u8]) -> Option<&'a [u8]> {
     if rest.is_empty() {
         return None;
     }
@@ -45,7 +45,7 @@ pub(crate) fn number<T: std::str::FromStr>(word: &[u8]) -> Option<T> {
 }
 
 /// A word of a file for a message: at most 40 characters of it, printable.
-pub(crate) fn quoted(word: &[u8]) -> String {
+pub fn quoted(word: &[u8]) -> String {
     let text: String = String::from_utf8_lossy(&word[..word.len().min(160)])
         .chars()
         .take(40)

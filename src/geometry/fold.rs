@@ -35,10 +35,10 @@ const FAR: f64 = 1e9;
 
 impl Lens {
     /// What a file with folding coefficients should have instead.
-    pub(crate) const FOLD_ALLOWED: &str = "coefficients that can be inverted over the whole image";
+    pub const FOLD_ALLOWED: &str = "coefficients that can be inverted over the whole image";
 
     /// What was found in a file with folding coefficients; `corner` as of [`Self::folds_before`].
-    pub(crate) fn fold_found(corner: DVec2) -> String {
+    pub fn fold_found(corner: DVec2) -> String {
         format!(
             "an image that folds over between the principal point and pixel ({:.0}, {:.0})",
             corner.x, corner.y
@@ -47,6 +47,7 @@ impl Lens {
 
     /// The tangent of the angle to the axis within which the distortion does not fold over in any
     /// direction; 1e9 and more count as no limit.
+    #[inline]
     pub fn unfolded_radius(&self) -> f64 {
         self.conditions()
             .iter()

@@ -24,18 +24,19 @@ pub struct Lens {
     /// Image height in pixels.
     pub height_px: u32,
     /// Focal lengths fx, fy in pixels.
-    #[serde(deserialize_with = "crate::numbers::exactly")]
+    #[serde(deserialize_with = "phasmid_core::numbers::exactly")]
     pub focal_px: DVec2,
     /// Principal point cx, cy in pixels.
-    #[serde(deserialize_with = "crate::numbers::exactly")]
+    #[serde(deserialize_with = "phasmid_core::numbers::exactly")]
     pub principal_px: DVec2,
     /// k1, k2, p1, p2, k3.
-    #[serde(default, deserialize_with = "crate::numbers::exactly")]
+    #[serde(default, deserialize_with = "phasmid_core::numbers::exactly")]
     pub distortion: [f64; 5],
 }
 
 impl Lens {
     /// Whether any distortion coefficient is set; without, no distortion code need run.
+    #[inline]
     pub fn is_distorted(&self) -> bool {
         self.distortion.iter().any(|&k| k != 0.0)
     }
@@ -43,6 +44,7 @@ impl Lens {
     /// The pixel that sees (or lights) a point in the lens's frame, in millimetres; `None` for a
     /// point that is not in front of the lens, or so far aside that the distortion's polynomial
     /// folds it back into the image.
+    #[inline]
     pub fn project(&self, p: DVec3) -> Option<DVec2> {
         (p.z > 0.0)
             .then(|| self.place(p.truncate() / p.z))
@@ -51,6 +53,7 @@ impl Lens {
 
     /// Pixel of the ideal image point (X/Z, Y/Z); `None` where the polynomial has folded back into
     /// the image, which a real lens does not do.
+    #[inline]
     pub fn place(&self, ideal: DVec2) -> Option<DVec2> {
         let px = self.distort_to_px(ideal);
         let folded = self.is_distorted() && self.contains(px) && !self.is_unfolded(ideal);
@@ -58,18 +61,21 @@ impl Lens {
     }
 
     /// Pixel of the ideal image point (X/Z, Y/Z) by the bare polynomial; see [`Self::place`].
+    #[inline]
     pub fn distort_to_px(&self, ideal: DVec2) -> DVec2 {
         self.focal_px * self.distort(ideal) + self.principal_px
     }
 
     /// The direction, with z = 1, of the ray through a pixel. NaN where the distortion cannot be
     /// inverted.
+    #[inline]
     pub fn ray(&self, px: DVec2) -> DVec3 {
         self.undistort((px - self.principal_px) / self.focal_px)
             .extend(1.0)
     }
 
     /// Whether a pixel coordinate lies on the image's pixels, [-0.5, width - 0.5) and so on.
+    #[inline]
     pub fn contains(&self, px: DVec2) -> bool {
         px.x >= -0.5
             && px.y >= -0.5
@@ -78,6 +84,7 @@ impl Lens {
     }
 
     /// Distorted image point of an ideal one, both in units of the focal length.
+    #[inline]
     pub fn distort(&self, p: DVec2) -> DVec2 {
         if !self.is_distorted() {
             return p;

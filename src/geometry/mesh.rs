@@ -1,8 +1,8 @@
 //! Triangle meshes: what every reader yields, checked.
 
 use super::{file, obj, ply, stl};
-use crate::error::{Error, Result};
 use glam::DVec3;
+use phasmid_core::error::{Error, Result};
 use std::path::Path;
 
 /// Beyond this a coordinate is a mistake, and squares in f32 would leave its range.
@@ -124,7 +124,7 @@ impl Mesh {
 }
 
 /// The extension in lower case, empty without one.
-pub(crate) fn extension(path: &Path) -> String {
+pub fn extension(path: &Path) -> String {
     path.extension()
         .map(|e| e.to_string_lossy().to_ascii_lowercase())
         .unwrap_or_default()

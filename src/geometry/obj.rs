@@ -4,8 +4,8 @@
 use super::Mesh;
 use super::colour;
 use super::file::{next_line, number, quoted, words};
-use crate::error::{Error, Result};
 use glam::DVec3;
+use phasmid_core::error::{Error, Result};
 
 /// Reads the bytes of an OBJ file. Faces of more than three corners become fans around their first
 /// corner, which is exact for convex ones.

@@ -11,7 +11,7 @@ pub struct Pose {
     #[serde(with = "rows")]
     pub rotation: DMat3,
     /// Translation in millimetres: where b's origin lies in a.
-    #[serde(deserialize_with = "crate::numbers::exactly")]
+    #[serde(deserialize_with = "phasmid_core::numbers::exactly")]
     pub translation_mm: DVec3,
 }
 
@@ -52,16 +52,19 @@ impl Pose {
     }
 
     /// Takes a point in b to a.
+    #[inline]
     pub fn point(&self, p: DVec3) -> DVec3 {
         self.rotation * p + self.translation_mm
     }
 
     /// Takes a direction in b to a.
+    #[inline]
     pub fn direction(&self, d: DVec3) -> DVec3 {
         self.rotation * d
     }
 
     /// `b_from_a` of an `a_from_b`.
+    #[inline]
     pub fn inverse(&self) -> Self {
         let rotation = self.rotation.transpose();
         Self {
@@ -91,7 +94,7 @@ mod rows {
     }
 
     pub fn deserialize<'de, D: Deserializer<'de>>(d: D) -> Result<DMat3, D::Error> {
-        crate::numbers::exactly(d)
+        phasmid_core::numbers::exactly(d)
     }
 }
 

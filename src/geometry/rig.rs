@@ -2,9 +2,9 @@
 //! file holds, what a device reports as nominal, and what the decoder triangulates with.
 
 use super::{Lens, Pose};
-use crate::error::Result;
-use crate::profile::TomlSource;
 use glam::{DVec2, DVec3};
+use phasmid_core::error::Result;
+use phasmid_core::source::TomlSource;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
@@ -20,17 +20,20 @@ pub struct View {
 
 impl View {
     /// The pupil in the rig's frame, in millimetres.
+    #[inline]
     pub fn center(&self) -> DVec3 {
         self.rig_from_view.translation_mm
     }
 
     /// Pixel of a point given in the rig's frame, in millimetres; `None` behind the lens.
+    #[inline]
     pub fn project(&self, p: DVec3) -> Option<DVec2> {
         let local = self.rig_from_view.rotation.transpose() * (p - self.center());
         self.lens.project(local)
     }
 
     /// Direction in the rig's frame of the ray through a pixel; its z in the view's frame is 1.
+    #[inline]
     pub fn ray(&self, px: DVec2) -> DVec3 {
         self.rig_from_view.direction(self.lens.ray(px))
     }
@@ -65,6 +68,7 @@ impl NoiseModel {
     }
 
     /// Variance in DN^2 of a pixel with this mean signal in DN, rounding included.
+    #[inline]
     pub fn variance_dn2(&self, mean_dn: f64) -> f64 {
         self.read_noise_dn.powi(2)
             + 1.0 / 12.0
@@ -223,7 +227,7 @@ mod tests {
     use super::*;
 
     fn text() -> &'static str {
-        crate::geometry::nominal::text("pmp-bench")
+        crate::nominal::text("pmp-bench")
     }
 
     #[test]

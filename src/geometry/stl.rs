@@ -7,8 +7,8 @@
 use super::Mesh;
 use super::file::{next_line, number, quoted, words};
 use super::mesh::check_vertex;
-use crate::error::{Error, Result};
 use glam::DVec3;
+use phasmid_core::error::{Error, Result};
 use std::collections::HashMap;
 
 const HEADER: usize = 84;

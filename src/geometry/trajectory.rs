@@ -39,6 +39,7 @@ impl Trajectory {
     }
 
     /// The pose at a moment.
+    #[inline]
     pub fn pose(&self, time_s: f64) -> Pose {
         let span = self.timeline.span(time_s);
         let weights = span.weights();

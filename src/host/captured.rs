@@ -2,12 +2,12 @@
 //! and the calibration.
 
 use super::consistency::{LEAST_FOLLOWING, doubt, following};
-use crate::error::{Error, Result};
-use crate::geometry::Rig;
-use crate::new_file::{self, replace, replace_picture};
-use crate::pattern::{Manifest, Pattern};
-use crate::protocol::{Frame, PixelFormat};
 use image::{ImageBuffer, ImageFormat, Luma};
+use phasmid_core::error::{Error, Result};
+use phasmid_core::new_file::{self, replace, replace_picture};
+use phasmid_geometry::Rig;
+use phasmid_pattern::{Manifest, Pattern};
+use phasmid_protocol::{Frame, PixelFormat};
 use rayon::prelude::*;
 use std::fs;
 use std::io::Write;
@@ -114,7 +114,7 @@ impl Captured {
     }
 
     /// Removes the files that [`Self::write`] makes.
-    pub(crate) fn discard(&self, folder: &Path) {
+    pub fn discard(&self, folder: &Path) {
         let frames = (0..self.frames.len()).map(|i| self.file_name(i));
         new_file::discard(folder, frames);
         new_file::discard(folder, [MANIFEST_FILE, CALIBRATION_FILE]);

@@ -1,9 +1,9 @@
 //! A capture through the decoder.
 
 use super::Captured;
-use crate::decode::{Decoded, Decoder, FrameStack, Options, Samples};
-use crate::error::Result;
-use crate::protocol::PixelFormat;
+use phasmid_core::error::Result;
+use phasmid_decode::{Decoded, Decoder, FrameStack, Options, Samples};
+use phasmid_protocol::PixelFormat;
 
 impl Captured {
     /// Decodes the frames with the capture's calibration; without one there are coordinates and no

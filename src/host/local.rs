@@ -12,17 +12,17 @@ mod absent {
     use std::time::Duration;
 
     /// A stream that cannot be: to connect is refused.
-    pub(in crate::host) enum UnixStream {}
+    pub(crate) enum UnixStream {}
 
     impl UnixStream {
-        pub(in crate::host) fn connect(_: &Path) -> Result<Self> {
+        pub(crate) fn connect(_: &Path) -> Result<Self> {
             Err(Error::new(
                 ErrorKind::Unsupported,
                 "sockets by path need Linux or another Unix; tcp:HOST:PORT works here",
             ))
         }
 
-        pub(in crate::host) fn set_read_timeout(&self, _: Option<Duration>) -> Result<()> {
+        pub(crate) fn set_read_timeout(&self, _: Option<Duration>) -> Result<()> {
             match *self {}
         }
     }

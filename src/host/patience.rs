@@ -1,7 +1,7 @@
 //! Waits that end, whoever keeps the time.
 
 use super::CommandPort;
-use crate::error::{Error, Result};
+use phasmid_core::error::{Error, Result};
 use std::time::{Duration, Instant};
 
 /// How often to look whether a device has come back.

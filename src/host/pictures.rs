@@ -1,9 +1,9 @@
 //! Grey levels from anywhere, as a link would have brought them.
 
 use super::consistency::{check, doubt};
-use crate::decode::{FrameStack, Samples};
-use crate::pattern::Manifest;
-use crate::protocol::{Frame, PixelFormat};
+use phasmid_decode::{FrameStack, Samples};
+use phasmid_pattern::Manifest;
+use phasmid_protocol::{Frame, PixelFormat};
 
 /// A frame of so many columns and rows, with what it says of itself but its times: its place in the
 /// sequence.

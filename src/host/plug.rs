@@ -5,8 +5,8 @@
 //! Linux tells it in its sysfs (Documentation/ABI/stable/sysfs-bus-usb and testing/sysfs-bus-usb);
 //! where that is not, no node belongs to anybody.
 
-use crate::error::{Error, Result};
-use crate::protocol::printable;
+use phasmid_core::error::{Error, Result};
+use phasmid_protocol::printable;
 use std::fmt::{self, Display};
 use std::fs;
 use std::path::{Path, PathBuf};

@@ -2,9 +2,9 @@
 //! that are wrapped, and otherwise as they were.
 
 use super::{Camera, CommandPort};
-use crate::error::{Error, Result};
-use crate::protocol::Frame;
-use crate::protocol::record::{Channel, Event, Recorder};
+use phasmid_core::error::{Error, Result};
+use phasmid_protocol::Frame;
+use phasmid_protocol::record::{Channel, Event, Recorder};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -219,9 +219,9 @@ impl<P: CommandPort> Drop for RecordedPort<P> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::host::{MemoryCamera, MemoryPort};
-    use crate::protocol::PixelFormat;
-    use crate::protocol::record::{About, Limits, Reader, Record, Side};
+    use crate::{MemoryCamera, MemoryPort};
+    use phasmid_protocol::PixelFormat;
+    use phasmid_protocol::record::{About, Limits, Reader, Record, Side};
     use std::fs::File;
     use std::path::Path;
     use std::sync::atomic::{AtomicU64, Ordering};

@@ -1,6 +1,6 @@
 //! Connections to `HOST:PORT`.
 
-use crate::error::{Error, Result};
+use phasmid_core::error::{Error, Result};
 use std::net::{TcpStream, ToSocketAddrs};
 use std::time::Duration;
 

@@ -20,9 +20,9 @@
 
 use super::surface::{Surface, Surfels, Truth};
 use super::visible::{all_of, lit_and_seen};
-use crate::error::{Error, Result};
-use crate::geometry::{Cloud, Rig};
 use glam::DVec3;
+use phasmid_core::error::{Error, Result};
+use phasmid_geometry::{Cloud, Rig};
 use serde::Serialize;
 
 /// Beyond this a distance is a gross error, in millimetres.
@@ -180,7 +180,7 @@ fn distances(surface: &Surface, points: &[DVec3]) -> Option<Directed> {
 mod tests {
     use super::super::visible::tests::rig;
     use super::*;
-    use crate::geometry::Mesh;
+    use phasmid_geometry::Mesh;
 
     fn floor(z: f64) -> Mesh {
         Mesh {

@@ -1,8 +1,8 @@
 //! Which parts of a true surface a rig can measure: lit by the projector and seen by the camera.
 
 use super::surface::widened;
-use crate::geometry::{Cloud, Mesh, MeshTree, Rig, View};
 use glam::DVec3;
+use phasmid_geometry::{Cloud, Mesh, MeshTree, Rig, View};
 use rayon::prelude::*;
 
 /// Rays that strike at this angle of incidence or a flatter one measure nothing, in degrees.
@@ -74,12 +74,12 @@ fn reach(view: &View, p: DVec3, normal: DVec3) -> Option<f64> {
 #[cfg(test)]
 pub(super) mod tests {
     use super::*;
-    use crate::geometry::{Lens, Pose};
     use glam::DVec2;
+    use phasmid_geometry::{Lens, Pose};
 
     /// A camera at the origin and a projector 400 mm to its right, both 1000 px wide with 45 degrees
     /// to either side.
-    pub(in crate::measure) fn rig() -> Rig {
+    pub(crate) fn rig() -> Rig {
         let lens = Lens {
             width_px: 1000,
             height_px: 1000,

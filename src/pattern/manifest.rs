@@ -2,8 +2,8 @@
 //! device's profile, the decoder and captures made elsewhere share.
 
 use super::Pattern;
-use crate::error::Result;
-use crate::profile::TomlSource;
+use phasmid_core::error::Result;
+use phasmid_core::source::TomlSource;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
@@ -149,7 +149,7 @@ fn check_pattern(pattern: &Pattern) -> Result<(), (&'static str, String, String)
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::pattern::Axis;
+    use crate::Axis;
 
     const HEAD: &str = "[projector]\nwidth_px = 1920\nheight_px = 1080\n";
 

@@ -1,82 +1,46 @@
 //! Profiles, stations and scenes that ship inside the program.
 
-use super::source::{self, TomlSource};
-use crate::error::Result;
+use phasmid_core::error::Result;
+use phasmid_core::source::{self, TomlSource};
 use std::path::PathBuf;
 
 /// Name and text of each profile.
 const PROFILES: [(&str, &str); 5] = [
-    (
-        "dlp-evm",
-        include_str!("../../device-profiles/dlp-evm.toml"),
-    ),
-    (
-        "pmp-bench",
-        include_str!("../../device-profiles/pmp-bench.toml"),
-    ),
-    (
-        "pmp-real",
-        include_str!("../../device-profiles/pmp-real.toml"),
-    ),
-    (
-        "sgrt-pod",
-        include_str!("../../device-profiles/sgrt-pod.toml"),
-    ),
-    (
-        "webcam-grey",
-        include_str!("../../device-profiles/webcam-grey.toml"),
-    ),
+    ("dlp-evm", phasmid_device_profiles::DLP_EVM),
+    ("pmp-bench", phasmid_device_profiles::PMP_BENCH),
+    ("pmp-real", phasmid_device_profiles::PMP_REAL),
+    ("sgrt-pod", phasmid_device_profiles::SGRT_POD),
+    ("webcam-grey", phasmid_device_profiles::WEBCAM_GREY),
 ];
 
 /// Name and text of each station.
 const STATIONS: [(&str, &str); 2] = [
-    (
-        "two-pods",
-        include_str!("../../device-profiles/stations/two-pods.toml"),
-    ),
+    ("two-pods", phasmid_device_profiles::STATIONS_TWO_PODS),
     (
         "sgrt-ceiling",
-        include_str!("../../device-profiles/stations/sgrt-ceiling.toml"),
+        phasmid_device_profiles::STATIONS_SGRT_CEILING,
     ),
 ];
 
 /// Name and text of each scene.
 const SCENES: [(&str, &str); 9] = [
-    (
-        "trapezoid",
-        include_str!("../../device-profiles/scenes/trapezoid.toml"),
-    ),
-    (
-        "couch",
-        include_str!("../../device-profiles/scenes/couch.toml"),
-    ),
-    (
-        "torso",
-        include_str!("../../device-profiles/scenes/torso.toml"),
-    ),
-    (
-        "plane",
-        include_str!("../../device-profiles/scenes/plane.toml"),
-    ),
-    (
-        "sphere",
-        include_str!("../../device-profiles/scenes/sphere.toml"),
-    ),
-    (
-        "board",
-        include_str!("../../device-profiles/scenes/board.toml"),
-    ),
+    ("trapezoid", phasmid_device_profiles::SCENES_TRAPEZOID),
+    ("couch", phasmid_device_profiles::SCENES_COUCH),
+    ("torso", phasmid_device_profiles::SCENES_TORSO),
+    ("plane", phasmid_device_profiles::SCENES_PLANE),
+    ("sphere", phasmid_device_profiles::SCENES_SPHERE),
+    ("board", phasmid_device_profiles::SCENES_BOARD),
     (
         "treatment-room",
-        include_str!("../../device-profiles/scenes/treatment-room.toml"),
+        phasmid_device_profiles::SCENES_TREATMENT_ROOM,
     ),
     (
         "treatment-room-head",
-        include_str!("../../device-profiles/scenes/treatment-room-head.toml"),
+        phasmid_device_profiles::SCENES_TREATMENT_ROOM_HEAD,
     ),
     (
         "treatment-room-board",
-        include_str!("../../device-profiles/scenes/treatment-room-board.toml"),
+        phasmid_device_profiles::SCENES_TREATMENT_ROOM_BOARD,
     ),
 ];
 

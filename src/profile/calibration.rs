@@ -1,9 +1,9 @@
 //! How a scanner of this model is calibrated: what `phasma calibrate` uses unless told otherwise.
 
 use super::Profile;
-use super::check::Check;
-use crate::error::Result;
-use crate::pattern::Axis;
+use phasmid_core::check::Check;
+use phasmid_core::error::Result;
+use phasmid_pattern::Axis;
 use serde::{Deserialize, Serialize};
 
 /// What a calibration of the device uses.
@@ -72,7 +72,7 @@ pub(super) fn check(p: &Profile, check: &Check<'_>) -> Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::profile::profile_names;
+    use crate::profile_names;
 
     #[test]
     fn every_device_has_a_sequence_for_it() {
@@ -88,7 +88,7 @@ mod tests {
 
     #[test]
     fn a_profile_that_says_nothing_has_the_first_one_of_both_axes() {
-        let text = include_str!("../../device-profiles/webcam-grey.toml");
+        let text = phasmid_device_profiles::WEBCAM_GREY;
         let mut table: toml::Table = text.parse().unwrap();
         table.remove("calibration");
         let profile = Profile::parse(&table.to_string(), "test").unwrap();
@@ -98,7 +98,7 @@ mod tests {
 
     #[test]
     fn mistakes_name_the_field_and_what_there_is() {
-        let text = include_str!("../../device-profiles/webcam-grey.toml");
+        let text = phasmid_device_profiles::WEBCAM_GREY;
         for (line, needles) in [
             (
                 "sequence = \"moon\"",

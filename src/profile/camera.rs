@@ -1,12 +1,12 @@
 //! The camera of a profile: optics, timing, link.
 
-use super::check::Check;
 use super::{Glare, Sensor, Vignetting, distortion, vignetting};
-use crate::error::Result;
-use crate::geometry::{Lens, Pose, View};
-use crate::pattern::manifest::MAX_SIDE_PX;
-use crate::protocol::{PixelFormat, data_line};
 use glam::DVec2;
+use phasmid_core::check::Check;
+use phasmid_core::error::Result;
+use phasmid_geometry::{Lens, Pose, View};
+use phasmid_pattern::manifest::MAX_SIDE_PX;
+use phasmid_protocol::{PixelFormat, data_line};
 use serde::{Deserialize, Serialize};
 
 /// Longest line time; sensors have some microseconds.
@@ -25,10 +25,10 @@ pub struct Camera {
     /// Width of the sensor that the columns divide, in millimetres; pixels are square.
     pub sensor_width_mm: f64,
     /// Principal point in pixels; the image's centre when absent.
-    #[serde(default, deserialize_with = "crate::numbers::exactly_if_any")]
+    #[serde(default, deserialize_with = "phasmid_core::numbers::exactly_if_any")]
     pub principal_point_px: Option<[f64; 2]>,
     /// OpenCV's k1 k2 p1 p2 k3.
-    #[serde(default, deserialize_with = "crate::numbers::exactly")]
+    #[serde(default, deserialize_with = "phasmid_core::numbers::exactly")]
     pub distortion: [f64; 5],
     /// Working f-number, for the light that reaches the sensor, and for the blur out of focus.
     pub f_number: f64,
@@ -47,7 +47,7 @@ pub struct Camera {
     /// Exposure at power-on in microseconds.
     pub exposure_us: f64,
     /// Shortest and longest exposure in microseconds.
-    #[serde(deserialize_with = "crate::numbers::exactly")]
+    #[serde(deserialize_with = "phasmid_core::numbers::exactly")]
     pub exposure_range_us: [f64; 2],
     /// Largest gain in decibels above the sensor's base gain; 0 at power-on.
     pub max_gain_db: f64,

@@ -1,7 +1,7 @@
 //! A camera's response: how the numbers in its frames follow from light.
 
-use super::check::Check;
-use crate::error::Result;
+use phasmid_core::check::Check;
+use phasmid_core::error::Result;
 use serde::{Deserialize, Serialize};
 
 /// The curve from the converter's linear numbers to the numbers in the frame.
@@ -28,11 +28,13 @@ impl Default for CameraResponse {
 
 impl CameraResponse {
     /// Whether the curve is any other than the straight line.
+    #[inline]
     pub fn is_bent(&self) -> bool {
         !matches!(self, Self::Linear {} | Self::Gamma { gamma: 1.0 })
     }
 
     /// The number in the frame, not rounded, of a linear one in 0 to `full_scale`.
+    #[inline]
     pub fn apply(&self, linear_dn: f64, full_scale: f64) -> f64 {
         match self {
             Self::Linear {} => linear_dn,

@@ -1,10 +1,10 @@
 //! The control port: `[control]` of a profile.
 
 use super::TomlSource;
-use super::check::Check;
-use crate::error::{Error, Result};
-use crate::protocol::dialect::Dialect;
-use crate::protocol::usb::cdc::LineCoding;
+use phasmid_core::check::Check;
+use phasmid_core::error::{Error, Result};
+use phasmid_protocol::dialect::Dialect;
+use phasmid_protocol::usb::cdc::LineCoding;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
@@ -169,9 +169,9 @@ pub(super) fn check(control: &Control, check: &Check<'_>) -> Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::profile::Profile;
+    use crate::Profile;
 
-    const BENCH: &str = include_str!("../../device-profiles/pmp-bench.toml");
+    const BENCH: &str = phasmid_device_profiles::PMP_BENCH;
 
     fn with(control: &str) -> Result<Control> {
         Profile::parse(&format!("{BENCH}\n[control]\n{control}\n"), "it").map(|p| p.control)

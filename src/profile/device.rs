@@ -1,11 +1,11 @@
 //! A device profile: everything that makes one scanner model differ from another.
 
-use super::check::{Check, name};
 use super::{Calibration, Camera, Projector, Sequence, TomlSource};
 use super::{builtin, calibration, camera, control, projector, sequence, usb};
-use crate::error::Result;
-use crate::geometry::Rig;
-use crate::pattern::{Manifest, ProjectorSize};
+use phasmid_core::check::{Check, name};
+use phasmid_core::error::Result;
+use phasmid_geometry::Rig;
+use phasmid_pattern::{Manifest, ProjectorSize};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 

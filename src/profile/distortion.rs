@@ -1,8 +1,8 @@
 //! Checks the distortion of a lens.
 
-use super::check::Check;
-use crate::error::Result;
-use crate::geometry::Lens;
+use phasmid_core::check::Check;
+use phasmid_core::error::Result;
+use phasmid_geometry::Lens;
 
 /// Refuses coefficients for which the image folds over: some pixel would have no ray, or two.
 pub(super) fn check(lens: &Lens, field: &str, check: &Check<'_>) -> Result<()> {

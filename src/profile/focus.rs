@@ -1,7 +1,7 @@
 //! Where a lens is sharp, and how fast it blurs elsewhere.
 
-use super::check::Check;
-use crate::error::Result;
+use phasmid_core::check::Check;
+use phasmid_core::error::Result;
 use serde::{Deserialize, Serialize};
 
 /// Focus and aperture of a thin lens.

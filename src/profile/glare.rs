@@ -1,7 +1,7 @@
 //! Veiling glare of a camera's lens.
 
-use super::check::Check;
-use crate::error::Result;
+use phasmid_core::check::Check;
+use phasmid_core::error::Result;
 use serde::{Deserialize, Serialize};
 
 /// Light that the lens scatters over the image: the halo about strong light (ISO 9358 measures it

@@ -1,10 +1,10 @@
 //! Which pods of the built-in ceiling station the linac's head hides from the isocentre.
 
 use super::{Configuration, Profile};
-use crate::geometry::Pose;
-use crate::geometry::raycast::{Bvh, LANES, Packet, Scratch};
-use crate::geometry::shapes::linac_head;
 use glam::{DVec3, Vec3};
+use phasmid_geometry::Pose;
+use phasmid_geometry::raycast::{Bvh, LANES, Packet, Scratch};
+use phasmid_geometry::shapes::linac_head;
 
 /// Whether the head at a gantry angle in degrees is between the isocentre and a place.
 fn hides(gantry_deg: f64, place: DVec3) -> bool {

@@ -1,7 +1,7 @@
 //! Light that surfaces throw on each other.
 
-use super::check::Check;
-use crate::error::Result;
+use phasmid_core::check::Check;
+use phasmid_core::error::Result;
 use serde::{Deserialize, Serialize};
 
 /// One diffuse bounce of the light of projector and lamps, from every surface on every other that

@@ -1,7 +1,7 @@
 //! The light source of a projector: how fast it rises, and how it fades as it warms.
 
-use super::check::Check;
-use crate::error::Result;
+use phasmid_core::check::Check;
+use phasmid_core::error::Result;
 use serde::{Deserialize, Serialize};
 
 /// A light source that follows its current with a delay and loses light with its own heat. Data
@@ -60,10 +60,10 @@ pub(super) fn check(led: &Led, check: &Check<'_>) -> Result<()> {
 
 #[cfg(test)]
 mod tests {
-    use crate::profile::Profile;
+    use crate::Profile;
 
-    fn parse(led: &str) -> crate::Result<Profile> {
-        let text = include_str!("../../device-profiles/webcam-grey.toml");
+    fn parse(led: &str) -> phasmid_core::error::Result<Profile> {
+        let text = phasmid_device_profiles::WEBCAM_GREY;
         let mut at = text.find("[projector]").unwrap();
         at += text[at + 1..].find("\n[").unwrap() + 1;
         Profile::parse(&format!("{}\n{led}\n{}", &text[..at], &text[at..]), "p")

@@ -1,7 +1,7 @@
 //! Light in a scene that is not the projector's.
 
-use super::check::Check;
-use crate::error::Result;
+use phasmid_core::check::Check;
+use phasmid_core::error::Result;
 use serde::{Deserialize, Serialize};
 
 /// Most lamps in a scene: a shadow's edge is found by a bit for each.
@@ -26,7 +26,7 @@ pub enum Light {
     /// A lamp that is small against its distance, alike in all directions; it cannot be seen.
     Point {
         /// Place in the scene's frame in millimetres.
-        #[serde(deserialize_with = "crate::numbers::exactly")]
+        #[serde(deserialize_with = "phasmid_core::numbers::exactly")]
         position_mm: [f64; 3],
         /// Radiant intensity in W/sr at the projector's wavelength.
         intensity_w_sr: f64,
@@ -37,7 +37,7 @@ pub enum Light {
     /// Light from one direction, as the sun's.
     Directional {
         /// Where it goes, in the scene's frame, of any length.
-        #[serde(deserialize_with = "crate::numbers::exactly")]
+        #[serde(deserialize_with = "phasmid_core::numbers::exactly")]
         direction: [f64; 3],
         /// Irradiance in W/m^2 of a surface that faces it, at the projector's wavelength.
         irradiance_w_m2: f64,
@@ -64,6 +64,7 @@ pub struct Flicker {
 
 impl Ambient {
     /// How it pulsates, if it does.
+    #[inline]
     pub fn pulse(&self) -> Option<Flicker> {
         let pulsates = |f: &Flicker| f.depth > 0.0 && self.irradiance_w_m2 > 0.0;
         self.flicker.filter(pulsates)
@@ -72,6 +73,7 @@ impl Ambient {
 
 impl Light {
     /// Whether it gives any light.
+    #[inline]
     pub fn is_on(&self) -> bool {
         match *self {
             Self::Point { intensity_w_sr, .. } => intensity_w_sr > 0.0,
@@ -88,6 +90,7 @@ impl Light {
     }
 
     /// How it pulsates.
+    #[inline]
     pub fn flicker(&self) -> Option<Flicker> {
         match *self {
             Self::Point { flicker, .. } | Self::Directional { flicker, .. } => flicker,

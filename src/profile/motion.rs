@@ -1,9 +1,9 @@
 //! How the objects of a scene move and deform, by keyframes in device time.
 
-use super::check::Check;
-use crate::error::Result;
-use crate::geometry::{Timeline, Trajectory};
 use glam::DVec3;
+use phasmid_core::check::Check;
+use phasmid_core::error::Result;
+use phasmid_geometry::{Timeline, Trajectory};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
@@ -34,11 +34,11 @@ pub struct Keyframe {
     pub time_s: f64,
     /// Where the object is moved to, along its own axes, in millimetres: before its `rotation_deg`
     /// and `position_mm`, and not scaled.
-    #[serde(default, deserialize_with = "crate::numbers::exactly")]
+    #[serde(default, deserialize_with = "phasmid_core::numbers::exactly")]
     pub position_mm: [f64; 3],
     /// Its rotation there in degrees about its own x, then y, then z axis, fixed. The way from one
     /// keyframe to the next is the short one.
-    #[serde(default, deserialize_with = "crate::numbers::exactly")]
+    #[serde(default, deserialize_with = "phasmid_core::numbers::exactly")]
     pub rotation_deg: [f64; 3],
 }
 

@@ -1,14 +1,14 @@
 //! The objects of a scene: shapes, places, surfaces.
 
-use super::check::Check;
 use super::motion::{self, Deform, Motion};
 use super::placing::{POSITION_MM, ROTATION_DEG};
-use super::skin::{self, Skin};
 use super::surface::{self, Specular};
-use crate::error::Result;
-use crate::geometry::{Board, Pose, shapes};
-use crate::patient::phantom::{self, Day, Patient};
 use glam::DVec3;
+use phasmid_core::check::Check;
+use phasmid_core::error::Result;
+use phasmid_geometry::{Board, Pose, shapes};
+use phasmid_phantom::tissue::{self as skin, Skin};
+use phasmid_phantom::{self as phantom, Day, Patient};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
@@ -19,10 +19,10 @@ pub struct Object {
     /// What it is, in its own frame.
     pub shape: Shape,
     /// Its origin in the scene's frame in millimetres.
-    #[serde(default, deserialize_with = "crate::numbers::exactly")]
+    #[serde(default, deserialize_with = "phasmid_core::numbers::exactly")]
     pub position_mm: [f64; 3],
     /// Rotation in degrees about the fixed x, then y, then z axis.
-    #[serde(default, deserialize_with = "crate::numbers::exactly")]
+    #[serde(default, deserialize_with = "phasmid_core::numbers::exactly")]
     pub rotation_deg: [f64; 3],
     /// Factor on its size, before rotation and position.
     #[serde(default = "one")]
@@ -46,7 +46,7 @@ pub struct Object {
     /// Width and height of the picture laid over the shape, in millimetres of its own frame after
     /// scaling: about a sphere by longitude and latitude, about a cylinder by its angle and y, over
     /// anything else along x and y. When absent, a mesh has it by its own texture coordinates.
-    #[serde(default, deserialize_with = "crate::numbers::exactly_if_any")]
+    #[serde(default, deserialize_with = "phasmid_core::numbers::exactly_if_any")]
     pub texture_size_mm: Option<[f64; 2]>,
     /// A specular lobe above the diffuse body; none when absent.
     #[serde(default)]
@@ -71,7 +71,7 @@ pub enum Shape {
     /// The plane z = 0, endless or a rectangle about the origin.
     Plane {
         /// Sides along x and y; endless when absent.
-        #[serde(default, deserialize_with = "crate::numbers::exactly_if_any")]
+        #[serde(default, deserialize_with = "phasmid_core::numbers::exactly_if_any")]
         size_mm: Option<[f64; 2]>,
     },
     /// A calibration board: a sheet in the plane z = 0 with the grid's middle at the origin, x along

@@ -1,7 +1,7 @@
 //! An object at another place than its scene file says.
 
 use super::{Motion, Scene};
-use crate::error::{Error, Result};
+use phasmid_core::error::{Error, Result};
 use std::ops::RangeInclusive;
 
 /// Where an object's origin may be, in millimetres.

@@ -1,12 +1,12 @@
 //! The projector of a profile: an inverse camera and its light.
 
-use super::check::Check;
 use super::{Focus, Led, Response, Timing, Vignetting};
 use super::{distortion, focus, led, response, timing, vignetting};
-use crate::error::Result;
-use crate::geometry::{Lens, Pose, View};
-use crate::pattern::manifest::MAX_SIDE_PX;
 use glam::{DVec2, DVec3};
+use phasmid_core::check::Check;
+use phasmid_core::error::Result;
+use phasmid_geometry::{Lens, Pose, View};
+use phasmid_pattern::manifest::MAX_SIDE_PX;
 use serde::{Deserialize, Serialize};
 
 /// The projector, an inverse camera.
@@ -20,16 +20,16 @@ pub struct Projector {
     /// Distance over picture width; pixels are square.
     pub throw_ratio: f64,
     /// Shift of the principal point from the picture's centre in pixels.
-    #[serde(default, deserialize_with = "crate::numbers::exactly")]
+    #[serde(default, deserialize_with = "phasmid_core::numbers::exactly")]
     pub lens_shift_px: [f64; 2],
     /// Pupil in the rig's frame in millimetres.
-    #[serde(deserialize_with = "crate::numbers::exactly")]
+    #[serde(deserialize_with = "phasmid_core::numbers::exactly")]
     pub position_mm: [f64; 3],
     /// Rotation in degrees about the fixed x, then y, then z axis of the rig.
-    #[serde(default, deserialize_with = "crate::numbers::exactly")]
+    #[serde(default, deserialize_with = "phasmid_core::numbers::exactly")]
     pub rotation_deg: [f64; 3],
     /// OpenCV's k1 k2 p1 p2 k3.
-    #[serde(default, deserialize_with = "crate::numbers::exactly")]
+    #[serde(default, deserialize_with = "phasmid_core::numbers::exactly")]
     pub distortion: [f64; 5],
     /// Bits of a displayed level, 1 to 8.
     pub bits: u32,

@@ -1,7 +1,7 @@
 //! How a projector's light follows the levels that it shows.
 
-use super::check::Check;
-use crate::error::Result;
+use phasmid_core::check::Check;
+use phasmid_core::error::Result;
 use serde::{Deserialize, Serialize};
 
 /// Light over level, both from 0 to 1: what lies between black and full white.
@@ -19,6 +19,7 @@ pub enum Response {
 
 impl Response {
     /// Whether light just follows the level.
+    #[inline]
     pub fn is_straight(&self) -> bool {
         match self {
             Self::Gamma(gamma) => *gamma == 1.0,
@@ -31,6 +32,7 @@ impl Response {
     }
 
     /// Light, 0 to 1, of a level from 0 to 1.
+    #[inline]
     pub fn light(&self, level: f64) -> f64 {
         match self {
             Self::Gamma(gamma) => level.powf(*gamma),

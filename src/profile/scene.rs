@@ -1,12 +1,12 @@
 //! A scene: what stands before the scanner, where the scanner stands, and the light that is not the
 //! projector's. Without a `[rig]` the scene's frame is the rig's.
 
-use super::check::{Check, name};
 use super::{Ambient, Interreflection, Light, Object, TomlSource};
 use super::{builtin, interreflection, light, object};
-use crate::error::Result;
-use crate::geometry::Pose;
 use glam::DVec3;
+use phasmid_core::check::{Check, name};
+use phasmid_core::error::Result;
+use phasmid_geometry::Pose;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
@@ -43,10 +43,10 @@ pub struct Scene {
 #[serde(deny_unknown_fields)]
 pub struct RigPlace {
     /// Camera's pupil in the scene's frame in millimetres.
-    #[serde(default, deserialize_with = "crate::numbers::exactly")]
+    #[serde(default, deserialize_with = "phasmid_core::numbers::exactly")]
     pub position_mm: [f64; 3],
     /// Rotation in degrees about the scene's fixed x, then y, then z axis.
-    #[serde(default, deserialize_with = "crate::numbers::exactly")]
+    #[serde(default, deserialize_with = "phasmid_core::numbers::exactly")]
     pub rotation_deg: [f64; 3],
 }
 

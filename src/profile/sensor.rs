@@ -1,10 +1,10 @@
 //! The sensor of a profile, in the terms of EMVA 1288.
 
 use super::CameraResponse;
-use super::check::Check;
-use crate::error::Result;
-use crate::geometry::NoiseModel;
-use crate::protocol::PixelFormat;
+use phasmid_core::check::Check;
+use phasmid_core::error::Result;
+use phasmid_geometry::NoiseModel;
+use phasmid_protocol::PixelFormat;
 use serde::{Deserialize, Serialize};
 
 /// A sensor in the terms of EMVA 1288.

@@ -1,11 +1,11 @@
 //! The pattern sequences of a profile.
 
 use super::Profile;
-use super::check::{Check, name};
 use super::timing::on_clock;
-use crate::error::Result;
-use crate::pattern::manifest::check_frames;
-use crate::pattern::{Axis, ManifestFrame, Pattern};
+use phasmid_core::check::{Check, name};
+use phasmid_core::error::Result;
+use phasmid_pattern::manifest::check_frames;
+use phasmid_pattern::{Axis, ManifestFrame, Pattern};
 use serde::{Deserialize, Serialize};
 
 /// A pattern sequence in the device's memory.

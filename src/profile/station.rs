@@ -1,11 +1,11 @@
 //! A station: several devices that look at one scene. What `phasma serve --profile` takes is a
 //! station's file where it lists `[[device]]`, and a device's profile otherwise.
 
-use super::check::{Check, name};
 use super::placing::{POSITION_MM, ROTATION_DEG};
 use super::{Profile, RigPlace, TomlSource, builtin, profile_names, scene_names};
-use crate::error::Result;
-use crate::protocol::dialect::Dialect;
+use phasmid_core::check::{Check, name};
+use phasmid_core::error::Result;
+use phasmid_protocol::dialect::Dialect;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
@@ -57,10 +57,10 @@ pub struct StationDevice {
     pub profile: String,
     /// Camera's pupil in the scene's frame in millimetres; as the scene says where this and the
     /// rotation are absent.
-    #[serde(default, deserialize_with = "crate::numbers::exactly_if_any")]
+    #[serde(default, deserialize_with = "phasmid_core::numbers::exactly_if_any")]
     pub position_mm: Option<[f64; 3]>,
     /// Rotation in degrees about the scene's fixed x, then y, then z axis.
-    #[serde(default, deserialize_with = "crate::numbers::exactly_if_any")]
+    #[serde(default, deserialize_with = "phasmid_core::numbers::exactly_if_any")]
     pub rotation_deg: Option<[f64; 3]>,
     /// Dialect of its control port instead of the profile's: a built-in name, or a file relative to
     /// the station's.
@@ -205,7 +205,7 @@ fn check(s: &Station, check: &Check<'_>) -> Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::profile::{Scene, station_names};
+    use crate::{Scene, station_names};
 
     const TEXT: &str = "name = \"s\"\ndescription = \"\"\nscene = \"mine.toml\"\n\
         [[device]]\nname = \"a\"\nprofile = \"webcam-grey\"\nseed = 7\n\

@@ -1,8 +1,8 @@
 //! What the surface of an object does besides reflecting a constant part of the light in all
 //! directions.
 
-use super::check::Check;
-use crate::error::Result;
+use phasmid_core::check::Check;
+use phasmid_core::error::Result;
 use serde::{Deserialize, Serialize};
 
 /// A specular lobe over the diffuse body: GGX microfacets. The body reflects `albedo` of what the

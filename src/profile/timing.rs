@@ -14,9 +14,9 @@
 //! shorter than the pattern's bits take. Between patterns the light is off. All times are whole
 //! steps of the controller's clock.
 
-use super::check::Check;
-use crate::error::Result;
-use crate::pattern::Pattern;
+use phasmid_core::check::Check;
+use phasmid_core::error::Result;
+use phasmid_pattern::Pattern;
 use serde::{Deserialize, Serialize};
 
 /// Longest time that a profile may state, in microseconds.
@@ -34,7 +34,7 @@ pub struct Timing {
     pub resolution_us: f64,
     /// Shortest exposure in microseconds of a pattern of 1, 2, up to 8 bits; as many as the
     /// projector has bits count.
-    #[serde(deserialize_with = "crate::numbers::exactly")]
+    #[serde(deserialize_with = "phasmid_core::numbers::exactly")]
     pub min_exposure_us: [f64; 8],
     /// How long a pattern is shown after power-on and `*RST`, in microseconds; as long as the period
     /// allows when absent.
@@ -257,7 +257,7 @@ pub(super) fn on_clock(t: &Timing, us: f64, field: &str, check: &Check<'_>) -> R
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::pattern::Axis;
+    use phasmid_pattern::Axis;
 
     fn timing() -> Timing {
         Timing {

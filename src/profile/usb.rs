@@ -1,7 +1,7 @@
 //! How a device enumerates as a USB device: `[usb]` of a profile.
 
-use super::check::Check;
-use crate::error::Result;
+use phasmid_core::check::Check;
+use phasmid_core::error::Result;
 use serde::{Deserialize, Serialize};
 
 /// The USB side of a scanner; every field may be left out. The strings are the identity's:

@@ -1,9 +1,9 @@
 //! The fall of light from a lens's axis to the edge of its field.
 
-use super::check::Check;
-use crate::error::Result;
-use crate::geometry::Lens;
 use glam::DVec2;
+use phasmid_core::check::Check;
+use phasmid_core::error::Result;
+use phasmid_geometry::Lens;
 use serde::{Deserialize, Serialize};
 
 /// A factor on the light that depends on the angle to the axis.
@@ -17,17 +17,19 @@ pub struct Vignetting {
     /// a2, a4, a6 of the factor 1 + a2 r^2 + a4 r^4 + a6 r^6, with r the distance from the
     /// principal point in the undistorted image over half of the image's diagonal (the "pa" model
     /// of the Lensfun data base).
-    #[serde(deserialize_with = "crate::numbers::exactly")]
+    #[serde(deserialize_with = "phasmid_core::numbers::exactly")]
     pub falloff: [f64; 3],
 }
 
 impl Vignetting {
     /// Whether the factor is 1 everywhere.
+    #[inline]
     pub fn is_none(&self) -> bool {
         !self.natural && self.falloff == [0.0; 3]
     }
 
     /// The polynomial's factor at r in half diagonals.
+    #[inline]
     pub fn falloff_at(&self, r: f64) -> f64 {
         let [a2, a4, a6] = self.falloff;
         let s = r * r;

@@ -1,7 +1,7 @@
 //! `device.json`: what a device that is served says of itself and of where it can be reached.
 
 use super::service::ClockPace;
-use crate::error::{Error, Result};
+use phasmid_core::error::{Error, Result};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
@@ -67,7 +67,7 @@ impl Endpoints {
     /// A file that is not there, cannot be read, or is something else.
     pub fn read(run_dir: &Path) -> Result<Self> {
         let path = run_dir.join(FILE_NAME);
-        let bytes = crate::file::read(&path, MOST_BYTES)?;
+        let bytes = phasmid_core::file::read(&path, MOST_BYTES)?;
         Self::parse(
             &String::from_utf8_lossy(&bytes),
             &path.display().to_string(),

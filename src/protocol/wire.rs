@@ -26,8 +26,8 @@
 //! hands the frame on.
 
 use super::{Frame, PixelFormat};
-use crate::error::{Error, Result};
-use crate::pattern::manifest::MAX_SIDE_PX;
+use phasmid_core::error::{Error, Result};
+use phasmid_pattern::manifest::MAX_SIDE_PX;
 
 /// Length of the header in bytes.
 pub const HEADER_LEN: usize = 72;

@@ -1,13 +1,13 @@
 //! Calibration boards before a device within the process: what a calibration keeps of each.
 
 use super::scanned::{Levels, Scanned, Stage};
-use crate::calibrate::board::Picture;
-use crate::calibrate::rig::{PoseData, sight};
-use crate::decode::{Decoder, FrameStack, Options};
-use crate::emulator::render;
-use crate::error::{Error, Result};
-use crate::geometry::{Board, Pose};
-use crate::profile::{Profile, Scene, Shape};
+use phasmid_calibrate::board::Picture;
+use phasmid_calibrate::rig::{PoseData, sight};
+use phasmid_core::error::{Error, Result};
+use phasmid_decode::{Decoder, FrameStack, Options};
+use phasmid_geometry::{Board, Pose};
+use phasmid_profile::{Profile, Scene, Shape};
+use phasmid_render as render;
 
 /// Reflectance of the board's paper and of the ink on it, as `phasma calibrate` has them.
 const PAPER: f64 = 0.45;

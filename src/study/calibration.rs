@@ -1,7 +1,7 @@
 //! A calibration of an emulated device held against the truth, which only such a device has.
 
-use crate::calibrate::solve::{Solution, chi_square_bound};
-use crate::geometry::{Pose, Rig, View};
+use phasmid_calibrate::solve::{Solution, chi_square_bound};
+use phasmid_geometry::{Pose, Rig, View};
 use serde::Serialize;
 
 /// How far a calibration is from the truth, as `truth.json` holds it.
@@ -140,7 +140,7 @@ mod tests {
 
     #[test]
     fn what_differs_is_named() {
-        let rig = crate::profile::Profile::load("pmp-bench")
+        let rig = phasmid_profile::Profile::load("pmp-bench")
             .unwrap()
             .nominal_rig();
         assert!(differences(&rig, &rig).iter().all(|d| d.error == 0.0));

@@ -1,18 +1,18 @@
 //! Random numbers of studies: Philox4x32-10 by seed, stream and index.
 
-use crate::philox::philox;
 use glam::DVec2;
+use phasmid_core::philox::philox;
 use std::f64::consts::TAU;
 
 /// Numbers that depend on nothing but seed, stream and index.
 #[derive(Debug, Clone, Copy)]
-pub(in crate::study) struct Draws {
+pub(crate) struct Draws {
     key: [u32; 2],
     stream: u32,
 }
 
 impl Draws {
-    pub(in crate::study) fn new(seed: u64, stream: u32) -> Self {
+    pub(crate) fn new(seed: u64, stream: u32) -> Self {
         Self {
             key: [seed as u32, (seed >> 32) as u32],
             stream,
@@ -31,7 +31,7 @@ impl Draws {
     }
 
     /// Two normal numbers (Box and Muller, Ann. Math. Stat. 29, 1958).
-    pub(in crate::study) fn normals(&self, index: u64) -> DVec2 {
+    pub(crate) fn normals(&self, index: u64) -> DVec2 {
         let [u, v] = self.pair(index);
         DVec2::from_angle(TAU * v) * (-2.0 * u.ln()).sqrt()
     }

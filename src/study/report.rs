@@ -1,13 +1,13 @@
 //! What a demo leaves behind: pictures of depth and error, and figures.
 
 use super::score::{Score, depth_errors};
-use crate::decode::Decoded;
-use crate::emulator::Truth;
-use crate::error::Result;
-use crate::geometry::Rig;
-use crate::measure::picture;
-use crate::new_file::replace_picture;
 use image::{GrayImage, Rgb, RgbImage};
+use phasmid_core::error::Result;
+use phasmid_core::new_file::replace_picture;
+use phasmid_decode::Decoded;
+use phasmid_geometry::Rig;
+use phasmid_render::truth::Truth;
+use phasmid_report::picture;
 use serde::Serialize;
 use std::fmt;
 use std::path::Path;

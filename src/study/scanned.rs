@@ -3,15 +3,16 @@
 //! change no byte of it (see the tests of `serve`), they only take time.
 
 use super::score::{Score, score};
-use crate::decode::{Decoded, Decoder, FrameStack, Options, Samples};
-use crate::emulator::render;
-use crate::emulator::{Firmware, Renderer, Shot, Truth};
-use crate::error::Result;
-use crate::geometry::Rig;
-use crate::host::{Captured, frame_of};
-use crate::pattern::{Manifest, Pattern};
-use crate::profile::{Profile, Scene};
-use crate::protocol::PixelFormat;
+use phasmid_core::error::Result;
+use phasmid_decode::{Decoded, Decoder, FrameStack, Options, Samples};
+use phasmid_device::Firmware;
+use phasmid_geometry::Rig;
+use phasmid_host::{Captured, frame_of};
+use phasmid_pattern::{Manifest, Pattern};
+use phasmid_profile::{Profile, Scene};
+use phasmid_protocol::PixelFormat;
+use phasmid_render as render;
+use phasmid_render::{Renderer, shot::Shot, truth::Truth};
 
 /// A device before a scene, whose geometry pass is done once for all its scans.
 pub struct Stage {

@@ -1,13 +1,13 @@
 //! A decoded scan against the device's truth, pixel by pixel: inlier error, gross errors and
 //! coverage apart, and the error beside the bound that noise sets.
 
-use crate::decode::Decoded;
-use crate::emulator::Truth;
-use crate::error::{Error, Result};
-use crate::geometry::{Cloud, NoiseModel, Rig, View};
-use crate::measure::{GROSS_MM, Surface, compare};
-use crate::pattern::{Axis, Manifest, finest_fringe};
 use glam::{DVec2, DVec3};
+use phasmid_core::error::{Error, Result};
+use phasmid_decode::Decoded;
+use phasmid_geometry::{Cloud, NoiseModel, Rig, View};
+use phasmid_measure::{GROSS_MM, Surface, compare};
+use phasmid_pattern::{Axis, Manifest, finest_fringe};
+use phasmid_render::truth::Truth;
 use serde::Serialize;
 use std::f64::consts::TAU;
 
@@ -289,7 +289,7 @@ fn surfaces(decoded: &Decoded, truth: &Truth, rig: &Rig) -> Result<(f64, f64)> {
     if measured.points.is_empty() || exact.points.is_empty() {
         return Ok((f64::NAN, f64::NAN));
     }
-    let exact = crate::measure::Truth::Cloud(exact);
+    let exact = phasmid_measure::Truth::Cloud(exact);
     let surface = Surface::new(&exact)?;
     let comparison = compare(&measured, &exact, &surface, None)?;
     Ok(match comparison.both {

@@ -1,7 +1,7 @@
 //! A board in a picture, whatever its kind.
 
 use super::{NotFound, Picture, Seen, chess, dots};
-use crate::geometry::Board;
+use phasmid_geometry::Board;
 
 /// The board's points that a picture shows, labelled: all of a chessboard's corners, or those dots
 /// that are in the picture.

@@ -2,8 +2,8 @@
 
 use super::Sizes;
 use super::node::{Fault, Node, Nodes, Value, names};
-use crate::geometry::{Lens, Pose, Rig, View};
 use glam::{DMat3, DVec2, DVec3};
+use phasmid_geometry::{Lens, Pose, Rig, View};
 
 /// How far a rotation may be from one and still be meant as one: numbers of few digits.
 const WORST_ROTATION: f64 = 1e-4;

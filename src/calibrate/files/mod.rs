@@ -32,9 +32,9 @@ mod tests;
 
 pub use write::{Format, Reprojection, to_opencv, write_opencv};
 
-use crate::error::{Error, Result};
-use crate::file;
-use crate::geometry::Rig;
+use phasmid_core::error::{Error, Result};
+use phasmid_core::file;
+use phasmid_geometry::Rig;
 use std::path::Path;
 
 /// Larger than any calibration, also one that holds the points of its pictures.

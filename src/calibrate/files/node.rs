@@ -1,7 +1,7 @@
 //! What the foreign formats have in common: named numbers and matrices, and where they stand.
 
 use super::number::number;
-use crate::geometry::file;
+use phasmid_geometry::file;
 
 /// Something wrong, on a line of the file (0: nowhere in particular).
 #[derive(Debug, Clone, PartialEq)]

@@ -1,8 +1,8 @@
 //! Files there and back, files of others, and files that are broken.
 
 use super::*;
-use crate::geometry::{Lens, Pose, View};
 use glam::{DVec2, DVec3};
+use phasmid_geometry::{Lens, Pose, View};
 use proptest::prelude::*;
 
 fn rig() -> Rig {

@@ -1,9 +1,9 @@
 //! A rig as OpenCV's `FileStorage`, in YAML or XML, with the names of SLStudio beside our own.
 
 use super::number::written;
-use crate::error::{Error, Result};
-use crate::geometry::{Lens, Rig};
-use crate::new_file;
+use phasmid_core::error::{Error, Result};
+use phasmid_core::new_file;
+use phasmid_geometry::{Lens, Rig};
 use std::fmt::Write as _;
 use std::io::Write as _;
 use std::path::Path;

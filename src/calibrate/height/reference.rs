@@ -1,11 +1,11 @@
 //! A reference plane as each camera pixel sees it, and the mapping from a coordinate to a depth.
 
 use super::{Constants, Given, Plane};
-use crate::calibrate::triangulate::WORST_RELATIVE_SIGMA;
-use crate::error::{Error, Result};
-use crate::geometry::Rig;
-use crate::pattern::Axis;
 use glam::{DMat2, DVec2, DVec3};
+use phasmid_core::error::{Error, Result};
+use phasmid_decode::triangulate::WORST_RELATIVE_SIGMA;
+use phasmid_geometry::Rig;
+use phasmid_pattern::Axis;
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 
@@ -45,7 +45,7 @@ pub struct Mapping {
 /// The distance in mm along the camera's axis at which the middles of the two images meet: where the
 /// rays through them come nearest. `None` where they do not in front of both.
 pub fn meeting_mm(rig: &Rig) -> Option<f64> {
-    let middle = |lens: &crate::geometry::Lens| {
+    let middle = |lens: &phasmid_geometry::Lens| {
         (DVec2::new(f64::from(lens.width_px), f64::from(lens.height_px)) - 1.0) * 0.5
     };
     let a = rig.camera.lens.ray(middle(&rig.camera.lens));

@@ -2,10 +2,10 @@
 //! that the module says where it is not.
 
 use super::*;
-use crate::calibrate::{Measured, Triangulator};
-use crate::geometry::{Lens, Pose, Rig, View};
-use crate::pattern::Axis;
+use crate::{Measured, Triangulator};
 use glam::{DVec2, DVec3};
+use phasmid_geometry::{Lens, Pose, Rig, View};
+use phasmid_pattern::Axis;
 
 const PERIOD: f64 = 16.0;
 
@@ -251,7 +251,7 @@ fn given_constants_take_the_place_of_the_calibration_s() {
 #[test]
 fn what_is_no_reference_is_refused() {
     let rig = rig(DVec3::new(400.0, 0.0, 0.0), false);
-    let error = |mapping: crate::Result<Mapping>| mapping.err().unwrap().to_string();
+    let error = |mapping: phasmid_core::error::Result<Mapping>| mapping.err().unwrap().to_string();
     for (axis, z, needle) in [
         (Axis::X, -1000.0, "camera and projector share"),
         (Axis::X, f64::NAN, "camera and projector share"),

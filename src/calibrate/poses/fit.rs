@@ -1,8 +1,8 @@
 //! Whether a board in a pose can be used: what camera and projector see of it.
 
 use super::Wanted;
-use crate::geometry::{Board, MARKERS, Pose, Rig, View};
 use glam::{DMat2, DVec2, DVec3};
+use phasmid_geometry::{Board, MARKERS, Pose, Rig, View};
 
 /// Share of a dot board's dots that have to be in the image, and in the projector's light.
 const LEAST_SHARE: f64 = 0.6;

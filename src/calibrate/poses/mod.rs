@@ -10,10 +10,10 @@
 mod draw;
 mod fit;
 
-use crate::error::{Error, Result};
-use crate::geometry::{Board, Pose, Rig};
 use fit::{Fit, Flaw};
 use glam::{DMat3, DVec2, DVec3};
+use phasmid_core::error::{Error, Result};
+use phasmid_geometry::{Board, Pose, Rig};
 use std::f64::consts::TAU;
 use std::ops::Range;
 

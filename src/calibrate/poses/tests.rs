@@ -1,7 +1,7 @@
 //! Poses of boards before the built-in devices.
 
 use super::*;
-use crate::geometry::nominal;
+use phasmid_geometry::nominal;
 
 fn rig(name: &str) -> (Rig, f64) {
     (nominal::rig(name), nominal::board_scale(name))

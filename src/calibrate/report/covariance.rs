@@ -1,7 +1,7 @@
 //! `parameters.csv` and `covariance.csv`: all that was estimated, and how well it is known.
 
 use super::number::{exact, field};
-use crate::calibrate::solve::Solution;
+use crate::solve::Solution;
 use std::io::{Result, Write};
 
 /// The most parameters of which a whole covariance is written, 100 poses or so; of more, the rig's.

@@ -1,7 +1,7 @@
 //! The folder that a report goes to.
 
-use crate::error::{Error, Result};
-use crate::new_file;
+use phasmid_core::error::{Error, Result};
+use phasmid_core::new_file;
 use std::fs;
 use std::path::{Path, PathBuf};
 

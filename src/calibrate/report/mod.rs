@@ -20,8 +20,8 @@ pub use folder::{FILES, is_calibration, prepare};
 pub use summary::{Figures, LeftOutPose, Summary, SummaryParameter};
 
 use super::rig::Calibration;
-use crate::error::Result;
-use crate::new_file::replace;
+use phasmid_core::error::Result;
+use phasmid_core::new_file::replace;
 use std::io::Write;
 use std::path::Path;
 

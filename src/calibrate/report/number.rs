@@ -29,7 +29,7 @@ pub(super) fn to_sigma(value: f64, sigma: f64) -> String {
         return "-".to_owned();
     }
     if !(sigma.is_finite() && sigma > 0.0) {
-        return crate::measure::plot::figures(value, 6);
+        return phasmid_report::plot::figures(value, 6);
     }
     let decimals = 1.0 - sigma.log10().floor();
     if (0.0..=12.0).contains(&decimals) && value.abs() < 1e12 {

@@ -1,11 +1,11 @@
 //! `points.csv`: every point that a calibration rests on.
 
 use super::number::{exact, field};
-use crate::calibrate::board::{Lit, Sighting};
-use crate::calibrate::rig::Calibration;
-use crate::calibrate::solve::PointResidual;
-use crate::geometry::Board;
+use crate::board::{Lit, Sighting};
+use crate::rig::Calibration;
+use crate::solve::PointResidual;
 use glam::{DMat2, DVec2};
+use phasmid_geometry::Board;
 use std::collections::BTreeMap;
 use std::io::{Result, Write};
 

@@ -2,10 +2,10 @@
 
 use super::about::About;
 use super::number::{exact, field};
-use crate::calibrate::rig::Calibration;
-use crate::calibrate::solve::Errors;
-use crate::geometry::Pose;
+use crate::rig::Calibration;
+use crate::solve::Errors;
 use glam::{DQuat, DVec3};
+use phasmid_geometry::Pose;
 use std::io::{Result, Write};
 
 const HEAD: &str = "pose,x_mm,y_mm,z_mm,turn_x_rad,turn_y_rad,turn_z_rad,tilt_deg,camera_points,\

@@ -3,10 +3,10 @@
 use super::about::About;
 use super::covariance::of_rig;
 use super::number::{shown, to_sigma};
-use crate::calibrate::rig::Calibration;
-use crate::calibrate::solve::{Errors, Solution};
-use crate::geometry::Board;
-use crate::measure::plot::figures;
+use crate::rig::Calibration;
+use crate::solve::{Errors, Solution};
+use phasmid_geometry::Board;
+use phasmid_report::plot::figures;
 use serde::Serialize;
 use std::fmt;
 

@@ -2,15 +2,15 @@
 //! nothing in the data breaks it.
 
 use super::*;
-use crate::calibrate::board::{Lit, Sighting};
-use crate::calibrate::rig::Missed;
-use crate::calibrate::solve::{
+use crate::board::{Lit, Sighting};
+use crate::rig::Missed;
+use crate::solve::{
     Errors, LeftOut, Parameter, PointResidual, PoseSightings, ProjectorResidual, Solution,
     SolvedPose,
 };
-use crate::geometry::{Board, Pose, Rig, nominal};
 use glam::{DMat2, DVec2, DVec3};
 use nalgebra::DMatrix;
+use phasmid_geometry::{Board, Pose, Rig, nominal};
 
 /// Numbers with the unit normal distribution, nearly: sums of twelve even ones.
 struct Noise(u64);
@@ -344,7 +344,7 @@ fn bars_are_the_poses_errors() {
     let calibration = made_up(&["first", "second", "third"]);
     let text = html(&calibration, &about());
     for pose in &calibration.solution.poses {
-        let told = crate::measure::plot::figures(pose.camera_errors.mean_px, 4);
+        let told = phasmid_report::plot::figures(pose.camera_errors.mean_px, 4);
         let tip = format!("<title>{}: {told} px</title>", pose.name);
         assert_eq!(text.matches(&tip).count(), 1, "{tip}");
     }

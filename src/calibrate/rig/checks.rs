@@ -1,7 +1,7 @@
 //! A result against what the device says of itself: a board of another size than was said scales
 //! every length, and nothing else in the data tells.
 
-use crate::geometry::{Rig, View};
+use phasmid_geometry::{Rig, View};
 
 /// How far from nominal a rig may be made.
 const ALLOWED: std::ops::RangeInclusive<f64> = 0.9..=1.1;

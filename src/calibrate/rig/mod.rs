@@ -18,7 +18,7 @@ pub use rounds::calibrate;
 pub use sight::{PoseData, sight};
 
 use super::solve::{Choice, PoseSightings, Solution};
-use crate::geometry::{Board, NoiseModel, Rig};
+use phasmid_geometry::{Board, NoiseModel, Rig};
 
 /// What a calibration is of, and what is known beforehand.
 #[derive(Debug, Clone, Copy)]

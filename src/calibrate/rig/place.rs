@@ -2,9 +2,9 @@
 
 use super::PoseData;
 use super::rounds::{ROUNDS, STAYS_PX, largest, update};
-use crate::calibrate::solve::{self, Placed, Unsolved};
-use crate::geometry::{Board, Rig};
+use crate::solve::{self, Placed, Unsolved};
 use glam::DVec2;
+use phasmid_geometry::{Board, Rig};
 
 /// Places a board that was seen by a rig, its dots freed of the bias of their outlines.
 ///

@@ -2,12 +2,12 @@
 
 use super::checks::against_nominal;
 use super::{Calibration, Missed, PoseData, Task};
-use crate::calibrate::board::Seen;
-use crate::calibrate::board::bias::of_disc;
-use crate::calibrate::board::lit::unread;
-use crate::calibrate::solve::{Solution, Unsolved, solve};
-use crate::geometry::{Board, Lens, Pose};
+use crate::board::Seen;
+use crate::board::bias::of_disc;
+use crate::board::lit::unread;
+use crate::solve::{Solution, Unsolved, solve};
 use glam::DVec2;
+use phasmid_geometry::{Board, Lens, Pose};
 
 /// Below this nothing moves that matters: a thousandth of what a dot's centre is known by.
 pub(super) const STAYS_PX: f64 = 1e-5;

@@ -1,11 +1,11 @@
 //! One pose: the board in its picture, and the projector's coordinates about every point.
 
-use crate::calibrate::board::lit::{LocalFit, Unread, local_fits};
-use crate::calibrate::board::{NotFound, Picture, Seen, Sighting, find};
-use crate::calibrate::solve::PoseSightings;
-use crate::decode::Decoded;
-use crate::geometry::Board;
+use crate::board::lit::{LocalFit, Unread, local_fits};
+use crate::board::{NotFound, Picture, Seen, Sighting, find};
+use crate::solve::PoseSightings;
 use glam::DVec2;
+use phasmid_decode::Decoded;
+use phasmid_geometry::Board;
 
 /// What a calibration keeps of a pose: some hundred bytes for each point.
 #[derive(Debug, Clone, PartialEq)]

@@ -1,12 +1,12 @@
 //! The pipeline behind detection, on points and maps whose truth is a rig.
 
 use super::*;
-use crate::calibrate::board::bias::of_disc;
-use crate::calibrate::board::lit::case::{Case, Random, rig};
-use crate::calibrate::board::lit::{Unread, local_fits};
-use crate::calibrate::solve::Unsolved;
-use crate::geometry::Pose;
+use crate::board::bias::of_disc;
+use crate::board::lit::case::{Case, Random, rig};
+use crate::board::lit::{Unread, local_fits};
+use crate::solve::Unsolved;
 use glam::{DMat2, DVec3};
+use phasmid_geometry::Pose;
 
 const BOARD: Board = Board::Dots {
     columns: 9,

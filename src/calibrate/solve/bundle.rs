@@ -8,8 +8,8 @@ use super::observation::PoseObservations;
 use super::refusal::{Why, refusal};
 use super::robust::{self, Loss};
 use super::{Choice, Coefficients, LeftOut, PoseSightings, Unsolved, start};
-use crate::geometry::Board;
 use nalgebra::DMatrix;
+use phasmid_geometry::Board;
 
 /// Poses that are used and those that are not.
 #[derive(Clone)]

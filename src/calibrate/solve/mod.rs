@@ -41,7 +41,7 @@ pub use solution::{
 pub use unsolved::Unsolved;
 
 use super::board::Sighting;
-use crate::geometry::Board;
+use phasmid_geometry::Board;
 
 /// The covariance of so many poses takes 72 MB.
 const MOST_POSES: usize = 500;

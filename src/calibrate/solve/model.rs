@@ -6,8 +6,8 @@
 
 use super::observation::Observation;
 use super::rotation::nudge;
-use crate::geometry::{Lens, Pose};
 use glam::{DMat2, DVec2, DVec3};
+use phasmid_geometry::{Lens, Pose};
 
 /// Unknowns of a lens.
 pub(super) const LENS: usize = 9;

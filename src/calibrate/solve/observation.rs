@@ -7,9 +7,9 @@
 //! W_p' W_p = N^-1: that is the joint 4 x 4 covariance [C, C S'; S C, S C S' + N], whitened.
 
 use super::PoseSightings;
-use crate::calibrate::board::Sighting;
-use crate::geometry::Board;
+use crate::board::Sighting;
 use glam::{DMat2, DVec2};
+use phasmid_geometry::Board;
 
 /// A point's observations.
 #[derive(Debug, Clone)]

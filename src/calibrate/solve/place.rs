@@ -8,8 +8,8 @@ use super::observation::PoseObservations;
 use super::start::FEWEST_POINTS;
 use super::summary::solved_pose;
 use super::{Choice, PoseSightings, SolvedPose, Unsolved, zhang};
-use crate::geometry::{Board, Lens, Pose, Rig};
 use glam::DVec2;
+use phasmid_geometry::{Board, Lens, Pose, Rig};
 
 /// What is wanted of a picture of one board.
 const WANTED: &str =

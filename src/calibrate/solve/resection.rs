@@ -9,9 +9,9 @@
 
 use super::homography::null_vector;
 use super::rotation::nearest;
-use crate::geometry::{Lens, Pose};
 use glam::{DMat3, DVec2, DVec3};
 use nalgebra::SMatrix;
+use phasmid_geometry::{Lens, Pose};
 
 /// Lens without distortion and `camera_from_projector`; `None` where the points (in the camera's
 /// frame, and their pixels) do not determine them.

@@ -1,8 +1,8 @@
 //! Small turns of poses, and the rotation nearest to a matrix.
 
-use crate::geometry::Pose;
 use glam::{DMat3, DQuat, DVec3};
 use nalgebra::Matrix3;
+use phasmid_geometry::Pose;
 
 /// The rotation by a rotation vector in radians.
 pub(super) fn exp(turn: DVec3) -> DMat3 {

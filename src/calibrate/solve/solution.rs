@@ -1,9 +1,9 @@
 //! What solving gives: the rig, the poses, and how well all of it is known.
 
 use super::rotation::difference;
-use crate::geometry::{Pose, Rig};
 use glam::DVec2;
 use nalgebra::{DMatrix, DVector};
+use phasmid_geometry::{Pose, Rig};
 
 /// A rig that was solved for.
 #[derive(Debug, Clone, PartialEq)]

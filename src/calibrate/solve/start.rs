@@ -8,8 +8,8 @@ use super::model::State;
 use super::robust::{self, Loss};
 use super::start_projector::projector;
 use super::{Choice, Unsolved, zhang};
-use crate::geometry::{Lens, Pose};
 use glam::{DMat3, DVec2, DVec3};
+use phasmid_geometry::{Lens, Pose};
 
 /// A homography has eight unknowns: four points give it, two more check it.
 pub(super) const FEWEST_POINTS: usize = 6;

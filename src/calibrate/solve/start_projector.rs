@@ -6,8 +6,8 @@ use super::model::State;
 use super::resection::resect;
 use super::start::{FEWEST_POINTS, Maps, TILTS_WANTED};
 use super::{Unsolved, zhang};
-use crate::geometry::{Lens, Pose};
 use glam::{DVec2, DVec3};
+use phasmid_geometry::{Lens, Pose};
 
 /// The projector, by resection from the lit points in space or from its own homographies, whichever
 /// fits better.

@@ -7,9 +7,9 @@ use super::observation::{Observation, PoseObservations};
 use super::rotation::log;
 use super::solution::ProjectorResidual;
 use super::{Errors, Parameter, PointResidual, Solution, SolvedPose};
-use crate::geometry::{Lens, Pose, Rig, View};
 use glam::DVec2;
 use nalgebra::DMatrix;
+use phasmid_geometry::{Lens, Pose, Rig, View};
 
 const OF_LENS: [(&str, &str); LENS] = [
     ("fx", "px"),

@@ -9,9 +9,9 @@
 
 use super::homography::{apply, median, null_vector};
 use super::rotation::nearest;
-use crate::geometry::{Lens, Pose};
 use glam::{DMat3, DVec2, DVec3};
 use nalgebra::{Matrix2, SMatrix, Vector2};
+use phasmid_geometry::{Lens, Pose};
 
 /// Lenses without distortion that may have made these homographies, best guesses first.
 pub(super) fn candidates(maps: &[DMat3], size_px: [u32; 2]) -> Vec<Lens> {

@@ -1,9 +1,10 @@
 //! What is timed of one backend.
 
 use super::{Adapter, Subject};
-use crate::emulator::render::{Pass, PassTime};
-use crate::emulator::{Renderer, Shot};
-use crate::study::timing::{ROUND_S, Timing};
+use phasmid_render::{Pass, PassTime};
+use phasmid_render::{Renderer, shot::Shot};
+use phasmid_report::stopwatch::ROUND_S;
+use phasmid_study::timing::Timing;
 use serde::Serialize;
 use std::collections::VecDeque;
 use std::hint::black_box;

@@ -6,12 +6,13 @@ mod table;
 
 use super::backend::Choice;
 use crate::cli::step;
-use crate::emulator::render::{Adapter, Backend, Options, Term};
-use crate::emulator::{Firmware, Renderer, Shot};
-use crate::error::Result;
-use crate::profile::{Profile, Scene};
-use crate::study::timing::Stopwatch;
 use measure::Run;
+use phasmid_core::error::Result;
+use phasmid_device::Firmware;
+use phasmid_profile::{Profile, Scene};
+use phasmid_render::{Adapter, Backend, Options, Term};
+use phasmid_render::{Renderer, shot::Shot};
+use phasmid_report::stopwatch::Stopwatch;
 use serde::Serialize;
 use std::time::Instant;
 

@@ -3,8 +3,8 @@
 mod svg;
 
 use super::board_args::BoardArgs;
-use crate::error::Result;
-use crate::new_file;
+use phasmid_core::error::Result;
+use phasmid_core::new_file;
 use std::io::Write;
 use std::path::PathBuf;
 

@@ -6,8 +6,8 @@
 //! around. Lengths are written in the shortest form
 //! that reads as the same number.
 
-use crate::geometry::Board;
 use glam::DVec2;
+use phasmid_geometry::Board;
 use std::fmt::Write as _;
 
 /// Height of the strip below the sheet.

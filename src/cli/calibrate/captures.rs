@@ -2,12 +2,12 @@
 
 use super::look::{Looked, look};
 use super::session::{Poses, Session};
-use crate::calibrate::poses::MOST_POSES;
-use crate::decode::{Plan, load_frames};
-use crate::error::{Error, Result};
-use crate::geometry::{Board, Rig};
-use crate::host::{CALIBRATION_FILE, MANIFEST_FILE, check_pictures};
-use crate::pattern::Manifest;
+use phasmid_calibrate::poses::MOST_POSES;
+use phasmid_core::error::{Error, Result};
+use phasmid_decode::{Plan, load_frames};
+use phasmid_geometry::{Board, Rig};
+use phasmid_host::{CALIBRATION_FILE, MANIFEST_FILE, check_pictures};
+use phasmid_pattern::Manifest;
 use std::fs;
 use std::path::{Path, PathBuf};
 

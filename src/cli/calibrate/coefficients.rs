@@ -1,6 +1,6 @@
 //! `--camera-distortion` and `--projector-distortion`.
 
-use crate::calibrate::solve::Coefficients;
+use phasmid_calibrate::solve::Coefficients;
 use std::str::FromStr;
 
 /// The names of the coefficients in OpenCV's order.

@@ -1,9 +1,9 @@
 //! The folder that a calibration goes to, which holds all of it or nothing.
 
 use super::{Args, CAPTURES, OPENCV, TRUTH};
-use crate::calibrate::report;
-use crate::error::{Error, Result};
-use crate::host::MANIFEST_FILE;
+use phasmid_calibrate::report;
+use phasmid_core::error::{Error, Result};
+use phasmid_host::MANIFEST_FILE;
 use std::fs;
 use std::path::{Path, PathBuf};
 

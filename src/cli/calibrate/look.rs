@@ -1,12 +1,12 @@
 //! A pose's frames to what a calibration keeps of them.
 
-use crate::calibrate::board::{Picture, draw};
-use crate::calibrate::rig::{PoseData, sight};
-use crate::decode::{Decoder, FrameStack, Options, Samples};
-use crate::error::{Error, Result};
-use crate::geometry::{Board, NoiseModel, Rig};
-use crate::pattern::{Axis, Manifest};
 use image::RgbImage;
+use phasmid_calibrate::board::{Picture, draw};
+use phasmid_calibrate::rig::{PoseData, sight};
+use phasmid_core::error::{Error, Result};
+use phasmid_decode::{Decoder, FrameStack, Options, Samples};
+use phasmid_geometry::{Board, NoiseModel, Rig};
+use phasmid_pattern::{Axis, Manifest};
 
 /// A pose that was looked at.
 pub(in crate::cli) struct Looked {

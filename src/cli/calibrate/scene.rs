@@ -1,8 +1,8 @@
 //! The scene of a device that is calibrated: a board and nothing else.
 
-use crate::error::{Error, Result};
-use crate::geometry::{Board, Pose};
-use crate::new_file::scratch;
+use phasmid_core::error::{Error, Result};
+use phasmid_core::new_file::scratch;
+use phasmid_geometry::{Board, Pose};
 use std::fs;
 use std::path::PathBuf;
 use tempfile::TempDir;
@@ -49,8 +49,8 @@ fn text(board: &Board, rig_from_board: &Pose) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::profile::Scene;
     use glam::DVec3;
+    use phasmid_profile::Scene;
 
     #[test]
     fn the_scene_says_what_was_meant_and_goes() {

@@ -1,10 +1,10 @@
 //! The poses of one calibration as they come: what was found in each, and a picture of it.
 
 use super::look::Looked;
-use crate::calibrate::report::picture_names;
-use crate::calibrate::rig::{Missed, PoseData};
-use crate::error::{Error, Result};
-use crate::geometry::{NoiseModel, Rig};
+use phasmid_calibrate::report::picture_names;
+use phasmid_calibrate::rig::{Missed, PoseData};
+use phasmid_core::error::{Error, Result};
+use phasmid_geometry::{NoiseModel, Rig};
 use std::path::{Path, PathBuf};
 
 /// A pose tells something of the projector from this many points in its light on.

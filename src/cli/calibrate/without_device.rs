@@ -2,8 +2,8 @@
 
 use super::Args;
 use super::session::Poses;
-use crate::error::{Error, Result};
-use crate::geometry::{Board, Pose, Rig};
+use phasmid_core::error::{Error, Result};
+use phasmid_geometry::{Board, Pose, Rig};
 use std::path::Path;
 
 /// What there is none of.

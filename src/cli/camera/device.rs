@@ -1,9 +1,9 @@
 //! What a V4L2 device says of itself.
 
-use crate::error::Result;
-use crate::host::explain_device;
-use crate::protocol::{printable, printable_json};
-use crate::v4l2::{
+use phasmid_core::error::Result;
+use phasmid_host::explain_device;
+use phasmid_protocol::{printable, printable_json};
+use phasmid_v4l2::{
     Control, ControlValue, FORGOTTEN, Node, RELOAD, controls, current_format, offered_formats,
 };
 use serde_json::{Value, json};

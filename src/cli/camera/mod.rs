@@ -4,9 +4,9 @@
 mod device;
 mod usb;
 
-use crate::error::{Error, Result};
-use crate::host::{Camera as _, Capture, open_camera};
-use crate::protocol::printable_json;
+use phasmid_core::error::{Error, Result};
+use phasmid_host::{Camera as _, Capture, open_camera};
+use phasmid_protocol::printable_json;
 use serde_json::json;
 use std::time::Duration;
 

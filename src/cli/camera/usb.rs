@@ -1,11 +1,11 @@
 //! What a USB device that no kernel has attached says of its camera. No stream is started.
 
-use crate::error::{Error, Result};
-use crate::host::usb::{
+use phasmid_core::error::{Error, Result};
+use phasmid_host::usb::{
     ControlState, UsbAddress, UsbDevice, VideoControl, VideoFunction, VideoMode,
 };
-use crate::protocol::usb::uvc::{EXPOSURE_UNIT_NS, INTERVAL_UNIT_NS};
-use crate::protocol::{PixelFormat, printable, printable_json};
+use phasmid_protocol::usb::uvc::{EXPOSURE_UNIT_NS, INTERVAL_UNIT_NS};
+use phasmid_protocol::{PixelFormat, printable, printable_json};
 use serde_json::{Value, json};
 use std::time::Duration;
 

@@ -1,9 +1,9 @@
 //! What was found of each pod.
 
-use crate::calibrate::solve::{Errors, Placed};
 use crate::cli::pods::Address;
-use crate::geometry::Pose;
 use glam::{DQuat, DVec3};
+use phasmid_calibrate::solve::{Errors, Placed};
+use phasmid_geometry::Pose;
 use serde::Serialize;
 use std::path::Path;
 

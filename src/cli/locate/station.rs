@@ -1,10 +1,10 @@
 //! The station's file with new places.
 
-use crate::error::{Error, Result};
-use crate::geometry::Pose;
-use crate::new_file;
-use crate::profile::{Station, profile_names, scene_names};
-use crate::protocol::dialect::Dialect;
+use phasmid_core::error::{Error, Result};
+use phasmid_core::new_file;
+use phasmid_geometry::Pose;
+use phasmid_profile::{Station, profile_names, scene_names};
+use phasmid_protocol::dialect::Dialect;
 use std::io::Write;
 use std::path::Path;
 

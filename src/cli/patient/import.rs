@@ -1,11 +1,11 @@
 //! `phasma patient import`: a planning folder from a CT, displacement fields and a tumour.
 
 use crate::cli::vector::vector;
-use crate::error::{Error, Result};
-use crate::patient::import::{Import, Imported};
-use crate::patient::isosurface::SKIN_HU;
-use crate::patient::planning::PlanningFile;
 use glam::DVec3;
+use phasmid_core::error::{Error, Result};
+use phasmid_planning::import::{Import, Imported};
+use phasmid_planning::isosurface::SKIN_HU;
+use phasmid_planning::planning::PlanningFile;
 use std::path::PathBuf;
 
 #[derive(Debug, clap::Args)]

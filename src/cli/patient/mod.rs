@@ -2,8 +2,8 @@
 
 mod import;
 
-use crate::error::Result;
-use crate::patient::phantom::{Patient, Phantom, patient_names};
+use phasmid_core::error::Result;
+use phasmid_phantom::{Patient, Phantom, patient_names};
 use std::path::{Path, PathBuf};
 
 /// Patients: the generated ones, who breathe, and planning folders, of them or of a clinic's data

@@ -2,9 +2,10 @@
 //! machine whose speed wanders is as fast for the one as for the other.
 
 use crate::cli::step;
-use crate::emulator::render::{Decision, Pass, Term};
-use crate::emulator::{Renderer, Shot};
-use crate::study::timing::{Stopwatch, Timing};
+use phasmid_render::{Decision, Pass, Term};
+use phasmid_render::{Renderer, shot::Shot};
+use phasmid_report::stopwatch::Stopwatch;
+use phasmid_study::timing::Timing;
 use serde::Serialize;
 use std::time::Instant;
 

@@ -3,11 +3,12 @@
 
 mod measure;
 
-use crate::emulator::render::Options;
-use crate::emulator::{Firmware, Renderer, Shot};
-use crate::error::Result;
-use crate::profile::{Profile, Scene};
 use measure::{PassCost, TermCost, costs};
+use phasmid_core::error::Result;
+use phasmid_device::Firmware;
+use phasmid_profile::{Profile, Scene};
+use phasmid_render::Options;
+use phasmid_render::{Renderer, shot::Shot};
 use serde::Serialize;
 
 /// Say what is computed for a device before a scene, why, and what it costs here

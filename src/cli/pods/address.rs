@@ -1,10 +1,10 @@
 //! Where a pod is reached, and where it stands.
 
-use crate::error::{Error, Result};
-use crate::geometry::{Pose, Rig};
-use crate::profile::{RigPlace, Station, StationDevice};
-use crate::protocol::Endpoints;
 use glam::DVec3;
+use phasmid_core::error::{Error, Result};
+use phasmid_geometry::{Pose, Rig};
+use phasmid_profile::{RigPlace, Station, StationDevice};
+use phasmid_protocol::Endpoints;
 use std::path::Path;
 
 /// A pod.

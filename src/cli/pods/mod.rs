@@ -7,9 +7,9 @@ mod source;
 pub(super) use address::Address;
 pub(super) use source::{Source, Taken};
 
-use crate::calibrate::files::read_rig;
-use crate::error::{Error, Result};
-use crate::profile::{Configuration, Station, StationDevice};
+use phasmid_calibrate::files::read_rig;
+use phasmid_core::error::{Error, Result};
+use phasmid_profile::{Configuration, Station, StationDevice};
 use std::path::PathBuf;
 use std::time::Duration;
 

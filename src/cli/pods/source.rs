@@ -2,8 +2,8 @@
 
 use super::Address;
 use crate::cli::{dialect, interrupt::Interruptible};
-use crate::error::Result;
-use crate::host::{
+use phasmid_core::error::Result;
+use phasmid_host::{
     Camera, Capture, Captured, Progress, ScanOptions, Scanner, SerialPort, open_camera,
 };
 use std::time::{Duration, Instant};

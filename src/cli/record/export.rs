@@ -1,10 +1,10 @@
 //! `phasma record export`: pictures and text out of a recording.
 
-use crate::error::{Error, Result};
-use crate::host::{Captured, write_png};
-use crate::new_file::{NewFile, check_folder, discard};
-use crate::protocol::Frame;
-use crate::protocol::record::{Channel, Event, Record};
+use phasmid_core::error::{Error, Result};
+use phasmid_core::new_file::{NewFile, check_folder, discard};
+use phasmid_host::{Captured, write_png};
+use phasmid_protocol::Frame;
+use phasmid_protocol::record::{Channel, Event, Record};
 use std::fs;
 use std::io::Write;
 use std::path::Path;

@@ -1,14 +1,14 @@
 //! `phasma record info`.
 
-use crate::error::{Error, Result};
-use crate::protocol::record::{About, Ending, Kind, Side, Summary};
-use crate::protocol::{printable, printable_json};
+use phasmid_core::error::{Error, Result};
+use phasmid_protocol::record::{About, Ending, Kind, Side, Summary};
+use phasmid_protocol::{printable, printable_json};
 use std::path::Path;
 
 pub(super) fn run(path: &Path, json: bool) -> Result<()> {
     let mut reader = super::open(path)?;
     let summary = Summary::of(&mut reader);
-    let size = crate::file::regular(path)?.len();
+    let size = phasmid_core::file::regular(path)?.len();
     if json {
         let mut report = serde_json::to_value(&summary).expect("numbers and strings");
         report["file"] = path.display().to_string().into();

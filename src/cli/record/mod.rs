@@ -3,8 +3,8 @@
 mod export;
 mod info;
 
-use crate::error::{Error, Result};
-use crate::protocol::record::Reader;
+use phasmid_core::error::{Error, Result};
+use phasmid_protocol::record::Reader;
 use std::fs::File;
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
@@ -52,7 +52,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
 /// # Errors
 /// What the system refuses, what is no file, and what is no recording.
 pub(super) fn open(path: &Path) -> Result<Reader<BufReader<File>>> {
-    crate::file::regular(path)?;
+    phasmid_core::file::regular(path)?;
     let file = File::open(path).map_err(|e| Error::io(path, e))?;
     Reader::new(BufReader::new(file), &path.display().to_string())
 }

@@ -1,7 +1,7 @@
 //! What is said once a device can be reached.
 
-use crate::protocol::Endpoints;
-use crate::protocol::service::Late;
+use phasmid_protocol::Endpoints;
+use phasmid_protocol::service::Late;
 use std::io::Write;
 
 /// `about` says what the camera is, or why it is no other.

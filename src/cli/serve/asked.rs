@@ -2,8 +2,8 @@
 
 use super::Args;
 use crate::cli::dialect;
-use crate::error::{Error, Result};
-use crate::profile::{Configuration, MAX_DEVICES, Profile, RigPlace, Scene};
+use phasmid_core::error::{Error, Result};
+use phasmid_profile::{Configuration, MAX_DEVICES, Profile, RigPlace, Scene};
 use std::collections::HashMap;
 
 /// What is looked at where nothing else is said.

@@ -13,11 +13,11 @@ pub(super) use shutdown::Shutdown;
 pub(super) use unit::runtime;
 
 use super::backend::Choice;
-use crate::error::{Error, Result};
-use crate::link::{RunDir, Stage, Timeline};
-use crate::profile::faults::Schedule;
-use crate::protocol::service::ClockPace;
 use asked::Asked;
+use phasmid_core::error::{Error, Result};
+use phasmid_device::link::{RunDir, Stage, Timeline};
+use phasmid_protocol::faults::Schedule;
+use phasmid_protocol::service::ClockPace;
 use std::ffi::OsStr;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};

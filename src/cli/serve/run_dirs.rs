@@ -2,7 +2,7 @@
 
 use super::Args;
 use super::asked::Asked;
-use crate::error::{Error, Result};
+use phasmid_core::error::{Error, Result};
 use std::path::{Path, PathBuf};
 
 /// A directory for each device: of its own under [`run_parent`], the one that was asked for, or for

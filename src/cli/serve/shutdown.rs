@@ -1,6 +1,6 @@
 //! What ends a device: a signal, or the end of whoever started it.
 
-use crate::error::{Error, Result};
+use phasmid_core::error::{Error, Result};
 use tokio::signal::unix::{Signal, SignalKind, signal};
 use tokio::sync::oneshot;
 

@@ -1,11 +1,11 @@
 //! The USB devices that `--usb` asks for, and their server.
 
-use crate::emulator::Firmware;
-use crate::error::{Error, Result};
-use crate::link::UsbLink;
-use crate::link::usb::{Binding, Nodes, Port, UsbServer, attach};
-use crate::profile::Profile;
-use crate::protocol::usb::usbip::PORT;
+use phasmid_core::error::{Error, Result};
+use phasmid_device::Firmware;
+use phasmid_device::link::UsbLink;
+use phasmid_device::link::usb::{Binding, Nodes, Port, UsbServer, attach};
+use phasmid_profile::Profile;
+use phasmid_protocol::usb::usbip::PORT;
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr};
 use std::time::Duration;
 

@@ -1,9 +1,9 @@
 //! The V4L2 node that `--camera` asks for.
 
 use super::{Args, Pace};
-use crate::emulator::Firmware;
-use crate::error::{Error, Result};
-use crate::link::VideoOutput;
+use phasmid_core::error::{Error, Result};
+use phasmid_device::Firmware;
+use phasmid_device::link::VideoOutput;
 use std::path::PathBuf;
 use std::str::FromStr;
 use std::time::Duration;

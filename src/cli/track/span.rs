@@ -1,6 +1,6 @@
 //! When the frames of a scan were exposed, by the device's clock.
 
-use crate::protocol::Frame;
+use phasmid_protocol::Frame;
 
 /// From the first exposure's begin to the last one's end, in nanoseconds; 0 to 0 where the links carry no
 /// times.
@@ -32,7 +32,7 @@ impl Span {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::protocol::PixelFormat;
+    use phasmid_protocol::PixelFormat;
 
     fn frame(exposure_start_ns: u64) -> Frame {
         Frame {

@@ -1,9 +1,9 @@
 //! A line of CSV for each scan.
 
-use crate::error::{Error, Result};
-use crate::host::track::{Beam, MotionFit, RigidFit, six};
-use crate::new_file;
 use glam::DVec3;
+use phasmid_core::error::{Error, Result};
+use phasmid_core::new_file;
+use phasmid_sgrt::{Beam, MotionFit, RigidFit, six};
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::time::{Instant, SystemTime, UNIX_EPOCH};

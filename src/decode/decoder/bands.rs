@@ -1,12 +1,12 @@
 //! Pass 1: every row on its own, in bands that are the tasks.
 
 use super::{BAND, Decoder};
-use crate::decode::maps::{AxisMap, Decoded, Verdict};
-use crate::decode::phase::RowNoise;
-use crate::decode::rows::{AxisOut, Job, Scratch, decode_row};
-use crate::decode::samples::{FrameStack, Sample};
-use crate::decode::usual::Usual;
-use crate::geometry::NoiseModel;
+use crate::maps::{AxisMap, Decoded, Verdict};
+use crate::phase::RowNoise;
+use crate::rows::{AxisOut, Job, Scratch, decode_row};
+use crate::samples::{FrameStack, Sample};
+use crate::usual::Usual;
+use phasmid_geometry::NoiseModel;
 use rayon::prelude::*;
 
 impl Decoder {

@@ -1,9 +1,9 @@
 //! Pass 3: coordinates to depth, row by row.
 
 use super::BAND;
-use crate::calibrate::{CoordinateRow, Triangulator};
-use crate::decode::maps::{AxisMap, Decoded};
-use crate::decode::rows::triangulate_row;
+use crate::maps::{AxisMap, Decoded};
+use crate::rows::triangulate_row;
+use crate::triangulate::{CoordinateRow, Triangulator};
 use rayon::prelude::*;
 
 /// Writes the depth maps from the axes whose order is resolved.

@@ -12,10 +12,10 @@ use super::plan::{Order, Plan};
 use super::rows::AxisKernel;
 use super::samples::{FrameStack, Samples};
 use super::unwrap::unwrap;
-use crate::calibrate::Triangulator;
-use crate::error::{Error, Result};
-use crate::geometry::{NoiseModel, Rig};
-use crate::pattern::{Axis, Manifest};
+use crate::triangulate::Triangulator;
+use phasmid_core::error::{Error, Result};
+use phasmid_geometry::{NoiseModel, Rig};
+use phasmid_pattern::{Axis, Manifest};
 
 /// Rows that one task decodes: few enough for balance, enough to amortise.
 const BAND: usize = 8;

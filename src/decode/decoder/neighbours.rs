@@ -1,10 +1,10 @@
 //! Pass 2: pixels that do not go with their neighbours are flagged, then taken out of the maps.
 
 use super::BAND;
-use crate::decode::borders::{LightNoise, Near};
-use crate::decode::edges::{Around, KEEP};
-use crate::decode::maps::{AxisMap, Decoded};
-use crate::decode::rows::{AxisOut, apply_flags, judge_borders, judge_row};
+use crate::borders::{LightNoise, Near};
+use crate::edges::{Around, KEEP};
+use crate::maps::{AxisMap, Decoded};
+use crate::rows::{AxisOut, apply_flags, judge_borders, judge_row};
 use rayon::prelude::*;
 
 /// Takes out what reads two surfaces at once or stands alone, then what borders on it and is not

@@ -10,9 +10,9 @@ mod line;
 use super::plan::Plan;
 use super::samples::{FrameStack, Samples};
 use super::steps::FringeSet;
-use crate::geometry::NoiseModel;
 use line::transfer_line;
 use nalgebra::{DMatrix, DVector};
+use phasmid_geometry::NoiseModel;
 
 /// Pixels that are looked at.
 const PIXELS: usize = 60_000;

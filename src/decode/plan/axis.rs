@@ -2,10 +2,10 @@
 
 use super::AxisPlan;
 use super::order::resolve;
-use crate::decode::gray::{self, GrayFrame};
-use crate::decode::steps::FringeSet;
-use crate::error::{Error, Result};
-use crate::pattern::{Axis, Manifest, Pattern};
+use crate::gray::{self, GrayFrame};
+use crate::steps::FringeSet;
+use phasmid_core::error::{Error, Result};
+use phasmid_pattern::{Axis, Manifest, Pattern};
 
 /// Periods along one axis; beyond it a search among candidates would take for ever.
 const MAX_SETS: usize = 16;

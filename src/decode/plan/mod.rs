@@ -7,9 +7,9 @@ mod tests;
 
 use super::gray::{GrayCode, Threshold};
 use super::steps::FringeSet;
-use crate::error::{Error, Result};
-use crate::pattern::{Axis, Manifest, Pattern};
 use axis::plan_axis;
+use phasmid_core::error::{Error, Result};
+use phasmid_pattern::{Axis, Manifest, Pattern};
 
 /// How the number of whole periods is found.
 #[derive(Debug, Clone, Copy, PartialEq)]

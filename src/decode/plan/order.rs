@@ -1,10 +1,10 @@
 //! How the whole periods of an axis are counted, or what is missing for it.
 
 use super::Order;
-use crate::decode::gray::{self, GrayCode};
-use crate::decode::steps::FringeSet;
-use crate::error::{Error, Result};
-use crate::pattern::Axis;
+use crate::gray::{self, GrayCode};
+use crate::steps::FringeSet;
+use phasmid_core::error::{Error, Result};
+use phasmid_pattern::Axis;
 
 /// Two positions whose wrapped coordinates are closer than this part of every period are the same
 /// to the fringes.

@@ -2,12 +2,12 @@
 
 use super::bits::gray_row;
 use super::{AxisKernel, AxisOut, Job, Scratch, clear};
-use crate::decode::gray::GrayRow;
-use crate::decode::maps::Verdict;
-use crate::decode::order::Ensemble;
-use crate::decode::phase::{Check, OWN, SetKernel, SetRow, TIED, UNCHECKED};
-use crate::decode::samples::Sample;
-use crate::decode::usual::Usual;
+use crate::gray::GrayRow;
+use crate::maps::Verdict;
+use crate::order::Ensemble;
+use crate::phase::{Check, OWN, SetKernel, SetRow, TIED, UNCHECKED};
+use crate::samples::Sample;
+use crate::usual::Usual;
 
 /// How far beyond the projector's pixels a decoded coordinate may lie, in projector pixels.
 const OVERHANG_PX: f32 = 1.0;

@@ -1,8 +1,8 @@
 //! The Gray bits of a row.
 
 use super::{AxisKernel, Job, Scratch};
-use crate::decode::gray::Threshold;
-use crate::decode::samples::Sample;
+use crate::gray::Threshold;
+use crate::samples::Sample;
 
 /// Reads the Gray bits; sets the half contrast where there is no white and black, and the noise of
 /// a sample.

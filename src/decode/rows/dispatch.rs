@@ -4,15 +4,15 @@
 //! multiplication is fused with an addition in either, so both give the same bits.
 
 use super::{AxisOut, Job, Scratch, apply_body, decode_body};
-use crate::calibrate::{CoordinateRow, Triangulator};
-use crate::decode::borders::{self, Near};
-use crate::decode::edges::{self, Around};
-use crate::decode::samples::Sample;
-use crate::simd::widest;
+use crate::borders::{self, Near};
+use crate::edges::{self, Around};
+use crate::samples::Sample;
+use crate::triangulate::{CoordinateRow, Triangulator};
+use phasmid_core::simd::widest;
 
 widest! {
     /// Pass 1 of row `v`.
-    pub(in crate::decode) fn decode_row<T: Sample>(
+    pub(crate) fn decode_row<T: Sample>(
         job: &Job<'_, T>,
         v: usize,
         scratch: &mut Scratch,
@@ -24,26 +24,26 @@ widest! {
 
 widest! {
     /// Pass 2 of a row: see [`edges::judge_row`].
-    pub(in crate::decode) fn judge_row(
+    pub(crate) fn judge_row(
         around: &Around<'_>, period: f32, flags: &mut [u8],
     ) => edges::judge_row
 }
 
 widest! {
     /// Pass 2 of a row, once the first flags are applied: see [`borders::judge_row`].
-    pub(in crate::decode) fn judge_borders(
+    pub(crate) fn judge_borders(
         near: &Near<'_>, period: f32, flags: &mut [u8],
     ) => borders::judge_row
 }
 
 widest! {
     /// The second half of pass 2: takes a row's flagged pixels out of a map.
-    pub(in crate::decode) fn apply_flags(out: AxisOut<'_>, flags: &[u8]) => apply_body
+    pub(crate) fn apply_flags(out: AxisOut<'_>, flags: &[u8]) => apply_body
 }
 
 widest! {
     /// Pass 3 of row `v`: see [`Triangulator::row`].
-    pub(in crate::decode) fn triangulate_row(
+    pub(crate) fn triangulate_row(
         triangulator: &Triangulator,
         v: usize,
         x: Option<CoordinateRow<'_>>,

@@ -1,21 +1,21 @@
 //! The constants of one axis, made once a decoder.
 
-use crate::decode::Options;
-use crate::decode::gray::{GrayBit, Threshold};
-use crate::decode::order::{Ensemble, GrayJoin};
-use crate::decode::phase::SetKernel;
-use crate::decode::plan::{AxisPlan, Order};
-use crate::pattern::Axis;
+use crate::Options;
+use crate::gray::{GrayBit, Threshold};
+use crate::order::{Ensemble, GrayJoin};
+use crate::phase::SetKernel;
+use crate::plan::{AxisPlan, Order};
+use phasmid_pattern::Axis;
 
 /// Stands for a repeat beyond any projector.
 const NO_REPEAT: f32 = 1e6;
 
 /// One axis of a plan, in f32.
 #[derive(Debug)]
-pub(in crate::decode) struct AxisKernel {
+pub(crate) struct AxisKernel {
     pub(super) axis: Axis,
     pub(super) extent: f32,
-    pub(in crate::decode) sets: Vec<SetKernel>,
+    pub(crate) sets: Vec<SetKernel>,
     pub(super) ensemble: Option<Ensemble>,
     pub(super) bits: Vec<(GrayBit, Threshold)>,
     pub(super) join: Option<GrayJoin>,
@@ -23,7 +23,7 @@ pub(in crate::decode) struct AxisKernel {
 }
 
 impl AxisKernel {
-    pub(in crate::decode) fn new(plan: &AxisPlan, references: bool, options: &Options) -> Self {
+    pub(crate) fn new(plan: &AxisPlan, references: bool, options: &Options) -> Self {
         let kernel = |set| SetKernel::new(set, options);
         let mut sets: Vec<SetKernel> = plan.sets.iter().map(kernel).collect();
         if options.consistency {

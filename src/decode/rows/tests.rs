@@ -1,10 +1,10 @@
 //! One row by both instruction sets.
 
 use super::*;
-use crate::decode::Options;
-use crate::decode::plan::Plan;
-use crate::geometry::NoiseModel;
-use crate::pattern::Manifest;
+use crate::Options;
+use crate::plan::Plan;
+use phasmid_geometry::NoiseModel;
+use phasmid_pattern::Manifest;
 
 /// Coordinate, sigma, verdict, modulation and intensity of a row.
 type Row = (Vec<u32>, Vec<u32>, Vec<Verdict>, Vec<u32>, Vec<u32>);

@@ -1,7 +1,7 @@
 //! Which boards there may be.
 
 use super::Board;
-use crate::geometry::shapes::Violation;
+use crate::shapes::Violation;
 use std::ops::RangeInclusive;
 
 /// Of dots: markers need a neighbour all around.

@@ -2,7 +2,7 @@
 
 use super::MeshTree;
 use super::triangle::closest_on_triangle;
-use crate::geometry::Mesh;
+use crate::Mesh;
 use glam::DVec3;
 
 /// Pseudo-random numbers in [0, 1).
@@ -128,7 +128,7 @@ fn a_wall_blocks_what_crosses_it() {
 
 #[test]
 fn no_ray_slips_between_triangles() {
-    let mesh = crate::geometry::shapes::torso(&crate::geometry::shapes::Torso {
+    let mesh = crate::shapes::torso(&crate::shapes::Torso {
         triangles: 4000,
         ..Default::default()
     });

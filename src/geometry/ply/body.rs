@@ -2,10 +2,10 @@
 //! elements.
 
 use super::header::{Element, Encoding, Header, Kind, Scalar};
-use crate::error::{Error, Result};
-use crate::geometry::colour;
-use crate::geometry::file::{number, quoted};
+use crate::colour;
+use crate::file::{number, quoted};
 use glam::DVec3;
+use phasmid_core::error::{Error, Result};
 
 /// What is wanted of a PLY file: vertices with what they carry, and triangles.
 #[derive(Debug, Default)]

@@ -1,8 +1,8 @@
 //! The header of a PLY file (G. Turk, "The PLY Polygon File Format", 1994): which elements follow,
 //! how many of each, and what each row of them holds.
 
-use crate::error::{Error, Result};
-use crate::geometry::file::{next_line, number, quoted, words};
+use crate::file::{next_line, number, quoted, words};
+use phasmid_core::error::{Error, Result};
 
 /// How the body is written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

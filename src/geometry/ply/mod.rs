@@ -6,8 +6,8 @@ mod header;
 mod tests;
 
 use super::{Cloud, Mesh, file};
-use crate::error::{Error, Result};
-use crate::new_file;
+use phasmid_core::error::{Error, Result};
+use phasmid_core::new_file;
 use std::io::Write;
 use std::path::Path;
 

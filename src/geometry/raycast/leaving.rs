@@ -9,8 +9,8 @@
 use super::bvh::{Bvh, Corners};
 use super::packet::{LANES, Packet, Scratch};
 use super::traverse::walk;
-use crate::simd::widest;
 use glam::Vec3;
+use phasmid_core::simd::widest;
 
 /// Triangles reach this part of their sides beyond their edges.
 const OVERLAP: f32 = 1e-6;

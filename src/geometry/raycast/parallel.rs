@@ -7,8 +7,8 @@
 
 use super::bvh::{Bvh, Corners, Node};
 use super::packet::{LANES, Lanes, Scratch, max, min};
-use crate::simd::widest;
 use glam::Vec3;
+use phasmid_core::simd::widest;
 
 /// As for packets: widens the far plane (Ize 2013).
 const FAR: f32 = 1.0 + 4.0 * f32::EPSILON;

@@ -49,8 +49,8 @@ impl Bvh {
 
 #[cfg(test)]
 mod tests {
-    use crate::geometry::raycast::{Bvh, LANES, NO_TRIANGLE, Packet, Scratch};
-    use crate::geometry::shapes;
+    use crate::raycast::{Bvh, LANES, NO_TRIANGLE, Packet, Scratch};
+    use crate::shapes;
     use glam::{DVec3, Vec3};
 
     fn hits(bvh: &Bvh) -> Vec<(u32, f32)> {

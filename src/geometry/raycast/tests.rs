@@ -1,7 +1,7 @@
 //! The packet traversal against brute force in f64, and rays that must not slip through.
 
 use super::{Bvh, LANES, NO_TRIANGLE, Packet, Parallel, Scratch};
-use crate::geometry::{Mesh, shapes};
+use crate::{Mesh, shapes};
 use glam::{DVec3, Vec3};
 
 /// Numbers in [-1, 1) from a counter (SplitMix64).

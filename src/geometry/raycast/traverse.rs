@@ -3,7 +3,7 @@
 use super::bvh::{Bvh, Corners, NO_TRIANGLE, Node};
 use super::packet::{LANES, Packet, Scratch, UNUSED, max, min, reduce};
 use super::triangle::{Hit, intersect};
-use crate::simd::widest;
+use phasmid_core::simd::widest;
 
 /// Widens the far plane by two units in the last place, so that rounding never culls a box that
 /// the ray meets (Ize: "Robust BVH Ray Traversal", JCGT 2(2), 2013).

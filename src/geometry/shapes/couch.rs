@@ -3,7 +3,7 @@
 
 use super::loft::loft;
 use super::{Violation, clamped, within};
-use crate::geometry::Mesh;
+use crate::Mesh;
 use glam::DVec3;
 use std::f64::consts::FRAC_PI_2;
 use std::ops::RangeInclusive;

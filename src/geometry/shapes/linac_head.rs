@@ -11,7 +11,7 @@
 //! isocentre.
 
 use super::loft::loft;
-use crate::geometry::Mesh;
+use crate::Mesh;
 use glam::DVec3;
 
 /// Points around each ring.
@@ -119,11 +119,11 @@ impl Part {
     }
 }
 
-#[cfg(test)]
+#[cfg(all(test, feature = "raycast"))]
 mod tests {
     use super::super::check;
     use super::*;
-    use crate::geometry::MeshTree;
+    use crate::MeshTree;
 
     #[test]
     fn closed_and_outward_in_every_part() {

@@ -1,6 +1,6 @@
 //! A closed mesh through a stack of closed curves.
 
-use crate::geometry::Mesh;
+use crate::Mesh;
 use glam::DVec3;
 
 /// Joins `rings` of `points` points each, one after the other, and closes both ends with a fan.

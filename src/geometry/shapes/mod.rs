@@ -39,11 +39,11 @@ fn clamped(value: f64, allowed: std::ops::RangeInclusive<f64>) -> f64 {
     value.max(*allowed.start()).min(*allowed.end())
 }
 
-#[cfg(test)]
-pub(crate) mod check {
+#[cfg(any(test, feature = "testing"))]
+pub mod check {
     //! What every generated mesh must be.
 
-    use crate::geometry::Mesh;
+    use crate::Mesh;
     use glam::DVec3;
     use std::collections::HashMap;
 

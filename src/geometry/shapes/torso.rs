@@ -5,7 +5,7 @@
 
 use super::loft::{equal_lengths, loft};
 use super::{Violation, clamped, within};
-use crate::geometry::Mesh;
+use crate::Mesh;
 use glam::DVec3;
 use std::f64::consts::TAU;
 use std::ops::RangeInclusive;

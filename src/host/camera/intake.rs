@@ -1,9 +1,9 @@
 //! What every opened camera goes through: colour off, embedded data line off.
 
 use super::Camera;
-use crate::error::{Error, Result};
-use crate::protocol::data_line::{self, Found};
-use crate::protocol::{Frame, PixelFormat};
+use phasmid_core::error::{Error, Result};
+use phasmid_protocol::data_line::{self, Found};
+use phasmid_protocol::{Frame, PixelFormat};
 use std::time::Duration;
 
 /// A camera whose frames are GREY or Y16, without the embedded data line. What a line says becomes
@@ -87,7 +87,7 @@ impl<C: Camera> Camera for Intake<C> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::host::MemoryCamera;
+    use crate::MemoryCamera;
 
     fn bare(id: u64) -> Frame {
         Frame {

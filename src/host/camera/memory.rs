@@ -1,8 +1,8 @@
 //! A camera in memory.
 
 use super::Camera;
-use crate::error::Result;
-use crate::protocol::Frame;
+use phasmid_core::error::Result;
+use phasmid_protocol::Frame;
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;

@@ -24,8 +24,8 @@ pub use socket::SocketCamera;
 #[cfg(target_os = "linux")]
 pub use v4l2_error::explain as explain_device;
 
-use crate::error::{Error, Result};
-use crate::protocol::Frame;
+use phasmid_core::error::{Error, Result};
+use phasmid_protocol::Frame;
 use std::time::Duration;
 
 /// Where frames come from.

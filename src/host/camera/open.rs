@@ -2,7 +2,7 @@
 
 use super::socket::SocketCamera;
 use super::{Camera, Intake};
-use crate::error::{Error, Result};
+use phasmid_core::error::{Error, Result};
 use std::time::Duration;
 
 /// What addresses there are.

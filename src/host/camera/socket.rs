@@ -1,11 +1,11 @@
 //! A camera behind a frame socket.
 
 use super::Camera;
-use crate::error::{Error, Result};
-use crate::host::local::UnixStream;
-use crate::host::tcp;
-use crate::protocol::Frame;
-use crate::protocol::wire::FrameDecoder;
+use crate::local::UnixStream;
+use crate::tcp;
+use phasmid_core::error::{Error, Result};
+use phasmid_protocol::Frame;
+use phasmid_protocol::wire::FrameDecoder;
 use std::io::Read;
 use std::net::TcpStream;
 use std::path::Path;
@@ -33,7 +33,7 @@ impl Stream {
     }
 }
 
-/// A camera behind a frame socket, which speaks [`crate::protocol::wire`].
+/// A camera behind a frame socket, which speaks [`phasmid_protocol::wire`].
 pub struct SocketCamera {
     stream: Stream,
     address: String,
@@ -142,8 +142,8 @@ impl Camera for SocketCamera {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::host::{Capture, open_camera};
-    use crate::protocol::{PixelFormat, wire};
+    use crate::{Capture, open_camera};
+    use phasmid_protocol::{PixelFormat, wire};
     use std::io::Write;
     use std::os::unix::net::UnixListener;
 

@@ -2,10 +2,10 @@
 
 use super::open::{Capture, open_node};
 use super::{Camera, Result};
-use crate::error::Error;
-use crate::host::patience::again;
-use crate::host::plug::Plug;
-use crate::protocol::Frame;
+use crate::patience::again;
+use crate::plug::Plug;
+use phasmid_core::error::Error;
+use phasmid_protocol::Frame;
 use std::time::{Duration, Instant};
 
 /// A camera, and the device that it belongs to.

@@ -5,10 +5,10 @@
 
 use super::v4l2_error::{EINVAL, EIO, ENOTTY, explain};
 use super::{Camera, Capture};
-use crate::error::{Error, Result};
-use crate::pattern::MAX_SIDE_PX;
-use crate::protocol::{Frame, PixelFormat, printable};
-use crate::v4l2::{
+use phasmid_core::error::{Error, Result};
+use phasmid_pattern::MAX_SIDE_PX;
+use phasmid_protocol::{Frame, PixelFormat, printable};
+use phasmid_v4l2::{
     CaptureQueue, FORGOTTEN, FourCc, Node, PixelLayout, RELOAD, Taken, current_format,
     offered_formats, set_format,
 };

@@ -1,6 +1,6 @@
 //! What the system says of a V4L2 device, in words that mend it.
 
-use crate::error::Error;
+use phasmid_core::error::Error;
 use std::io;
 
 pub(super) const EIO: i32 = 5;

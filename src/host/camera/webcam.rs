@@ -12,15 +12,15 @@
 use super::Camera;
 use super::v4l2::{Found, name};
 use super::v4l2_error::explain;
-use crate::error::{Error, Result};
-use crate::host::clock::monotonic_ns;
-use crate::pattern::MAX_SIDE_PX;
-use crate::protocol::{Frame, PixelFormat};
-use crate::v4l2::PixelLayout;
+use crate::clock::monotonic_ns;
 use image::{ImageFormat, ImageReader, Limits};
 use nokhwa::utils::{
     CameraFormat, CameraIndex, FrameFormat, RequestedFormat, RequestedFormatType, Resolution,
 };
+use phasmid_core::error::{Error, Result};
+use phasmid_pattern::MAX_SIDE_PX;
+use phasmid_protocol::{Frame, PixelFormat};
+use phasmid_v4l2::PixelLayout;
 use std::io::Cursor;
 use std::path::Path;
 use std::sync::Arc;

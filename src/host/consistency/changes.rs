@@ -4,8 +4,8 @@
 //! Frames whose patterns vary down the image have changes of their own; they are left out.
 
 use super::grid::{read_row, value};
-use crate::protocol::Frame;
-use crate::simd::widest;
+use phasmid_core::simd::widest;
+use phasmid_protocol::Frame;
 use rayon::prelude::*;
 
 /// Rows above and below a change that belong to it.

@@ -5,8 +5,8 @@
 //! may be asked before the order is known.
 
 use super::grid::Grid;
-use crate::decode::AxisPlan;
-use crate::pattern::{Manifest, Pattern};
+use phasmid_decode::AxisPlan;
+use phasmid_pattern::{Manifest, Pattern};
 
 /// Pixels that are looked at, at most.
 const PIXELS: usize = 500;

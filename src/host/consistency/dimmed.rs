@@ -8,7 +8,7 @@
 //! pixels wide, and some of the pixels dark; but for the coarsest bits, which every camera resolves.
 
 use super::grid::Grid;
-use crate::decode::{AxisPlan, Plan};
+use phasmid_decode::{AxisPlan, Plan};
 
 /// Part of the light from which on a pixel is lit; it is dark below the other.
 const LIT: f32 = 0.8;
@@ -148,8 +148,8 @@ fn median(mut values: Vec<f32>) -> Option<f32> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::pattern::{Axis, Manifest};
-    use crate::protocol::{Frame, PixelFormat};
+    use phasmid_pattern::{Axis, Manifest};
+    use phasmid_protocol::{Frame, PixelFormat};
     use std::f64::consts::TAU;
 
     /// Three fringes of 16 pixels, five bits of cells of `cell` pixels, white and black; a camera that sees

@@ -4,9 +4,9 @@
 //! projector, the frames have to say.
 
 use super::grid::value;
-use crate::decode::AxisPlan;
-use crate::pattern::Axis;
-use crate::protocol::Frame;
+use phasmid_decode::AxisPlan;
+use phasmid_pattern::Axis;
+use phasmid_protocol::Frame;
 
 /// Pixels that are looked at in each frame, about.
 const PIXELS: usize = 2_000;

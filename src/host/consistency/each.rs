@@ -9,8 +9,8 @@
 
 use super::explained::Levels;
 use super::grid::{Grid, Line, spread};
-use crate::decode::AxisPlan;
-use crate::pattern::{Axis, Manifest};
+use phasmid_decode::AxisPlan;
+use phasmid_pattern::{Axis, Manifest};
 use rayon::prelude::*;
 
 /// Parts, from the top of the image to its bottom.

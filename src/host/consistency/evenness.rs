@@ -15,8 +15,8 @@
 //! more an error of that size is none that a response curve makes.
 
 use super::grid::{Grid, Line};
-use crate::decode::FringeSet;
 use nalgebra::{Matrix2, Vector2};
+use phasmid_decode::FringeSet;
 use std::f64::consts::{PI, TAU};
 
 /// The largest error of phase in radians of four and more steps that is believed: a projector of gamma
@@ -134,8 +134,8 @@ fn wrapped(angle: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::pattern::Axis;
-    use crate::protocol::{Frame, PixelFormat};
+    use phasmid_pattern::Axis;
+    use phasmid_protocol::{Frame, PixelFormat};
 
     /// Frames of `n` steps of fringes of a period in pixels, with harmonics by order and amplitude, and as
     /// many uniform ones.

@@ -6,9 +6,9 @@
 
 use super::contrasts::contrasts;
 use super::grid::{Grid, range};
-use crate::decode::AxisPlan;
-use crate::pattern::{Manifest, Pattern};
-use crate::simd::widest;
+use phasmid_core::simd::widest;
+use phasmid_decode::AxisPlan;
+use phasmid_pattern::{Manifest, Pattern};
 use std::f64::consts::TAU;
 
 /// Coordinates that are tried in a period of the finest fringes.

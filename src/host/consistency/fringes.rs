@@ -2,7 +2,7 @@
 
 use super::grid::Grid;
 use super::moments::{Moments, rest};
-use crate::decode::{AxisPlan, FringeSet};
+use phasmid_decode::{AxisPlan, FringeSet};
 
 /// Pixels that are looked at, at most.
 const PIXELS: usize = 5000;

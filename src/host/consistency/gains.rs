@@ -10,8 +10,8 @@
 
 use super::grid::Grid;
 use super::moments::{Moments, rest};
-use crate::decode::{FringeSet, Plan};
 use nalgebra::DVector;
+use phasmid_decode::{FringeSet, Plan};
 
 /// Pixels that are looked at, at most.
 const PIXELS: usize = 5000;

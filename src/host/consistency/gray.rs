@@ -5,8 +5,8 @@
 //! right one, and a step in depth, which is a jump in both, speaks for neither.
 
 use super::grid::{Grid, range};
-use crate::decode::{AxisPlan, GrayBit, GrayCode};
-use crate::pattern::gray_decode;
+use phasmid_decode::{AxisPlan, GrayBit, GrayCode};
+use phasmid_pattern::gray_decode;
 
 /// Jumps count as so many cells at most.
 const FAR: u64 = 4;

@@ -1,7 +1,7 @@
 //! The pixels that are looked at: whole lines of the image, along the axis of the patterns.
 
-use crate::pattern::Axis;
-use crate::protocol::{Frame, PixelFormat};
+use phasmid_pattern::Axis;
+use phasmid_protocol::{Frame, PixelFormat};
 
 /// Lines, evenly spread.
 const LINES: usize = 64;

@@ -12,8 +12,8 @@
 
 use super::evenness::{LARGEST_RAD, REFUSED_STEPS};
 use super::scatter::Scatter;
-use crate::decode::FringeSet;
 use nalgebra::{Matrix3, Vector3};
+use phasmid_decode::FringeSet;
 use std::f64::consts::TAU;
 
 /// Fewest pixels that tell.
@@ -102,7 +102,7 @@ fn ripple(
 mod tests {
     use super::super::scatter::MANY;
     use super::*;
-    use crate::protocol::{Frame, PixelFormat};
+    use phasmid_protocol::{Frame, PixelFormat};
 
     /// Frames of `n` steps, white and black, whose fringes have a harmonic of an order and amplitude.
     fn frames(n: usize, order: f64, amplitude: f64) -> Vec<Frame> {

@@ -6,7 +6,7 @@
 //! other, whatever the surface: where a frame has many that are not, its bits are flipped.
 
 use super::grid::read_row;
-use crate::protocol::Frame;
+use phasmid_protocol::Frame;
 
 /// Rows that are looked at, evenly spread.
 const ROWS: usize = 32;
@@ -72,7 +72,7 @@ fn share(frame: &Frame, down: bool, noise_dn: f32) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::protocol::PixelFormat;
+    use phasmid_protocol::PixelFormat;
 
     /// Stripes along x of so many pixels, with every so many'th pixel's highest bit flipped.
     fn frame(stripe: usize, every: usize) -> Frame {

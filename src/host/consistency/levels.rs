@@ -1,7 +1,7 @@
 //! Frames whose brightness is known beforehand.
 
 use super::grid::{Grid, range, share};
-use crate::decode::{AxisPlan, Plan};
+use phasmid_decode::{AxisPlan, Plan};
 
 /// Part of a pixel's range by which a reference may miss its end.
 const MARGIN: f32 = 0.3;

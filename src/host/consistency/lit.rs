@@ -6,7 +6,7 @@
 
 use super::noise::Noise;
 use super::scatter::Scatter;
-use crate::decode::AxisPlan;
+use phasmid_decode::AxisPlan;
 
 /// Pixels that are looked at, about.
 const PIXELS: usize = 16_000;

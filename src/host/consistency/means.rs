@@ -11,7 +11,7 @@
 
 use super::residuals::{FEWEST, LEAST_DN, Left, Pixel, left};
 use super::scatter::Scatter;
-use crate::decode::{AxisPlan, FringeSet};
+use phasmid_decode::{AxisPlan, FringeSet};
 use rayon::prelude::*;
 
 /// Part of the pixels whose sets may contradict each other.
@@ -108,9 +108,9 @@ fn held(solved: &[[f64; 3]], i: usize) -> (f64, Pixel) {
 mod tests {
     use super::super::scatter::FEW;
     use super::*;
-    use crate::decode::Plan;
-    use crate::pattern::Manifest;
-    use crate::protocol::{Frame, PixelFormat};
+    use phasmid_decode::Plan;
+    use phasmid_pattern::Manifest;
+    use phasmid_protocol::{Frame, PixelFormat};
     use std::f64::consts::TAU;
 
     const SIZE: (u32, u32) = (160, 60);

@@ -48,7 +48,7 @@
 //! vary down the image, and rows that several lack where a surface has neither edges nor shades. Limits of the checks
 //! themselves: patterns of a period below 10 projector pixels are left out of `shifts`; a frame exchanged with one that is not its neighbour is looked for only within a
 //! set and a code; of two faults in one run each is looked for alone, and several that together make another
-//! order of a set or a code are left to [`Decoded::doubt`](crate::decode::Decoded::doubt), which sees that
+//! order of a set or a code are left to [`Decoded::doubt`](phasmid_decode::Decoded::doubt), which sees that
 //! orders are uncertain; a set of many steps that begins elsewhere by less than a tenth of its period is not
 //! told; objects on less than 0.1 % of the
 //! image are not checked; and in light so dim that noise is much of the fringes (about a tenth of a
@@ -89,10 +89,10 @@ mod torn;
 
 pub(super) use modulation::{LEAST_FOLLOWING, following};
 
-use crate::decode::{AxisPlan, Plan};
-use crate::pattern::{Axis, Manifest};
-use crate::protocol::Frame;
 use grid::Grid;
+use phasmid_decode::{AxisPlan, Plan};
+use phasmid_pattern::{Axis, Manifest};
+use phasmid_protocol::Frame;
 use scatter::Scatter;
 
 /// Share of pixels that has to vary in runs for the frames to tell anything.
@@ -101,7 +101,7 @@ const LEAST_VARYING: f64 = 1e-3;
 const FEW_VARYING: f64 = 2e-2;
 
 /// Checks frames, as many as the sequence has and all of one size and format, GREY or Y16. Frames
-/// that hardly vary pass: that they show no modulation is another matter ([`Captured::check_modulation`](crate::host::Captured::check_modulation)).
+/// that hardly vary pass: that they show no modulation is another matter ([`Captured::check_modulation`](crate::Captured::check_modulation)).
 ///
 /// # Errors
 /// How the frames depart from the sequence, with the position where they tell it.

@@ -2,9 +2,9 @@
 
 use super::grid::{Grid, range, runs, share};
 use super::main_axis;
-use crate::decode::{FringeSet, Plan};
-use crate::pattern::Manifest;
-use crate::protocol::Frame;
+use phasmid_decode::{FringeSet, Plan};
+use phasmid_pattern::Manifest;
+use phasmid_protocol::Frame;
 
 /// Least modulation in DN, as the decoder has it.
 const LEAST_DN: f64 = 2.0;
@@ -14,7 +14,7 @@ const LEAST_SIGMAS: f64 = 5.0;
 const EXPLAINED: f64 = 4.0;
 
 /// Least share of all pixels that follow in runs, for frames to show a sequence.
-pub(in crate::host) const LEAST_FOLLOWING: f64 = 1e-3;
+pub(crate) const LEAST_FOLLOWING: f64 = 1e-3;
 /// Or, for thin and small objects: the least share of the pixels that vary,
 const LEAST_OF_VARYING: f64 = 0.5;
 /// and the least pixels.
@@ -24,9 +24,9 @@ const LEAST_PIXELS: usize = 12;
 const MANY_SATURATED: f64 = 0.2;
 
 /// How much of the frames follows their sequence.
-pub(in crate::host) struct Following {
+pub(crate) struct Following {
     /// Share of the pixels, 0 to 1, that follow in runs along a line.
-    pub(in crate::host) share: f64,
+    pub(crate) share: f64,
     /// Whether most pixels that vary follow, in runs or not.
     most: bool,
     /// Share of the pixels, 0 to 1, that are at the camera's full scale in some frame.
@@ -36,12 +36,12 @@ pub(in crate::host) struct Following {
 impl Following {
     /// Whether the frames show the sequence: a surface, or thin or small objects before still
     /// surroundings.
-    pub(in crate::host) fn is_shown(&self) -> bool {
+    pub(crate) fn is_shown(&self) -> bool {
         self.share >= LEAST_FOLLOWING || self.most
     }
 
     /// Why frames that do not show the sequence may not.
-    pub(in crate::host) fn cause(&self) -> String {
+    pub(crate) fn cause(&self) -> String {
         match self.saturated >= MANY_SATURATED {
             true => format!(
                 "{:.0} % are saturated: shorten the exposure, lower the gain, or keep other light out",
@@ -58,7 +58,7 @@ impl Following {
 /// The pixels that follow the sequence: white is brighter than black by half of all variation, and
 /// fringes explain their frames. `None` where the sequence has neither, or the frames are not as
 /// many as it has.
-pub(in crate::host) fn following(manifest: &Manifest, frames: &[Frame]) -> Option<Following> {
+pub(crate) fn following(manifest: &Manifest, frames: &[Frame]) -> Option<Following> {
     let plan = Plan::new(manifest).ok()?;
     let references = plan.white.zip(plan.black);
     let sets: Vec<&FringeSet> = plan.axes.iter().flat_map(|axis| &axis.sets).collect();

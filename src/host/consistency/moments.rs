@@ -3,8 +3,8 @@
 //! sin of the steps, and `S = sum of I I'`: another order of the steps, or one step less, costs nothing
 //! per pixel.
 
-use crate::decode::FringeSet;
 use nalgebra::DMatrix;
+use phasmid_decode::FringeSet;
 
 /// Part of the summed squares that is rounding.
 const ROUNDING: f64 = 1e-12;

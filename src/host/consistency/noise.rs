@@ -1,6 +1,6 @@
 //! How far residuals scatter, by the light that makes their noise.
 
-use crate::decode::deviation;
+use phasmid_decode::deviation;
 
 /// Groups of about as much light.
 const GROUPS: usize = 24;

@@ -16,8 +16,8 @@
 
 use super::noise::Noise;
 use super::scatter::Scatter;
-use crate::decode::FringeSet;
 use nalgebra::{SMatrix, SVector};
+use phasmid_decode::FringeSet;
 use rayon::prelude::*;
 
 /// Pixels times steps that are looked at, about.

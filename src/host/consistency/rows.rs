@@ -10,7 +10,7 @@
 //! Something that moves shifts the frames as well, but each of them little more than the one before it.
 
 use super::changes::{Change, changes_of};
-use crate::protocol::Frame;
+use phasmid_protocol::Frame;
 use std::collections::HashMap;
 
 /// Rows that are looked for; the lack of more is seen by the other checks.
@@ -99,7 +99,7 @@ fn follows(changes: &[Change], rows: usize, from: usize) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::protocol::PixelFormat;
+    use phasmid_protocol::PixelFormat;
 
     const SIZE: (usize, usize) = (64, 80);
 

@@ -1,7 +1,7 @@
 //! Pixels from everywhere in the image, for what strikes a few rows or single pixels.
 
 use super::grid::{full_scale, value};
-use crate::protocol::Frame;
+use phasmid_protocol::Frame;
 
 /// Pixels that tell of a few damaged ones; of smaller images all.
 pub(super) const MANY: usize = 40_000;

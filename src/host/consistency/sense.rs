@@ -6,8 +6,8 @@
 
 use super::gray::word;
 use super::grid::Grid;
-use crate::decode::{AxisPlan, FringeSet, GrayCode};
-use crate::pattern::gray_decode;
+use phasmid_decode::{AxisPlan, FringeSet, GrayCode};
+use phasmid_pattern::gray_decode;
 use std::f64::consts::{PI, TAU};
 
 /// Neighbours that have to be looked at.

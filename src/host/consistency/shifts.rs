@@ -8,8 +8,8 @@
 
 use super::explained::{Fit, GOOD, Levels};
 use super::grid::{Grid, Line};
-use crate::decode::{AxisPlan, Order};
-use crate::pattern::Manifest;
+use phasmid_decode::{AxisPlan, Order};
+use phasmid_pattern::Manifest;
 use rayon::prelude::*;
 
 /// Pairs of pixels that are looked at, at most.

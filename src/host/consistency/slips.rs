@@ -10,8 +10,8 @@
 //! one is where the mean of the two others is. What it is off from there is no motion of a patient.
 
 use super::grid::{full_scale, read_row, value};
-use crate::decode::{AxisPlan, FringeSet};
-use crate::protocol::Frame;
+use phasmid_decode::{AxisPlan, FringeSet};
+use phasmid_protocol::Frame;
 use rayon::prelude::*;
 use std::ops::Add;
 
@@ -178,9 +178,9 @@ impl Sight<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::decode::Plan;
-    use crate::pattern::Manifest;
-    use crate::protocol::PixelFormat;
+    use phasmid_decode::Plan;
+    use phasmid_pattern::Manifest;
+    use phasmid_protocol::PixelFormat;
     use std::f64::consts::TAU;
 
     const SIZE: (usize, usize) = (96, 80);

@@ -9,7 +9,7 @@
 //! out.
 
 use super::grid::read_row;
-use crate::protocol::Frame;
+use phasmid_protocol::Frame;
 
 /// Parts of a row that each have to be written.
 const PARTS: usize = 16;
@@ -60,7 +60,7 @@ fn is_cut(frame: &Frame, rows: usize) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::protocol::PixelFormat;
+    use phasmid_protocol::PixelFormat;
 
     /// A frame by the value of each row and column.
     fn frame(format: PixelFormat, value: impl Fn(usize, usize) -> u16) -> Frame {

@@ -13,8 +13,8 @@
 //! if all that is above the row, or all that is below, is theirs.
 
 use super::grid::{full_scale, read_row, value};
-use crate::protocol::Frame;
-use crate::simd::widest;
+use phasmid_core::simd::widest;
+use phasmid_protocol::Frame;
 use rayon::prelude::*;
 
 /// Columns of a row that are looked at, about.

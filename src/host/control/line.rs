@@ -1,10 +1,10 @@
 //! Questions in a dialect from a file, one at a time, on a line that may fail.
 
-use crate::error::{Error, Result};
-use crate::host::CommandPort;
-use crate::host::patience::Patience;
-use crate::protocol::dialect::{Cut, Cutter, Dialect, Direction, Event, Reply, Value};
-use crate::protocol::printable;
+use crate::CommandPort;
+use crate::patience::Patience;
+use phasmid_core::error::{Error, Result};
+use phasmid_protocol::dialect::{Cut, Cutter, Dialect, Direction, Event, Reply, Value};
+use phasmid_protocol::printable;
 use std::time::Duration;
 
 /// How often a question is asked that is not answered, or refused; silence shares the timeout.

@@ -13,8 +13,8 @@ mod spoken;
 mod tests;
 
 use super::{CommandPort, Instrument};
-use crate::error::{Error, Result};
-use crate::protocol::dialect::Dialect;
+use phasmid_core::error::{Error, Result};
+use phasmid_protocol::dialect::Dialect;
 use scpi::Scpi;
 use spoken::Spoken;
 use std::fmt::Display;

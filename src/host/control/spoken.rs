@@ -4,10 +4,10 @@ mod step;
 
 use super::line::{Line, Values};
 use super::{Settings, TRIES, agreed, no_words, unquoted};
-use crate::error::{Error, Result};
-use crate::host::CommandPort;
-use crate::protocol::dialect::{Dialect, Gather, Step, Value};
-use crate::protocol::printable;
+use crate::CommandPort;
+use phasmid_core::error::{Error, Result};
+use phasmid_protocol::dialect::{Dialect, Gather, Step, Value};
+use phasmid_protocol::printable;
 use std::time::Duration;
 
 /// Pieces of a long answer.
@@ -21,7 +21,7 @@ const MARKED: &str = "marked";
 const STARTED: &str = "started anew";
 
 /// A device that speaks a dialect from a file.
-pub(in crate::host) struct Spoken<P> {
+pub(crate) struct Spoken<P> {
     line: Line<P>,
     /// What the device was last told to remember.
     mark: u8,

@@ -1,8 +1,8 @@
 //! The operations in SCPI over a line that fails, with a device that is a list of settings.
 
 use super::*;
-use crate::host::MemoryPort;
-use crate::protocol::dialect::{Cut, Direction};
+use crate::MemoryPort;
+use phasmid_protocol::dialect::{Cut, Direction};
 use std::cell::{Cell, RefCell};
 use std::rc::Rc;
 

@@ -4,10 +4,10 @@
 //! nobody else has a use for it, and an answer to another question, or to nobody's, has another one.
 
 use super::Instrument;
-use crate::error::Result;
-use crate::host::CommandPort;
-use crate::host::patience::Patience;
-use crate::protocol::scpi::{self, BlockPrefix, MAX_BLOCK_BYTES, MAX_LINE_BYTES};
+use crate::CommandPort;
+use crate::patience::Patience;
+use phasmid_core::error::Result;
+use phasmid_protocol::scpi::{self, BlockPrefix, MAX_BLOCK_BYTES, MAX_LINE_BYTES};
 use std::time::{Duration, Instant};
 
 /// How often a question is asked while nothing comes; they share the timeout.

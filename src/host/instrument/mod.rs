@@ -8,10 +8,10 @@ mod tests;
 
 use super::CommandPort;
 use super::patience::Patience;
-use crate::error::{Error, Result};
-use crate::protocol::printable;
-use crate::protocol::scpi;
 use exchange::{ATTEMPTS, Answer};
+use phasmid_core::error::{Error, Result};
+use phasmid_protocol::printable;
+use phasmid_protocol::scpi;
 use std::time::{Duration, Instant};
 
 /// What `*ESE` is set to and asked for when a conversation starts: any instrument of IEEE 488.2

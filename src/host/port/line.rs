@@ -33,14 +33,14 @@ mod terminal {
     const PAUSE: Duration = Duration::from_millis(1);
 
     /// An open line.
-    pub(in crate::host::port) struct Line(OwnedFd);
+    pub(in crate::port) struct Line(OwnedFd);
 
     impl Line {
         /// Opens a line for this process alone, and forgets what was waiting on it.
         ///
         /// # Errors
         /// The system's; `ResourceBusy` for a line that another program has opened so.
-        pub(in crate::host::port) fn open(path: &str) -> Result<Self> {
+        pub(in crate::port) fn open(path: &str) -> Result<Self> {
             let flags = OFlags::RDWR | OFlags::NOCTTY | OFlags::NONBLOCK | OFlags::CLOEXEC;
             let file = open(path, flags, Mode::empty())?;
             // Root is let in by the kernel whoever has the line; this keeps out another one of us.
@@ -73,11 +73,7 @@ mod terminal {
         ///
         /// # Errors
         /// A line that has gone.
-        pub(in crate::host::port) fn write(
-            &mut self,
-            bytes: &[u8],
-            timeout: Duration,
-        ) -> Result<usize> {
+        pub(in crate::port) fn write(&mut self, bytes: &[u8], timeout: Duration) -> Result<usize> {
             let begin = Instant::now();
             let mut taken = 0;
             let mut pause = Duration::ZERO;
@@ -106,7 +102,7 @@ mod terminal {
         ///
         /// # Errors
         /// A line that has gone.
-        pub(in crate::host::port) fn read(
+        pub(in crate::port) fn read(
             &mut self,
             buffer: &mut [u8],
             timeout: Duration,
@@ -159,14 +155,14 @@ mod elsewhere {
     use std::time::{Duration, Instant};
 
     /// An open line.
-    pub(in crate::host::port) struct Line(Box<dyn SerialPort>);
+    pub(in crate::port) struct Line(Box<dyn SerialPort>);
 
     impl Line {
         /// Opens a line, and forgets what was waiting on it.
         ///
         /// # Errors
         /// The system's.
-        pub(in crate::host::port) fn open(path: &str) -> Result<Self> {
+        pub(in crate::port) fn open(path: &str) -> Result<Self> {
             let failed = |e: serialport::Error| match e.kind() {
                 Kind::Io(kind) => Error::from(kind),
                 Kind::NoDevice => Error::new(ErrorKind::NotFound, e),
@@ -181,11 +177,7 @@ mod elsewhere {
         ///
         /// # Errors
         /// A line that has gone.
-        pub(in crate::host::port) fn write(
-            &mut self,
-            bytes: &[u8],
-            timeout: Duration,
-        ) -> Result<usize> {
+        pub(in crate::port) fn write(&mut self, bytes: &[u8], timeout: Duration) -> Result<usize> {
             let begin = Instant::now();
             let mut taken = 0;
             while taken < bytes.len() {
@@ -209,7 +201,7 @@ mod elsewhere {
         ///
         /// # Errors
         /// A line that has gone.
-        pub(in crate::host::port) fn read(
+        pub(in crate::port) fn read(
             &mut self,
             buffer: &mut [u8],
             timeout: Duration,

@@ -1,7 +1,7 @@
 //! A port in memory.
 
 use super::CommandPort;
-use crate::error::{Error, Result};
+use phasmid_core::error::{Error, Result};
 use std::collections::VecDeque;
 use std::io::Read;
 use std::time::Duration;

@@ -9,7 +9,7 @@ mod tests;
 pub use memory::MemoryPort;
 pub use serial::SerialPort;
 
-use crate::error::{Error, Result};
+use phasmid_core::error::{Error, Result};
 use std::time::Duration;
 
 /// A line to a device.

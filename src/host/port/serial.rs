@@ -2,9 +2,9 @@
 
 use super::CommandPort;
 use super::line::Line;
-use crate::error::{Error, Result};
-use crate::host::patience::again;
-use crate::host::plug::Plug;
+use crate::patience::again;
+use crate::plug::Plug;
+use phasmid_core::error::{Error, Result};
 use std::io::ErrorKind;
 use std::time::Duration;
 

@@ -1,5 +1,5 @@
 use super::{CommandPort, SerialPort};
-use crate::host::Instrument;
+use crate::Instrument;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::io::{read, write};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};

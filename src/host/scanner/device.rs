@@ -1,10 +1,10 @@
 //! What a scan asks of the device before it captures: what it projects, how it is calibrated.
 
 use super::{ScanOptions, Scanner};
-use crate::error::{Error, Result};
-use crate::geometry::Rig;
-use crate::host::{Camera, CommandPort};
-use crate::pattern::Manifest;
+use crate::{Camera, CommandPort};
+use phasmid_core::error::{Error, Result};
+use phasmid_geometry::Rig;
+use phasmid_pattern::Manifest;
 
 impl<C: Camera, P: CommandPort> Scanner<C, P> {
     pub(super) fn manifest(&mut self, options: &ScanOptions) -> Result<Manifest> {

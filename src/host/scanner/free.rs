@@ -2,10 +2,10 @@
 
 use super::run::{Wanted, collect, next_frame};
 use super::{Fault, Progress, twice};
-use crate::error::Result;
-use crate::host::clock::monotonic_ns;
-use crate::host::{Camera, Captured, consistency};
-use crate::pattern::Manifest;
+use crate::clock::monotonic_ns;
+use crate::{Camera, Captured, consistency};
+use phasmid_core::error::Result;
+use phasmid_pattern::Manifest;
 use std::time::Duration;
 
 /// A frame that waits is there within this time, even where a thread fetches it.

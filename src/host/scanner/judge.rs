@@ -1,6 +1,6 @@
 //! Whether a frame is the one that is due.
 
-use crate::protocol::Frame;
+use phasmid_protocol::Frame;
 
 /// Whether a frame is the one that is due after `before`; if not, what it is.
 pub(super) fn judge(

@@ -11,11 +11,11 @@ pub use free::scan_free_running;
 
 use super::control::{Control, RECOVERIES, both};
 use super::{Camera, Captured, CommandPort, Instrument};
-use crate::error::{Error, Result};
-use crate::geometry::Rig;
-use crate::pattern::Manifest;
-use crate::protocol::dialect::Dialect;
 use device::check_size;
+use phasmid_core::error::{Error, Result};
+use phasmid_geometry::Rig;
+use phasmid_pattern::Manifest;
+use phasmid_protocol::dialect::Dialect;
 use std::time::Duration;
 
 /// How to scan.
@@ -163,7 +163,7 @@ impl<C: Camera, P: CommandPort> Scanner<C, P> {
     }
 
     /// Hands frames out as they came: for one who checks them while the next scan goes on
-    /// ([`check_sequence`](crate::host::check_sequence)), and leaves a bad one out instead of having it
+    /// ([`check_sequence`](crate::check_sequence)), and leaves a bad one out instead of having it
     /// taken again.
     #[must_use]
     pub fn without_checks(mut self) -> Self {

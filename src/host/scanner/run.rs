@@ -2,13 +2,13 @@
 
 use super::judge::{judge, judge_counted};
 use super::{Fault, Progress, Scanner};
-use crate::error::{Error, Result};
-use crate::host::clock::monotonic_ns;
-use crate::host::consistency;
-use crate::host::control::Settings;
-use crate::host::{Camera, CommandPort};
-use crate::pattern::Manifest;
-use crate::protocol::Frame;
+use crate::clock::monotonic_ns;
+use crate::consistency;
+use crate::control::Settings;
+use crate::{Camera, CommandPort};
+use phasmid_core::error::{Error, Result};
+use phasmid_pattern::Manifest;
+use phasmid_protocol::Frame;
 use std::time::{Duration, Instant};
 
 /// How long the camera has to be silent before a run starts, and after one whose frames only count.

@@ -1,7 +1,7 @@
 //! Where a USB device is that no kernel has attached: `usb:HOST:PORT` or `usb:HOST:PORT/BUSID`.
 
-use crate::error::{Error, Result};
-use crate::protocol::usb::usbip::BUS_ID_LEN;
+use phasmid_core::error::{Error, Result};
+use phasmid_protocol::usb::usbip::BUS_ID_LEN;
 
 /// What an address names.
 #[derive(Debug, Clone, PartialEq, Eq)]

@@ -3,10 +3,10 @@
 use super::connection::{Connection, Shared};
 use super::opening::{Talk, only};
 use super::transfer::{Once, Transfer, transfer_like};
-use crate::error::{Error, Result};
-use crate::protocol::printable;
-use crate::protocol::usb::Setup;
-use crate::protocol::usb::usbip::{
+use phasmid_core::error::{Error, Result};
+use phasmid_protocol::printable;
+use phasmid_protocol::usb::Setup;
+use phasmid_protocol::usb::usbip::{
     DEVICE_LEN, DeviceInfo, Operation, Submit, bus_id_bytes, status,
 };
 use std::io;

@@ -3,8 +3,8 @@
 //! A thread reads the replies (`replies`) and hands each to the [`Receiver`] that its transfer was submitted
 //! with. Commands are written by whoever has one, many of them at once where there are many.
 
-use crate::error::{Error, Result};
-use crate::protocol::usb::usbip::{Command, HEADER_LEN, MAX_TRANSFER, Packet, Submit};
+use phasmid_core::error::{Error, Result};
+use phasmid_protocol::usb::usbip::{Command, HEADER_LEN, MAX_TRANSFER, Packet, Submit};
 use std::collections::HashMap;
 use std::io::{self, Read, Write};
 use std::net::{Shutdown, TcpStream};

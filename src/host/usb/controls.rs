@@ -3,9 +3,9 @@
 use super::device::UsbDevice;
 use super::topology::{long, word};
 use super::video::VideoFunction;
-use crate::error::{Error, Result};
-use crate::protocol::usb::Setup;
-use crate::protocol::usb::uvc::{request, selector};
+use phasmid_core::error::{Error, Result};
+use phasmid_protocol::usb::Setup;
+use phasmid_protocol::usb::uvc::{request, selector};
 use std::ops::RangeInclusive;
 
 /// A control of a camera.

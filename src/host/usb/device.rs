@@ -3,9 +3,9 @@
 use super::address::UsbAddress;
 use super::client::Client;
 use super::topology::{Configuration, word};
-use crate::error::{Error, Result};
-use crate::protocol::usb::descriptor::{kind, text};
-use crate::protocol::usb::{Setup, request};
+use phasmid_core::error::{Error, Result};
+use phasmid_protocol::usb::descriptor::{kind, text};
+use phasmid_protocol::usb::{Setup, request};
 use std::time::Duration;
 
 /// English (United States), for devices that list no language.

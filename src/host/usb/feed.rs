@@ -2,8 +2,8 @@
 
 use super::connection::{Done, Shared};
 use super::device::UsbDevice;
-use crate::error::Result;
-use crate::protocol::usb::usbip::{Submit, status};
+use phasmid_core::error::Result;
+use phasmid_protocol::usb::usbip::{Submit, status};
 use std::sync::Arc;
 use std::time::Duration;
 

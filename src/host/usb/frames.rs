@@ -1,6 +1,6 @@
 //! Payloads of a video stream to frames (UVC 1.1, 2.4.3).
 
-use crate::protocol::usb::uvc::payload;
+use phasmid_protocol::usb::uvc::payload;
 use std::io::{self, Read};
 
 /// What comes out of a stream.

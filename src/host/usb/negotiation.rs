@@ -3,10 +3,10 @@
 use super::device::UsbDevice;
 use super::topology::{Endpoint, TransferKind};
 use super::video::{VideoFunction, VideoMode};
-use crate::error::{Error, Result};
-use crate::protocol::usb::Setup;
-use crate::protocol::usb::usbip::MAX_TRANSFER;
-use crate::protocol::usb::uvc::{Negotiation, request, selector};
+use phasmid_core::error::{Error, Result};
+use phasmid_protocol::usb::Setup;
+use phasmid_protocol::usb::usbip::MAX_TRANSFER;
+use phasmid_protocol::usb::uvc::{Negotiation, request, selector};
 
 /// Longest frame in bytes.
 const MAX_FRAME: u64 = 256 << 20;

@@ -1,10 +1,10 @@
 //! What is said before a device is imported, and with whom.
 
 use super::connection::left;
-use crate::error::{Error, Result};
-use crate::host::tcp;
-use crate::protocol::printable;
-use crate::protocol::usb::usbip::{DeviceInfo, OPERATION_LEN, Operation, Outcome};
+use crate::tcp;
+use phasmid_core::error::{Error, Result};
+use phasmid_protocol::printable;
+use phasmid_protocol::usb::usbip::{DeviceInfo, OPERATION_LEN, Operation, Outcome};
 use std::io::{ErrorKind, Read, Write};
 use std::net::TcpStream;
 use std::time::{Duration, Instant};

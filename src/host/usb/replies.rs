@@ -2,7 +2,7 @@
 
 use super::connection::{Connection, Done, Pending, lock};
 use super::inlet::Inlet;
-use crate::protocol::usb::usbip::{HEADER_LEN, PACKET_LEN, Packet, Reply, status};
+use phasmid_protocol::usb::usbip::{HEADER_LEN, PACKET_LEN, Packet, Reply, status};
 use std::io::{self, Read};
 use std::net::TcpStream;
 

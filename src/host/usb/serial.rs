@@ -1,7 +1,7 @@
 //! The serial function of a configuration, found by its classes (CDC 1.2, 5.2; PSTN 1.2, 5.3).
 
 use super::topology::{Configuration, TransferKind};
-use crate::protocol::usb::descriptor::class;
+use phasmid_protocol::usb::descriptor::class;
 
 /// Subclass of an abstract control model.
 const ABSTRACT_CONTROL: u8 = 2;

@@ -1,6 +1,6 @@
 //! A configuration as its descriptors tell it: interfaces, their settings and endpoints.
 
-use crate::protocol::usb::descriptor::{Walk, kind};
+use phasmid_protocol::usb::descriptor::{Walk, kind};
 
 /// How an endpoint transfers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -1,9 +1,9 @@
 //! One transfer: submitted, waited for, taken back.
 
 use super::connection::{Connection, Done, Receiver};
-use crate::error::Result;
-use crate::protocol::usb::Setup;
-use crate::protocol::usb::usbip::Submit;
+use phasmid_core::error::Result;
+use phasmid_protocol::usb::Setup;
+use phasmid_protocol::usb::usbip::Submit;
 use std::io::{self, Read};
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver as Inbox, RecvTimeoutError, SyncSender};
@@ -27,7 +27,7 @@ pub(super) fn transfer_like(address: u8, length: u32) -> Submit {
 /// The end of a transfer.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Completed {
-    /// See [`status`](crate::protocol::usb::usbip::status).
+    /// See [`status`](phasmid_protocol::usb::usbip::status).
     pub status: i32,
     /// Bytes transferred.
     pub actual: usize,

@@ -1,9 +1,9 @@
 //! The video function of a configuration, found by its classes (UVC 1.1, chapter 3).
 
 use super::topology::{Configuration, Endpoint, Interface, TransferKind, long, word};
-use crate::protocol::PixelFormat;
-use crate::protocol::usb::descriptor::{class, video};
-use crate::protocol::usb::uvc;
+use phasmid_protocol::PixelFormat;
+use phasmid_protocol::usb::descriptor::{class, video};
+use phasmid_protocol::usb::uvc;
 
 /// Input terminals that are cameras: ITT_CAMERA.
 const CAMERA: u16 = 0x0201;

@@ -15,10 +15,10 @@ mod tests;
 
 use super::metrics::finite_points;
 use super::surface::Surface;
-use crate::error::{Error, Result};
-use crate::geometry::{Cloud, Pose};
 use glam::DVec3;
 use pairs::{Clip, pairs};
+use phasmid_core::error::{Error, Result};
+use phasmid_geometry::{Cloud, Pose};
 use serde::Serialize;
 use step::{Step, orthonormal};
 

@@ -1,6 +1,6 @@
 //! Which points pull, and where to: their feet's planes, outliers left out.
 
-use crate::measure::surface::Foot;
+use crate::surface::Foot;
 use glam::DVec3;
 
 /// A point, its foot's normal and its distance to the plane there.

@@ -1,9 +1,9 @@
 //! One step: six unknowns by least squares, those directions left alone that nothing holds.
 
 use super::pairs::Pair;
-use crate::geometry::Pose;
 use glam::{DMat3, DVec3};
 use nalgebra::{Matrix6, Vector6};
+use phasmid_geometry::Pose;
 
 /// One linear least-squares step.
 pub(super) struct Step {

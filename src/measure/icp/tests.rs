@@ -1,9 +1,9 @@
 //! Motions that are known come back, and what a shape does not hold does not drift.
 
 use super::*;
-use crate::geometry::Mesh;
-use crate::geometry::shapes::{Torso, torso};
-use crate::measure::surface::Truth;
+use crate::surface::Truth;
+use phasmid_geometry::Mesh;
+use phasmid_geometry::shapes::{Torso, torso};
 
 fn surface(mesh: &Mesh) -> Surface {
     Surface::new(&Truth::Mesh(mesh.clone())).unwrap()

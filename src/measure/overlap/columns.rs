@@ -1,7 +1,7 @@
 //! Where columns along z pass through a solid.
 
-use crate::geometry::Mesh;
 use glam::{DVec2, DVec3};
+use phasmid_geometry::Mesh;
 
 /// A square grid of columns over a rectangle of the plane.
 pub(super) struct Columns {

@@ -13,10 +13,10 @@ mod tests;
 
 pub use target::{PositionErrors, TargetError};
 
-use crate::error::{Error, Result};
-use crate::geometry::Mesh;
 use columns::Columns;
 use glam::DVec3;
+use phasmid_core::error::{Error, Result};
+use phasmid_geometry::Mesh;
 use serde::Serialize;
 
 /// Columns along the longer side of the grid that [`overlap`] takes by default: 1e-4 in Dice's

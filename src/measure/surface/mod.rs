@@ -8,9 +8,9 @@ mod tests;
 
 pub use surfels::Surfels;
 
-use crate::error::Result;
-use crate::geometry::{Cloud, Mesh, MeshTree, ply};
 use glam::DVec3;
+use phasmid_core::error::Result;
+use phasmid_geometry::{Cloud, Mesh, MeshTree, ply};
 use rayon::prelude::*;
 use std::path::Path;
 

@@ -2,9 +2,9 @@
 
 use super::disc::{Disc, least_spread};
 use super::{Foot, widened};
-use crate::error::{Error, Result};
-use crate::geometry::{Cloud, Neighbours};
 use glam::DVec3;
+use phasmid_core::error::{Error, Result};
+use phasmid_geometry::{Cloud, Neighbours};
 use rayon::prelude::*;
 
 /// Discs looked at around a point.

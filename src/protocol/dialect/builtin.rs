@@ -1,23 +1,14 @@
 //! Dialects that ship inside the program.
 
-use crate::error::{Error, Result};
-use crate::profile::TomlSource;
+use phasmid_core::error::{Error, Result};
+use phasmid_core::source::TomlSource;
 use std::path::Path;
 
 /// Name and text of each dialect.
 pub(super) const DIALECTS: [(&str, &str); 3] = [
-    (
-        "scpi",
-        include_str!("../../../device-profiles/dialects/scpi.toml"),
-    ),
-    (
-        "dlpc350",
-        include_str!("../../../device-profiles/dialects/dlpc350.toml"),
-    ),
-    (
-        "okline",
-        include_str!("../../../device-profiles/dialects/okline.toml"),
-    ),
+    ("scpi", phasmid_device_profiles::DIALECTS_SCPI),
+    ("dlpc350", phasmid_device_profiles::DIALECTS_DLPC350),
+    ("okline", phasmid_device_profiles::DIALECTS_OKLINE),
 ];
 
 /// A shipped dialect, or a file.

@@ -5,7 +5,7 @@ use super::file::ErrorFile;
 use super::packet::Layout;
 use super::template::Template;
 use super::uses::Chunk;
-use crate::protocol::scpi::DeviceError;
+use crate::scpi::DeviceError;
 use std::sync::Arc;
 
 /// How messages are told from each other.

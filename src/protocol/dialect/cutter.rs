@@ -7,7 +7,7 @@
 
 use super::packet::{Extent, Layout};
 use super::{LineEnds, WireError};
-use crate::protocol::scpi::{ErrorCode, Framer, Framing};
+use crate::scpi::{ErrorCode, Framer, Framing};
 use std::sync::Arc;
 
 /// Which way a stream runs.

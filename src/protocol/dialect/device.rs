@@ -5,8 +5,8 @@ use super::field::Field;
 use super::template::Template;
 use super::word::unmatched;
 use super::{Asked, Dialect, Direction, Event, Head, Value, WireError};
-use crate::error::Result;
-use crate::protocol::scpi::{DeviceError, ErrorCode};
+use crate::scpi::{DeviceError, ErrorCode};
+use phasmid_core::error::Result;
 
 /// A template's error as the firmware's own.
 pub(super) struct Unfit(pub(super) DeviceError);

@@ -8,7 +8,7 @@ mod packet;
 pub(super) use kind::{Kind, Unit};
 
 use super::Value;
-use crate::protocol::scpi::{DeviceError, ErrorCode};
+use crate::scpi::{DeviceError, ErrorCode};
 
 /// An argument or a value, checked.
 #[derive(Debug, Clone, PartialEq)]

@@ -4,8 +4,8 @@ use super::command::Framing;
 use super::device::{Unfit, values_of_line, whole};
 use super::field::{Field, Kind};
 use super::{Dialect, Direction, Event, Reply, Value};
-use crate::error::Result;
-use crate::protocol::scpi::{DeviceError, ErrorCode};
+use crate::scpi::{DeviceError, ErrorCode};
+use phasmid_core::error::Result;
 
 impl Dialect {
     /// A command as the host sends it, with its end.

@@ -1,6 +1,6 @@
 //! Dialects: how a device's control port talks, as a file.
 //!
-//! The device's own language is SCPI ([`crate::protocol::scpi`]). A dialect is another one in its
+//! The device's own language is SCPI ([`crate::scpi`]). A dialect is another one in its
 //! place: how bytes are cut into messages, which commands there are, which of the device's own
 //! messages each stands for, how it is answered, what is said unasked; and how a host does what a
 //! scan needs. Both halves read the same file, so the emulated device speaks it, and a physical
@@ -40,9 +40,9 @@ pub use cutter::{Cut, Cutter, Direction};
 pub use uses::{Chunk, Gather, HostUse, MAX_CHUNKED_BYTES, Operation, Step};
 pub use value::{Asked, Boot, Event, Head, Reply, Value, WireError};
 
-use crate::error::Result;
-use crate::profile::TomlSource;
 use command::{Command, Errors, Framing, LineEnds};
+use phasmid_core::error::Result;
+use phasmid_core::source::TomlSource;
 use template::Template;
 
 /// A dialect, checked.

@@ -5,7 +5,7 @@ use super::device::Unfit;
 use super::field::Field;
 use super::file::ErrorFile;
 use super::{Asked, Dialect, Direction, Head, Value, WireError};
-use crate::protocol::scpi::DeviceError;
+use crate::scpi::DeviceError;
 
 impl Dialect {
     /// The reply to a command that the firmware refuses, with the dialect's own number; empty where

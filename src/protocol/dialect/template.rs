@@ -4,7 +4,7 @@
 //! is one way to read a line and no search. Strings in quotes and blocks (IEEE 488.2, 7.7.5 and
 //! 7.7.6) say themselves where they end.
 
-use crate::protocol::scpi::{BlockPrefix, block_header};
+use crate::scpi::{BlockPrefix, block_header};
 
 /// A piece of a template.
 #[derive(Debug, Clone, PartialEq, Eq)]

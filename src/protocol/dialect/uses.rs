@@ -1,7 +1,7 @@
 //! How the host's operations are done in a dialect.
 
 use super::{Event, Value};
-use crate::error::{Error, Result};
+use phasmid_core::error::{Error, Result};
 use std::collections::BTreeMap;
 
 /// What the host uses of a device: the operations of the last table of the [guide](super).

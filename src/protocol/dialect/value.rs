@@ -1,6 +1,6 @@
 //! What is passed between a dialect and whoever uses it: values, events, and what is wrong.
 
-use crate::protocol::scpi::{DeviceError, ErrorCode};
+use crate::scpi::{DeviceError, ErrorCode};
 use std::fmt::{self, Display};
 
 /// A value of an argument or of a reply, in base units: seconds, decibels, 1 for the whole.

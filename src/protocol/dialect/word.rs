@@ -2,7 +2,7 @@
 
 use super::command::Command;
 use super::template::{Part, Template};
-use crate::protocol::scpi::{DeviceError, ErrorCode};
+use crate::scpi::{DeviceError, ErrorCode};
 use std::cmp::Ordering;
 
 /// The first word of a template, where it is one and no argument begins in it.

@@ -3,7 +3,7 @@
 use super::{
     About, Channel, Event, FILE_MAGIC, HEAD_LEN, MAX_TEXT, RECORD_LEN, RECORD_MAGIC, VERSION,
 };
-use crate::protocol::{Frame, wire};
+use crate::{Frame, wire};
 
 /// The head of a file.
 pub fn encode_head() -> [u8; HEAD_LEN] {

@@ -30,7 +30,7 @@
 //! | 3 received | bytes from the device to the client |
 //! | 4 opened | none: a client has opened the channel |
 //! | 5 left | none: the channel's last client has left |
-//! | 6 frame | a frame as on the frame socket, [`crate::protocol::wire`]: 72 bytes and the pixels |
+//! | 6 frame | a frame as on the frame socket, [`crate::wire`]: 72 bytes and the pixels |
 //! | 7 note | text: something that happened, a damaged frame or a fault that struck |
 //! | 8 cut | text: why the recording ends here while the device went on |
 //! | 9 end | none: the recording was ended in order; the last record |

@@ -4,8 +4,8 @@ use super::{
     Channel, Event, FILE_MAGIC, HEAD_LEN, MAX_BYTES, MAX_PAYLOAD, MAX_TEXT, RECORD_LEN,
     RECORD_MAGIC, Record, VERSION,
 };
-use crate::error::{Error, Result};
-use crate::protocol::wire::{self, FrameHeader};
+use crate::wire::{self, FrameHeader};
+use phasmid_core::error::{Error, Result};
 use std::fmt;
 use std::io::{ErrorKind, Read};
 use std::sync::Arc;

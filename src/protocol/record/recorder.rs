@@ -5,7 +5,7 @@
 //! goes on.
 
 use super::{About, Channel, Event, MAX_BYTES, Store, encode_head, encode_record};
-use crate::error::{Error, Result};
+use phasmid_core::error::{Error, Result};
 use std::collections::VecDeque;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;

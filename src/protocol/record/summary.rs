@@ -1,7 +1,7 @@
 //! What a recording holds, in figures.
 
 use super::{About, Channel, Damage, Event, Reader, Record};
-use crate::protocol::Frame;
+use crate::Frame;
 use serde::Serialize;
 use std::io::Read;
 

@@ -1,7 +1,7 @@
 //! Recordings that are cut, damaged, too large for the disk, or sound.
 
 use super::*;
-use crate::protocol::PixelFormat;
+use crate::PixelFormat;
 use proptest::prelude::*;
 use std::io::{self, Write};
 use std::sync::mpsc;
@@ -69,7 +69,7 @@ fn encode(events: &[(u64, Channel, Event)]) -> Vec<u8> {
 
 type Read = (Vec<(u64, Channel, Event)>, Option<Damage>);
 
-fn read(bytes: &[u8]) -> Result<Read, crate::Error> {
+fn read(bytes: &[u8]) -> Result<Read, phasmid_core::error::Error> {
     let mut reader = Reader::new(bytes, "a file")?;
     let mut found = Vec::new();
     loop {

@@ -1,7 +1,7 @@
 //! What a device tells of its inside.
 
-use crate::pattern::Pattern;
-use crate::profile::faults::{Fault, Struck};
+use crate::faults::{Fault, Struck};
+use phasmid_pattern::Pattern;
 use serde::{Deserialize, Serialize};
 
 /// How device time passes.

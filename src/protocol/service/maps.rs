@@ -1,7 +1,7 @@
 //! Maps of numbers over the pixels, and the client's side of the channel.
 
 use super::{MAX_REPLY_LINE, Reply, Request};
-use crate::error::{Error, Result};
+use phasmid_core::error::{Error, Result};
 use std::io::{Read, Write};
 
 /// Named maps of one size.

@@ -5,7 +5,7 @@ mod fields;
 mod once;
 
 use super::request::{Action, Every, Item, Placement, Request, Step, Which};
-use crate::profile::faults::{Fault, When};
+use crate::faults::{Fault, When};
 use fields::fields;
 use once::Once;
 use serde_json::{Value, json};

@@ -2,8 +2,8 @@
 
 use super::about::{Clock, DeviceAbout, FaultsAbout, FrameAbout, Objects};
 use super::{MAX_MAPS, MAX_PAYLOAD};
-use crate::error::{Error, Result};
-use crate::pattern::manifest::MAX_SIDE_PX;
+use phasmid_core::error::{Error, Result};
+use phasmid_pattern::manifest::MAX_SIDE_PX;
 use serde::{Deserialize, Serialize};
 
 /// The line that answers.

@@ -1,6 +1,6 @@
 //! Requests: what a client may ask for or do.
 
-use crate::profile::faults::Fault;
+use crate::faults::Fault;
 use serde::{Deserialize, Serialize};
 
 /// What a client asks for.
@@ -34,10 +34,10 @@ pub struct Placement {
     /// Which object, counted from 0 in the order of the scene file.
     pub object: u32,
     /// Its origin in the scene's frame in millimetres.
-    #[serde(deserialize_with = "crate::numbers::exactly")]
+    #[serde(deserialize_with = "phasmid_core::numbers::exactly")]
     pub position_mm: [f64; 3],
     /// Rotation in degrees about the fixed x, then y, then z axis.
-    #[serde(deserialize_with = "crate::numbers::exactly")]
+    #[serde(deserialize_with = "phasmid_core::numbers::exactly")]
     pub rotation_deg: [f64; 3],
 }
 
@@ -126,7 +126,7 @@ impl Request {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::profile::faults::What;
+    use crate::faults::What;
     use proptest::prelude::*;
 
     #[test]

@@ -1,6 +1,6 @@
 //! The video class: UVC 1.1 (USB Device Class Definition for Video Devices, revision 1.1).
 
-use crate::protocol::PixelFormat;
+use crate::PixelFormat;
 
 /// Class-specific requests (UVC 1.1, table A-8).
 pub mod request {

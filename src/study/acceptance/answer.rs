@@ -1,11 +1,11 @@
 //! What the rigid tracker says of a scan, against the displacement that the couch has made.
 
-use crate::host::track::{
+use glam::DVec3;
+use phasmid_report::lab::{Row, Rows};
+use phasmid_sgrt::{
     Freedom, Lost, Measured, Reference, RigidFit, RigidOptions, SixDof, Start, Warning, six,
     track_rigid,
 };
-use crate::study::lab::{Row, Rows};
-use glam::DVec3;
 
 /// Columns of the six errors, measured less true, in the order of [`six::NAMES`].
 pub(super) const ERRORS: [&str; 6] = [

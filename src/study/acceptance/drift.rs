@@ -3,17 +3,17 @@
 use super::Effort;
 use super::answer::{DEVIATIONS, ERRORS, answered, part, rms, shift_mm, track, worst};
 use super::subject::{Body, Subject};
-use crate::decode::Decoded;
-use crate::error::Result;
-use crate::host::track::{POINTS, Region, SixDof, six};
-use crate::profile::{Droop, Led, Profile};
-use crate::study::clinic::Pods;
-use crate::study::lab::{
+use crate::clinic::Pods;
+use phasmid_core::error::Result;
+use phasmid_decode::Decoded;
+use phasmid_profile::{Droop, Led, Profile};
+use phasmid_report::lab::{
     Block, Chart, Check, Context, Figure, Look, Row, Rows, Section, Series, Settings, Table, Trial,
 };
+use phasmid_sgrt::{POINTS, Region, SixDof, six};
 
 /// A pixel whose scans spread by more, in millimetres, is a gross error.
-const GROSS_MM: f64 = crate::measure::GROSS_MM;
+const GROSS_MM: f64 = phasmid_measure::GROSS_MM;
 /// A light-emitting diode of a projector: junction, board and heat sink cost a quarter of its light
 /// (ours; data sheets of high-power green ones have 10 to 30 % at a junction of 85 degrees).
 const RISE_US: f64 = 5.0;

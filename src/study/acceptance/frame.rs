@@ -5,16 +5,16 @@ use super::Effort;
 use super::answer::{answered, doubted, part, rms, shift_mm, track, turn_deg, worst};
 use super::known::BAR;
 use super::subject::{Body, Subject, everywhere, time_ns};
-use crate::calibrate::poses::{Wanted, poses};
-use crate::calibrate::rig::{Task, calibrate, place};
-use crate::calibrate::solve::Choice;
-use crate::error::{Error, Result};
-use crate::geometry::{Board, MeshTree, Pose, Rig};
-use crate::host::track::{POINTS, Reference, Region, SixDof};
-use crate::profile::{Profile, RigPlace, Scene, Shape};
-use crate::study::boards::{seen_in, shown_to};
-use crate::study::clinic::{Pod, Pods};
-use crate::study::lab::{Block, Check, Context, Row, Rows, Section, Settings, Table, Trial};
+use crate::boards::{seen_in, shown_to};
+use crate::clinic::{Pod, Pods};
+use phasmid_calibrate::poses::{Wanted, poses};
+use phasmid_calibrate::rig::{Task, calibrate, place};
+use phasmid_calibrate::solve::Choice;
+use phasmid_core::error::{Error, Result};
+use phasmid_geometry::{Board, MeshTree, Pose, Rig};
+use phasmid_profile::{Profile, RigPlace, Scene, Shape};
+use phasmid_report::lab::{Block, Check, Context, Row, Rows, Section, Settings, Table, Trial};
+use phasmid_sgrt::{POINTS, Reference, Region, SixDof};
 
 /// The room with the board by which pods are located.
 const BOARD_ROOM: &str = "treatment-room-board";

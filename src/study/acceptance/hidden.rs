@@ -4,10 +4,10 @@ use super::Effort;
 use super::answer::{ERRORS, answered, part, rms, shift_mm, track, turn_deg, worst};
 use super::known::TOLERANCE;
 use super::subject::{Body, Subject};
-use crate::error::Result;
-use crate::host::track::{POINTS, Region, SixDof};
-use crate::study::clinic::Pods;
-use crate::study::lab::{Block, Check, Context, Row, Rows, Section, Settings, Table, Trial};
+use crate::clinic::Pods;
+use phasmid_core::error::Result;
+use phasmid_report::lab::{Block, Check, Context, Row, Rows, Section, Settings, Table, Trial};
+use phasmid_sgrt::{POINTS, Region, SixDof};
 
 /// The gantry angle in degrees at which the head is under the couch, so that it hides nothing.
 const AWAY_DEG: f64 = 180.0;

@@ -3,13 +3,13 @@
 use super::Effort;
 use super::answer::{part, track, worst};
 use super::subject::{Body, Subject};
-use crate::error::Result;
-use crate::host::track::{
+use crate::clinic::Pods;
+use phasmid_core::error::Result;
+use phasmid_profile::{Keyframe, Motion, Shape};
+use phasmid_report::lab::{Block, Check, Context, Row, Rows, Section, Settings, Table, Trial};
+use phasmid_sgrt::{
     Beam, Hold, HoldRules, POINTS, Quantity, Reading, RigidOptions, Start, track_rigid,
 };
-use crate::profile::{Keyframe, Motion, Shape};
-use crate::study::clinic::Pods;
-use crate::study::lab::{Block, Check, Context, Row, Rows, Section, Settings, Table, Trial};
 
 /// The jump upwards and the tolerance, in millimetres.
 const JUMP_MM: f64 = 5.0;

@@ -5,12 +5,12 @@ use super::answer::{
     DEVIATIONS, ERRORS, answered, doubted, part, rms, shift_mm, since, track, turn_deg, worst,
 };
 use super::subject::{Body, Subject, time_ns};
-use crate::error::Result;
-use crate::host::track::{POINTS, SixDof, six};
-use crate::study::clinic::Pods;
-use crate::study::lab::{
+use crate::clinic::Pods;
+use phasmid_core::error::Result;
+use phasmid_report::lab::{
     Block, Chart, Check, Context, Figure, Look, Row, Rows, Section, Series, Settings, Table, Trial,
 };
+use phasmid_sgrt::{POINTS, SixDof, six};
 
 /// What the tracker has to keep of a still torso: millimetres of its place, degrees of its angles.
 pub(super) const BAR: [f64; 2] = [0.1, 0.05];

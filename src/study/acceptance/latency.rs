@@ -2,12 +2,12 @@
 
 use super::answer::part;
 use super::{Effort, hold};
-use crate::error::Result;
-use crate::host::Captured;
-use crate::host::track::{Follower, Measured, POINTS, Region, Sight};
-use crate::study::clinic::{InRoom, Pod, Pods};
-use crate::study::lab::{Block, Check, Context, Row, Rows, Section, Settings, Table, Trial};
-use crate::study::timing::quantile;
+use crate::clinic::{InRoom, Pod, Pods};
+use crate::timing::quantile;
+use phasmid_core::error::Result;
+use phasmid_host::Captured;
+use phasmid_report::lab::{Block, Check, Context, Row, Rows, Section, Settings, Table, Trial};
+use phasmid_sgrt::{Follower, Measured, POINTS, Region, Sight};
 
 /// Milliseconds that the host may take from the last frame to the pose, and for each scan in a row.
 const HOST_MS: f64 = 250.0;

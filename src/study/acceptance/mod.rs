@@ -23,9 +23,9 @@ mod tones;
 mod words;
 
 use super::clinic::binned;
-use super::lab::{Document, Folder, Rows, Settings, Study, Trial};
-use crate::error::Result;
-use crate::profile::Profile;
+use phasmid_core::error::Result;
+use phasmid_profile::Profile;
+use phasmid_report::lab::{Document, Folder, Rows, Settings, Study, Trial};
 
 /// The study.
 pub struct Acceptance;

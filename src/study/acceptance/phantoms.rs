@@ -4,12 +4,12 @@ use super::Effort;
 use super::answer::{answered, part, track, worst};
 use super::known::BAR;
 use super::subject::{Body, Subject, time_ns};
-use crate::error::Result;
-use crate::geometry::Pose;
-use crate::host::track::{POINTS, Reference, RigidFit, SixDof};
-use crate::study::clinic::Pods;
-use crate::study::lab::{Block, Check, Context, Row, Rows, Section, Settings, Table, Trial};
+use crate::clinic::Pods;
 use glam::DVec3;
+use phasmid_core::error::Result;
+use phasmid_geometry::Pose;
+use phasmid_report::lab::{Block, Check, Context, Row, Rows, Section, Settings, Table, Trial};
+use phasmid_sgrt::{POINTS, Reference, RigidFit, SixDof};
 
 /// The bodies, and the motions that leave each as it is.
 const BODIES: [(Body, &str); 3] = [

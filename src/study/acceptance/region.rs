@@ -6,12 +6,12 @@ use super::answer::{
 };
 use super::known::TOLERANCE;
 use super::subject::{Body, Subject, everywhere, time_ns};
-use crate::error::Result;
-use crate::host::track::{POINTS, Reference, Region, SixDof};
-use crate::study::clinic::Pods;
-use crate::study::lab::{
+use crate::clinic::Pods;
+use phasmid_core::error::Result;
+use phasmid_report::lab::{
     Block, Chart, Check, Context, Figure, Look, Row, Rows, Section, Series, Settings, Table, Trial,
 };
+use phasmid_sgrt::{POINTS, Reference, Region, SixDof};
 
 pub(super) fn trials(settings: &Settings) -> Vec<Trial> {
     let effort = Effort::of(settings);

@@ -1,12 +1,13 @@
 //! What lies on the couch: a rigid torso, a patient who holds the breath, plain bodies; and the way
 //! that the couch takes it.
 
-use crate::error::Result;
-use crate::geometry::{Mesh, Pose, shapes};
-use crate::host::track::{Reference, Region, SixDof};
-use crate::patient::phantom::{Day, Phantom, REFERENCE_PHASE, SKIN_TRIANGLES};
-use crate::profile::{Keyframe, Motion, Object, Scene, Shape, Skin};
 use glam::{DVec2, DVec3};
+use phasmid_core::error::Result;
+use phasmid_geometry::{Mesh, Pose, shapes};
+use phasmid_phantom::tissue::Skin;
+use phasmid_phantom::{Day, Phantom, REFERENCE_PHASE, SKIN_TRIANGLES};
+use phasmid_profile::{Keyframe, Motion, Object, Scene, Shape};
+use phasmid_sgrt::{Reference, Region, SixDof};
 
 /// The room; its first object is the couch, its second one the patient.
 const ROOM: &str = "treatment-room";
@@ -286,7 +287,7 @@ fn region(body: Body) -> Region {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::MeshTree;
+    use phasmid_geometry::MeshTree;
 
     #[test]
     fn the_couch_takes_the_subject_along() {

@@ -4,8 +4,8 @@ use super::answer::part;
 use super::known::{BAR, TOLERANCE, worst_of_torso};
 use super::published::{self, Published};
 use super::{drift, frame, hidden, hold, tones};
-use crate::measure::plot::figures;
-use crate::study::lab::{Block, Rows, Section, Table};
+use phasmid_report::lab::{Block, Rows, Section, Table};
+use phasmid_report::plot::figures;
 
 pub(super) fn section(rows: &Rows) -> Section {
     Section {

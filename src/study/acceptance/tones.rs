@@ -4,10 +4,10 @@ use super::Effort;
 use super::answer::{answered, part, rms, shift_mm, since, track, turn_deg, worst};
 use super::known::TOLERANCE;
 use super::subject::{Body, Subject, everywhere, time_ns};
-use crate::error::Result;
-use crate::host::track::{POINTS, SixDof};
-use crate::study::clinic::Pods;
-use crate::study::lab::{Block, Check, Context, Row, Rows, Section, Settings, Table, Trial};
+use crate::clinic::Pods;
+use phasmid_core::error::Result;
+use phasmid_report::lab::{Block, Check, Context, Row, Rows, Section, Settings, Table, Trial};
+use phasmid_sgrt::{POINTS, SixDof};
 
 pub(super) fn trials(settings: &Settings) -> Vec<Trial> {
     let effort = Effort::of(settings);

@@ -1,12 +1,12 @@
 //! A generated patient on the couch: what planning knows, and the truth at any moment.
 
-use crate::error::{Error, Result};
-use crate::geometry::{Mesh, Pose};
-use crate::host::track::{ModelOptions, Planned, Region, room_from_patient};
-use crate::patient::phantom::{Day, Patient, Phantom, State};
-use crate::patient::planning::Planning;
-use crate::profile::{Scene, Shape};
 use glam::DVec3;
+use phasmid_core::error::{Error, Result};
+use phasmid_geometry::{Mesh, Pose};
+use phasmid_phantom::{Day, Patient, Phantom, State};
+use phasmid_planning::planning::Planning;
+use phasmid_profile::{Scene, Shape};
+use phasmid_sgrt::{ModelOptions, Planned, Region, room_from_patient};
 use std::path::Path;
 
 /// Distance of the voxels of the displacement fields in millimetres.

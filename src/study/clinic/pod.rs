@@ -1,17 +1,18 @@
 //! One pod: its frames at a device time, decoded into what it measures.
 
-use crate::decode::{Decoded, FrameStack, Options, SparseDecoder};
-use crate::emulator::led::{Model, Source};
-use crate::emulator::render;
-use crate::emulator::{Firmware, Renderer, Shot, Truth};
-use crate::error::Result;
-use crate::geometry::{Pose, Rig};
-use crate::host::track::{Measured, PIXELS};
-use crate::pattern::Pattern;
-use crate::profile::{Profile, RigPlace, Scene};
-use crate::protocol::PixelFormat;
-use crate::study::scanned::{Levels, Scanned};
+use crate::scanned::{Levels, Scanned};
 use glam::DVec3;
+use phasmid_core::error::Result;
+use phasmid_decode::{Decoded, FrameStack, Options, SparseDecoder};
+use phasmid_device::Firmware;
+use phasmid_geometry::{Pose, Rig};
+use phasmid_pattern::Pattern;
+use phasmid_profile::{Profile, RigPlace, Scene};
+use phasmid_protocol::PixelFormat;
+use phasmid_render as render;
+use phasmid_render::led::{Model, Source};
+use phasmid_render::{Renderer, shot::Shot, truth::Truth};
+use phasmid_sgrt::{Measured, PIXELS};
 
 /// A pod before a scene.
 pub struct Pod {

@@ -1,10 +1,10 @@
 //! The pods of a station, whose projectors take turns.
 
 use super::pod::Pod;
-use crate::decode::Decoded;
-use crate::error::{Error, Result};
-use crate::host::track::Measured;
-use crate::profile::{Configuration, Profile, RigPlace, Scene};
+use phasmid_core::error::{Error, Result};
+use phasmid_decode::Decoded;
+use phasmid_profile::{Configuration, Profile, RigPlace, Scene};
+use phasmid_sgrt::Measured;
 
 /// The station that stands under the ceiling.
 const STATION: &str = "sgrt-ceiling";

@@ -1,12 +1,12 @@
 //! Frames of a study are those that the device's ports give.
 
 use super::{Pod, binned};
-use crate::emulator::Renderer;
-use crate::emulator::port::Port;
-use crate::host::{Captured, Intake, ScanOptions, Scanner};
-use crate::profile::faults::Schedule;
-use crate::profile::{Configuration, Profile, Scene};
-use crate::study::faults::{Desk, DeskCamera, DeskPort, Link};
+use crate::faults::{Desk, DeskCamera, DeskPort, Link};
+use phasmid_device::port::Port;
+use phasmid_host::{Captured, Intake, ScanOptions, Scanner};
+use phasmid_profile::{Configuration, Profile, Scene};
+use phasmid_protocol::faults::Schedule;
+use phasmid_render::Renderer;
 use std::cell::RefCell;
 use std::rc::Rc;
 use std::time::Duration;

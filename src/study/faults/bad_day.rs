@@ -1,6 +1,6 @@
 //! The bad days that a host is tried on: every kind of fault, at every place of a scan.
 
-use crate::profile::faults::{Direction, Fault, Schedule, Side, What, When};
+use phasmid_protocol::faults::{Direction, Fault, Schedule, Side, What, When};
 
 /// Frames or messages that [`Place::Once`] takes.
 const PLACES: u64 = 6;

@@ -2,14 +2,15 @@
 //! who waits for a frame or a reply lets device time pass, up to the timeout and no further, and
 //! gets what came by then. So nothing takes longer than its computing, and every run is the same.
 
-use crate::emulator::faults::Faults;
-use crate::emulator::port::Port;
-use crate::emulator::{Firmware, Machine, Renderer, SerialLine, State};
-use crate::error::{Error, Result};
-use crate::host::{Camera, CommandPort};
-use crate::profile::Profile;
-use crate::profile::faults::{Schedule, Struck};
-use crate::protocol::Frame;
+use phasmid_core::error::{Error, Result};
+use phasmid_device::faults::Faults;
+use phasmid_device::port::Port;
+use phasmid_device::{Firmware, Machine, SerialLine, State};
+use phasmid_host::{Camera, CommandPort};
+use phasmid_profile::Profile;
+use phasmid_protocol::Frame;
+use phasmid_protocol::faults::{Schedule, Struck};
+use phasmid_render::Renderer;
 use std::cell::RefCell;
 use std::collections::VecDeque;
 use std::rc::Rc;

@@ -1,7 +1,7 @@
 //! The matrix: every bad day in every setting, each cell a count of outcomes.
 
 use super::{BadDay, Outcome, Place, Setting, Trial};
-use crate::error::Result;
+use phasmid_core::error::Result;
 use rayon::prelude::*;
 use serde::Serialize;
 use std::fmt::Write;

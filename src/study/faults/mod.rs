@@ -30,7 +30,7 @@ pub use matrix::{Cell, Row, Table};
 pub use settings::{frames, messages};
 pub use trial::{Cloud, Outcome, Setting, Trial, Tried};
 
-use crate::error::Result;
+use phasmid_core::error::Result;
 
 /// All tables; `each` frame and message in turn, or some of them. `step` is told what is being tried.
 ///

@@ -1,8 +1,8 @@
 //! The settings of the matrix: small devices, so that a thousand scans take a minute.
 
 use super::{Link, Setting};
-use crate::error::Result;
-use crate::profile::{Profile, Scene};
+use phasmid_core::error::Result;
+use phasmid_profile::{Profile, Scene};
 
 /// Columns of the camera: as few as an embedded data line needs.
 const WIDTH_PX: u32 = 256;

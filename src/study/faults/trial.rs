@@ -1,15 +1,16 @@
 //! One scan of a device that has a bad day, and what came of it.
 
 use super::{Desk, DeskCamera, DeskPort, Link};
-use crate::decode::Options;
-use crate::emulator::port::Port;
-use crate::emulator::{Firmware, Renderer, Truth};
-use crate::error::{Error, Result};
-use crate::host::{Camera, Captured, CommandPort, Intake, Progress, ScanOptions, Scanner};
-use crate::measure::GROSS_MM;
-use crate::profile::faults::{Direction, Fault, Schedule, Side, Struck, What};
-use crate::profile::{Profile, Scene};
-use crate::protocol::dialect::Dialect;
+use phasmid_core::error::{Error, Result};
+use phasmid_decode::Options;
+use phasmid_device::Firmware;
+use phasmid_device::port::Port;
+use phasmid_host::{Camera, Captured, CommandPort, Intake, Progress, ScanOptions, Scanner};
+use phasmid_measure::GROSS_MM;
+use phasmid_profile::{Profile, Scene};
+use phasmid_protocol::dialect::Dialect;
+use phasmid_protocol::faults::{Direction, Fault, Schedule, Side, Struck, What};
+use phasmid_render::{Renderer, truth::Truth};
 use std::cell::RefCell;
 use std::rc::Rc;
 use std::sync::Arc;

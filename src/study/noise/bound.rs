@@ -11,8 +11,8 @@
 //! the phase too adds K^2 / 2 v_i^2, some ten-thousandths, which is left out). For many steps the sum is
 //! an integral, and the bound over that of least squares is sqrt((1 + sqrt(1 - m^2)) / 2).
 
-use crate::geometry::NoiseModel;
 use nalgebra::{Matrix3, Vector3};
+use phasmid_geometry::NoiseModel;
 use std::f64::consts::{PI, TAU};
 
 /// Phases over which bounds that depend on the phase are averaged: coprime to the steps.

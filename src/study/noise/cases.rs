@@ -2,8 +2,8 @@
 
 use super::phase::even_sensor;
 use super::stack::Fringe;
-use crate::error::Result;
-use crate::profile::{Profile, Sensor};
+use phasmid_core::error::Result;
+use phasmid_profile::{Profile, Sensor};
 
 /// A named fringe.
 #[derive(Debug, Clone)]

@@ -1,14 +1,14 @@
 //! Trials of depth noise: one scene scanned again and again, its pixels' spread beside the
 //! decoder's own standard deviation and beside the bound carried to depth.
 
-use crate::decode::{Decoded, Options};
-use crate::emulator::{Truth, render};
-use crate::error::Result;
-use crate::measure::GROSS_MM;
-use crate::profile::{Profile, Scene};
-use crate::study::lab::Row;
-use crate::study::scanned::Stage;
-use crate::study::score::depth_bounds;
+use crate::scanned::Stage;
+use crate::score::depth_bounds;
+use phasmid_core::error::Result;
+use phasmid_decode::{Decoded, Options};
+use phasmid_measure::GROSS_MM;
+use phasmid_profile::{Profile, Scene};
+use phasmid_render::{self as render, truth::Truth};
+use phasmid_report::lab::Row;
 
 /// What makes a pixel one that a scanner should measure.
 const WANTED: u8 = Truth::SEEN | Truth::LIT | Truth::SQUARE;

@@ -2,7 +2,9 @@
 
 use super::bound::{floor_of_many, rounded};
 use super::tables::{self, WHITE_FROM_DN, bench, of, signal_to_noise, spoken_of, values};
-use crate::study::lab::{Block, Chart, Check, Document, Figure, Look, Row, Rows, Section, Series};
+use phasmid_report::lab::{
+    Block, Chart, Check, Document, Figure, Look, Row, Rows, Section, Series,
+};
 
 /// By how much errors may exceed the bound.
 const ABOVE_BOUND: f64 = 1.05;

@@ -13,8 +13,8 @@ mod phase;
 mod stack;
 mod tables;
 
-use super::lab::{Document, Folder, Row, Rows, Settings, Study, Trial};
-use crate::error::Result;
+use phasmid_core::error::Result;
+use phasmid_report::lab::{Document, Folder, Row, Rows, Settings, Study, Trial};
 
 /// The study.
 pub struct Noise;

@@ -3,10 +3,10 @@
 
 use super::bound::{floor, least_squares, rounded, swing};
 use super::stack::{Fringe, PERIOD_PX};
-use crate::decode::{Decoded, Options};
-use crate::error::Result;
-use crate::profile::{Profile, Sensor};
-use crate::study::lab::{Context, Row};
+use phasmid_core::error::Result;
+use phasmid_decode::{Decoded, Options};
+use phasmid_profile::{Profile, Sensor};
+use phasmid_report::lab::{Context, Row};
 use std::f64::consts::TAU;
 
 /// Errors beyond a quarter of a period are gross: whole periods, and what no phase noise does.

@@ -1,13 +1,13 @@
 //! Frames of a fringe that is known, read by a profile's sensor: what the device's optics would give
 //! of a smooth surface, without optics.
 
-use crate::decode::{Decoder, FrameStack, Options};
-use crate::emulator::render::read_out;
-use crate::error::Result;
-use crate::geometry::NoiseModel;
-use crate::pattern::{Axis, Manifest, ManifestFrame, Pattern, ProjectorSize};
-use crate::profile::Sensor;
-use crate::study::scanned::Levels;
+use crate::scanned::Levels;
+use phasmid_core::error::Result;
+use phasmid_decode::{Decoder, FrameStack, Options};
+use phasmid_geometry::NoiseModel;
+use phasmid_pattern::{Axis, Manifest, ManifestFrame, Pattern, ProjectorSize};
+use phasmid_profile::Sensor;
+use phasmid_render::read_out;
 use std::f64::consts::TAU;
 
 /// Period of the fringes in projector pixels, as `pmp-bench` has them.

@@ -1,7 +1,7 @@
 //! The tables.
 
-use crate::measure::plot::figures;
-use crate::study::lab::{Row, Rows, Table};
+use phasmid_report::lab::{Row, Rows, Table};
+use phasmid_report::plot::figures;
 
 /// Fewest valid samples of a bin that is spoken of.
 pub(super) const FEWEST: f64 = 1000.0;

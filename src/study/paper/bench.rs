@@ -1,10 +1,10 @@
 //! The paper's rig and what stands before it.
 
 use super::formula::{BASE_MM, HEIGHT_MM, TOP_MM};
-use crate::error::{Error, Result};
-use crate::geometry::{Mesh, Pose, shapes};
-use crate::profile::{Focus, Profile, RigPlace, Scene, Shape};
 use glam::DVec3;
+use phasmid_core::error::{Error, Result};
+use phasmid_geometry::{Mesh, Pose, shapes};
+use phasmid_profile::{Focus, Profile, RigPlace, Scene, Shape};
 
 /// Light of the study of distances, of the bench's own: with it nothing of the trapezoid
 /// saturates at 800 mm, where with all of it the top would. It is the same at all distances.
@@ -167,7 +167,7 @@ pub fn of_object(scene: &Scene) -> Pose {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::MeshTree;
+    use phasmid_geometry::MeshTree;
 
     #[test]
     fn a_camera_that_is_cut_sees_the_same() {

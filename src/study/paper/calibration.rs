@@ -5,17 +5,17 @@ use super::figures::Target;
 use super::published::REPROJECTION_PX;
 use super::scan::Scan;
 use super::{of, three};
-use crate::calibrate::poses::{Wanted, poses};
-use crate::calibrate::rig::{Calibration, Missed, Task, calibrate};
-use crate::calibrate::solve::Choice;
-use crate::decode::{Decoder, Options};
-use crate::error::{Error, Result};
-use crate::geometry::{Board, Pose, Rig};
-use crate::measure::plot::figures;
-use crate::profile::Profile;
-use crate::study::boards::shown_to;
-use crate::study::calibration::Truth;
-use crate::study::lab::{Block, Check, Context, Row, Rows, Section, Settings, Table, Trial};
+use crate::boards::shown_to;
+use crate::calibration::Truth;
+use phasmid_calibrate::poses::{Wanted, poses};
+use phasmid_calibrate::rig::{Calibration, Missed, Task, calibrate};
+use phasmid_calibrate::solve::Choice;
+use phasmid_core::error::{Error, Result};
+use phasmid_decode::{Decoder, Options};
+use phasmid_geometry::{Board, Pose, Rig};
+use phasmid_profile::Profile;
+use phasmid_report::lab::{Block, Check, Context, Row, Rows, Section, Settings, Table, Trial};
+use phasmid_report::plot::figures;
 
 /// Poses of the full form, which are the paper's, and of the quick one.
 const POSES: usize = 20;

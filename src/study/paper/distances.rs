@@ -6,11 +6,11 @@ use super::formula::{MEASURED_AT_MM, mean_over_base, mean_over_section, with_f0_
 use super::published::DISTANCES;
 use super::scan::{Scan, with_f0_of};
 use super::{of, percent, three};
-use crate::error::Result;
-use crate::measure::plot::figures;
-use crate::study::lab::{
+use phasmid_core::error::Result;
+use phasmid_report::lab::{
     Block, Chart, Check, Context, Figure, Look, Row, Rows, Section, Series, Settings, Table, Trial,
 };
+use phasmid_report::plot::figures;
 
 const TRIANGULATION: &str = "triangulation";
 const HELD: &str = "height, f0 held";

@@ -1,11 +1,11 @@
 //! Errors of a measured surface as the paper reports them: MAE, CMAE, HD, MDTA.
 
-use crate::emulator::Truth;
-use crate::error::Result;
-use crate::geometry::{Cloud, Mesh, MeshTree, Neighbours, Rig};
-use crate::measure::{Directed, GROSS_MM, Surface, lit_and_seen};
-use crate::study::lab::Row;
 use glam::{DVec2, DVec3};
+use phasmid_core::error::Result;
+use phasmid_geometry::{Cloud, Mesh, MeshTree, Neighbours, Rig};
+use phasmid_measure::{Directed, GROSS_MM, Surface, lit_and_seen};
+use phasmid_render::truth::Truth;
+use phasmid_report::lab::Row;
 use rayon::prelude::*;
 
 /// Points tried over the area of the true surface.
@@ -212,7 +212,7 @@ impl Target {
         let there = Directed::of(to.collect());
         let perfect = Neighbours::new(&cloud(&truth.depth_mm).points);
         let nearest = Neighbours::new(&points.points);
-        let surface = Surface::new(&crate::measure::Truth::Cloud(points))?;
+        let surface = Surface::new(&phasmid_measure::Truth::Cloud(points))?;
         let feet = surface.closest_batch(&self.samples);
         let back = Directed::of(feet.iter().flatten().map(|foot| foot.distance_mm).collect());
         let surface = match (there, back) {
@@ -261,7 +261,7 @@ fn gross_kinds<'a>(pixels: impl Iterator<Item = &'a usize>, truth: &Truth) -> [u
 mod tests {
     use super::super::bench::{bench, surface, trapezoid};
     use super::*;
-    use crate::emulator::Renderer;
+    use phasmid_render::Renderer;
 
     /// Mean distance from anywhere on a plane to the nearest point of a square lattice, over the
     /// lattice's spacing: the mean of sqrt(x^2 + y^2) over the unit square about the origin.

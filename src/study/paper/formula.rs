@@ -67,10 +67,10 @@ fn simpson(f: impl Fn(f64) -> f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::calibrate::height::{Given, Mapping};
-    use crate::pattern::Axis;
-    use crate::profile::Profile;
     use glam::DVec2;
+    use phasmid_calibrate::height::{Given, Mapping};
+    use phasmid_pattern::Axis;
+    use phasmid_profile::Profile;
 
     /// Summed over a grid of the base, and along its middle.
     #[test]

@@ -5,8 +5,8 @@ use super::figures::Target;
 use super::published::DISTANCES;
 use super::scan::Scan;
 use super::{of, three};
-use crate::error::{Error, Result};
-use crate::study::lab::{
+use phasmid_core::error::{Error, Result};
+use phasmid_report::lab::{
     Block, Chart, Context, Figure, Folder, Look, Row, Rows, Section, Series, Settings, Table, Trial,
 };
 

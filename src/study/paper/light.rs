@@ -5,12 +5,12 @@ use super::figures::Target;
 use super::published::LIGHT;
 use super::scan::Scan;
 use super::{of, percent, three};
-use crate::calibrate::height::Mapping;
-use crate::emulator::Truth;
-use crate::error::Result;
-use crate::pattern::{Axis, Pattern};
-use crate::profile::{Glare, Profile, Scene};
-use crate::study::lab::{Block, Context, Row, Rows, Section, Settings, Table, Trial};
+use phasmid_calibrate::height::Mapping;
+use phasmid_core::error::Result;
+use phasmid_pattern::{Axis, Pattern};
+use phasmid_profile::{Glare, Profile, Scene};
+use phasmid_render::truth::Truth;
+use phasmid_report::lab::{Block, Context, Row, Rows, Section, Settings, Table, Trial};
 use std::f64::consts::TAU;
 
 /// Levels of light: the projector's, relative to the bench's own, or the room's in W/m^2.

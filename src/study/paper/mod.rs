@@ -3,7 +3,7 @@
 //! Wu et al. scan a square frustum, the trapezoid, at five distances and a torso from three sides in
 //! a game engine, and turn phases into heights with one formula. Here the same is scanned by the
 //! emulated bench, and decoded both ways: by triangulation and by their formula
-//! ([`crate::calibrate::height`]), whose fringe frequency f0 is held at what it is at 1000 mm or
+//! ([`phasmid_calibrate::height`]), whose fringe frequency f0 is held at what it is at 1000 mm or
 //! measured anew. `formula` says in closed form what holding it does.
 
 mod bench;
@@ -20,9 +20,9 @@ mod scan;
 mod views;
 mod words;
 
-use super::lab::{Document, Folder, Row, Rows, Settings, Study, Trial};
-use crate::error::Result;
 use figures::Figures;
+use phasmid_core::error::Result;
+use phasmid_report::lab::{Document, Folder, Row, Rows, Settings, Study, Trial};
 
 /// The study.
 pub struct Paper;
@@ -119,7 +119,7 @@ fn of<'a>(rows: &'a Rows, trials: &'a str) -> impl Iterator<Item = &'a Row> {
 
 /// A number in three figures.
 fn three(value: f64) -> String {
-    crate::measure::plot::figures(value, 3)
+    phasmid_report::plot::figures(value, 3)
 }
 
 /// A share in per cent, to a hundredth of it.

@@ -6,11 +6,11 @@ use super::formula::TOP_MM;
 use super::published::PARTS;
 use super::scan::Scan;
 use super::{of, percent, three};
-use crate::emulator::Truth;
-use crate::error::Result;
-use crate::measure::Directed;
-use crate::study::lab::{Block, Context, Row, Rows, Section, Settings, Table, Trial};
 use glam::DVec3;
+use phasmid_core::error::Result;
+use phasmid_measure::Directed;
+use phasmid_render::truth::Truth;
+use phasmid_report::lab::{Block, Context, Row, Rows, Section, Settings, Table, Trial};
 
 /// Heights in mm at which the trapezoid is cut.
 const CUTS_MM: [f64; 2] = [20.0, 70.0];

@@ -2,11 +2,11 @@
 
 use super::bench::{View, around_torso, around_trapezoid, bench, torso, trapezoid};
 use super::scan::Scan;
-use crate::error::{Error, Result};
-use crate::profile::Scene;
-use crate::study::lab::{Block, Context, Picture, Row, Section, Settings, Trial};
-use crate::study::report::overview;
+use crate::report::overview;
 use image::{GrayImage, ImageFormat};
+use phasmid_core::error::{Error, Result};
+use phasmid_profile::Scene;
+use phasmid_report::lab::{Block, Context, Picture, Row, Section, Settings, Trial};
 use std::io::Cursor;
 
 const NAMES: [&str; 2] = ["trapezoid", "torso"];

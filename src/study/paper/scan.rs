@@ -1,13 +1,13 @@
 //! One scan of the bench, and the ways from it to depths.
 
-use crate::calibrate::height::{Given, Mapping};
-use crate::decode::{AxisMap, Decoded, Options};
-use crate::emulator::{Truth, render};
-use crate::error::{Error, Result};
-use crate::geometry::Rig;
-use crate::pattern::{Axis, finest_fringe};
-use crate::profile::{Profile, Scene};
-use crate::study::scanned::{Levels, Scanned, Stage};
+use crate::scanned::{Levels, Scanned, Stage};
+use phasmid_calibrate::height::{Given, Mapping};
+use phasmid_core::error::{Error, Result};
+use phasmid_decode::{AxisMap, Decoded, Options};
+use phasmid_geometry::Rig;
+use phasmid_pattern::{Axis, finest_fringe};
+use phasmid_profile::{Profile, Scene};
+use phasmid_render::{self as render, truth::Truth};
 
 /// A scan with what was decoded of it and the truth.
 pub struct Scan {

@@ -5,8 +5,8 @@ use super::figures::Target;
 use super::published::VIEWS;
 use super::scan::Scan;
 use super::{of, percent, three};
-use crate::error::Result;
-use crate::study::lab::{Block, Check, Context, Row, Rows, Section, Settings, Table, Trial};
+use phasmid_core::error::Result;
+use phasmid_report::lab::{Block, Check, Context, Row, Rows, Section, Settings, Table, Trial};
 
 const CASES: [(&str, View); 3] = [
     ("left, 45 degrees", View::Left),

@@ -1,6 +1,6 @@
 //! What the study says at its head.
 
-use crate::study::lab::{Block, Section, Settings};
+use phasmid_report::lab::{Block, Section, Settings};
 
 /// What was done, and what is ours.
 pub(super) fn section(settings: &Settings) -> Section {

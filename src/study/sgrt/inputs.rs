@@ -1,21 +1,21 @@
 //! What the tracker gets: skins from ideal to scanned, one term between each and the next.
 
-use crate::decode::Decoded;
-use crate::emulator::Truth;
-use crate::emulator::render::Term;
-use crate::error::Result;
-use crate::host::track::{Measured, POINTS, Region};
-use crate::profile::Profile;
-use crate::study::clinic::{InRoom, Moment, Pods, binned};
-use crate::study::draws::Draws;
+use crate::clinic::{InRoom, Moment, Pods, binned};
+use crate::draws::Draws;
 use glam::DVec3;
+use phasmid_core::error::Result;
+use phasmid_decode::Decoded;
+use phasmid_profile::Profile;
+use phasmid_render::Term;
+use phasmid_render::truth::Truth;
+use phasmid_sgrt::{Measured, POINTS, Region};
 
 /// Deviation that the tracker is told of points that have no noise, in millimetres.
 const IDEAL_SIGMA_MM: f64 = 0.1;
 /// The paper's noise, in millimetres along each axis.
 pub(super) const NOISE_MM: f64 = 0.5;
 /// A pixel that is farther off is a gross error.
-const GROSS_MM: f64 = crate::measure::GROSS_MM;
+const GROSS_MM: f64 = phasmid_measure::GROSS_MM;
 
 /// One skin.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

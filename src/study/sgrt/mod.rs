@@ -18,9 +18,9 @@ mod terms;
 mod trial;
 mod words;
 
-use super::lab::{Block, Document, Folder, Row, Rows, Section, Settings, Study, Trial};
-use crate::error::Result;
-use crate::patient::phantom::patient_names;
+use phasmid_core::error::Result;
+use phasmid_phantom::patient_names;
+use phasmid_report::lab::{Block, Document, Folder, Row, Rows, Section, Settings, Study, Trial};
 
 /// The study.
 pub struct Sgrt;

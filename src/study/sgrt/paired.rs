@@ -1,7 +1,7 @@
 //! Means of patients and of differences between pairs of inputs, with intervals.
 
 use super::of;
-use crate::study::lab::Rows;
+use phasmid_report::lab::Rows;
 
 /// Two-sided 95 % points of Student's distribution with 1 to 14 degrees of freedom (any table).
 const STUDENT: [f64; 14] = [
@@ -71,7 +71,7 @@ pub(super) fn difference(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::study::lab::Row;
+    use phasmid_report::lab::Row;
 
     #[test]
     fn an_interval_is_that_of_students_distribution() {

@@ -1,12 +1,14 @@
 //! One patient over a breath, scan after scan: where the tumour was and where it was said to be.
 
 use super::{Effort, SIZE_PX, of};
-use crate::error::Result;
-use crate::geometry::Pose;
-use crate::host::track::{FitOptions, MotionState, MotionTracker, POINTS, Region};
-use crate::study::clinic::{InRoom, Pods, binned};
-use crate::study::lab::{Block, Chart, Context, Figure, Look, Row, Rows, Series, Settings, Trial};
+use crate::clinic::{InRoom, Pods, binned};
 use glam::DVec3;
+use phasmid_core::error::Result;
+use phasmid_geometry::Pose;
+use phasmid_report::lab::{
+    Block, Chart, Context, Figure, Look, Row, Rows, Series, Settings, Trial,
+};
+use phasmid_sgrt::{FitOptions, MotionState, MotionTracker, POINTS, Region};
 
 /// Device time of the first scan in seconds.
 const BEGIN_S: f64 = 60.0;

@@ -1,13 +1,13 @@
 //! A patient under fringes, the scanned surface and its error.
 
 use super::SIZE_PX;
-use crate::error::{Error, Result};
-use crate::host::track::Region;
-use crate::study::clinic::{InRoom, Pods, binned};
-use crate::study::lab::{Block, Context, Picture, Row, Settings, Trial};
-use crate::study::report::overview;
-use crate::study::scanned::Levels;
+use crate::clinic::{InRoom, Pods, binned};
+use crate::report::overview;
+use crate::scanned::Levels;
 use image::{GrayImage, ImageFormat};
+use phasmid_core::error::{Error, Result};
+use phasmid_report::lab::{Block, Context, Picture, Row, Settings, Trial};
+use phasmid_sgrt::Region;
 use std::io::Cursor;
 
 const FILE: &str = "sgrt-patient.png";

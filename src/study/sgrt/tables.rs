@@ -2,8 +2,8 @@
 
 use super::paired::{Spread, difference, values};
 use super::published;
-use crate::measure::plot::figures;
-use crate::study::lab::{Block, Chart, Check, Figure, Look, Rows, Series, Table};
+use phasmid_report::lab::{Block, Chart, Check, Figure, Look, Rows, Series, Table};
+use phasmid_report::plot::figures;
 
 /// The deviation that is stated may be too small by so much, for two patients tell little of it.
 const MOST_OVER_DEVIATION: f64 = 2.0;

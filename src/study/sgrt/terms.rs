@@ -2,8 +2,8 @@
 
 use super::paired::{Spread, difference, values};
 use super::tables::interval;
-use crate::study::lab::{Block, Rows, Table};
 use glam::DVec3;
+use phasmid_report::lab::{Block, Rows, Table};
 
 /// A term: its name, the input with it and the input without it.
 const TERMS: [(&str, &str, &str); 6] = [

@@ -2,13 +2,13 @@
 
 use super::inputs::{Input, Scanners, Skin};
 use super::{Effort, SIZE_PX};
-use crate::error::Result;
-use crate::geometry::Pose;
-use crate::host::track::{FitOptions, MotionState, MotionTracker, Planned, Region};
-use crate::measure::{OVERLAP_COLUMNS, overlap};
-use crate::study::clinic::{InRoom, Moment};
-use crate::study::draws::Draws;
-use crate::study::lab::{Context, Row};
+use crate::clinic::{InRoom, Moment};
+use crate::draws::Draws;
+use phasmid_core::error::Result;
+use phasmid_geometry::Pose;
+use phasmid_measure::{OVERLAP_COLUMNS, overlap};
+use phasmid_report::lab::{Context, Row};
+use phasmid_sgrt::{FitOptions, MotionState, MotionTracker, Planned, Region};
 
 /// When treatment begins, in seconds of device time: set-up and drift have come.
 const BEGIN_S: f64 = 60.0;

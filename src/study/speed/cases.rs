@@ -1,14 +1,15 @@
 //! The passes that are timed, each with what it works on and the bytes that it touches.
 
-use crate::decode::{Decoded, Options as DecodeOptions};
-use crate::emulator::render::{Options, Renderer};
-use crate::emulator::{Firmware, Shot, Slide};
-use crate::error::{Error, Result};
-use crate::geometry::raycast::Bvh;
-use crate::geometry::{Mesh, ply, shapes};
-use crate::profile::{Deform, Focus, Interreflection, Keyframe, MeshKeyframe, Motion};
-use crate::profile::{Profile, Scene};
-use crate::study::scanned::Stage;
+use crate::scanned::Stage;
+use phasmid_core::error::{Error, Result};
+use phasmid_decode::{Decoded, Options as DecodeOptions};
+use phasmid_device::Firmware;
+use phasmid_geometry::raycast::Bvh;
+use phasmid_geometry::{Mesh, ply, shapes};
+use phasmid_profile::{Deform, Focus, Interreflection, Keyframe, MeshKeyframe, Motion};
+use phasmid_profile::{Profile, Scene};
+use phasmid_render::{Options, Renderer};
+use phasmid_render::{shot::Shot, slide::Slide};
 use std::hint::black_box;
 use std::path::Path;
 

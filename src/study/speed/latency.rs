@@ -3,10 +3,10 @@
 //! the camera has given the frame with that pattern.
 
 use super::links::{Talk, bytes, in_turns, over, patterns, profile, row};
-use crate::error::Result;
-use crate::profile::Scene;
-use crate::study::lab::{Context, Row, Settings, Trial};
-use crate::study::timing::{Stopwatch, quantile};
+use crate::timing::{Stopwatch, quantile};
+use phasmid_core::error::Result;
+use phasmid_profile::Scene;
+use phasmid_report::lab::{Context, Row, Settings, Trial};
 
 /// Rounds over the links, and triggers of a link in each.
 const ROUNDS: [usize; 2] = [5, 220];

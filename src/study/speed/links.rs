@@ -8,20 +8,20 @@
 use super::passes::bench;
 #[cfg(target_os = "linux")]
 use super::served::{Exit, Served};
-use crate::emulator::Renderer;
-use crate::emulator::port::Port;
-use crate::error::{Error, Result};
-use crate::host::{Camera, CommandPort, Instrument, Intake};
+use crate::faults::{Desk, DeskCamera, DeskPort, Link as Carried};
+use phasmid_core::error::{Error, Result};
+use phasmid_device::port::Port;
+use phasmid_host::{Camera, CommandPort, Instrument, Intake};
 #[cfg(target_os = "linux")]
-use crate::host::{
+use phasmid_host::{
     Capture, SerialPort, open_camera,
     usb::{UsbAddress, UsbCamera, UsbDevice, UsbPort},
 };
-use crate::profile::faults::Schedule;
-use crate::profile::{Profile, Scene};
-use crate::protocol::Frame;
-use crate::study::faults::{Desk, DeskCamera, DeskPort, Link as Carried};
-use crate::study::lab::{Context, Row, Settings, Trial};
+use phasmid_profile::{Profile, Scene};
+use phasmid_protocol::Frame;
+use phasmid_protocol::faults::Schedule;
+use phasmid_render::Renderer;
+use phasmid_report::lab::{Context, Row, Settings, Trial};
 use std::cell::RefCell;
 use std::rc::Rc;
 #[cfg(target_os = "linux")]

@@ -12,8 +12,8 @@ mod passes;
 mod served;
 mod throughput;
 
-use super::lab::{Document, Folder, Rows, Settings, Study, Trial};
-use crate::error::Result;
+use phasmid_core::error::Result;
+use phasmid_report::lab::{Document, Folder, Rows, Settings, Study, Trial};
 
 /// The study.
 pub struct Speed;

@@ -3,12 +3,12 @@
 
 use super::cases::lit_all_over;
 use super::passes::bench;
-use crate::decode::{Decoded, Options as DecodeOptions};
-use crate::emulator::render::Options;
-use crate::error::{Error, Result};
-use crate::profile::{Profile, Scene};
-use crate::study::lab::{Context, Row, Settings, Trial};
-use crate::study::scanned::Stage;
+use crate::scanned::Stage;
+use phasmid_core::error::{Error, Result};
+use phasmid_decode::{Decoded, Options as DecodeOptions};
+use phasmid_profile::{Profile, Scene};
+use phasmid_render::Options;
+use phasmid_report::lab::{Context, Row, Settings, Trial};
 use std::hint::black_box;
 use std::rc::Rc;
 

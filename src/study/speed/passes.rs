@@ -2,11 +2,12 @@
 //! and wander, the ratio less so.
 
 use super::cases::{NAMES, case};
-use crate::emulator::render::{Backend, Options, gpu::adapters};
-use crate::emulator::{Firmware, Renderer, Shot};
-use crate::error::Result;
-use crate::profile::{Profile, Scene};
-use crate::study::lab::{Context, Row, Settings, Trial};
+use phasmid_core::error::Result;
+use phasmid_device::Firmware;
+use phasmid_profile::{Profile, Scene};
+use phasmid_render::{Backend, Options, gpu::adapters};
+use phasmid_render::{Renderer, shot::Shot};
+use phasmid_report::lab::{Context, Row, Settings, Trial};
 use std::hint::black_box;
 
 /// A trial for each pass, and one for the GPU.

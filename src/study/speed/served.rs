@@ -2,17 +2,18 @@
 //! of its own, its USB side on another.
 
 use super::links::Missing;
-use crate::emulator::faults::Faults;
-use crate::emulator::port::Port;
-use crate::emulator::{Firmware, Machine, Renderer, SerialLine};
-use crate::error::{Error, Result};
-use crate::host::monotonic_ns;
-use crate::link::usb::{Binding, Nodes, UsbDevice, UsbServer, attach};
-use crate::link::{Device, RunDir, Stage, Timeline, UsbLink, VideoOutput, serve};
-use crate::profile::faults::Schedule;
-use crate::profile::{Profile, Scene};
-use crate::protocol::Endpoints;
-use crate::protocol::service::ClockPace;
+use phasmid_core::error::{Error, Result};
+use phasmid_device::faults::Faults;
+use phasmid_device::link::usb::{Binding, Nodes, UsbDevice, UsbServer, attach};
+use phasmid_device::link::{Device, RunDir, Stage, Timeline, UsbLink, VideoOutput, serve};
+use phasmid_device::port::Port;
+use phasmid_device::{Firmware, Machine, SerialLine};
+use phasmid_host::monotonic_ns;
+use phasmid_profile::{Profile, Scene};
+use phasmid_protocol::Endpoints;
+use phasmid_protocol::faults::Schedule;
+use phasmid_protocol::service::ClockPace;
+use phasmid_render::Renderer;
 use std::path::Path;
 use std::sync::mpsc;
 use std::thread::JoinHandle;

@@ -4,10 +4,10 @@
 //! the row of the device in memory.
 
 use super::links::{Link, TIMEOUT, Talk, bytes, in_turns, over, patterns, profile, row};
-use crate::error::{Error, Result};
-use crate::profile::Scene;
-use crate::study::lab::{Context, Row, Settings, Trial};
-use crate::study::timing::{Spread, Stopwatch};
+use crate::timing::{Spread, Stopwatch};
+use phasmid_core::error::{Error, Result};
+use phasmid_profile::Scene;
+use phasmid_report::lab::{Context, Row, Settings, Trial};
 use std::time::Duration;
 
 /// A camera of which nothing came for so long has no more frames.

@@ -2,10 +2,10 @@
 
 use super::case::{Case, worse};
 use super::rays::{EPS, ROUNDINGS, WIDTH, rig};
-use crate::calibrate::{Measured, Triangulator};
-use crate::error::Result;
-use crate::geometry::Lens;
 use glam::{DVec2, DVec3};
+use phasmid_core::error::Result;
+use phasmid_decode::triangulate::{Measured, Triangulator};
+use phasmid_geometry::Lens;
 
 /// Depth by both coordinates, and by columns alone, where a projector's lens bends.
 pub(super) fn distorted() -> Result<Vec<Case>> {

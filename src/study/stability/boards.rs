@@ -2,16 +2,16 @@
 
 use super::case::Case;
 use super::sweep::{Group, Sweep};
-use crate::calibrate::board::{Lit, Sighting};
-use crate::calibrate::solve::{
+use crate::draws::Draws;
+use glam::{DMat2, DMat3, DVec2, DVec3};
+use phasmid_calibrate::board::{Lit, Sighting};
+use phasmid_calibrate::solve::{
     Choice, Coefficients, PoseSightings, Solution, Unsolved, chi_square_bound, solve,
 };
-use crate::error::Result;
-use crate::geometry::{Board, Pose, Rig};
-use crate::profile::Profile;
-use crate::study::draws::Draws;
-use crate::study::lab::Context;
-use glam::{DMat2, DMat3, DVec2, DVec3};
+use phasmid_core::error::Result;
+use phasmid_geometry::{Board, Pose, Rig};
+use phasmid_profile::Profile;
+use phasmid_report::lab::Context;
 
 /// Standard deviations of camera points and projector coordinates in pixels.
 const NOISE_PX: [f64; 2] = [0.005, 0.03];

@@ -1,6 +1,6 @@
 //! One case: what was asked of the program at its limit, and what came of it.
 
-use crate::study::lab::{Check, Row};
+use phasmid_report::lab::{Check, Row};
 
 /// What came of a case.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -2,8 +2,10 @@
 
 use super::case::checks;
 use super::sweep::{GROUPS, Group, Sweep};
-use crate::measure::plot::figures;
-use crate::study::lab::{Block, Chart, Document, Figure, Look, Row, Rows, Section, Series, Table};
+use phasmid_report::lab::{
+    Block, Chart, Document, Figure, Look, Row, Rows, Section, Series, Table,
+};
+use phasmid_report::plot::figures;
 
 /// Fewest cases that make a chart.
 const FEWEST: usize = 3;

@@ -5,12 +5,12 @@ use super::light::duration;
 use super::rays::EPS_F32;
 use super::scenes::{scene, small};
 use super::sweep::{Group, Sweep};
-use crate::emulator::render::Renderer;
-use crate::emulator::{Shot, Slide};
-use crate::error::Result;
-use crate::profile::{Profile, Scene};
-use crate::protocol::{Frame, PixelFormat};
-use crate::study::lab::Context;
+use phasmid_core::error::Result;
+use phasmid_profile::{Profile, Scene};
+use phasmid_protocol::{Frame, PixelFormat};
+use phasmid_render::Renderer;
+use phasmid_render::{shot::Shot, slide::Slide};
+use phasmid_report::lab::Context;
 use std::sync::Arc;
 
 /// Deviations of an estimate beyond which it is wrong: one of some 16000 sound ones is.

@@ -3,9 +3,9 @@
 use super::case::{Case, worse};
 use super::rays::EPS;
 use super::sweep::{Group, Sweep};
-use crate::geometry::{Lens, Rig};
-use crate::profile::Profile;
 use glam::DVec2;
+use phasmid_geometry::{Lens, Rig};
+use phasmid_profile::Profile;
 
 pub(super) const GROUP: Group = Group {
     title: "Distortion",

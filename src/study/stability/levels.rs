@@ -4,8 +4,8 @@ use super::case::Case;
 use super::stack::{Stack, bound, equal, f32_floor, gray, references, rounding_gain, sweep};
 use super::steps::{GROSS, judged};
 use super::sweep::{Group, Sweep};
-use crate::error::Result;
-use crate::study::lab::Context;
+use phasmid_core::error::Result;
+use phasmid_report::lab::Context;
 use std::f64::consts::TAU;
 
 const STEPS: usize = 12;

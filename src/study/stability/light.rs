@@ -2,8 +2,8 @@
 
 use super::case::Case;
 use super::sweep::{Group, Sweep};
-use crate::emulator::led::{Model, Source, State};
-use crate::profile::{Droop, Led, Profile};
+use phasmid_profile::{Droop, Led, Profile};
+use phasmid_render::led::{Model, Source, State};
 
 /// What the source promises, and its own tests hold it to by solutions of 100 digits.
 const ALLOWED: f64 = 1e-14;
@@ -184,7 +184,7 @@ fn late() -> Vec<Case> {
 }
 
 fn limits() -> Vec<Case> {
-    let text = include_str!("../../../device-profiles/webcam-grey.toml");
+    let text = phasmid_device_profiles::WEBCAM_GREY;
     let place = text.find("[[sequence]]").unwrap_or(text.len());
     let (before, after) = text.split_at(place);
     let refused = |name: &str, ratio: f64, led: &str, words: &str| {

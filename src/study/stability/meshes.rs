@@ -4,12 +4,12 @@ use super::case::Case;
 use super::rays::{EPS, EPS_F32};
 use super::scenes::{KEPT, Plane, pixels, scene, small};
 use super::sweep::{Group, Sweep};
-use crate::emulator::Truth;
-use crate::emulator::render::Renderer;
-use crate::error::{Error, Result};
-use crate::geometry::{Mesh, MeshTree, Pose, ply};
-use crate::study::lab::Context;
 use glam::{DVec2, DVec3};
+use phasmid_core::error::{Error, Result};
+use phasmid_geometry::{Mesh, MeshTree, Pose, ply};
+use phasmid_render::Renderer;
+use phasmid_render::truth::Truth;
+use phasmid_report::lab::Context;
 
 pub(super) const GROUP: Group = Group {
     title: "Meshes",

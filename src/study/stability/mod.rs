@@ -25,9 +25,9 @@ mod stack;
 mod steps;
 mod sweep;
 
-use super::lab::{Context, Document, Folder, Row, Rows, Settings, Study, Trial};
-use crate::error::Result;
 use case::Case;
+use phasmid_core::error::Result;
+use phasmid_report::lab::{Context, Document, Folder, Row, Rows, Settings, Study, Trial};
 use sweep::{GROUPS, Sweep};
 
 /// The study.

@@ -7,10 +7,10 @@ use super::stack::{
     sweep,
 };
 use super::sweep::{Group, Sweep};
-use crate::decode::Options;
-use crate::error::Result;
-use crate::pattern::Pattern;
-use crate::study::lab::Context;
+use phasmid_core::error::Result;
+use phasmid_decode::Options;
+use phasmid_pattern::Pattern;
+use phasmid_report::lab::Context;
 use std::f64::consts::TAU;
 
 const PERIOD: f64 = 16.0;

@@ -2,9 +2,9 @@
 
 use super::case::Case;
 use super::rays::{EPS, NO_DEPTH, ROUNDINGS, WIDTH, rig};
-use crate::calibrate::{CoordinateRow, Measured, Triangulator};
-use crate::error::Result;
 use glam::{DVec2, DVec3};
+use phasmid_core::error::Result;
+use phasmid_decode::triangulate::{CoordinateRow, Measured, Triangulator};
 
 /// The plane of the projector's column against a ray of the camera: without turn, a coordinate whose
 /// ideal is the ray's own never meets it.

@@ -4,12 +4,12 @@ use super::bent;
 use super::case::{Case, worse};
 use super::parallel;
 use super::sweep::{Group, Sweep};
-use crate::calibrate::{CoordinateRow, Measured, Triangulator};
-use crate::error::Result;
-use crate::geometry::{Lens, Pose, Rig, View};
-use crate::study::draws::Draws;
-use crate::study::lab::Context;
+use crate::draws::Draws;
 use glam::{DVec2, DVec3};
+use phasmid_core::error::Result;
+use phasmid_decode::triangulate::{CoordinateRow, Measured, Triangulator};
+use phasmid_geometry::{Lens, Pose, Rig, View};
+use phasmid_report::lab::Context;
 
 /// Half of the distance between neighbouring numbers below 1.
 pub(super) const EPS: f64 = f64::EPSILON / 2.0;

@@ -5,10 +5,10 @@ use super::exposures::{SURE, fine, white, white_plane, words};
 use super::rays::EPS_F32;
 use super::scenes::small;
 use super::sweep::{Group, Sweep};
-use crate::emulator::Shot;
-use crate::emulator::render::Renderer;
-use crate::error::Result;
-use crate::study::lab::Context;
+use phasmid_core::error::Result;
+use phasmid_render::Renderer;
+use phasmid_render::shot::Shot;
+use phasmid_report::lab::Context;
 
 /// Ids of frames at the start, after a billion, where 32 and 53 bits end, and the last.
 const IDS: [u64; 7] = [

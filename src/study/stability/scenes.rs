@@ -4,12 +4,12 @@
 use super::case::{Case, worse};
 use super::rays::{EPS, EPS_F32};
 use super::sweep::{Group, Sweep};
-use crate::emulator::Truth;
-use crate::emulator::render::Renderer;
-use crate::emulator::render::reference::Reference;
-use crate::error::Result;
-use crate::profile::{Profile, Scene};
 use glam::{DVec2, DVec3};
+use phasmid_core::error::Result;
+use phasmid_profile::{Profile, Scene};
+use phasmid_render::Renderer;
+use phasmid_render::reference::Reference;
+use phasmid_render::truth::Truth;
 
 pub(super) const WIDTH: u32 = 64;
 pub(super) const HEIGHT: u32 = 48;

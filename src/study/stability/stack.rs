@@ -2,12 +2,12 @@
 //! what they decode to is.
 
 use super::rays::EPS_F32;
-use crate::decode::{Decoder, FrameStack, Options, Samples, Verdict};
-use crate::error::Result;
-use crate::geometry::NoiseModel;
-use crate::pattern::{Axis, Manifest, ManifestFrame, Pattern, ProjectorSize};
-use crate::study::draws::Draws;
-use crate::study::lab::Context;
+use crate::draws::Draws;
+use phasmid_core::error::Result;
+use phasmid_decode::{Decoder, FrameStack, Options, Samples, Verdict};
+use phasmid_geometry::NoiseModel;
+use phasmid_pattern::{Axis, Manifest, ManifestFrame, Pattern, ProjectorSize};
+use phasmid_report::lab::Context;
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 

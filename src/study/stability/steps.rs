@@ -7,11 +7,11 @@ use super::stack::{
     rounding_gain, sweep,
 };
 use super::sweep::{Group, Sweep};
-use crate::decode::Options;
-use crate::error::Result;
-use crate::pattern::Manifest;
-use crate::study::lab::Context;
 use glam::{DMat3, DVec3};
+use phasmid_core::error::Result;
+use phasmid_decode::Options;
+use phasmid_pattern::Manifest;
+use phasmid_report::lab::Context;
 use std::f64::consts::TAU;
 
 /// An error of more than this part of a period is a wrong period, not noise.

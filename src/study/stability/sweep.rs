@@ -4,8 +4,8 @@ use super::case::Case;
 use super::{
     boards, exposures, lenses, levels, light, meshes, orders, rays, repeats, scenes, steps,
 };
-use crate::error::Result;
-use crate::study::lab::Context;
+use phasmid_core::error::Result;
+use phasmid_report::lab::Context;
 
 /// Cases with one oracle.
 pub(super) struct Sweep {

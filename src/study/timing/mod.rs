@@ -3,9 +3,7 @@
 //! them against; the passes of a renderer with and without their terms.
 
 mod renderer;
-mod spread;
-mod stopwatch;
 
+pub use phasmid_report::spread::{Spread, quantile};
+pub use phasmid_report::stopwatch::{Clock, ROUND_S, Stopwatch};
 pub use renderer::Timing;
-pub use spread::{Spread, quantile};
-pub use stopwatch::{Clock, ROUND_S, Stopwatch};

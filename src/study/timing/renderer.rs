@@ -1,8 +1,8 @@
 //! What the passes of a renderer cost, with and without their terms.
 
 use super::Stopwatch;
-use crate::emulator::render::{Pass, Term};
-use crate::emulator::{Renderer, Shot};
+use phasmid_render::{Pass, Term};
+use phasmid_render::{Renderer, shot::Shot};
 
 /// Rounds, of which the fastest counts: what else runs here only ever adds.
 const ROUNDS: usize = 5;

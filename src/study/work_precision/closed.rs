@@ -2,10 +2,10 @@
 //! that a pixel's column and row make together, by second differences of its second integral. What
 //! the fast path does in f32, so that rounding can be told from what a footprint leaves out.
 
-use crate::emulator::Slide;
-use crate::emulator::render::reference::Reference;
-use crate::pattern::Axis;
 use glam::DVec2;
+use phasmid_pattern::Axis;
+use phasmid_render::reference::Reference;
+use phasmid_render::slide::Slide;
 
 /// Part of a pixel by which derivatives are taken.
 const STEP: f64 = 0.25;

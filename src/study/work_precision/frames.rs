@@ -5,15 +5,16 @@ use super::closed::{Footprint, Integral};
 use super::phase::{difference, mm_per_radian, phasors};
 use super::rig::{self, FINE};
 use super::row::times;
-use crate::emulator::render::reference::Reference;
-use crate::emulator::render::{Backend, Options};
-use crate::emulator::{Firmware, Renderer, Shot, Truth};
-use crate::error::{Error, Result};
-use crate::pattern::Pattern;
-use crate::profile::{Profile, Scene};
-use crate::study::lab::{Context, Row, Settings, Trial};
-use crate::study::timing::Spread;
+use crate::timing::Spread;
 use glam::DVec2;
+use phasmid_core::error::{Error, Result};
+use phasmid_device::Firmware;
+use phasmid_pattern::Pattern;
+use phasmid_profile::{Profile, Scene};
+use phasmid_render::reference::Reference;
+use phasmid_render::{Backend, Options};
+use phasmid_render::{Renderer, shot::Shot, truth::Truth};
+use phasmid_report::lab::{Context, Row, Settings, Trial};
 use rayon::prelude::*;
 
 /// A modulation that counts, in digital numbers of the fine converter.
@@ -241,7 +242,7 @@ fn gpu(ctx: &Context<'_>) -> Result<Vec<Row>> {
         let row = Row::new().text("group", "gpu").text("backend", "gpu");
         row.text("note", &why.to_string())
     };
-    let found = crate::emulator::render::gpu::adapters();
+    let found = phasmid_render::gpu::adapters();
     if found.is_empty() {
         return Ok(vec![without(&Error::device("no Vulkan adapter"))]);
     }

@@ -9,14 +9,14 @@
 //! sinc(nu) sinc(a nu) sinc(b nu).
 
 use super::closed::Footprint;
-use crate::emulator::Truth;
-use crate::emulator::render::reference::Reference;
-use crate::error::Result;
-use crate::geometry::Rig;
-use crate::pattern::Axis;
-use crate::profile::{Profile, Scene};
-use crate::study::score::px_per_mm;
+use crate::score::px_per_mm;
 use glam::DVec2;
+use phasmid_core::error::Result;
+use phasmid_geometry::Rig;
+use phasmid_pattern::Axis;
+use phasmid_profile::{Profile, Scene};
+use phasmid_render::reference::Reference;
+use phasmid_render::truth::Truth;
 use rayon::prelude::*;
 use std::f64::consts::{PI, TAU};
 
@@ -76,11 +76,11 @@ fn sinc(x: f64) -> f64 {
 mod tests {
     use super::super::rig::{self, PERIOD_PX};
     use super::*;
-    use crate::decode::Options;
-    use crate::emulator::render;
-    use crate::measure::GROSS_MM;
-    use crate::study::scanned::Stage;
-    use crate::study::score::depth_errors;
+    use crate::scanned::Stage;
+    use crate::score::depth_errors;
+    use phasmid_decode::Options;
+    use phasmid_measure::GROSS_MM;
+    use phasmid_render as render;
 
     fn rms(values: &[f64]) -> f64 {
         (values.iter().map(|v| v * v).sum::<f64>() / values.len() as f64).sqrt()

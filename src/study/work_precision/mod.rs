@@ -19,8 +19,8 @@ mod terms;
 
 pub use needs::{CHECKS, checks, need};
 
-use super::lab::{Document, Folder, Rows, Settings, Study, Trial};
-use crate::error::Result;
+use phasmid_core::error::Result;
+use phasmid_report::lab::{Document, Folder, Rows, Settings, Study, Trial};
 
 /// The study.
 pub struct WorkPrecision;

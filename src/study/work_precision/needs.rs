@@ -1,11 +1,11 @@
 //! Scenes that need a term: the paper's bench before its torso, with a usual parameter of the term.
 
-use crate::emulator::render::Term;
-use crate::error::{Error, Result};
-use crate::profile::{
+use image::{GrayImage, ImageFormat, Luma};
+use phasmid_core::error::{Error, Result};
+use phasmid_profile::{
     CameraResponse, Flicker, Focus, Glare, Light, Profile, Response, Scene, Specular,
 };
-use image::{GrayImage, ImageFormat, Luma};
+use phasmid_render::Term;
 use std::io::Cursor;
 
 /// Name of the texture's file.

@@ -1,12 +1,12 @@
 //! Phases of fringes pixel by pixel, and what their differences mean in depth.
 
 use super::rig::PERIOD_PX;
-use crate::emulator::Truth;
-use crate::geometry::Rig;
-use crate::measure::GROSS_MM;
-use crate::pattern::Axis;
-use crate::study::score::px_per_mm;
+use crate::score::px_per_mm;
 use glam::DVec2;
+use phasmid_geometry::Rig;
+use phasmid_measure::GROSS_MM;
+use phasmid_pattern::Axis;
+use phasmid_render::truth::Truth;
 use std::f64::consts::TAU;
 
 /// Modulation and phase of a pixel as a complex number, by N even steps: the projection on the

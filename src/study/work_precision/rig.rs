@@ -1,9 +1,9 @@
 //! The paper's bench, changed in one way at a time.
 
-use crate::error::Result;
-use crate::pattern::{Axis, ManifestFrame, Pattern};
-use crate::profile::Profile;
-use crate::protocol::PixelFormat;
+use phasmid_core::error::Result;
+use phasmid_pattern::{Axis, ManifestFrame, Pattern};
+use phasmid_profile::Profile;
+use phasmid_protocol::PixelFormat;
 use std::f64::consts::TAU;
 
 /// Digital numbers of a fine converter for one of the bench's: 65535 over 255.

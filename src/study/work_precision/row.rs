@@ -1,7 +1,7 @@
 //! Times in rows.
 
-use crate::study::lab::Row;
-use crate::study::timing::Spread;
+use crate::timing::Spread;
+use phasmid_report::lab::Row;
 
 /// The columns of this study.
 pub const COLUMNS: &[&str] = &[

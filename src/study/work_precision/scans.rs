@@ -3,14 +3,14 @@
 use super::held::depth_bias;
 use super::rig::{self, PERIOD_PX};
 use super::row::times;
-use crate::decode::{Decoded, Options};
-use crate::emulator::{Truth, render};
-use crate::error::{Error, Result};
-use crate::measure::GROSS_MM;
-use crate::profile::Scene;
-use crate::study::lab::{Context, Row, Settings, Trial};
-use crate::study::scanned::{Scanned, Stage};
-use crate::study::score::{depth_bounds, depth_errors};
+use crate::scanned::{Scanned, Stage};
+use crate::score::{depth_bounds, depth_errors};
+use phasmid_core::error::{Error, Result};
+use phasmid_decode::{Decoded, Options};
+use phasmid_measure::GROSS_MM;
+use phasmid_profile::Scene;
+use phasmid_render::{self as render, truth::Truth};
+use phasmid_report::lab::{Context, Row, Settings, Trial};
 
 /// One setting.
 #[derive(Debug, Clone, Copy, PartialEq)]

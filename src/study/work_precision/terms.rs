@@ -7,15 +7,16 @@ use super::needs::{CHECKS, checks, need};
 use super::phase::{difference, mm_per_radian, phasors};
 use super::rig;
 use super::row::times;
-use crate::emulator::render::{Pass, Term};
-use crate::emulator::{Firmware, Renderer, Shot};
-use crate::error::Result;
-use crate::pattern::Pattern;
-use crate::profile::{Profile, Scene};
-use crate::study::lab::{Context, Row, Settings, Trial};
-use crate::study::score::depth_bounds;
-use crate::study::timing::Spread;
+use crate::score::depth_bounds;
+use crate::timing::Spread;
 use glam::DVec2;
+use phasmid_core::error::Result;
+use phasmid_device::Firmware;
+use phasmid_pattern::Pattern;
+use phasmid_profile::{Profile, Scene};
+use phasmid_render::{Pass, Term};
+use phasmid_render::{Renderer, shot::Shot};
+use phasmid_report::lab::{Context, Row, Settings, Trial};
 
 /// A trial each, but for the footprint along the fringes' axis, which a slide that varies along it
 /// always has: `frames` looks at that.

@@ -7,8 +7,8 @@
 //! along the angle, periodic: equal steps of the angle and Gauss-Legendre nodes in the squared radius
 //! are exact to rounding for any disc that is small against its distance, with any pose and lens.
 
-use crate::geometry::{Lens, Pose};
 use glam::{DMat2, DVec2};
+use phasmid_geometry::{Lens, Pose};
 use std::f64::consts::TAU;
 
 /// Nodes and weights of Gauss-Legendre on [0, 1], 5 of them (Abramowitz and Stegun, table 25.4).

@@ -22,7 +22,7 @@
 
 use super::blur::Blur;
 use super::edge::{Edge, normal};
-use crate::calibrate::board::Picture;
+use crate::board::Picture;
 use glam::{DMat2, DVec2};
 use nalgebra::{SMatrix, SVector};
 use std::f64::consts::PI;

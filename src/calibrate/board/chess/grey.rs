@@ -1,6 +1,6 @@
 //! Pictures as the search for corners needs them: without holes, smoothed, at half the size.
 
-use crate::calibrate::board::Picture;
+use crate::board::Picture;
 use glam::DVec2;
 use rayon::prelude::*;
 

@@ -19,12 +19,12 @@ mod saddles;
 mod tests;
 
 use super::{NotFound, Picture, Seen};
-use crate::geometry::Board;
 use blur::Blur;
 use fit::{Corner, Guess, fit};
 use glam::{DMat2, DVec2};
 use grey::Grey;
 use grid::Grid;
+use phasmid_geometry::Board;
 use rayon::prelude::*;
 use saddles::Saddle;
 

@@ -5,7 +5,7 @@
 //! moments, weighted by darkness, give the ellipse to start from.
 
 use super::ellipse::{Ellipse, root};
-use crate::calibrate::board::Picture;
+use crate::board::Picture;
 use glam::{DMat2, DVec2};
 
 /// Darkness of a pixel in standard deviations of its noise, at least.

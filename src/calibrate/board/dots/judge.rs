@@ -4,9 +4,9 @@ use super::ellipse::Ellipse;
 use super::known::{Dot, Dots, median};
 use super::lattice::Cell;
 use super::measure::Measure;
-use crate::calibrate::board::{NotFound, Picture};
-use crate::geometry::Board;
+use crate::board::{NotFound, Picture};
 use glam::DVec2;
+use phasmid_geometry::Board;
 
 /// Part of what its pixels could tell of a dot's centre that must have been told.
 const TOLD: f64 = 0.8;

@@ -3,8 +3,8 @@
 use super::ellipse::Ellipse;
 use super::fit::Fit;
 use super::lattice::{Cell, Place, predict};
-use crate::geometry::Board;
 use glam::{DMat2, DVec2};
+use phasmid_geometry::Board;
 use std::collections::BTreeMap;
 
 /// What is known of a dot.

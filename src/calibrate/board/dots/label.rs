@@ -3,8 +3,8 @@
 use super::blobs::Blob;
 use super::known;
 use super::lattice::{Cell, Grid, typical};
-use crate::calibrate::board::NotFound;
-use crate::geometry::{Board, MARKERS};
+use crate::board::NotFound;
+use phasmid_geometry::{Board, MARKERS};
 use std::collections::BTreeSet;
 
 /// Markers that must be seen in their places.

@@ -6,7 +6,7 @@ use super::fit::{Fit, Known, Patch, fit};
 use super::known::{Dot, Dots, median};
 use super::lattice::Cell;
 use super::step::Steps;
-use crate::calibrate::board::Picture;
+use crate::board::Picture;
 use rayon::prelude::*;
 
 /// Paper around a dot that its fit sees, in pixels on top of the blur.

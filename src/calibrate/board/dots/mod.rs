@@ -19,12 +19,12 @@ mod step;
 #[cfg(test)]
 mod tests;
 
-use crate::calibrate::board::{NotFound, Picture, Seen};
-use crate::geometry::Board;
+use crate::board::{NotFound, Picture, Seen};
 use blobs::Blob;
 use known::{Dot, Dots};
 use label::Labels;
 use lattice::Grid;
+use phasmid_geometry::Board;
 use std::collections::BTreeMap;
 
 /// Sides in pixels of the square that a pixel is compared with, and the part of its mean below

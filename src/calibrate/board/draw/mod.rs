@@ -8,10 +8,10 @@
 mod pen;
 
 use super::{Picture, Seen};
-use crate::geometry::Board;
 use glam::{DMat2, DVec2};
 use image::{Rgb, RgbImage};
 use pen::Pen;
+use phasmid_geometry::Board;
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 

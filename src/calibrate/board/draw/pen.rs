@@ -1,8 +1,8 @@
 //! Lines, crosses, arrows and words at places of a picture that may be enlarged.
 
-use crate::measure::font;
 use glam::DVec2;
 use image::{Rgb, RgbImage};
+use phasmid_report::font;
 
 /// What words stand on.
 pub(super) const PAPER: [u8; 3] = [22, 22, 24];

@@ -3,9 +3,9 @@
 use super::super::Seen;
 use super::super::bias::image;
 use super::{LocalFit, Unread, local_fits};
-use crate::decode::{AxisMap, Decoded, Verdict};
-use crate::geometry::{Board, Lens, Pose, Rig, View};
 use glam::{DMat2, DVec2, DVec3};
+use phasmid_decode::{AxisMap, Decoded, Verdict};
+use phasmid_geometry::{Board, Lens, Pose, Rig, View};
 
 /// Uniform numbers in [0, 1) by SplitMix64, and normal ones of them.
 pub(crate) struct Random(pub(crate) u64);

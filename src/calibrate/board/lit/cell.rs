@@ -2,9 +2,9 @@
 
 use super::super::Seen;
 use super::super::smooth::Smooth;
-use crate::decode::{AxisMap, Decoded, Verdict};
-use crate::geometry::Board;
 use glam::{DMat2, DVec2};
+use phasmid_decode::{AxisMap, Decoded, Verdict};
+use phasmid_geometry::Board;
 
 /// Camera pixels between an outline and the square of a pixel that counts: blur reaches that far.
 const MARGIN_PX: f64 = 1.0;

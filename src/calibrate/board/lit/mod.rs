@@ -22,11 +22,11 @@ pub use unread::{Unread, unread};
 
 use super::smooth::Smooth;
 use super::{Lit, Seen};
-use crate::decode::Decoded;
-use crate::geometry::Board;
 use axis::{AxisFit, PIXELS};
 use cell::{Cells, Sample};
 use glam::{DMat2, DVec2};
+use phasmid_decode::Decoded;
+use phasmid_geometry::Board;
 use rayon::prelude::*;
 use std::sync::Arc;
 

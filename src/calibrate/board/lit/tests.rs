@@ -2,8 +2,8 @@
 
 use super::case::{Case, rig};
 use super::*;
-use crate::geometry::Pose;
 use glam::DVec3;
+use phasmid_geometry::Pose;
 
 fn case(board: Board, tilt: DVec3) -> Case {
     let pose = Pose::from_xyz_deg(DVec3::new(20.0, -10.0, 1000.0), tilt);

@@ -10,10 +10,10 @@
 
 use super::Picture;
 use super::rounding::{ON_OUTLINES, left_by_rounding, same};
-use crate::decode::{FrameStack, FringeSet, Samples};
-use crate::error::{Error, Result};
-use crate::geometry::NoiseModel;
-use crate::pattern::{Axis, Manifest, Pattern};
+use phasmid_core::error::{Error, Result};
+use phasmid_decode::{FrameStack, FringeSet, Samples};
+use phasmid_geometry::NoiseModel;
+use phasmid_pattern::{Axis, Manifest, Pattern};
 use rayon::prelude::*;
 
 /// Pixels that the groups' strengths are taken from.

@@ -1,7 +1,7 @@
 use super::Picture;
-use crate::decode::{FrameStack, Samples};
-use crate::geometry::NoiseModel;
-use crate::pattern::{Axis, Manifest, ManifestFrame, Pattern, ProjectorSize};
+use phasmid_decode::{FrameStack, Samples};
+use phasmid_geometry::NoiseModel;
+use phasmid_pattern::{Axis, Manifest, ManifestFrame, Pattern, ProjectorSize};
 use std::f64::consts::TAU;
 
 const NOISE: NoiseModel = NoiseModel {
@@ -62,7 +62,7 @@ fn render(manifest: &Manifest) -> Vec<Vec<u16>> {
     frames.collect()
 }
 
-fn picture(manifest: &Manifest, frames: &[Vec<u16>]) -> crate::Result<Picture> {
+fn picture(manifest: &Manifest, frames: &[Vec<u16>]) -> phasmid_core::error::Result<Picture> {
     let samples = frames.iter().map(|f| Samples::U16(f)).collect();
     Picture::from_frames(manifest, &FrameStack::new(WIDTH, 1, samples)?, &NOISE)
 }

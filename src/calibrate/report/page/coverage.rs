@@ -2,10 +2,10 @@
 
 use super::residuals::image_panel;
 use super::spots::Spot;
-use crate::calibrate::solve::Solution;
-use crate::geometry::Lens;
-use crate::measure::plot::{ROOM, Sheet, cells};
+use crate::solve::Solution;
 use glam::DVec2;
+use phasmid_geometry::Lens;
+use phasmid_report::plot::{ROOM, Sheet, cells};
 
 const WIDTH: f64 = 400.0;
 const HEADING: f64 = 30.0;

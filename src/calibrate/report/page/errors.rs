@@ -1,8 +1,8 @@
 //! Mean error of each pose, camera above projector, which have scales of their own.
 
-use crate::calibrate::solve::{Errors, Solution, SolvedPose};
-use crate::measure::plot::{Axis, Panel, ROOM, Sheet, bars, figures, room_for_names};
+use crate::solve::{Errors, Solution, SolvedPose};
 use glam::DVec2;
+use phasmid_report::plot::{Axis, Panel, ROOM, Sheet, bars, figures, room_for_names};
 
 const SIZE: DVec2 = DVec2::new(880.0, 130.0);
 const HEADING: f64 = 30.0;

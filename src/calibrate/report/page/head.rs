@@ -1,8 +1,8 @@
 //! The figures at the head of the page.
 
 use super::html::{cell, note, table, words};
-use crate::calibrate::report::summary::Summary;
-use crate::measure::plot::{escaped, figures};
+use crate::report::summary::Summary;
+use phasmid_report::plot::{escaped, figures};
 
 pub(super) fn head(summary: &Summary) -> String {
     let mut out = about(summary);
@@ -62,8 +62,8 @@ fn about(summary: &Summary) -> String {
     let [columns, rows] = summary.board.grid();
     let pitch = figures(summary.board.pitch_mm(), 4);
     let kind = match summary.board {
-        crate::geometry::Board::Dots { .. } => "dots",
-        crate::geometry::Board::Chess { .. } => "corners",
+        phasmid_geometry::Board::Dots { .. } => "dots",
+        phasmid_geometry::Board::Chess { .. } => "corners",
     };
     let board = format!("{columns} x {rows} {kind}, pitch {pitch} mm");
     let own = [("made by", summary.made_by.as_str()), ("board", &board)];

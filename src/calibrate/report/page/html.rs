@@ -1,6 +1,6 @@
 //! Pieces of HTML.
 
-use crate::measure::plot::escaped;
+use phasmid_report::plot::escaped;
 
 /// A cell with text.
 pub(super) fn cell(text: &str) -> String {

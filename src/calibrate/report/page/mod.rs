@@ -15,8 +15,8 @@ mod whitened;
 
 use super::about::About;
 use super::summary::Summary;
-use crate::calibrate::rig::Calibration;
-use crate::measure::plot::{PAGE_STYLE, STYLE};
+use crate::rig::Calibration;
+use phasmid_report::plot::{PAGE_STYLE, STYLE};
 
 /// The whole page.
 pub(super) fn page(calibration: &Calibration, about: &About, summary: &Summary) -> String {

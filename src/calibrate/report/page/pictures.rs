@@ -1,8 +1,8 @@
 //! What was found in each pose, as pictures beside the page.
 
 use super::html::address;
-use crate::calibrate::report::about::About;
-use crate::measure::plot::escaped;
+use crate::report::about::About;
+use phasmid_report::plot::escaped;
 
 pub(super) fn pictures(about: &About) -> String {
     about

@@ -3,10 +3,10 @@
 
 use super::html::note;
 use super::spots::Spot;
-use crate::calibrate::solve::Solution;
-use crate::geometry::Lens;
-use crate::measure::plot::{Arrow, Axis, Panel, ROOM, Sheet, figures, quiver};
+use crate::solve::Solution;
 use glam::DVec2;
+use phasmid_geometry::Lens;
+use phasmid_report::plot::{Arrow, Axis, Panel, ROOM, Sheet, figures, quiver};
 use std::collections::BTreeMap;
 
 /// Width of a panel, and the most that its height may be.

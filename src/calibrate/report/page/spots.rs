@@ -1,8 +1,8 @@
 //! The points of all used poses, with where they were seen and how they fit.
 
-use crate::calibrate::board::Sighting;
-use crate::calibrate::rig::Calibration;
-use crate::calibrate::solve::PointResidual;
+use crate::board::Sighting;
+use crate::rig::Calibration;
+use crate::solve::PointResidual;
 use glam::DVec2;
 use std::collections::BTreeMap;
 

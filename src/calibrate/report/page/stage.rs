@@ -1,10 +1,10 @@
 //! Camera, projector and boards in space, from three sides.
 
 use super::html::note;
-use crate::calibrate::rig::Calibration;
-use crate::geometry::{Board, Pose, View};
-use crate::measure::plot::{Anchor, Axis, Panel, ROOM, Sheet, figures};
+use crate::rig::Calibration;
 use glam::{DVec2, DVec3};
+use phasmid_geometry::{Board, Pose, View};
+use phasmid_report::plot::{Anchor, Axis, Panel, ROOM, Sheet, figures};
 
 const WIDTH: f64 = 420.0;
 const LEAST_HEIGHT: f64 = 120.0;

@@ -1,12 +1,12 @@
 //! Tables of parameters and poses.
 
 use super::html::{address, cell, note, table};
-use crate::calibrate::report::about::About;
-use crate::calibrate::report::covariance::{correlated, of_rig};
-use crate::calibrate::report::number::to_sigma;
-use crate::calibrate::report::poses::tilt_deg;
-use crate::calibrate::solve::{Parameter, Solution};
-use crate::measure::plot::{escaped, figures};
+use crate::report::about::About;
+use crate::report::covariance::{correlated, of_rig};
+use crate::report::number::to_sigma;
+use crate::report::poses::tilt_deg;
+use crate::solve::{Parameter, Solution};
+use phasmid_report::plot::{escaped, figures};
 
 /// Correlations beyond this are told.
 const CLOSE: f64 = 0.9;

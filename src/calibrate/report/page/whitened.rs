@@ -4,8 +4,8 @@
 use super::html::note;
 use super::normal::{density, share_below};
 use super::spots::Spot;
-use crate::measure::plot::{Axis, Histogram, Panel, ROOM, Sheet, curve, dots, figures};
 use glam::DVec2;
+use phasmid_report::plot::{Axis, Histogram, Panel, ROOM, Sheet, curve, dots, figures};
 
 const SIDE: f64 = 400.0;
 const HEIGHT: f64 = 230.0;

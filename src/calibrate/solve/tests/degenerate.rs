@@ -2,9 +2,9 @@
 
 use super::super::{Choice, Coefficients, PoseSightings, Solution, Unsolved, solve};
 use super::scene::{Scene, poses};
-use crate::calibrate::board::{Lit, Sighting};
-use crate::geometry::{Board, Pose};
+use crate::board::{Lit, Sighting};
 use glam::{DMat2, DMat3, DVec2, DVec3};
+use phasmid_geometry::{Board, Pose};
 
 fn scene(boards: Vec<Pose>) -> Scene {
     Scene {

@@ -2,7 +2,7 @@
 
 use super::super::{Choice, Coefficients, Solution, chi_square_below, chi_square_bound, solve};
 use super::scene::Scene;
-use crate::geometry::Board;
+use phasmid_geometry::Board;
 
 const NONE: Choice = Choice {
     camera: Coefficients::Fixed([false; 5]),

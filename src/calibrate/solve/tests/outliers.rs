@@ -2,8 +2,8 @@
 
 use super::super::{Choice, Coefficients, PoseSightings, Solution, chi_square_bound, solve};
 use super::scene::{Draws, Scene};
-use crate::geometry::Board;
 use glam::DVec2;
+use phasmid_geometry::Board;
 
 const CHOICE: Choice = Choice {
     camera: Coefficients::Fixed([false; 5]),

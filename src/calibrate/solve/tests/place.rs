@@ -3,8 +3,8 @@
 use super::super::rotation::difference;
 use super::super::{Placed, chi_square_below, place};
 use super::scene::{Scene, rig};
-use crate::geometry::{Pose, Rig};
 use nalgebra::{Matrix6, Vector6};
+use phasmid_geometry::{Pose, Rig};
 
 fn placed(scene: &Scene, rig: &Rig, seed: Option<u64>) -> Vec<Placed> {
     let all = scene.sightings(seed);

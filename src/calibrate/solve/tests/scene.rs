@@ -2,9 +2,9 @@
 //! board that the camera pixel seen looks at.
 
 use super::super::PoseSightings;
-use crate::calibrate::board::{Lit, Sighting};
-use crate::geometry::{Board, Lens, Pose, Rig, nominal};
+use crate::board::{Lit, Sighting};
 use glam::{DMat2, DVec2, DVec3};
+use phasmid_geometry::{Board, Lens, Pose, Rig, nominal};
 
 /// Even and normal numbers of a seed (Knuth's 64-bit congruential generator; Box and Muller 1958).
 pub struct Draws(u64);

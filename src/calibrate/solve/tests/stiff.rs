@@ -2,8 +2,8 @@
 
 use super::super::{Choice, Coefficients, chi_square_bound, solve};
 use super::scene::{Scene, poses};
-use crate::geometry::{Board, Lens, Pose, Rig, View};
 use glam::{DVec2, DVec3};
+use phasmid_geometry::{Board, Lens, Pose, Rig, View};
 
 const NONE: Choice = Choice {
     camera: Coefficients::Fixed([false; 5]),

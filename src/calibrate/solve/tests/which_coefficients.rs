@@ -2,7 +2,7 @@
 
 use super::super::{Choice, Coefficients, chi_square_bound, solve};
 use super::scene::{Scene, rig};
-use crate::geometry::Board;
+use phasmid_geometry::Board;
 
 #[test]
 fn lenses_without_distortion_get_no_coefficients() {

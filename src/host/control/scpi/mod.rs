@@ -7,11 +7,11 @@
 mod words;
 
 use super::{Settings, TRIES, agreed, no_words, unquoted};
-use crate::error::{Error, Result};
-use crate::host::{CommandPort, Instrument};
-use crate::protocol::dialect::{Dialect, Value};
-use crate::protocol::printable;
-use crate::protocol::scpi::{Param, parse, quote};
+use crate::{CommandPort, Instrument};
+use phasmid_core::error::{Error, Result};
+use phasmid_protocol::dialect::{Dialect, Value};
+use phasmid_protocol::printable;
+use phasmid_protocol::scpi::{Param, parse, quote};
 use std::time::Duration;
 use words::{Wording, Words};
 
@@ -33,7 +33,7 @@ pub(super) const EVENTS: &str = "*ESR?";
 const POWER_ON: u8 = 1 << 7;
 
 /// A SCPI instrument as a scanner's device.
-pub(in crate::host) struct Scpi<P> {
+pub(crate) struct Scpi<P> {
     instrument: Instrument<P>,
     /// Those of [`SETTINGS`] that the device knows, once it has been asked.
     known: Option<Vec<&'static str>>,

@@ -1,9 +1,9 @@
 //! With which words an operation is done: the device's own, which the file `scpi` has, or those of a
 //! file that says others.
 
-use crate::error::{Error, Result};
-use crate::host::{CommandPort, Instrument};
-use crate::protocol::dialect::{Dialect, Operation, Reply, Step, Value};
+use crate::{CommandPort, Instrument};
+use phasmid_core::error::{Error, Result};
+use phasmid_protocol::dialect::{Dialect, Operation, Reply, Step, Value};
 
 /// The words of a conversation.
 pub(super) struct Words {

@@ -2,9 +2,9 @@
 
 use super::super::TRIES;
 use super::{MARKED, Spoken};
-use crate::error::{Error, Result};
-use crate::host::CommandPort;
-use crate::protocol::dialect::Value;
+use crate::CommandPort;
+use phasmid_core::error::{Error, Result};
+use phasmid_protocol::dialect::Value;
 use std::time::Duration;
 
 impl<P: CommandPort> Spoken<P> {
@@ -64,7 +64,7 @@ impl<P: CommandPort> Spoken<P> {
     }
 
     /// From here on a device that is switched off and on is found out.
-    pub(in crate::host::control) fn begin(&mut self) -> Result<()> {
+    pub(in crate::control) fn begin(&mut self) -> Result<()> {
         self.step()?;
         self.line.pass(Duration::ZERO)?;
         self.line.booted = false;

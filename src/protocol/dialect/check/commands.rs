@@ -2,14 +2,14 @@
 
 use super::Check;
 use super::fields::fields;
-use crate::error::Result;
-use crate::protocol::dialect::Value;
-use crate::protocol::dialect::command::{Command, Framing};
-use crate::protocol::dialect::field::{Field, Kind};
-use crate::protocol::dialect::file::{ChunkFile, CommandFile};
-use crate::protocol::dialect::template::Template;
-use crate::protocol::dialect::{Chunk, Direction};
-use crate::protocol::scpi::parse;
+use crate::dialect::Value;
+use crate::dialect::command::{Command, Framing};
+use crate::dialect::field::{Field, Kind};
+use crate::dialect::file::{ChunkFile, CommandFile};
+use crate::dialect::template::Template;
+use crate::dialect::{Chunk, Direction};
+use crate::scpi::parse;
+use phasmid_core::error::Result;
 
 const MAX_COMMANDS: usize = 128;
 /// Messages or lines of a command.

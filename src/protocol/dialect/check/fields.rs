@@ -1,11 +1,11 @@
 //! Arguments and values.
 
 use super::Check;
-use crate::error::Result;
-use crate::protocol::dialect::Value;
-use crate::protocol::dialect::command::Framing;
-use crate::protocol::dialect::field::{Field, Kind, Unit};
-use crate::protocol::dialect::file::FieldFile;
+use crate::dialect::Value;
+use crate::dialect::command::Framing;
+use crate::dialect::field::{Field, Kind, Unit};
+use crate::dialect::file::FieldFile;
+use phasmid_core::error::Result;
 
 /// Most arguments or values of a command.
 const MAX_FIELDS: usize = 32;

@@ -1,11 +1,11 @@
 //! How messages are told from each other.
 
 use super::Check;
-use crate::error::Result;
-use crate::protocol::dialect::command::{Framing, LineEnds};
-use crate::protocol::dialect::file::{Endian, FramingKind, LineFile, PacketFile};
-use crate::protocol::dialect::packet::Layout;
-use crate::protocol::scpi::MAX_BLOCK_BYTES;
+use crate::dialect::command::{Framing, LineEnds};
+use crate::dialect::file::{Endian, FramingKind, LineFile, PacketFile};
+use crate::dialect::packet::Layout;
+use crate::scpi::MAX_BLOCK_BYTES;
+use phasmid_core::error::Result;
 use std::ops::Range;
 use std::sync::Arc;
 

@@ -2,11 +2,11 @@
 
 use super::Check;
 use super::fields::number_or_text;
-use crate::error::Result;
-use crate::protocol::dialect::command::Command;
-use crate::protocol::dialect::field::Field;
-use crate::protocol::dialect::uses::{Argument, OPERATIONS};
-use crate::protocol::dialect::{HostUse, Operation, Step, Value};
+use crate::dialect::command::Command;
+use crate::dialect::field::Field;
+use crate::dialect::uses::{Argument, OPERATIONS};
+use crate::dialect::{HostUse, Operation, Step, Value};
+use phasmid_core::error::Result;
 
 const MAX_STEPS: usize = 16;
 

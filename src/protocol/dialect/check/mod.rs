@@ -12,8 +12,8 @@ use super::field::Field;
 use super::file::File;
 use super::overlap::{Fielded, overlap};
 use super::template::Template;
-use crate::error::{Error, Result};
-use crate::profile::TomlSource;
+use phasmid_core::error::{Error, Result};
+use phasmid_core::source::TomlSource;
 use std::fmt::Display;
 
 /// Longest template.

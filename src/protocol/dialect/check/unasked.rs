@@ -2,12 +2,12 @@
 
 use super::Check;
 use super::commands::is_error_number;
-use crate::error::Result;
-use crate::protocol::dialect::command::{Errors, Framing};
-use crate::protocol::dialect::file::ErrorFile;
-use crate::protocol::dialect::template::Template;
-use crate::protocol::dialect::uses::EVENTS;
-use crate::protocol::dialect::{Boot, Direction, Event};
+use crate::dialect::command::{Errors, Framing};
+use crate::dialect::file::ErrorFile;
+use crate::dialect::template::Template;
+use crate::dialect::uses::EVENTS;
+use crate::dialect::{Boot, Direction, Event};
+use phasmid_core::error::Result;
 
 /// Longest boot chatter in bytes, and the longest wait for it.
 const MAX_BOOT: usize = 4096;

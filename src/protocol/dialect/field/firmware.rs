@@ -1,12 +1,12 @@
 //! A field in the device's own messages and answers (SCPI).
 
 use super::{Field, Kind, Outcome, Value};
-use crate::protocol::dialect::template::own_end;
-use crate::protocol::scpi::{ErrorCode, Param, parse, quote, split_block};
+use crate::dialect::template::own_end;
+use crate::scpi::{ErrorCode, Param, parse, quote, split_block};
 
 impl Field {
     /// As the firmware reads it.
-    pub(in crate::protocol::dialect) fn to_scpi(&self, value: &Value) -> Outcome<String> {
+    pub(in crate::dialect) fn to_scpi(&self, value: &Value) -> Outcome<String> {
         match value {
             Value::Number(number) => Ok(number.to_string()),
             Value::Text(word) if !self.choices.is_empty() => Ok(word.clone()),
@@ -23,7 +23,7 @@ impl Field {
     }
 
     /// Out of the firmware's answer.
-    pub(in crate::protocol::dialect) fn read_scpi(&self, raw: &[u8]) -> Outcome<Value> {
+    pub(in crate::dialect) fn read_scpi(&self, raw: &[u8]) -> Outcome<Value> {
         let wrong = || {
             let start = &raw[..raw.len().min(40)];
             let what = format!("{}: the answer \"{}\"", self.name, start.escape_ascii());

@@ -8,7 +8,7 @@ const EXACT: f64 = 9_007_199_254_740_992.0;
 /// How a value stands on the wire.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub(in crate::protocol::dialect) enum Kind {
+pub(in crate::dialect) enum Kind {
     /// Line: digits with or without a sign.
     Int,
     /// Line: a decimal number.
@@ -42,17 +42,17 @@ pub(in crate::protocol::dialect) enum Kind {
 
 impl Kind {
     /// Whether it stands in packets rather than in lines; text stands in both.
-    pub(in crate::protocol::dialect) fn in_packets(self) -> bool {
+    pub(in crate::dialect) fn in_packets(self) -> bool {
         self.width().is_some() || matches!(self, Self::Bytes | Self::Text)
     }
 
     /// Whether it stands in lines.
-    pub(in crate::protocol::dialect) fn in_lines(self) -> bool {
+    pub(in crate::dialect) fn in_lines(self) -> bool {
         self.width().is_none() && self != Self::Bytes
     }
 
     /// Bytes of a number in a packet.
-    pub(in crate::protocol::dialect) fn width(self) -> Option<usize> {
+    pub(in crate::dialect) fn width(self) -> Option<usize> {
         match self {
             Self::U8 => Some(1),
             Self::U16 | Self::I16 => Some(2),
@@ -61,11 +61,11 @@ impl Kind {
         }
     }
 
-    pub(in crate::protocol::dialect) fn is_number(self) -> bool {
+    pub(in crate::dialect) fn is_number(self) -> bool {
         self.width().is_some() || matches!(self, Self::Int | Self::Float)
     }
 
-    pub(in crate::protocol::dialect) fn is_bytes(self) -> bool {
+    pub(in crate::dialect) fn is_bytes(self) -> bool {
         matches!(self, Self::Hex | Self::Block | Self::Bytes)
     }
 
@@ -74,7 +74,7 @@ impl Kind {
     }
 
     /// The numbers that it can say.
-    pub(in crate::protocol::dialect) fn range(self) -> (f64, f64) {
+    pub(in crate::dialect) fn range(self) -> (f64, f64) {
         match self {
             Self::U8 => (0.0, u8::MAX.into()),
             Self::U16 => (0.0, u16::MAX.into()),
@@ -90,7 +90,7 @@ impl Kind {
 
 /// What a number on the wire counts.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize)]
-pub(in crate::protocol::dialect) enum Unit {
+pub(in crate::dialect) enum Unit {
     /// Itself.
     #[default]
     #[serde(rename = "plain")]
@@ -117,7 +117,7 @@ pub(in crate::protocol::dialect) enum Unit {
 
 impl Unit {
     /// Units in a base unit: a divisor, because 20 / 1e6 is the double nearest to 20 us.
-    pub(in crate::protocol::dialect) fn divisor(self) -> f64 {
+    pub(in crate::dialect) fn divisor(self) -> f64 {
         match self {
             Self::Plain | Self::Seconds | Self::Decibels => 1.0,
             Self::Percent => 1e2,

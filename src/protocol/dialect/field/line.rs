@@ -2,11 +2,11 @@
 
 use super::firmware::unquoted;
 use super::{Field, Kind, Outcome, Value};
-use crate::protocol::scpi::{ErrorCode, encode_block, quote, split_block};
+use crate::scpi::{ErrorCode, encode_block, quote, split_block};
 
 impl Field {
     /// As it stands in a line.
-    pub(in crate::protocol::dialect) fn to_line(&self, value: &Value) -> Outcome<Vec<u8>> {
+    pub(in crate::dialect) fn to_line(&self, value: &Value) -> Outcome<Vec<u8>> {
         if self.kind.is_number() {
             return Ok(self.wire_number(value)?.to_string().into_bytes());
         }
@@ -37,7 +37,7 @@ impl Field {
     }
 
     /// Out of a line.
-    pub(in crate::protocol::dialect) fn read_line(&self, wire: &[u8]) -> Outcome<Value> {
+    pub(in crate::dialect) fn read_line(&self, wire: &[u8]) -> Outcome<Value> {
         let none = || {
             self.wrong(
                 ErrorCode::DataTypeError,

@@ -1,15 +1,11 @@
 //! A field in a packet.
 
 use super::{Field, Kind, Outcome, Value};
-use crate::protocol::scpi::ErrorCode;
+use crate::scpi::ErrorCode;
 
 impl Field {
     /// Appends it to a packet's data.
-    pub(in crate::protocol::dialect) fn to_packet(
-        &self,
-        value: &Value,
-        data: &mut Vec<u8>,
-    ) -> Outcome<()> {
+    pub(in crate::dialect) fn to_packet(&self, value: &Value, data: &mut Vec<u8>) -> Outcome<()> {
         let Some(width) = self.kind.width() else {
             let bytes = match self.kind {
                 Kind::Text if self.choices.is_empty() => self.checked_text(value)?.as_bytes(),
@@ -42,7 +38,7 @@ impl Field {
     }
 
     /// Takes it off a packet's data.
-    pub(in crate::protocol::dialect) fn read_packet(&self, data: &mut &[u8]) -> Outcome<Value> {
+    pub(in crate::dialect) fn read_packet(&self, data: &mut &[u8]) -> Outcome<Value> {
         let len = self.kind.width().or(self.bytes).unwrap_or(data.len());
         let Some((wire, rest)) = data.split_at_checked(len) else {
             return Err(ErrorCode::MissingParameter.with(&self.name));

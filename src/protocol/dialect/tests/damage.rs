@@ -1,6 +1,6 @@
 use super::super::{Cut, Dialect, Direction, Reply, Value};
 use super::{DIALECTS, checked, messages};
-use crate::protocol::scpi::ErrorCode;
+use crate::scpi::ErrorCode;
 use proptest::prelude::*;
 
 const CHECKSUMS: [&str; 4] = ["sum8", "xor8", "crc16-ccitt", "crc32"];

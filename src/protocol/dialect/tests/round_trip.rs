@@ -2,7 +2,7 @@ use super::super::command::Command;
 use super::super::field::{Field, Kind};
 use super::super::{Dialect, Direction, Reply, Value};
 use super::{DIALECTS, messages, only};
-use crate::protocol::scpi::{encode_block, parse, quote};
+use crate::scpi::{encode_block, parse, quote};
 use proptest::prelude::*;
 
 /// Numbers from a seed, one after the other.

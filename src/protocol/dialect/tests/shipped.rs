@@ -1,6 +1,6 @@
 use super::super::{Asked, Dialect, Direction, Event, Gather, Reply, Value};
 use super::{messages, only};
-use crate::protocol::scpi::{DeviceError, ErrorCode, encode_block};
+use crate::scpi::{DeviceError, ErrorCode, encode_block};
 
 fn load(name: &str) -> Dialect {
     Dialect::load(name).unwrap()

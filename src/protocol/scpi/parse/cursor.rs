@@ -1,6 +1,6 @@
 //! Reading a message byte by byte.
 
-use crate::protocol::scpi::error::{DeviceError, ErrorCode};
+use crate::scpi::error::{DeviceError, ErrorCode};
 
 /// A place in a message.
 pub(super) struct Cursor<'a> {

@@ -1,9 +1,9 @@
 //! Program data: numbers, character data, strings and blocks (IEEE 488.2, 7.7).
 
 use super::cursor::{Cursor, ascii};
-use crate::protocol::scpi::block;
-use crate::protocol::scpi::error::{DeviceError, ErrorCode};
-use crate::protocol::scpi::param::Param;
+use crate::scpi::block;
+use crate::scpi::error::{DeviceError, ErrorCode};
+use crate::scpi::param::Param;
 
 /// Longest character data (IEEE 488.2, 7.7.1.4).
 const MAX_NAME: usize = 12;

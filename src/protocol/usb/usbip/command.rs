@@ -2,8 +2,8 @@
 
 use super::words::{put_words, u32_at};
 use super::{HEADER_LEN, MAX_PACKETS, MAX_TRANSFER, NO_PACKETS};
-use crate::error::{Error, Result};
-use crate::protocol::usb::Setup;
+use crate::usb::Setup;
+use phasmid_core::error::{Error, Result};
 
 const CMD_SUBMIT: u32 = 1;
 const CMD_UNLINK: u32 = 2;

@@ -1,7 +1,7 @@
 //! What a connection begins with: the list of devices, or the import of one.
 
 use super::words::{u16_at, u32_at};
-use crate::error::{Error, Result};
+use phasmid_core::error::{Error, Result};
 
 /// Length of an operation's header.
 pub const OPERATION_LEN: usize = 8;

@@ -2,7 +2,7 @@
 
 use super::words::{put_words, u32_at};
 use super::{HEADER_LEN, MAX_PACKETS, MAX_TRANSFER, NO_PACKETS};
-use crate::error::{Error, Result};
+use phasmid_core::error::{Error, Result};
 
 const RET_SUBMIT: u32 = 3;
 const RET_UNLINK: u32 = 4;

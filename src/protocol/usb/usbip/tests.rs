@@ -2,7 +2,7 @@
 
 use super::words::put_words;
 use super::*;
-use crate::protocol::usb::Setup;
+use crate::usb::Setup;
 use proptest::prelude::*;
 
 /// The example of an import and a transfer in the kernel's documentation.

@@ -1,8 +1,8 @@
 //! The links: latency and frames a second.
 
-use crate::measure::plot::figures;
-use crate::study::lab::{Block, Chart, Check, Figure, Look, Row, Rows, Section, Series, Table};
-use crate::study::speed::links::Link;
+use crate::speed::links::Link;
+use phasmid_report::lab::{Block, Chart, Check, Figure, Look, Row, Rows, Section, Series, Table};
+use phasmid_report::plot::figures;
 
 /// Bytes of a megabyte, as rates of links count them.
 const MEGA: f64 = 1e6;

@@ -3,7 +3,7 @@
 mod links;
 mod passes;
 
-use crate::study::lab::{Document, Rows};
+use phasmid_report::lab::{Document, Rows};
 
 /// All of it.
 pub fn document(rows: &Rows) -> Document {

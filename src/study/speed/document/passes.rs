@@ -1,7 +1,7 @@
 //! Rates of the passes, and what options of the decoder cost.
 
-use crate::measure::plot::figures;
-use crate::study::lab::{Block, Check, Row, Rows, Section, Table};
+use phasmid_report::lab::{Block, Check, Row, Rows, Section, Table};
+use phasmid_report::plot::figures;
 
 pub(super) fn section(rows: &Rows) -> Section {
     let passes: Vec<&Row> = rows.with("group", "pass").collect();

@@ -1,10 +1,10 @@
 //! Frames against the reference path: tables, and the plot that they share with the GPU's.
 
 use super::{figure, of_bound, percent, um, with_spread, words};
-use crate::measure::plot::figures;
-use crate::study::lab::{Block, Check, Figure, Look, Row, Section, Series, Table};
-use crate::study::work_precision::pareto::front;
-use crate::study::work_precision::row::spread;
+use crate::work_precision::pareto::front;
+use crate::work_precision::row::spread;
+use phasmid_report::lab::{Block, Check, Figure, Look, Row, Section, Series, Table};
+use phasmid_report::plot::figures;
 
 /// Part of the noise bound that the fast path's own error may have.
 const MOST_OF_BOUND: f64 = 0.1;

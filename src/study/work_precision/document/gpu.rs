@@ -1,8 +1,8 @@
 //! Frames by the GPU: the table.
 
 use super::{of_bound, um, with_spread};
-use crate::study::lab::{Block, Row, Section, Table};
-use crate::study::work_precision::row::spread;
+use crate::work_precision::row::spread;
+use phasmid_report::lab::{Block, Row, Section, Table};
 
 /// All of it is of the adapter at hand, and so in a table of times.
 pub(super) fn section(gpu: &[&Row], best: &[bool], bound_um: f64) -> Section {

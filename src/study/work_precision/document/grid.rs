@@ -2,8 +2,8 @@
 //! counted in pixels that are exposed and read.
 
 use super::um;
-use crate::measure::plot::figures;
-use crate::study::lab::{Row, Table};
+use phasmid_report::lab::{Row, Table};
+use phasmid_report::plot::figures;
 
 /// Settings by their steps and their resolution, one sample a pixel.
 pub(super) fn by_steps(scans: &[&Row]) -> Table {

@@ -6,9 +6,9 @@ mod grid;
 mod scans;
 mod terms;
 
-use crate::measure::plot::figures;
-use crate::study::lab::{Block, Chart, Document, Figure, Row, Rows, Series, Settings};
-use crate::study::timing::Spread;
+use crate::timing::Spread;
+use phasmid_report::lab::{Block, Chart, Document, Figure, Row, Rows, Series, Settings};
+use phasmid_report::plot::figures;
 
 /// All of it.
 pub fn document(rows: &Rows, settings: &Settings) -> Document {

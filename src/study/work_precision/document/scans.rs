@@ -2,10 +2,10 @@
 
 use super::grid::{by_steps, least_work};
 use super::{figure, percent, um, with_spread, words};
-use crate::measure::plot::figures;
-use crate::study::lab::{Block, Check, Figure, Look, Row, Section, Series, Settings, Table};
-use crate::study::work_precision::pareto::front;
-use crate::study::work_precision::row::spread;
+use crate::work_precision::pareto::front;
+use crate::work_precision::row::spread;
+use phasmid_report::lab::{Block, Check, Figure, Look, Row, Section, Series, Settings, Table};
+use phasmid_report::plot::figures;
 
 /// Accuracies that are asked for, in millimetres.
 const WANTED_MM: [f64; 4] = [0.1, 0.05, 0.02, 0.01];

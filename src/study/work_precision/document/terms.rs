@@ -1,9 +1,9 @@
 //! Terms of image formation, each left out once: tables and the plot.
 
 use super::{figure, of_bound, percent, um, with_spread, words};
-use crate::measure::plot::figures;
-use crate::study::lab::{Block, Check, Look, Row, Section, Series, Table};
-use crate::study::work_precision::row::spread;
+use crate::work_precision::row::spread;
+use phasmid_report::lab::{Block, Check, Look, Row, Section, Series, Table};
+use phasmid_report::plot::figures;
 
 pub(super) fn section(terms: &[&Row], bound_um: f64) -> Section {
     let mut errors = Table::new(

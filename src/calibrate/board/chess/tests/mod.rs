@@ -1,9 +1,9 @@
 mod scene;
 
 use super::find;
-use crate::calibrate::board::{NotFound, Picture, Seen};
-use crate::geometry::{Board, Pose};
+use crate::board::{NotFound, Picture, Seen};
 use glam::DVec3;
+use phasmid_geometry::{Board, Pose};
 use scene::{Random, Scene, lens};
 
 const BOARD: Board = Board::Chess {

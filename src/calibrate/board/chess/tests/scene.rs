@@ -1,9 +1,9 @@
 //! Pictures of a chessboard by brute force: rays through a lens at 4 x 4 places in each pixel, each
 //! place as light as its own small square sees the board, then blur and the mean over pixels.
 
-use crate::calibrate::board::Picture;
-use crate::geometry::{Board, Lens, NoiseModel, Pose};
+use crate::board::Picture;
 use glam::{DMat2, DVec2, DVec3};
+use phasmid_geometry::{Board, Lens, NoiseModel, Pose};
 use rayon::prelude::*;
 
 /// Places across a pixel.

@@ -2,8 +2,8 @@
 
 use super::render::{Scene, bench_lens, board, pose, small_lens};
 use super::{errors, find, of};
-use crate::geometry::Board;
 use glam::{DVec2, DVec3};
+use phasmid_geometry::Board;
 
 /// A board of 11 x 9 dots at the bench's distance, on a picture that just holds it.
 fn small(turn: f64, tilt: f64, axis: f64) -> Scene {

@@ -4,7 +4,7 @@ mod render;
 mod whole;
 
 use super::find;
-use crate::calibrate::board::Seen;
+use crate::board::Seen;
 use glam::DVec2;
 use render::Scene;
 

@@ -2,9 +2,9 @@
 
 use super::find;
 use super::render::{Draw, Scene, board, pose, small_lens};
-use crate::calibrate::board::{NotFound, Picture};
-use crate::geometry::Board;
+use crate::board::{NotFound, Picture};
 use glam::DVec3;
+use phasmid_geometry::Board;
 
 fn scene() -> Scene {
     let at = DVec3::new(0.0, 0.0, 1000.0);

@@ -2,9 +2,9 @@
 //! through pose and lens, the polygon is cut by the sides of pixels of a quarter's width, light is
 //! multiplied, and the fine picture is blurred by sampled weights before it is binned.
 
-use crate::calibrate::board::Picture;
-use crate::geometry::{Board, Lens, Pose};
+use crate::board::Picture;
 use glam::{DMat3, DVec2, DVec3};
+use phasmid_geometry::{Board, Lens, Pose};
 use std::collections::BTreeMap;
 
 /// Points of an outline.

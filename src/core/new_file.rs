@@ -1,0 +1,343 @@
+//! Creates output files: new, or in place of an old one where that is asked for, and never in part.
+//!
+//! A file is written under an unpredictable name beside its own and moved there once it is whole. A
+//! full disk or a crash leaves no truncated file, and no link is followed.
+
+use crate::error::{Error, Result};
+use std::ffi::OsStr;
+use std::fs::File;
+use std::io::{BufWriter, ErrorKind, Write};
+use std::path::{Path, PathBuf};
+use tempfile::{NamedTempFile, TempPath};
+
+const PREFIX: &str = ".phasma-";
+const SUFFIX: &str = ".partial";
+
+/// Refuses a path that cannot be written, before any work is done for it.
+///
+/// # Errors
+/// An existing file (or link, even one that leads nowhere) without `force`; anything that is not a
+/// regular file; a folder that does not exist.
+pub fn check(path: &Path, force: bool) -> Result<()> {
+    let refuse = |found, allowed| Err(Error::input(path.display(), found, allowed));
+    // A device or pipe must not be replaced either, nor a link to one such as /dev/stdout.
+    if path.metadata().is_ok_and(|about| !about.is_file()) {
+        return refuse("not a regular file", "a file, not a folder, pipe or device");
+    }
+    if !force && path.symlink_metadata().is_ok() {
+        return Err(exists(path));
+    }
+    if path.file_name().is_none() {
+        return refuse("no file name", "the path of a file to write");
+    }
+    if !folder_of(path).is_dir() {
+        return Err(Error::input(
+            path.display(),
+            format!("no folder {}", folder_of(path).display()),
+            "a file in an existing folder",
+        ));
+    }
+    Ok(())
+}
+
+/// Refuses a folder for output that holds any of the files `names`, unless `force`, or that cannot be
+/// a folder. It need not exist.
+///
+/// # Errors
+/// As said.
+pub fn check_folder(
+    folder: &Path,
+    names: impl IntoIterator<Item = impl AsRef<Path>>,
+    force: bool,
+) -> Result<()> {
+    let place = || format!("--out {}", folder.display());
+    if folder.symlink_metadata().is_ok() && !folder.is_dir() {
+        let allowed = "a folder, or a path where one can be made";
+        return Err(Error::input(place(), "a file", allowed));
+    }
+    for name in names {
+        let name = name.as_ref();
+        if !force && folder.join(name).symlink_metadata().is_ok() {
+            return Err(Error::input(
+                place(),
+                format!("{}, which exists", name.display()),
+                "another folder, or --force to overwrite",
+            ));
+        }
+    }
+    Ok(())
+}
+
+/// A file on its way; it appears under its own name when it is finished, and goes when it is not.
+pub struct NewFile {
+    path: PathBuf,
+    force: bool,
+    writer: BufWriter<File>,
+    partial: TempPath,
+}
+
+impl NewFile {
+    /// Begins a file; an existing one is replaced with `force` and refused without.
+    ///
+    /// # Errors
+    /// See [`check`]; what the system refuses.
+    pub fn create(path: &Path, force: bool) -> Result<Self> {
+        check(path, force)?;
+        let (file, partial) = beside(path).map_err(|e| Error::io(path, e))?.into_parts();
+        Ok(Self {
+            path: path.to_owned(),
+            force,
+            writer: BufWriter::with_capacity(1 << 18, file),
+            partial,
+        })
+    }
+
+    /// Gives the file its name.
+    ///
+    /// # Errors
+    /// A file that has appeared meanwhile, without `force`; what the system refuses.
+    pub fn finish(mut self) -> Result<()> {
+        let path = &self.path;
+        self.writer.flush().map_err(|e| Error::io(path, e))?;
+        drop(self.writer);
+        let moved = match self.force {
+            true => self.partial.persist(path),
+            false => self.partial.persist_noclobber(path),
+        };
+        moved.map_err(|e| match e.error.kind() {
+            ErrorKind::AlreadyExists => exists(path),
+            _ => Error::io(path, e.error),
+        })
+    }
+}
+
+impl Write for NewFile {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        self.writer.write(bytes)
+    }
+
+    fn flush(&mut self) -> std::io::Result<()> {
+        self.writer.flush()
+    }
+}
+
+/// Writes a file; an existing one is replaced with `force` and refused without.
+///
+/// # Errors
+/// See [`check`]; what the system refuses. Nothing is left of the file then, and the old one stays.
+pub fn write(
+    path: &Path,
+    force: bool,
+    fill: impl FnOnce(&mut BufWriter<File>) -> std::io::Result<()>,
+) -> Result<()> {
+    let mut file = NewFile::create(path, force)?;
+    fill(&mut file.writer).map_err(|e| Error::io(path, e))?;
+    file.finish()
+}
+
+/// Writes a file whole in place of one that may exist: for files in a folder that
+/// [`check_folder`] has passed.
+///
+/// # Errors
+/// See [`write()`].
+pub fn replace(
+    path: &Path,
+    fill: impl FnOnce(&mut BufWriter<File>) -> std::io::Result<()>,
+) -> Result<()> {
+    write(path, true, fill)
+}
+
+/// Writes a picture as [`replace`] writes a file.
+///
+/// # Errors
+/// See [`write()`].
+pub fn replace_picture(
+    path: &Path,
+    fill: impl FnOnce(&mut BufWriter<File>) -> image::ImageResult<()>,
+) -> Result<()> {
+    replace(path, |out| {
+        fill(out).map_err(|e| match e {
+            image::ImageError::IoError(e) => e,
+            e => std::io::Error::other(e),
+        })
+    })
+}
+
+/// Opens a file that grows while something is measured, under its own name: what was measured before
+/// a failure is worth keeping, and others may read it meanwhile.
+///
+/// # Errors
+/// See [`check`]; what the system refuses.
+pub fn stream(path: &Path, force: bool) -> Result<File> {
+    check(path, force)?;
+    let io = |e| Error::io(path, e);
+    if force && path.symlink_metadata().is_ok() {
+        let file = beside(path).map_err(io)?;
+        return file.persist(path).map_err(|e| io(e.error));
+    }
+    File::create_new(path).map_err(|e| match e.kind() {
+        ErrorKind::AlreadyExists => exists(path),
+        _ => io(e),
+    })
+}
+
+/// Removes files of a folder that could not be written as a whole, so that they do not stand in the way
+/// of the next attempt.
+pub fn discard(folder: &Path, names: impl IntoIterator<Item = impl AsRef<Path>>) {
+    for name in names {
+        // The failure that led here is the one to report.
+        let _ = std::fs::remove_file(folder.join(name));
+    }
+}
+
+/// Whether a file is one that a killed program had not finished.
+pub fn is_unfinished(name: &OsStr) -> bool {
+    let name = name.to_string_lossy();
+    name.starts_with(PREFIX) && name.ends_with(SUFFIX)
+}
+
+/// Makes a folder in the system's for temporary files, for this user alone and under an unpredictable
+/// name; it goes with the value.
+///
+/// # Errors
+/// What the system refuses.
+#[cfg(target_os = "linux")]
+pub fn scratch(prefix: &str) -> Result<tempfile::TempDir> {
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(prefix);
+    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o700));
+    builder
+        .tempdir()
+        .map_err(|e| Error::io(std::env::temp_dir(), e))
+}
+
+/// A new file beside another, which goes unless it is moved.
+fn beside(path: &Path) -> std::io::Result<NamedTempFile> {
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(PREFIX).suffix(SUFFIX);
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::PermissionsExt;
+        // Less the umask, as any new file; tempfile's own default is for the owner alone.
+        builder.permissions(std::fs::Permissions::from_mode(0o666));
+    }
+    builder.tempfile_in(folder_of(path))
+}
+
+fn folder_of(path: &Path) -> &Path {
+    match path.parent() {
+        Some(folder) if !folder.as_os_str().is_empty() => folder,
+        _ => Path::new("."),
+    }
+}
+
+fn exists(path: &Path) -> Error {
+    Error::input(
+        path.display(),
+        "an existing file",
+        "a new file, or --force to overwrite",
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::fs;
+
+    /// Names in a folder, in order.
+    fn names(folder: &Path) -> Vec<String> {
+        let entries = fs::read_dir(folder).unwrap();
+        let mut names: Vec<String> = entries
+            .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+            .collect();
+        names.sort_unstable();
+        names
+    }
+
+    #[test]
+    fn replaces_only_when_asked_to() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.ply");
+        let put = |force, text: &str| write(&path, force, |out| out.write_all(text.as_bytes()));
+        put(false, "old").unwrap();
+        let refused = put(false, "new").unwrap_err();
+        assert_eq!(refused.exit_code(), 2);
+        assert!(refused.to_string().contains("--force"), "{refused}");
+        assert_eq!(fs::read(&path).unwrap(), b"old");
+        put(true, "new").unwrap();
+        assert_eq!(fs::read(&path).unwrap(), b"new");
+        drop(stream(&path, true).unwrap());
+        assert_eq!(fs::read(&path).unwrap(), b"");
+        assert_eq!(stream(&path, false).unwrap_err().exit_code(), 2);
+        assert_eq!(names(dir.path()), ["a.ply"]);
+    }
+
+    #[test]
+    fn a_failed_write_leaves_the_old_file_and_no_litter() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.ply");
+        for (force, left) in [(false, vec![]), (true, vec!["a.ply"])] {
+            if force {
+                fs::write(&path, "old").unwrap();
+            }
+            let failed = write(&path, force, |out| {
+                out.write_all(b"ne")?;
+                out.flush()?;
+                Err(std::io::Error::other("disk full"))
+            });
+            assert!(failed.unwrap_err().to_string().contains("disk full"));
+            assert_eq!(names(dir.path()), left);
+        }
+        assert_eq!(fs::read(&path).unwrap(), b"old");
+    }
+
+    #[test]
+    fn a_file_that_comes_meanwhile_stays() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a");
+        let refused = write(&path, false, |_| fs::write(&path, "theirs"));
+        assert_eq!(refused.unwrap_err().exit_code(), 2);
+        assert_eq!(fs::read(&path).unwrap(), b"theirs");
+        assert_eq!(names(dir.path()), ["a"]);
+    }
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn scratch_folders_are_new_private_and_removed() {
+        use std::os::unix::fs::PermissionsExt;
+        let (one, other) = (scratch("phasma-x-").unwrap(), scratch("phasma-x-").unwrap());
+        assert_ne!(one.path(), other.path());
+        let mode = one.path().metadata().unwrap().permissions().mode();
+        assert_eq!(mode & 0o777, 0o700);
+        let path = one.path().to_owned();
+        fs::write(path.join("file"), "text").unwrap();
+        drop(one);
+        assert!(!path.exists());
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn follows_no_link_and_replaces_no_device() {
+        use std::os::unix::fs::symlink;
+        let dir = tempfile::tempdir().unwrap();
+        let (link, target) = (dir.path().join("link"), dir.path().join("target"));
+        symlink(&target, &link).unwrap();
+        let put = |force| write(&link, force, |out| out.write_all(b"text"));
+        assert_eq!(put(false).unwrap_err().exit_code(), 2);
+        assert!(stream(&link, false).is_err());
+        assert!(check_folder(dir.path(), ["link"], false).is_err());
+        check_folder(dir.path(), ["link"], true).unwrap();
+        assert!(check_folder(&link, [""; 0], true).is_err());
+        put(true).unwrap();
+        assert!(!target.exists(), "it was written through the link");
+        assert!(link.symlink_metadata().unwrap().is_file());
+        for other in [dir.path(), Path::new("/dev/null"), Path::new("/dev/stdout")] {
+            if other.metadata().is_ok_and(|about| !about.is_file()) {
+                assert_eq!(check(other, true).unwrap_err().exit_code(), 2);
+            }
+        }
+        fs::create_dir(dir.path().join("folder")).unwrap();
+        let folder = check(&dir.path().join("absent/file"), true).unwrap_err();
+        assert!(folder.to_string().contains("no folder"), "{folder}");
+    }
+}

@@ -1,0 +1,182 @@
+//! Faults of frames. Whether one strikes is decided when the frame is exposed; what happens to the
+//! light happens then, and what happens to the finished frame is kept until it comes.
+
+use super::armed::{Event, Way};
+use super::chance::Draws;
+use super::{Faults, picture};
+use crate::{Exposure, Shot, Slide};
+use phasmid_protocol::Frame;
+use phasmid_protocol::faults::Effect;
+use std::sync::Arc;
+
+/// Exposures whose frames have not come and that are to be struck. Beyond it the oldest is forgotten:
+/// a device that is served has no more under way.
+const MAX_PLANNED: usize = 16_384;
+
+/// Slides of the selected sequence, each `None` where the projector's light is off.
+pub type Slides<'a> = &'a dyn Fn() -> Vec<Option<Arc<Slide>>>;
+
+impl Faults {
+    /// Exposures on their way to the optics. As many come out as went in; `slides` gives those of
+    /// the sequence that is being exposed.
+    pub fn exposures(
+        &mut self,
+        mut exposures: Vec<Exposure>,
+        now_ns: u64,
+        slides: Slides<'_>,
+    ) -> Vec<Exposure> {
+        self.now_ns = self.now_ns.max(now_ns);
+        let Some(last) = exposures.last().map(|exposure| exposure.shot.id) else {
+            return exposures;
+        };
+        for Exposure { shot, .. } in &mut exposures {
+            let command = self.command.clone();
+            let event = Event {
+                time_ns: shot.start_ns,
+                command: &command,
+                triggered: Some(shot.pattern_index.is_some()),
+            };
+            let mut later = Vec::new();
+            for (effect, draws) in self.strike(Way::Camera, &event, Some(shot.id)) {
+                match effect {
+                    Effect::Dark => darken(shot),
+                    Effect::WrongPattern { offset } => show_other(shot, offset, slides),
+                    Effect::PartialExposure { fraction } => dim(shot, fraction),
+                    Effect::Disconnect { for_ns } => self.disconnect(for_ns),
+                    // What has been exposed is lost with the device's memory.
+                    Effect::Reset => self.reset(Some(last)),
+                    _ => later.push((effect, draws)),
+                }
+            }
+            if !later.is_empty() {
+                if self.planned.len() == MAX_PLANNED {
+                    self.planned.pop_front();
+                }
+                self.planned.push_back((shot.id, later));
+            }
+        }
+        exposures
+    }
+
+    /// A frame on its way out.
+    pub fn frame(&mut self, frame: Arc<Frame>, now_ns: u64) {
+        self.now_ns = self.now_ns.max(now_ns);
+        while self.planned.front().is_some_and(|(id, _)| *id < frame.id) {
+            self.planned.pop_front();
+        }
+        let effects = match self.planned.front() {
+            Some((id, _)) if *id == frame.id => self.planned.pop_front(),
+            _ => None,
+        };
+        // Who has no faults keeps no frame for longer than it takes to hand it on.
+        let before = match self.armed.is_empty() {
+            true => self.before.take(),
+            false => self.before.replace(frame.clone()),
+        };
+        if self.lost_to.is_some_and(|last| frame.id <= last) {
+            return;
+        }
+        let effects = effects.map_or(Vec::new(), |(_, effects)| effects);
+        self.send(frame, effects, before.as_deref());
+    }
+
+    /// Does to a finished frame what was planned for it.
+    fn send(
+        &mut self,
+        mut frame: Arc<Frame>,
+        effects: Vec<(Effect, Draws)>,
+        before: Option<&Frame>,
+    ) {
+        let (mut copies, mut late_ns, mut wait_ns) = (1, 0, None);
+        for (effect, mut draws) in effects {
+            match effect {
+                Effect::Dropped => copies = 0,
+                Effect::Repeated => copies = 2 * copies.min(1),
+                Effect::Late { by_ns } => late_ns += by_ns,
+                Effect::Swapped { wait_ns: wait } => wait_ns = Some(wait),
+                Effect::Torn { row } => picture::torn(Arc::make_mut(&mut frame), before, row),
+                Effect::RowsMissing { row, rows } => {
+                    picture::rows_missing(Arc::make_mut(&mut frame), row, rows);
+                }
+                Effect::BitsFlipped { count } => {
+                    picture::bits_flipped(&mut Arc::make_mut(&mut frame).data, count, &mut draws);
+                }
+                // The others have happened elsewhere.
+                _ => {}
+            }
+        }
+        if copies == 0 {
+            return;
+        }
+        let due_ns = self.now_ns.saturating_add(late_ns);
+        let first = self.aside.take();
+        match (wait_ns, first) {
+            // Of two that change places with the next one, the first is as late as it can be.
+            (Some(wait_ns), first) => {
+                self.aside = Some((due_ns.saturating_add(wait_ns), frame));
+                if let Some((_, first)) = first {
+                    self.hold(first, self.now_ns);
+                }
+            }
+            (None, first) => {
+                for _ in 0..copies {
+                    self.hold(frame.clone(), due_ns);
+                }
+                if let Some((_, first)) = first {
+                    self.hold(first, due_ns);
+                }
+            }
+        }
+    }
+
+    fn hold(&mut self, frame: Arc<Frame>, due_ns: u64) {
+        // A frame for which there is no room is lost, as in any driver.
+        let bytes = frame.data.len();
+        let _ = self.frames.push(self.now_ns, due_ns, bytes, frame);
+    }
+
+    /// The next frame that leaves by now.
+    pub fn next_frame(&mut self, now_ns: u64) -> Option<Arc<Frame>> {
+        self.now_ns = self.now_ns.max(now_ns);
+        if self
+            .aside
+            .as_ref()
+            .is_some_and(|(until_ns, _)| *until_ns <= now_ns)
+            && let Some((until_ns, frame)) = self.aside.take()
+        {
+            self.hold(frame, until_ns);
+        }
+        self.frames.pop(now_ns)
+    }
+}
+
+/// The projector's lamp is off.
+fn darken(shot: &mut Shot) {
+    shot.slide = None;
+    shot.light = 0.0;
+    for showing in &mut shot.then {
+        showing.slide = None;
+        showing.light = 0.0;
+    }
+}
+
+/// The projector is lit for a part of the exposure; what else there is of light is not its business.
+fn dim(shot: &mut Shot, fraction: f64) {
+    shot.light *= fraction;
+    for showing in &mut shot.then {
+        showing.light *= fraction;
+    }
+}
+
+/// The projector shows another pattern of the sequence, which begins again beyond its ends.
+fn show_other(shot: &mut Shot, offset: i32, slides: Slides<'_>) {
+    let (Some(index), Some(_)) = (shot.pattern_index, &shot.slide) else {
+        return;
+    };
+    let mut slides = slides();
+    let Ok(count @ 1..) = i64::try_from(slides.len()) else {
+        return;
+    };
+    let other = (i64::from(index) + i64::from(offset)).rem_euclid(count);
+    shot.slide = slides.swap_remove(other as usize);
+}

@@ -1,0 +1,105 @@
+//! What faults do to the bytes of a frame. The frame's identity stays: a link carries it beside the
+//! pixels, and does not know what has become of them.
+
+use super::chance::Draws;
+use phasmid_protocol::Frame;
+
+/// From a row on, the frame is the one before it; black where that had another shape.
+pub(super) fn torn(frame: &mut Frame, before: Option<&Frame>, row: Option<u32>) {
+    let at = offset(frame, row);
+    let same = before.filter(|before| {
+        let shape = |f: &Frame| (f.width, f.height, f.format, f.data.len());
+        shape(before) == shape(frame)
+    });
+    match same {
+        Some(before) => frame.data[at..].copy_from_slice(&before.data[at..]),
+        None => frame.data[at..].fill(0),
+    }
+}
+
+/// Rows are missing, those below move up, and as many at the bottom are black.
+pub(super) fn rows_missing(frame: &mut Frame, row: Option<u32>, rows: u32) {
+    let at = offset(frame, row);
+    let lost = (row_bytes(frame) * rows as usize).min(frame.data.len() - at);
+    frame.data.copy_within(at + lost.., at);
+    let end = frame.data.len() - lost;
+    frame.data[end..].fill(0);
+}
+
+/// Bits anywhere are the other way round.
+pub(super) fn bits_flipped(bytes: &mut [u8], count: u32, draws: &mut Draws) {
+    for _ in 0..count {
+        let at = draws.below(bytes.len());
+        let bit = 1 << draws.below(8);
+        if let Some(byte) = bytes.get_mut(at) {
+            *byte ^= bit;
+        }
+    }
+}
+
+fn row_bytes(frame: &Frame) -> usize {
+    frame.width as usize * frame.format.bytes_per_pixel()
+}
+
+/// Where a row begins; the middle one's beginning when none is said. Rows beyond the last one end
+/// the frame.
+fn offset(frame: &Frame, row: Option<u32>) -> usize {
+    let row = row.unwrap_or(frame.height / 2) as usize;
+    row_bytes(frame).saturating_mul(row).min(frame.data.len())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::chance::Chance;
+    use super::*;
+    use phasmid_protocol::PixelFormat;
+
+    fn frame(level: u8) -> Frame {
+        Frame {
+            id: 3,
+            pattern_index: Some(1),
+            width: 4,
+            height: 6,
+            format: PixelFormat::Y16,
+            exposure_start_ns: 0,
+            exposure_end_ns: 1,
+            data: (0..48).map(|i| level + i / 8).collect(),
+        }
+    }
+
+    /// The first byte of each row.
+    fn rows(frame: &Frame) -> Vec<u8> {
+        frame.data.chunks_exact(8).map(|row| row[0]).collect()
+    }
+
+    #[test]
+    fn rows_are_torn_and_missing() {
+        let mut torn_frame = frame(10);
+        torn(&mut torn_frame, Some(&frame(50)), None);
+        assert_eq!(rows(&torn_frame), [10, 11, 12, 53, 54, 55]);
+        let mut alone = frame(10);
+        torn(&mut alone, None, Some(5));
+        assert_eq!(rows(&alone), [10, 11, 12, 13, 14, 0]);
+        let mut cut = frame(10);
+        rows_missing(&mut cut, Some(1), 2);
+        assert_eq!(rows(&cut), [10, 13, 14, 15, 0, 0]);
+        let mut beheaded = frame(10);
+        rows_missing(&mut beheaded, Some(0), 2);
+        assert_eq!(rows(&beheaded), [12, 13, 14, 15, 0, 0]);
+        for (row, lost) in [(Some(4), 9), (Some(9), 1), (Some(u32::MAX), u32::MAX)] {
+            let mut far = frame(10);
+            rows_missing(&mut far, row, lost);
+            torn(&mut far, None, row);
+            assert_eq!((far.data.len(), far.data[0]), (48, 10));
+        }
+    }
+
+    #[test]
+    fn as_many_bits_are_flipped_as_are_asked_for() {
+        let mut bytes = vec![0u8; 1 << 16];
+        bits_flipped(&mut bytes, 20, &mut Chance::new(1, "").draws(1, 1));
+        // Two of twenty on the same of half a million bits would be a strange chance.
+        assert_eq!(bytes.iter().map(|b| b.count_ones()).sum::<u32>(), 20);
+        bits_flipped(&mut [], 20, &mut Chance::new(1, "").draws(1, 1));
+    }
+}

@@ -1,0 +1,185 @@
+//! Faults of the control port: messages on their way in and out.
+
+use super::armed::{Armed, Event, Way};
+use super::chance::Draws;
+use super::listener::Listener;
+use super::{Faults, picture};
+use crate::port::Message;
+use phasmid_protocol::dialect::Dialect;
+use phasmid_protocol::faults::{Bits, Effect};
+use std::sync::Arc;
+
+/// A message that is longer passes in parts, and what strikes messages strikes its end.
+const MAX_MESSAGE: usize = 1 << 20;
+
+/// What becomes of bytes on their way to the device, in order.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Incoming {
+    /// They arrive.
+    Bytes(Vec<u8>),
+    /// A message that the device is too busy to take, and what it replies; nothing where the
+    /// dialect has no such reply.
+    Refused(Vec<u8>),
+}
+
+impl Faults {
+    /// Says what is spoken on the control port; SCPI when nothing is said.
+    pub fn listen_to(&mut self, dialect: Option<&Arc<Dialect>>) {
+        self.listener = Listener::new(dialect);
+    }
+
+    /// Bytes on their way to the device. While something may strike messages there, they arrive
+    /// message by message.
+    pub fn incoming(&mut self, bytes: &[u8], now_ns: u64) -> Vec<Incoming> {
+        self.now_ns = self.now_ns.max(now_ns);
+        if !self.connected(now_ns) {
+            return Vec::new();
+        }
+        let to_device = |armed: &Armed| armed.way() == Way::ToDevice && !armed.is_over();
+        let mut out = Vec::new();
+        if !self.armed.iter().any(to_device) {
+            self.unfinished.extend_from_slice(bytes);
+            for byte in bytes {
+                if let Some(command) = self.listener.hear(*byte) {
+                    self.command = command;
+                }
+            }
+            out.push(Incoming::Bytes(std::mem::take(&mut self.unfinished)));
+            return out;
+        }
+        for byte in bytes {
+            self.unfinished.push(*byte);
+            if let Some(command) = self.listener.hear(*byte) {
+                self.command = command;
+                let message = std::mem::take(&mut self.unfinished);
+                out.extend(self.message(message));
+                if self.reset || !self.connected(now_ns) {
+                    // The rest comes too late.
+                    return out;
+                }
+            } else if self.unfinished.len() >= MAX_MESSAGE {
+                out.push(Incoming::Bytes(std::mem::take(&mut self.unfinished)));
+            }
+        }
+        out
+    }
+
+    /// What becomes of one message on its way to the device.
+    fn message(&mut self, mut message: Vec<u8>) -> Option<Incoming> {
+        let command = self.command.clone();
+        let event = Event {
+            time_ns: self.now_ns,
+            command: &command,
+            triggered: None,
+        };
+        let mut refused = false;
+        for (effect, mut draws) in self.strike(Way::ToDevice, &event, None) {
+            match effect {
+                Effect::BitErrors { bits, .. } => flip(&mut message, bits, &mut draws),
+                Effect::Nak => refused = true,
+                Effect::Disconnect { for_ns } => {
+                    self.disconnect(for_ns);
+                    return None;
+                }
+                Effect::Reset => {
+                    self.reset(None);
+                    return None;
+                }
+                // The others strike elsewhere.
+                _ => {}
+            }
+        }
+        Some(match refused {
+            true => Incoming::Refused(self.listener.busy(&message)),
+            false => Incoming::Bytes(message),
+        })
+    }
+
+    /// A message on its way to the client.
+    pub fn reply(&mut self, message: Message, now_ns: u64) {
+        self.now_ns = self.now_ns.max(now_ns);
+        if !self.connected(now_ns) {
+            return;
+        }
+        let Message { mut bytes, to, .. } = message;
+        let command = to.unwrap_or_else(|| self.command.clone());
+        let event = Event {
+            time_ns: now_ns,
+            command: &command,
+            triggered: None,
+        };
+        let (mut copies, mut late_ns) = (1, 0);
+        for (effect, mut draws) in self.strike(Way::ToHost, &event, None) {
+            match effect {
+                Effect::NoReply => copies = 0,
+                Effect::LateReply { by_ns } => late_ns += by_ns,
+                Effect::ReplyTwice => copies = 2 * copies.min(1),
+                Effect::GarbageBefore { count } => insert(&mut bytes, 0, count, &mut draws),
+                Effect::GarbageInside { count } => {
+                    let at = 1 + draws.below(bytes.len().saturating_sub(1));
+                    insert(&mut bytes, at, count, &mut draws);
+                }
+                Effect::BitErrors { bits, .. } => flip(&mut bytes, bits, &mut draws),
+                // The others strike elsewhere.
+                _ => {}
+            }
+        }
+        let due_ns = now_ns.saturating_add(late_ns);
+        for _ in 0..copies {
+            // One for which there is no room is lost: a client that asks and does not read.
+            let _ = self
+                .replies
+                .push(now_ns, due_ns, bytes.len(), bytes.clone());
+        }
+    }
+
+    /// What goes out on the line by now.
+    pub fn replies(&mut self, now_ns: u64) -> Vec<Vec<u8>> {
+        self.now_ns = self.now_ns.max(now_ns);
+        std::iter::from_fn(|| self.replies.pop(now_ns)).collect()
+    }
+
+    /// Whether the control port is there.
+    pub fn connected(&self, now_ns: u64) -> bool {
+        now_ns >= self.gone_until_ns
+    }
+
+    /// The client has gone, and what was on its way with it.
+    pub fn hang_up(&mut self) {
+        self.replies.clear();
+        self.unfinished.clear();
+        self.listener.reset();
+    }
+
+    /// Whether the beginning of a message is kept back until it is whole.
+    pub fn holds_back(&self) -> bool {
+        !self.unfinished.is_empty()
+    }
+
+    /// A message has stopped coming: what there is of it arrives.
+    pub fn input_stalled(&mut self) -> Vec<u8> {
+        self.listener.reset();
+        std::mem::take(&mut self.unfinished)
+    }
+}
+
+/// Bits of a message are the other way round.
+fn flip(bytes: &mut [u8], bits: Bits, draws: &mut Draws) {
+    match bits {
+        Bits::Count(count) => picture::bits_flipped(bytes, count, draws),
+        Bits::Rate(rate) => {
+            for byte in bytes {
+                for bit in 0..8 {
+                    *byte ^= u8::from(draws.unit() < rate) << bit;
+                }
+            }
+        }
+    }
+}
+
+/// Random bytes that nobody sent.
+fn insert(bytes: &mut Vec<u8>, at: usize, count: u32, draws: &mut Draws) {
+    let garbage: Vec<u8> = (0..count).map(|_| draws.below(256) as u8).collect();
+    let at = at.min(bytes.len());
+    bytes.splice(at..at, garbage);
+}

@@ -1,0 +1,249 @@
+//! What the trigger system sets off: exposures of the selected sequence, or of what is shown at rest.
+
+use super::memory::Stored;
+use super::settings::{Settings, Shown, seconds};
+use super::shining::Shining;
+use super::table::{self, Command};
+use super::trigger::Exposed;
+use super::{Firmware, State, status};
+use crate::projection::{self, Lit};
+use crate::{Exposure, Readout, Shot, Showing, Stream};
+use phasmid_pattern::Pattern;
+use phasmid_protocol::scpi::{DeviceError, ErrorCode, Unit};
+use std::sync::Arc;
+
+/// Sets the noise of free-running exposures apart from that of triggered ones.
+const FREE_RUNNING: u64 = 1 << 63;
+
+impl Firmware {
+    /// The selected sequence as it would be exposed with the present settings: what
+    /// ground truth is asked about. Its times are those at which it was exposed last, or, if it has
+    /// not been from its first pattern to its last, those of a trigger now. It exposes nothing.
+    pub fn selected_sequence(&self) -> Vec<(Pattern, Shot)> {
+        let count = self.selected.slides.len();
+        let start_ns = |i: usize| {
+            let now = i as u64 * self.settings.period_ns + self.now_ns;
+            let taken = self
+                .taken_ns
+                .get(i)
+                .filter(|_| self.taken_ns.len() == count);
+            taken.copied().unwrap_or(now)
+        };
+        let shots = (0..count).map(|i| {
+            let mut shot = Shot {
+                pattern_index: Some(i as u32),
+                light: self.settings.current,
+                emission: self.shining.as_ref().and_then(|s| s.taken(i, count)),
+                start_ns: start_ns(i),
+                exposure_ns: self.settings.exposure_ns,
+                shutter: self.settings.shutter(),
+                gain_db: self.settings.gain_db,
+                ..Shot::default()
+            };
+            self.show(&mut shot, (i..count).map(|i| (i, start_ns(i))));
+            shot
+        });
+        let frames = self.selected.manifest.frame.iter();
+        frames.map(|f| f.pattern.clone()).zip(shots).collect()
+    }
+
+    /// Gives a shot of the selected sequence what it sees with the lamp on: of patterns by their
+    /// positions and the starts of their exposures, the first of them the shot's own. A projector
+    /// without a time goes over from one to the next, and keeps the last one of a trigger until the
+    /// frame has ended; one that has a time is dark around them.
+    fn show(&self, shot: &mut Shot, patterns: impl IntoIterator<Item = (usize, u64)>) {
+        let slides = &self.selected.slides;
+        let end_ns = shot.end_ns();
+        let mut seen = patterns
+            .into_iter()
+            .take_while(|(_, start_ns)| *start_ns <= end_ns)
+            .filter_map(|(place, start_ns)| Some((slides.get(place)?.clone(), start_ns)));
+        let Some(timing) = &self.profile.projector.timing else {
+            shot.slide = seen.next().map(|(slide, _)| slide);
+            shot.then = seen
+                .filter(|(_, from_ns)| *from_ns < end_ns)
+                .map(|(slide, from_ns)| Showing {
+                    from_ns,
+                    slide: Some(slide),
+                    light: shot.light,
+                })
+                .collect();
+            return;
+        };
+        let lit = seen.map(|(slide, start_ns)| {
+            let lit = self.period(timing, start_ns).lit;
+            Lit {
+                slide,
+                from_ns: lit.start,
+                to_ns: lit.end,
+            }
+        });
+        let planes = timing
+            .bit_planes
+            .then_some((&self.planes, self.profile.projector.bits));
+        projection::show(shot, lit, planes);
+    }
+
+    /// What the camera's frames look like with the present settings.
+    pub fn stream(&self) -> Stream {
+        self.stream_with(&self.settings)
+    }
+
+    fn stream_with(&self, settings: &Settings) -> Stream {
+        let interval_ns = settings.interval_ns.max(settings.shortest_period_ns());
+        self.readout(settings).stream(interval_ns)
+    }
+
+    fn readout(&self, settings: &Settings) -> Readout {
+        let camera = &self.profile.camera;
+        let full_scale_dn = camera.sensor.full_scale_dn() as u16;
+        Readout {
+            roi: settings.roi,
+            format: settings.format,
+            data_line: camera.data_line.then_some(full_scale_dn),
+        }
+    }
+
+    /// Takes settings over, once the link that has to know is ready for their frames.
+    pub(super) fn apply(&mut self, settings: Settings) -> Result<(), DeviceError> {
+        let stream = self.stream_with(&settings);
+        if stream != self.stream()
+            && let Some(link) = &mut self.link
+        {
+            link.announce(&stream)
+                .map_err(|why| ErrorCode::SettingsConflict.with(why))?;
+        }
+        self.settings = settings;
+        Ok(())
+    }
+
+    /// Whether an order has to wait until all frames have left, because a link that has to know
+    /// what comes cannot carry frames of before and after it at the same time.
+    pub(super) fn held_by_frames(&self, unit: &Unit) -> bool {
+        self.link.is_some()
+            && self.in_flight > 0
+            && matches!(self.state, State::Idle | State::Armed { .. })
+            && !unit.query
+            && matches!(
+                table::find(unit),
+                Ok(Command::Format | Command::Roi | Command::Reset)
+            )
+    }
+
+    pub(super) fn rest(&mut self) {
+        self.state = State::rest(&self.settings, self.streaming, self.now_ns);
+    }
+
+    /// Whether an order has to wait until the device is ready for a trigger: it is armed then.
+    pub(super) fn held_by_time(&self, unit: &Unit) -> bool {
+        matches!(self.state, State::Idle)
+            && self.now_ns < self.ready_ns()
+            && !unit.query
+            && matches!(table::find(unit), Ok(Command::Initiate))
+    }
+
+    /// A trigger. One that comes too early for the device that waits for it is missed and counted.
+    pub(super) fn fire(&mut self) -> Result<(), DeviceError> {
+        let len = self.sequence_len();
+        let early = match self.state {
+            State::Running { .. } => true,
+            State::Armed { .. } => self.now_ns < self.ready_ns(),
+            State::Idle | State::Free { .. } => false,
+        };
+        if early {
+            self.missed += 1;
+            self.status.questionable.happen(status::TRIGGER_MISSED);
+        }
+        if early && let State::Armed { .. } = self.state {
+            let why = match self.now_ns < self.loaded_ns {
+                true => "the sequence is still loaded",
+                false => "the last pattern's period or the camera's interval has not ended",
+            };
+            let left_s = seconds(self.ready_ns() - self.now_ns);
+            return Err(ErrorCode::TriggerIgnored.with(format!("{left_s} s too early: {why}")));
+        }
+        self.state.trigger(&self.settings, len, self.now_ns)
+    }
+
+    pub(super) fn select(&mut self, stored: Arc<Stored>) {
+        self.settings.period_ns = stored.period_ns;
+        if !Arc::ptr_eq(&self.selected, &stored) && stored.load_ns > 0 {
+            self.loaded_ns = self.now_ns.saturating_add(stored.load_ns);
+        }
+        self.selected = stored;
+        self.taken_ns.clear();
+        self.shining.iter_mut().for_each(Shining::forget);
+        if matches!(self.settings.shown, Shown::Pattern(i) if i >= self.sequence_len()) {
+            self.settings.shown = Shown::White;
+        }
+    }
+
+    pub(super) fn expose(&mut self, exposed: Exposed) {
+        let Settings {
+            exposure_ns,
+            gain_db,
+            current,
+            shown,
+            ..
+        } = self.settings;
+        let timing = self.profile.projector.timing.as_ref();
+        let mut gap_ns = self.settings.shortest_interval_ns;
+        if let Some(index) = exposed.index {
+            self.taken_ns.truncate(index as usize);
+            self.taken_ns.push(exposed.start_ns);
+            gap_ns = gap_ns.max(timing.map_or(0, |_| self.settings.period_ns));
+        }
+        if gap_ns > 0 {
+            self.free_from_ns = exposed.start_ns.saturating_add(gap_ns);
+        }
+        let triggered = exposed.index.is_some();
+        let noise_id = if triggered {
+            self.triggered
+        } else {
+            FREE_RUNNING | (self.next_id - self.triggered)
+        };
+        let mut shot = Shot {
+            id: self.next_id,
+            noise_id,
+            pattern_index: exposed.index,
+            light: current,
+            start_ns: exposed.start_ns,
+            exposure_ns,
+            shutter: self.settings.shutter(),
+            gain_db,
+            ..Shot::default()
+        };
+        match exposed.index {
+            Some(index) => {
+                let period_ns = self.settings.period_ns;
+                let starts = (index..exposed.end).enumerate().map(|(i, place)| {
+                    let after_ns = period_ns.saturating_mul(i as u64);
+                    (place as usize, exposed.start_ns.saturating_add(after_ns))
+                });
+                self.show(&mut shot, starts.clone());
+                self.open(starts.map(|(_, start_ns)| start_ns), shot.end_ns());
+            }
+            None => {
+                shot.slide = Some(match shown {
+                    Shown::White => self.white.clone(),
+                    Shown::Black => self.black.clone(),
+                    Shown::Pattern(index) => self.selected.slides[index as usize].clone(),
+                });
+            }
+        }
+        shot.emission = self.emission(exposed.index, exposed.start_ns);
+        if !self.shows() {
+            shot.slide = None;
+            shot.then
+                .iter_mut()
+                .for_each(|showing| showing.slide = None);
+        }
+        self.exposures.push(Exposure {
+            shot,
+            readout: self.readout(&self.settings),
+        });
+        self.next_id += 1;
+        self.triggered += u64::from(triggered);
+        self.in_flight += 1;
+    }
+}

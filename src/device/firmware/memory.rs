@@ -1,0 +1,436 @@
+//! The device's memory: sequences that came with it and those that a user loaded, and pictures.
+
+use super::super::Slide;
+use super::settings::microseconds;
+use image::GrayImage;
+use phasmid_core::error::{Error, Result};
+use phasmid_pattern::{Axis, Manifest, Pattern, ProjectorSize};
+use phasmid_profile::{Profile, Projector};
+use phasmid_protocol::scpi::{DeviceError, ErrorCode};
+use phasmid_render::picture;
+use std::collections::hash_map::Entry;
+use std::collections::{BTreeMap, HashMap, HashSet};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// Sequences that fit.
+const MAX_SEQUENCES: usize = 128;
+/// Bytes that pictures and slides may take.
+const MAX_BYTES: usize = 512 << 20;
+/// Longest name of a sequence or picture.
+const MAX_NAME: usize = 64;
+
+/// A sequence of a user's own, loaded when the device starts.
+#[derive(Debug, Clone)]
+pub struct UserSequence {
+    /// Name by which `SEQuence:SELect` takes it.
+    pub name: String,
+    /// Its patterns.
+    pub manifest: Manifest,
+    /// Folder that its pictures are relative to.
+    pub folder: PathBuf,
+}
+
+impl UserSequence {
+    /// Reads a manifest file; the sequence bears the file's name without its extension.
+    ///
+    /// # Errors
+    /// What the manifest's reader refuses, and a file name that is no name.
+    pub fn read(path: &Path) -> Result<Self> {
+        let manifest = Manifest::read(path)?;
+        let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+        if !is_name(&stem) {
+            return Err(Error::input(
+                path.display(),
+                format!("the name {stem:?}"),
+                "a file name of 1 to 64 letters, digits, '-', '_' or '.'",
+            ));
+        }
+        Ok(Self {
+            name: stem.into_owned(),
+            manifest,
+            folder: path.parent().unwrap_or(Path::new("")).to_path_buf(),
+        })
+    }
+}
+
+/// A sequence in memory.
+#[derive(Debug)]
+pub(super) struct Stored {
+    pub(super) name: String,
+    pub(super) period_ns: u64,
+    pub(super) manifest: Manifest,
+    pub(super) slides: Vec<Arc<Slide>>,
+    /// Shortest time for which the projector can show the patterns.
+    pub(super) shortest_ns: u64,
+    /// How long they take from flash memory.
+    pub(super) load_ns: u64,
+    /// Bytes that the slides take.
+    bytes: usize,
+    built_in: bool,
+}
+
+#[derive(Clone)]
+pub(super) struct Memory {
+    projector: Projector,
+    /// Period of sequences that state none.
+    period_ns: u64,
+    sequences: Vec<Arc<Stored>>,
+    pictures: BTreeMap<String, GrayImage>,
+    /// See [`MAX_BYTES`].
+    max_bytes: usize,
+}
+
+impl Memory {
+    pub(super) fn new(profile: &Profile, user: &[UserSequence]) -> Result<Self> {
+        Self::of_size(MAX_BYTES, profile, user)
+    }
+
+    fn of_size(max_bytes: usize, profile: &Profile, user: &[UserSequence]) -> Result<Self> {
+        let mut memory = Self {
+            projector: profile.projector.clone(),
+            period_ns: microseconds(profile.sequence[0].period_us),
+            sequences: Vec::new(),
+            pictures: BTreeMap::new(),
+            max_bytes,
+        };
+        for sequence in &profile.sequence {
+            memory.load(
+                &sequence.name,
+                microseconds(sequence.period_us),
+                profile.manifest(sequence),
+                &profile.folder,
+                true,
+            )?;
+        }
+        for sequence in user {
+            let manifest = sequence.manifest.clone();
+            let period_ns = memory.period_ns;
+            memory.load(&sequence.name, period_ns, manifest, &sequence.folder, false)?;
+        }
+        Ok(memory)
+    }
+
+    /// Loads a sequence whose pictures are files.
+    fn load(
+        &mut self,
+        name: &str,
+        period_ns: u64,
+        manifest: Manifest,
+        folder: &Path,
+        built_in: bool,
+    ) -> Result<()> {
+        let place = format!("sequence {name}");
+        if self.get(name).is_some() {
+            return Err(Error::input(
+                place,
+                "a name that is taken",
+                "a name that no other sequence has",
+            ));
+        }
+        self.check_projector(&manifest)
+            .map_err(|found| Error::input(&place, found, "the profile's projector"))?;
+        let bytes = self.slide_bytes(&manifest);
+        if self.sequences.len() >= MAX_SEQUENCES || bytes > self.room() {
+            return Err(Error::input(
+                place,
+                "more than the device's memory holds",
+                format!(
+                    "{MAX_SEQUENCES} sequences and {} bytes of pictures",
+                    self.max_bytes
+                ),
+            ));
+        }
+        let images = |file: &Path| picture::read(&folder.join(file), &self.projector);
+        let slides = self.slides(&manifest, &images)?;
+        let stored = Stored {
+            name: name.to_owned(),
+            period_ns,
+            manifest,
+            slides,
+            shortest_ns: 0,
+            load_ns: 0,
+            bytes,
+            built_in,
+        };
+        self.sequences.push(Arc::new(self.timed(stored)));
+        Ok(())
+    }
+
+    /// A sequence with what the projector's time makes of it: patterns that take longer than their
+    /// period make that longer.
+    fn timed(&self, mut stored: Stored) -> Stored {
+        if let Some(timing) = &self.projector.timing {
+            let bits = self.projector.bits;
+            let patterns = || stored.manifest.frame.iter().map(|frame| &frame.pattern);
+            stored.shortest_ns = timing.shortest_exposure_ns(patterns(), bits);
+            stored.load_ns = timing.load_ns(patterns(), bits);
+            let least_ns = timing.shortest_period_ns(stored.shortest_ns);
+            stored.period_ns = stored.period_ns.max(least_ns);
+        }
+        stored
+    }
+
+    fn check_projector(&self, manifest: &Manifest) -> Result<(), String> {
+        let ProjectorSize {
+            width_px,
+            height_px,
+        } = manifest.projector;
+        if (width_px, height_px) == (self.projector.width_px, self.projector.height_px) {
+            return Ok(());
+        }
+        Err(format!(
+            "a projector of {width_px} x {height_px}, this one has {} x {}",
+            self.projector.width_px, self.projector.height_px
+        ))
+    }
+
+    pub(super) fn get(&self, name: &str) -> Option<&Arc<Stored>> {
+        self.sequences.iter().find(|stored| stored.name == name)
+    }
+
+    pub(super) fn first(&self) -> &Arc<Stored> {
+        &self.sequences[0]
+    }
+
+    pub(super) fn sequences(&self) -> impl Iterator<Item = &Arc<Stored>> {
+        self.sequences.iter()
+    }
+
+    pub(super) fn names(&self) -> impl Iterator<Item = &str> {
+        self.sequences.iter().map(|stored| stored.name.as_str())
+    }
+
+    /// Keeps a picture that came over the port.
+    pub(super) fn upload(&mut self, file: &str, bytes: &[u8]) -> Result<(), DeviceError> {
+        if file.is_empty() || file.len() > MAX_NAME || file.contains(char::is_control) {
+            return Err(ErrorCode::IllegalParameterValue.with(format!(
+                "a file name of 1 to {MAX_NAME} characters is wanted"
+            )));
+        }
+        let projector = &self.projector;
+        let image = picture::decode(bytes, projector, file)
+            .map_err(|e| ErrorCode::IllegalParameterValue.with(e))?;
+        // Refused here rather than when a sequence is made of it.
+        Slide::from_image(&image, projector, file)
+            .map_err(|e| ErrorCode::IllegalParameterValue.with(e))?;
+        let before = self.pictures.get(file).map_or(0, |old| old.as_raw().len());
+        if self.bytes() - before + image.as_raw().len() > self.max_bytes {
+            return Err(ErrorCode::OutOfMemory.into());
+        }
+        self.pictures.insert(file.to_owned(), image);
+        Ok(())
+    }
+
+    /// Makes a sequence of a manifest that came over the port, unless `refuse` has something against
+    /// it.
+    pub(super) fn define(
+        &mut self,
+        name: &str,
+        toml: &[u8],
+        refuse: impl FnOnce(&Stored) -> Result<(), DeviceError>,
+    ) -> Result<Arc<Stored>, DeviceError> {
+        if !is_name(name) {
+            return Err(ErrorCode::IllegalParameterValue
+                .with("a name is 1 to 64 letters, digits, '-', '_' or '.'"));
+        }
+        if self.get(name).is_some_and(|stored| stored.built_in) {
+            return Err(ErrorCode::IllegalParameterValue.with(format!("{name} is built in")));
+        }
+        let failed = |e: Error| ErrorCode::ExecutionError.with(e);
+        let text = std::str::from_utf8(toml)
+            .map_err(|_| ErrorCode::ExecutionError.with("the manifest is not UTF-8"))?;
+        let manifest = Manifest::parse(text, name).map_err(failed)?;
+        self.check_projector(&manifest)
+            .map_err(|found| ErrorCode::ExecutionError.with(found))?;
+        let key = |file: &Path| file.to_str().unwrap_or_default().to_owned();
+        for frame in &manifest.frame {
+            if let Pattern::Image { file } = &frame.pattern
+                && !self.pictures.contains_key(&key(file))
+            {
+                return Err(ErrorCode::FileNameNotFound.with(file.display()));
+            }
+        }
+        let place = self.sequences.iter().position(|old| old.name == name);
+        if place.is_none() && self.sequences.len() >= MAX_SEQUENCES {
+            return Err(ErrorCode::OutOfMemory.into());
+        }
+        let before = place.map_or(0, |index| self.sequences[index].bytes);
+        let bytes = self.slide_bytes(&manifest);
+        if bytes > self.room() + before {
+            return Err(ErrorCode::OutOfMemory.into());
+        }
+        let images = |file: &Path| Ok(self.pictures[&key(file)].clone());
+        let slides = self.slides(&manifest, &images).map_err(failed)?;
+        let stored = Arc::new(self.timed(Stored {
+            name: name.to_owned(),
+            period_ns: self.period_ns,
+            manifest,
+            slides,
+            shortest_ns: 0,
+            load_ns: 0,
+            bytes,
+            built_in: false,
+        }));
+        refuse(&stored)?;
+        match place {
+            Some(index) => self.sequences[index] = stored.clone(),
+            None => self.sequences.push(stored.clone()),
+        }
+        Ok(stored)
+    }
+
+    pub(super) fn delete(&mut self, name: &str) -> Result<(), DeviceError> {
+        match self.get(name) {
+            None => Err(ErrorCode::FileNameNotFound.with(name)),
+            Some(stored) if stored.built_in => {
+                Err(ErrorCode::IllegalParameterValue.with(format!("{name} is built in")))
+            }
+            Some(_) => {
+                self.sequences.retain(|stored| stored.name != name);
+                Ok(())
+            }
+        }
+    }
+
+    pub(super) fn delete_picture(&mut self, file: &str) -> Result<(), DeviceError> {
+        match self.pictures.remove(file) {
+            Some(_) => Ok(()),
+            None => Err(ErrorCode::FileNameNotFound.with(file)),
+        }
+    }
+
+    /// A slide for each frame; frames of one pattern share theirs.
+    fn slides(
+        &self,
+        manifest: &Manifest,
+        images: &dyn Fn(&Path) -> Result<GrayImage>,
+    ) -> Result<Vec<Arc<Slide>>> {
+        let mut made: HashMap<String, Arc<Slide>> = HashMap::new();
+        let mut slides = Vec::with_capacity(manifest.frame.len());
+        for frame in &manifest.frame {
+            let slide = match made.entry(key_of(&frame.pattern)) {
+                Entry::Occupied(same) => same.get().clone(),
+                Entry::Vacant(new) => {
+                    let slide = Slide::new(&frame.pattern, &self.projector, images)?;
+                    new.insert(Arc::new(slide)).clone()
+                }
+            };
+            slides.push(slide);
+        }
+        Ok(slides)
+    }
+
+    /// Bytes that [`Self::slides`] takes, known before anything is made: a manifest may have many
+    /// frames, and name one picture often.
+    fn slide_bytes(&self, manifest: &Manifest) -> usize {
+        let (width, height) = (self.projector.width_px, self.projector.height_px);
+        let (width, height) = (width as usize, height as usize);
+        let mut counted = HashSet::new();
+        let distinct = manifest
+            .frame
+            .iter()
+            .map(|frame| &frame.pattern)
+            .filter(|pattern| counted.insert(key_of(pattern)));
+        let levels: usize = distinct
+            .map(|pattern| match pattern {
+                Pattern::Image { .. } => width.saturating_mul(height),
+                _ => match pattern.axis() {
+                    Some(Axis::X) => width,
+                    Some(Axis::Y) => height,
+                    None => 0,
+                },
+            })
+            .sum();
+        levels.saturating_mul(size_of::<u16>())
+    }
+
+    /// Bytes that are free.
+    fn room(&self) -> usize {
+        self.max_bytes.saturating_sub(self.bytes())
+    }
+
+    fn bytes(&self) -> usize {
+        let pictures: usize = self.pictures.values().map(|p| p.as_raw().len()).sum();
+        let slides: usize = self.sequences.iter().map(|stored| stored.bytes).sum();
+        pictures + slides
+    }
+}
+
+/// What tells a pattern from another; its numbers come whole from the debug format, which writes
+/// the shortest decimal that reads back.
+fn key_of(pattern: &Pattern) -> String {
+    format!("{pattern:?}")
+}
+
+fn is_name(text: &str) -> bool {
+    (1..=MAX_NAME).contains(&text.len())
+        && text
+            .chars()
+            .all(|c| c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '.'))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const HEAD: &str = "[projector]\nwidth_px = 854\nheight_px = 480\n";
+
+    fn fringes(count: usize, phase: impl Fn(usize) -> usize) -> String {
+        let frame = |i| {
+            format!(
+                "[[frame]]\npattern = {{ kind = \"fringe\", axis = \"x\", period_px = 16, \
+                 phase_rad = {}e-3 }}\n",
+                phase(i)
+            )
+        };
+        HEAD.to_owned() + &(0..count).map(frame).collect::<String>()
+    }
+
+    fn small(room: usize, user: &[UserSequence]) -> Result<Memory> {
+        let profile = Profile::load("webcam-grey").unwrap();
+        let own = Memory::new(&profile, &[]).unwrap().bytes();
+        Memory::of_size(own + room, &profile, user)
+    }
+
+    #[test]
+    fn rows_are_counted_and_equal_ones_shared() {
+        let row = 854 * 2;
+        let mut memory = small(100 * row, &[]).unwrap();
+        let all = |_: &Stored| Ok(());
+        let full = memory.define("own", fringes(101, |i| i).as_bytes(), all);
+        assert_eq!(full.unwrap_err().code, ErrorCode::OutOfMemory);
+        memory
+            .define("own", fringes(100, |i| i).as_bytes(), all)
+            .unwrap();
+        assert_eq!(memory.room(), 0);
+        let full = memory.define("other", fringes(1, |i| i).as_bytes(), all);
+        assert_eq!(full.unwrap_err().code, ErrorCode::OutOfMemory);
+        // In its place the same room is free; frames of one pattern take it once.
+        let stored = memory
+            .define("own", fringes(4096, |i| i % 2).as_bytes(), all)
+            .unwrap();
+        assert_eq!(memory.room(), 98 * row);
+        assert!(Arc::ptr_eq(&stored.slides[0], &stored.slides[4094]));
+        assert!(!Arc::ptr_eq(&stored.slides[0], &stored.slides[1]));
+    }
+
+    #[test]
+    fn a_sequence_too_large_is_refused_before_its_pictures_are_read() {
+        let frame =
+            |i| format!("[[frame]]\npattern = {{ kind = \"image\", file = \"{i}.png\" }}\n");
+        let text = HEAD.to_owned() + &(0..5).map(frame).collect::<String>();
+        let user = UserSequence {
+            name: "own".into(),
+            manifest: Manifest::parse(&text, "own").unwrap(),
+            folder: PathBuf::from("/no/such/folder"),
+        };
+        let refusal = |pictures: usize| {
+            let room = pictures * 854 * 480 * 2;
+            let result = small(room, std::slice::from_ref(&user));
+            result.err().unwrap().to_string()
+        };
+        assert!(refusal(4).contains("memory"), "{}", refusal(4));
+        assert!(refusal(5).contains("0.png"), "{}", refusal(5));
+    }
+}

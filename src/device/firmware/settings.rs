@@ -1,0 +1,157 @@
+//! What the commands set, and its state after power-on and `*RST`.
+
+use super::super::{Roi, Shutter};
+use phasmid_profile::{Profile, Timing};
+use phasmid_protocol::PixelFormat;
+
+/// Where a trigger may come from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Source {
+    Software,
+    Bus,
+    External,
+    /// The camera runs free at its interval.
+    Internal,
+}
+
+/// What one trigger starts.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Mode {
+    /// The whole sequence.
+    Sequence,
+    /// The next pattern.
+    Step,
+}
+
+/// What the projector shows while the camera runs free.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Shown {
+    White,
+    Black,
+    /// A pattern of the selected sequence.
+    Pattern(u32),
+}
+
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Settings {
+    pub(super) exposure_ns: u64,
+    pub(super) gain_db: f64,
+    pub(super) roi: Roi,
+    pub(super) format: PixelFormat,
+    pub(super) interval_ns: u64,
+    /// The sensor's own, set by no command; 0 for a global shutter.
+    pub(super) line_time_ns: u64,
+    /// How long a global shutter's rows take to be read, and how many they are; the sensor's own.
+    pub(super) readout: (u64, u32),
+    /// Shortest time from one frame's start to the next one's; the camera's own.
+    pub(super) shortest_interval_ns: u64,
+    pub(super) lamp: bool,
+    /// Projector light relative to full, 0 to 1.
+    pub(super) current: f64,
+    pub(super) shown: Shown,
+    pub(super) period_ns: u64,
+    /// How long a pattern is shown, with a projector that has a time; `None` is as long as the period
+    /// allows.
+    pub(super) pattern_ns: Option<u64>,
+    pub(super) source: Source,
+    pub(super) delay_ns: u64,
+    /// The hardware's own part of the delay; set by no command.
+    pub(super) own_delay_ns: u64,
+    pub(super) mode: Mode,
+    pub(super) continuous: bool,
+}
+
+impl Settings {
+    /// Power-on and `*RST`: lamp on and white, the profile's exposure, no gain, the whole sensor,
+    /// the camera running free.
+    pub(super) fn reset(profile: &Profile) -> Self {
+        let camera = &profile.camera;
+        let timing = profile.projector.timing.as_ref();
+        Self {
+            exposure_ns: microseconds(camera.exposure_us),
+            gain_db: 0.0,
+            roi: Roi {
+                x: 0,
+                y: 0,
+                width: camera.width_px,
+                height: camera.height_px,
+            },
+            format: camera.format,
+            interval_ns: microseconds(camera.frame_interval_us),
+            line_time_ns: camera.line_time_ns(),
+            readout: (camera.readout_ns(), camera.height_px),
+            shortest_interval_ns: camera.shortest_interval_ns(),
+            lamp: true,
+            current: 1.0,
+            shown: Shown::White,
+            period_ns: microseconds(profile.sequence[0].period_us),
+            pattern_ns: timing.and_then(Timing::exposure_ns),
+            source: Source::Internal,
+            delay_ns: 0,
+            own_delay_ns: timing.map_or(0, Timing::first_delay_ns),
+            mode: Mode::Sequence,
+            continuous: false,
+        }
+    }
+
+    /// How the rows of the region follow each other.
+    pub(super) fn shutter(&self) -> Shutter {
+        Shutter {
+            line_time_ns: self.line_time_ns,
+            first_row: self.roi.y,
+            rows: self.roi.height,
+        }
+    }
+
+    /// From the start of the first row's exposure to the end of the last one's.
+    pub(super) fn frame_ns(&self) -> u64 {
+        self.exposure_ns.saturating_add(self.shutter().skew_ns())
+    }
+
+    /// How long a global shutter's frame takes to be read once it has been exposed.
+    pub(super) fn readout_ns(&self) -> u64 {
+        let (whole_ns, rows) = self.readout;
+        let here_ns = u128::from(whole_ns) * u128::from(self.roi.height);
+        (here_ns / u128::from(rows.max(1))) as u64
+    }
+
+    /// From the start of the first row's exposure to when the frame has been read.
+    pub(super) fn done_ns(&self) -> u64 {
+        self.frame_ns().saturating_add(self.readout_ns())
+    }
+
+    /// Shortest time from one exposure to the next: no row is exposed again before it has been, nor
+    /// before all rows have been read.
+    pub(super) fn shortest_period_ns(&self) -> u64 {
+        self.exposure_ns
+            .saturating_add(self.readout_ns())
+            .max(self.shutter().readout_ns())
+            .max(self.shortest_interval_ns)
+    }
+
+    /// From a trigger to the start of the first exposure.
+    pub(super) fn start_delay_ns(&self) -> u64 {
+        self.delay_ns.saturating_add(self.own_delay_ns)
+    }
+
+    /// How long a pattern is shown in a period, by a projector that has a time.
+    pub(super) fn pattern_ns(&self, timing: &Timing, period_ns: u64) -> u64 {
+        self.pattern_ns
+            .unwrap_or_else(|| timing.longest_exposure_ns(period_ns))
+    }
+}
+
+/// Nanoseconds of a checked, positive number of microseconds.
+pub(super) fn microseconds(us: f64) -> u64 {
+    (us * 1e3).round() as u64
+}
+
+/// Nanoseconds of a checked number of seconds of 0 or more.
+pub(super) fn from_seconds(s: f64) -> u64 {
+    (s * 1e9).round() as u64
+}
+
+/// Seconds of nanoseconds.
+pub(super) fn seconds(ns: u64) -> f64 {
+    ns as f64 / 1e9
+}

@@ -1,0 +1,361 @@
+//! The serial line in device time. A byte takes its start bit, data, parity and stop bits at the
+//! line's baud rate, and bytes that are put on it together follow each other without a gap, each way
+//! by itself. Times are exact: n bytes of a burst take ceil(n * bits * 1e9 / baud) nanoseconds.
+
+use phasmid_profile::Control;
+use std::collections::VecDeque;
+
+/// Bytes on their way to the device beyond which whoever sends has to wait: what a UART driver's
+/// buffer holds.
+const CROWDED_TO_DEVICE: usize = 1 << 10;
+/// Bytes on their way to the client beyond which the device reads nothing more.
+const CROWDED_TO_HOST: usize = 64 << 10;
+/// Bytes on their way to the client beyond which a message is lost.
+const MAX_TO_HOST: usize = 1 << 20;
+/// Bytes to the client that arrive so close to each other are handed on together, unless a message
+/// ends before: no host's driver tells its programs of every byte.
+const TOGETHER_NS: u64 = 1_000_000;
+
+/// How long bytes take.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct ByteTime {
+    half_bits: u32,
+    baud: u32,
+}
+
+impl ByteTime {
+    /// Nanoseconds of so many bytes.
+    fn after(time: Option<Self>, bytes: u64) -> u64 {
+        let Some(Self { half_bits, baud }) = time else {
+            return 0;
+        };
+        let half_bits = u128::from(bytes) * u128::from(half_bits) * 1_000_000_000;
+        let ns = half_bits.div_ceil(2 * u128::from(baud));
+        u64::try_from(ns).unwrap_or(u64::MAX)
+    }
+
+    /// Bytes that are through after so many nanoseconds.
+    fn within(time: Option<Self>, ns: u64) -> u64 {
+        let Some(Self { half_bits, baud }) = time else {
+            return u64::MAX;
+        };
+        let bytes = u128::from(ns) * 2 * u128::from(baud) / (u128::from(half_bits) * 1_000_000_000);
+        u64::try_from(bytes).unwrap_or(u64::MAX)
+    }
+}
+
+/// Bytes that follow each other without a gap.
+#[derive(Debug, Default)]
+struct Burst {
+    start_ns: u64,
+    bytes: VecDeque<u8>,
+    /// Bytes of it that have been taken.
+    taken: u64,
+    /// Counts of bytes at which something that was put on the line ends.
+    ends: VecDeque<u64>,
+}
+
+impl Burst {
+    fn total(&self) -> u64 {
+        self.taken + self.bytes.len() as u64
+    }
+}
+
+/// One direction.
+#[derive(Debug, Default)]
+struct Way {
+    bursts: VecDeque<Burst>,
+    len: usize,
+}
+
+impl Way {
+    fn put(&mut self, bytes: &[u8], now_ns: u64, time: Option<ByteTime>) {
+        if bytes.is_empty() {
+            return;
+        }
+        // A wire that is still busy goes on with these.
+        let busy = self.bursts.back().is_some_and(|burst| {
+            let lasts = ByteTime::after(time, burst.total());
+            now_ns < burst.start_ns.saturating_add(lasts)
+        });
+        if !busy {
+            self.bursts.push_back(Burst {
+                start_ns: now_ns,
+                ..Burst::default()
+            });
+        }
+        if let Some(burst) = self.bursts.back_mut() {
+            burst.bytes.extend(bytes);
+            burst.ends.push_back(burst.total());
+        }
+        self.len += bytes.len();
+    }
+
+    /// What has arrived by now. A burst whose last byte has not keeps its place, so that what
+    /// follows it follows without a gap.
+    fn take(&mut self, now_ns: u64, time: Option<ByteTime>) -> Vec<u8> {
+        let mut out = Vec::new();
+        while let Some(burst) = self.bursts.front_mut() {
+            let Some(passed_ns) = now_ns.checked_sub(burst.start_ns) else {
+                break;
+            };
+            let through = ByteTime::within(time, passed_ns).min(burst.total());
+            let count = usize::try_from(through - burst.taken).unwrap_or(usize::MAX);
+            out.extend(burst.bytes.drain(..count));
+            burst.taken = through;
+            while burst.ends.front().is_some_and(|&end| end <= through) {
+                burst.ends.pop_front();
+            }
+            if !burst.bytes.is_empty() {
+                break;
+            }
+            self.bursts.pop_front();
+        }
+        self.len -= out.len();
+        out
+    }
+
+    /// When the next byte arrives.
+    fn next_ns(&self, time: Option<ByteTime>) -> Option<u64> {
+        let burst = self.bursts.front()?;
+        let lasts = ByteTime::after(time, burst.taken + 1);
+        Some(burst.start_ns.saturating_add(lasts))
+    }
+
+    /// When the last of the next bytes arrives that are handed on together.
+    fn next_together_ns(&self, time: Option<ByteTime>) -> Option<u64> {
+        let burst = self.bursts.front()?;
+        let end = *burst.ends.front()?;
+        let lasts = ByteTime::after(time, burst.taken + 1).saturating_add(TOGETHER_NS);
+        let count = ByteTime::within(time, lasts).min(end);
+        let lasts = ByteTime::after(time, count);
+        Some(burst.start_ns.saturating_add(lasts))
+    }
+}
+
+/// Bytes on their way in both directions. The default takes no time.
+#[derive(Debug, Default)]
+pub struct SerialLine {
+    time: Option<ByteTime>,
+    /// Bits of a byte that the line does not carry.
+    lost: u8,
+    to_device: Way,
+    to_host: Way,
+}
+
+impl SerialLine {
+    /// The line of a profile. Without a baud rate it takes no time and carries whole bytes.
+    pub fn new(control: &Control) -> Self {
+        Self {
+            time: control.baud.map(|baud| ByteTime {
+                half_bits: control.half_bits(),
+                baud,
+            }),
+            lost: match control.data_bits {
+                7 => 0x80,
+                _ => 0,
+            },
+            ..Self::default()
+        }
+    }
+
+    /// A client puts bytes on the line.
+    pub fn receive(&mut self, bytes: &[u8], now_ns: u64) {
+        self.to_device.put(bytes, now_ns, self.time);
+    }
+
+    /// Bytes that the device has by now.
+    pub fn received(&mut self, now_ns: u64) -> Vec<u8> {
+        let bytes = self.to_device.take(now_ns, self.time);
+        self.carried(bytes)
+    }
+
+    /// When the next byte reaches the device.
+    pub fn next_received_ns(&self) -> Option<u64> {
+        self.to_device.next_ns(self.time)
+    }
+
+    /// The device puts a message on the line; false where it is lost, as too much is on its way.
+    pub fn send(&mut self, bytes: &[u8], now_ns: u64) -> bool {
+        if self.to_host.len > 0 && self.to_host.len + bytes.len() > MAX_TO_HOST {
+            return false;
+        }
+        self.to_host.put(bytes, now_ns, self.time);
+        true
+    }
+
+    /// Bytes that the client has by now.
+    pub fn sent(&mut self, now_ns: u64) -> Vec<u8> {
+        let bytes = self.to_host.take(now_ns, self.time);
+        self.carried(bytes)
+    }
+
+    fn carried(&self, mut bytes: Vec<u8>) -> Vec<u8> {
+        if self.lost != 0 {
+            bytes.iter_mut().for_each(|byte| *byte &= !self.lost);
+        }
+        bytes
+    }
+
+    /// Forgets what is on its way.
+    pub fn clear(&mut self) {
+        self.to_device = Way::default();
+        self.to_host = Way::default();
+    }
+
+    /// Whether so much is on its way that nobody should put more on the line.
+    pub fn crowded(&self) -> bool {
+        self.to_device.len >= CROWDED_TO_DEVICE || self.to_host.len >= CROWDED_TO_HOST
+    }
+
+    /// When something arrives next at either end. Bytes to the client that arrive within a
+    /// millisecond count as one, at the last of them; a message's end always counts.
+    pub fn next_event_ns(&self) -> Option<u64> {
+        let to_host = self.to_host.next_together_ns(self.time);
+        self.next_received_ns().into_iter().chain(to_host).min()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn line(baud: u32) -> SerialLine {
+        SerialLine::new(&Control {
+            baud: Some(baud),
+            ..Control::default()
+        })
+    }
+
+    /// The closed form for 8N1.
+    fn ns(bytes: u64, baud: u32) -> u64 {
+        (u128::from(bytes) * 10 * 1_000_000_000).div_ceil(u128::from(baud)) as u64
+    }
+
+    #[test]
+    fn without_a_rate_bytes_are_there_at_once() {
+        let mut line = SerialLine::default();
+        line.receive(b"abc", 5);
+        assert_eq!(line.next_received_ns(), Some(5));
+        assert_eq!(line.received(5), b"abc");
+        assert!(line.send(b"xyz", 7));
+        assert_eq!(line.sent(7), b"xyz");
+        assert_eq!(line.next_event_ns(), None);
+    }
+
+    #[test]
+    fn a_byte_takes_ten_bits_and_both_ways_go_at_once() {
+        for (baud, one, twelve) in [
+            (9600, 1_041_667, 12_500_000),
+            (115_200, 86_806, 1_041_667),
+            (300, 33_333_334, 400_000_000),
+        ] {
+            let mut line = line(baud);
+            line.receive(&[b'a'; 12], 100);
+            assert!(line.send(&[b'b'; 12], 100));
+            assert_eq!(line.next_received_ns(), Some(100 + one));
+            assert_eq!(line.received(100 + one - 1), b"");
+            assert_eq!(line.received(100 + one), b"a");
+            assert_eq!(line.received(100 + twelve - 1).len(), 10);
+            assert_eq!(line.sent(100 + twelve - 1).len(), 11);
+            assert_eq!(line.received(100 + twelve), b"a");
+            assert_eq!(line.sent(100 + twelve), b"b");
+            assert_eq!(line.next_event_ns(), None);
+        }
+    }
+
+    #[test]
+    fn what_comes_while_the_wire_is_busy_follows_without_a_gap() {
+        let mut line = line(115_200);
+        line.receive(b"ab", 0);
+        line.receive(b"cd", ns(1, 115_200));
+        assert_eq!(line.received(ns(4, 115_200) - 1), b"abc");
+        assert_eq!(line.received(ns(4, 115_200)), b"d");
+        // The wire is free again: the next byte starts when it is put there.
+        line.receive(b"e", 1_000_000);
+        assert_eq!(line.next_received_ns(), Some(1_000_000 + ns(1, 115_200)));
+    }
+
+    #[test]
+    fn seven_bits_carry_no_eighth() {
+        let mut line = SerialLine::new(&Control {
+            data_bits: 7,
+            ..Control::default()
+        });
+        line.receive(&[0x80 | b'a'], 0);
+        assert_eq!(line.received(0), b"a");
+    }
+
+    #[test]
+    fn a_message_s_end_is_an_event_of_its_own() {
+        let mut line = line(1_000_000);
+        assert!(line.send(b"ok\n", 0));
+        assert!(line.send(&[0; 300], 0));
+        assert_eq!(line.next_event_ns(), Some(ns(3, 1_000_000)));
+        assert_eq!(line.sent(ns(3, 1_000_000)), b"ok\n");
+        // The next byte comes after 10 us, and a hundred in the millisecond that follows it.
+        assert_eq!(line.next_event_ns(), Some(ns(104, 1_000_000)));
+    }
+
+    #[test]
+    fn a_flood_is_seen_and_replies_are_bounded() {
+        let mut line = line(9600);
+        assert!(!line.crowded());
+        line.receive(&[0; CROWDED_TO_DEVICE], 0);
+        assert!(line.crowded());
+        assert_eq!(line.received(ns(1, 9600)).len(), 1);
+        assert!(!line.crowded());
+        let mut sent = 0;
+        while line.send(&[0; 1000], 0) {
+            sent += 1000;
+        }
+        assert!(line.crowded() && sent <= MAX_TO_HOST);
+        line.clear();
+        assert!(!line.crowded() && line.next_event_ns().is_none());
+    }
+
+    proptest! {
+        /// Bursts at any times, taken at any times: each byte arrives when it would have on a wire
+        /// that starts it when it is free and the byte is there, with no drift inside of a burst.
+        #[test]
+        fn every_byte_arrives_when_it_would(
+            baud in prop_oneof![Just(9600u32), Just(115_200), 50u32..12_000_000],
+            puts in proptest::collection::vec((0u64..5_000_000, 1usize..40), 1..20),
+            look_ns in 1u64..3_000_000,
+        ) {
+            let mut line = line(baud);
+            let (mut now, mut expected) = (0, Vec::new());
+            // (start of the burst, bytes in it)
+            let mut burst = (0u64, 0u64);
+            let mut looked = 0;
+            let mut seen = Vec::new();
+            for (pause_ns, bytes) in puts {
+                now += pause_ns;
+                while looked + look_ns <= now {
+                    looked += look_ns;
+                    let came = line.sent(looked);
+                    seen.extend(came.into_iter().map(|_| looked));
+                }
+                prop_assert!(line.send(&vec![1; bytes], now));
+                if now >= burst.0 + ns(burst.1, baud) {
+                    burst = (now, 0);
+                }
+                for _ in 0..bytes {
+                    burst.1 += 1;
+                    expected.push(burst.0 + ns(burst.1, baud));
+                }
+            }
+            // Each look finds what has arrived by then, and nothing more.
+            while seen.len() < expected.len() {
+                looked += look_ns;
+                let came = line.sent(looked);
+                seen.extend(came.into_iter().map(|_| looked));
+            }
+            for (at, arrival) in seen.iter().zip(&expected) {
+                prop_assert!(at >= arrival && at - arrival < look_ns, "{at} {arrival}");
+            }
+            prop_assert!(line.next_event_ns().is_none());
+        }
+    }
+}

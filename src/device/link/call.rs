@@ -1,0 +1,272 @@
+//! What a device answers on its service channel.
+
+use super::optics::TruthJob;
+use super::server::Server;
+use super::service::{Answer, Call};
+use super::timeline::{Stepped, UnderWay};
+use crate::{State, Truth};
+use phasmid_core::error::Result;
+use phasmid_protocol::service::{
+    Action, DeviceAbout, Every, FaultsAbout, Item, MAX_STRUCK, Placement, Reply, Request,
+    StandingFault, Step, Which,
+};
+use std::time::Duration;
+use tokio::sync::oneshot;
+
+/// How long the kernel may take to hand on what was written to a port before a step was asked for.
+const IN_TRANSIT: Duration = Duration::from_millis(2);
+
+type Sender = oneshot::Sender<Answer>;
+/// The truth when the optics have it.
+type Truthful = oneshot::Receiver<Result<Truth>>;
+
+impl Server {
+    /// Does what a client of the service channel asks; the answer may come later.
+    pub(super) fn serve_call(&mut self, (request, reply): Call, now_ns: u64) {
+        let answer = match request {
+            Request::Get(Item::Truth) => return self.truth(None, reply),
+            Request::TruthAt(time_ns) => return self.truth(Some(time_ns), reply),
+            Request::TruthOfFrame(id) => match self.truth_of_frame(id) {
+                Ok((job, about, truth)) => {
+                    self.optics.truth(job);
+                    return self.answer_truth(truth, about, reply);
+                }
+                Err(why) => Reply::refusal(why),
+            },
+            Request::Place(placement) => match self.stage.place(placement) {
+                Ok(before) => return self.answer_place(before, reply),
+                Err(why) => Reply::refusal(why),
+            },
+            Request::Clock(step) => return self.step(step, reply),
+            Request::Do(Action::Trigger) => {
+                self.machine.firmware_mut().external_trigger(now_ns);
+                self.machine.advance(now_ns);
+                Reply::default()
+            }
+            Request::Get(Item::Clock) => Reply {
+                clock: Some(self.seat.timeline().about()),
+                ..Reply::default()
+            },
+            Request::Get(Item::Objects) => {
+                let _ = self.follow();
+                Reply {
+                    scene: self.stage.objects(now_ns, self.version, self.rig),
+                    ..Reply::default()
+                }
+            }
+            Request::Get(Item::Faults) => Reply {
+                faults: Some(self.faults()),
+                ..Reply::default()
+            },
+            Request::Fault(fault) => match self.machine.faults_mut().add(*fault) {
+                Ok(id) => Reply {
+                    fault: Some(id),
+                    ..Reply::default()
+                },
+                Err(flaw) => Reply::refusal(format!("fault.{flaw}")),
+            },
+            Request::ClearFaults(which) => self.clear_faults(which),
+            Request::Get(Item::Device) => Reply {
+                device: Some(self.about()),
+                ..Reply::default()
+            },
+        };
+        // The client may have left meanwhile.
+        let _ = reply.send((answer, Vec::new()));
+    }
+
+    fn truth(&mut self, time_ns: Option<u64>, reply: Sender) {
+        let _ = self.follow();
+        let (sender, truth) = oneshot::channel();
+        self.optics.truth(TruthJob {
+            sequence: self.machine.firmware().selected_sequence(),
+            time_ns,
+            back: (Vec::new(), Vec::new()),
+            reply: sender,
+        });
+        self.answer_truth(truth, Reply::default(), reply);
+    }
+
+    /// The truth behind a frame, to be asked of the optics, and what is known without them.
+    fn truth_of_frame(&mut self, id: u64) -> Result<(TruthJob, Reply, Truthful), String> {
+        let _ = self.follow();
+        let taken = self.history.find(id)?;
+        let time_ns = taken.middle_ns();
+        let scene = self.stage.objects(time_ns, taken.version, self.rig);
+        let then = self.stage.back_to(taken.version);
+        let (Some(scene), Some(then)) = (scene, then) else {
+            let why = format!("truth_of_frame: {id}: where objects were then is forgotten");
+            return Err(why + "; allowed: frames since the last 4096 changes of place");
+        };
+        let now = self.stage.now(&then);
+        let struck = self.machine.faults().struck();
+        let faults = struck.filter(|s| s.frame == Some(id)).cloned().collect();
+        let (sender, truth) = oneshot::channel();
+        let job = TruthJob {
+            // Levels hang on settings that may have changed since: there are none.
+            sequence: Vec::new(),
+            time_ns: Some(time_ns),
+            back: (then, now),
+            reply: sender,
+        };
+        let about = Reply {
+            frame: Some(taken.clone().about(scene, faults)),
+            ..Reply::default()
+        };
+        Ok((job, about, truth))
+    }
+
+    /// Answers with the truth once it is there, and with what is known already.
+    fn answer_truth(&self, truth: Truthful, about: Reply, reply: Sender) {
+        let render_us = self.optics.render_us();
+        tokio::spawn(async move {
+            let answer = match truth.await {
+                Ok(Ok(truth)) => {
+                    let frame = about.frame;
+                    let maps = match frame {
+                        Some(_) => truth.to_maps_of_geometry(),
+                        None => truth.to_maps(),
+                    };
+                    let (maps, payload) = maps.encode();
+                    let reply = Reply {
+                        render_us,
+                        frame,
+                        ..maps
+                    };
+                    (reply, payload)
+                }
+                Ok(Err(why)) => (Reply::refusal(why), Vec::new()),
+                Err(_) => (Reply::refusal("the device is going away"), Vec::new()),
+            };
+            // The client may have left meanwhile.
+            let _ = reply.send(answer);
+        });
+    }
+
+    /// Answers once the optics see the object where it was put; one that they refuse goes back.
+    fn answer_place(&mut self, before: Placement, reply: Sender) {
+        let placed = self.follow();
+        let render_us = self.optics.render_us();
+        let stage = self.stage.clone();
+        tokio::spawn(async move {
+            let outcome = match placed {
+                Some(placed) => placed.await,
+                None => Ok(Ok(())),
+            };
+            let answer = match outcome {
+                Ok(Ok(())) => Reply {
+                    render_us,
+                    ..Reply::default()
+                },
+                Ok(Err(why)) => {
+                    // It was there before.
+                    let _ = stage.place(before);
+                    Reply::refusal(why)
+                }
+                Err(_) => Reply::refusal("the device is going away"),
+            };
+            // The client may have left meanwhile.
+            let _ = reply.send((answer, Vec::new()));
+        });
+    }
+
+    /// Lets stepped time go on, and answers when it has; a client that leaves before that takes its
+    /// step back.
+    fn step(&self, step: Step, mut reply: Sender) {
+        let timeline = self.seat.timeline().clone();
+        tokio::spawn(async move {
+            let stepped = match step {
+                Step::Stop => timeline.stop().map(|()| None),
+                Step::StepNs(ns) => {
+                    tokio::time::sleep(IN_TRANSIT).await;
+                    timeline.step(ns).map(Some)
+                }
+                Step::RunUntilNs(ns) => {
+                    tokio::time::sleep(IN_TRANSIT).await;
+                    timeline.run_until(ns).map(Some)
+                }
+            };
+            let now = || Reply {
+                clock: Some(timeline.about()),
+                ..Reply::default()
+            };
+            let answer = match stepped {
+                Ok(None) => now(),
+                Ok(Some(UnderWay { number, ended })) => tokio::select! {
+                    ended = ended => match ended {
+                        Ok(Stepped::Done(_)) => now(),
+                        Ok(Stepped::CalledOff(now_ns)) => {
+                            Reply::refusal(format!("clock: called off at {now_ns} ns"))
+                        }
+                        Err(_) => Reply::refusal("the device is going away"),
+                    },
+                    () = reply.closed() => return timeline.give_up(number),
+                },
+                Err(why) => Reply::refusal(why),
+            };
+            // The client may have left meanwhile.
+            let _ = reply.send((answer, Vec::new()));
+        });
+    }
+
+    fn clear_faults(&mut self, which: Which) -> Reply {
+        let faults = self.machine.faults_mut();
+        match which {
+            Which::Every(Every::All) => faults.clear(),
+            Which::One(id) if faults.remove(id) => {}
+            Which::One(id) => {
+                let numbers: Vec<_> = faults.standing().map(|f| f.id.to_string()).collect();
+                let allowed = match numbers.is_empty() {
+                    true => "none: nothing goes wrong".to_owned(),
+                    false => numbers.join(", "),
+                };
+                return Reply::refusal(format!("clear_faults: {id}; allowed: {allowed}"));
+            }
+        }
+        Reply::default()
+    }
+
+    fn faults(&self) -> FaultsAbout {
+        let faults = self.machine.faults();
+        let latest = faults.struck().rev().take(MAX_STRUCK).cloned();
+        let mut struck: Vec<_> = latest.collect();
+        struck.reverse();
+        FaultsAbout {
+            standing: faults
+                .standing()
+                .map(|standing| StandingFault {
+                    id: standing.id,
+                    struck: standing.struck,
+                    fault: standing.fault.clone(),
+                })
+                .collect(),
+            struck_in_all: faults.struck_in_all(),
+            struck,
+        }
+    }
+
+    fn about(&self) -> DeviceAbout {
+        let firmware = self.machine.firmware();
+        let state = match firmware.state() {
+            State::Idle => "idle",
+            State::Free { .. } => "free",
+            State::Armed { .. } => "armed",
+            State::Running { .. } => "running",
+        };
+        DeviceAbout {
+            name: self.name.clone(),
+            state: state.to_owned(),
+            frames: firmware.next_id(),
+            missed_triggers: firmware.missed_triggers(),
+            faults_struck: self.machine.faults().struck_in_all(),
+            in_flight: firmware.in_flight(),
+            backlog: self.optics.backlog() as u64,
+            camera_clients: self.camera.readers() as u64,
+            camera_bytes: self.camera.waiting() as u64,
+            service_clients: self.service.clients() as u64,
+            bytes_in: self.bytes.0,
+            bytes_out: self.bytes.1,
+            history: self.history.len() as u64,
+        }
+    }
+}

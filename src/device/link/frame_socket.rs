@@ -1,0 +1,413 @@
+//! The camera as a socket: every client gets every frame exposed after it connected, in the format
+//! of [`phasmid_protocol::wire`]. A client that is too slow loses frames and sees it by their ids;
+//! one that breaks, or stops reading, is forgotten; none can hold up the device or another client.
+
+use super::readiness::{stirs, watched};
+use crate::FrameSink;
+use phasmid_core::error::{Error, Result};
+use phasmid_protocol::{Frame, wire};
+use std::collections::VecDeque;
+use std::fs;
+use std::net::{Ipv4Addr, SocketAddr, TcpListener};
+use std::os::fd::{AsFd, OwnedFd};
+use std::os::unix::fs::PermissionsExt;
+use std::os::unix::net::UnixListener;
+use std::path::Path;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
+use std::time::Duration;
+use tokio::io::unix::AsyncFd;
+use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, AsyncWriteExt};
+use tokio::sync::Notify;
+
+/// Clients at a time; more are turned away.
+const MAX_CLIENTS: usize = 32;
+/// Frames that wait for one client.
+const MAX_FRAMES: usize = 1024;
+/// Bytes of frames that wait for all clients together; frames are shared among clients.
+const MAX_BYTES: usize = 256 << 20;
+/// A client that reads nothing for so long while frames wait for it is disconnected.
+const STALL: Duration = Duration::from_secs(30);
+
+/// A frame on its way to clients.
+struct Packet {
+    header: [u8; wire::HEADER_LEN],
+    frame: Arc<Frame>,
+    /// Bytes of all packets that there are, this one among them.
+    held: Arc<AtomicUsize>,
+}
+
+impl Packet {
+    fn new(header: [u8; wire::HEADER_LEN], frame: Arc<Frame>, held: &Arc<AtomicUsize>) -> Self {
+        held.fetch_add(frame.data.len(), Ordering::Relaxed);
+        Self {
+            header,
+            frame,
+            held: held.clone(),
+        }
+    }
+}
+
+impl Drop for Packet {
+    fn drop(&mut self) {
+        self.held
+            .fetch_sub(self.frame.data.len(), Ordering::Relaxed);
+    }
+}
+
+/// What waits for one client.
+#[derive(Default)]
+struct Queue {
+    packets: Mutex<VecDeque<Arc<Packet>>>,
+    put: Notify,
+}
+
+impl Queue {
+    fn packets(&self) -> MutexGuard<'_, VecDeque<Arc<Packet>>> {
+        self.packets.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn put(&self, packet: Arc<Packet>) {
+        let mut packets = self.packets();
+        if packets.len() < MAX_FRAMES {
+            packets.push_back(packet);
+            self.put.notify_one();
+        }
+    }
+
+    async fn next(&self) -> Arc<Packet> {
+        loop {
+            if let Some(packet) = self.packets().pop_front() {
+                return packet;
+            }
+            self.put.notified().await;
+        }
+    }
+}
+
+struct Client {
+    /// Frames exposed before it connected are not its own.
+    first_id: u64,
+    /// Goes with the task that serves the client.
+    queue: Weak<Queue>,
+    task: tokio::task::AbortHandle,
+}
+
+/// The listeners and their clients.
+pub(super) struct FrameSocket {
+    unix: UnixListener,
+    unix_ready: AsyncFd<OwnedFd>,
+    tcp: Option<(TcpListener, AsyncFd<OwnedFd>)>,
+    clients: Vec<Client>,
+    /// Clients that have come and gone so far.
+    counts: (u64, u64),
+    /// Bytes of frames that wait or are being sent.
+    held: Arc<AtomicUsize>,
+    /// See [`MAX_BYTES`].
+    max_bytes: usize,
+    /// See [`STALL`].
+    stall: Duration,
+    /// Woken when a client leaves.
+    left: Arc<Notify>,
+}
+
+impl FrameSocket {
+    /// Listens on a path and, with a port, on the loopback interface; port 0 picks a free one.
+    pub(super) fn open(path: &Path, port: Option<u16>) -> Result<Self> {
+        let io = |e| Error::io(path, e);
+        let unix = UnixListener::bind(path).map_err(io)?;
+        fs::set_permissions(path, fs::Permissions::from_mode(0o600)).map_err(io)?;
+        unix.set_nonblocking(true).map_err(io)?;
+        let tcp = match port {
+            None => None,
+            Some(port) => {
+                let address = SocketAddr::from((Ipv4Addr::LOCALHOST, port));
+                let io = |e| Error::io(format!("--tcp {port}: {address}"), e);
+                let listener = TcpListener::bind(address).map_err(io)?;
+                listener.set_nonblocking(true).map_err(io)?;
+                let ready = duplicate(&listener).and_then(watched).map_err(io)?;
+                Some((listener, ready))
+            }
+        };
+        Ok(Self {
+            unix_ready: duplicate(&unix).and_then(watched).map_err(io)?,
+            unix,
+            tcp,
+            clients: Vec::new(),
+            counts: (0, 0),
+            held: Arc::new(AtomicUsize::new(0)),
+            max_bytes: MAX_BYTES,
+            stall: STALL,
+            left: Arc::new(Notify::new()),
+        })
+    }
+
+    /// The address on the loopback interface.
+    pub(super) fn tcp_address(&self) -> Option<SocketAddr> {
+        self.tcp.as_ref()?.0.local_addr().ok()
+    }
+
+    /// Clients that have come and gone so far, by the last look.
+    pub(super) fn counts(&self) -> (u64, u64) {
+        self.counts
+    }
+
+    /// Bytes of frames that clients have not read yet.
+    pub(super) fn waiting(&self) -> usize {
+        self.held.load(Ordering::Relaxed)
+    }
+
+    /// Clients that are there.
+    pub(super) fn readers(&self) -> usize {
+        let clients = self.clients.iter();
+        clients
+            .filter(|client| client.queue.strong_count() > 0)
+            .count()
+    }
+
+    /// Waits until clients may have come or gone.
+    pub(super) async fn changed(&mut self) -> std::io::Result<()> {
+        let tcp = async {
+            match &self.tcp {
+                Some((_, ready)) => stirs(ready).await,
+                None => std::future::pending().await,
+            }
+        };
+        tokio::select! {
+            () = self.left.notified() => Ok(()),
+            ready = stirs(&self.unix_ready) => ready,
+            ready = tcp => ready,
+        }
+    }
+
+    /// Takes in who has connected, and forgets who has left. Called before a command is executed:
+    /// whoever connected before it was sent gets its frames, `first_id` being the first of them.
+    pub(super) fn accept(&mut self, first_id: u64) {
+        let before = self.clients.len();
+        self.clients
+            .retain(|client| client.queue.strong_count() > 0);
+        self.counts.1 += (before - self.clients.len()) as u64;
+        // An error other than "nobody is there" leaves the caller in the queue until the next time.
+        while let Ok((stream, _)) = self.unix.accept() {
+            if stream.set_nonblocking(true).is_ok()
+                && let Ok(stream) = tokio::net::UnixStream::from_std(stream)
+            {
+                self.add(stream, first_id);
+            }
+        }
+        while let Some((tcp, _)) = &self.tcp
+            && let Ok((stream, _)) = tcp.accept()
+        {
+            // Without delay: a header must not wait for the reader's acknowledgement.
+            if stream.set_nonblocking(true).is_ok()
+                && stream.set_nodelay(true).is_ok()
+                && let Ok(stream) = tokio::net::TcpStream::from_std(stream)
+            {
+                self.add(stream, first_id);
+            }
+        }
+    }
+
+    /// Takes a frame that does not say which it is.
+    pub(super) fn put_counted(&mut self, frame: Arc<Frame>) {
+        self.hand_on(wire::encode_counted_header(&frame), frame);
+    }
+
+    fn hand_on(&mut self, header: [u8; wire::HEADER_LEN], frame: Arc<Frame>) {
+        self.make_room(frame.data.len());
+        let packet = Arc::new(Packet::new(header, frame, &self.held));
+        for client in &self.clients {
+            if packet.frame.id >= client.first_id
+                && let Some(queue) = client.queue.upgrade()
+            {
+                queue.put(packet.clone());
+            }
+        }
+    }
+
+    fn add(&mut self, stream: impl AsyncRead + AsyncWrite + Send + 'static, first_id: u64) {
+        if self.clients.len() >= MAX_CLIENTS {
+            return;
+        }
+        self.counts.0 += 1;
+        let queue = Arc::new(Queue::default());
+        let weak = Arc::downgrade(&queue);
+        let (left, stall) = (self.left.clone(), self.stall);
+        let task = tokio::spawn(async move {
+            send(stream, queue, stall).await;
+            left.notify_one();
+        });
+        self.clients.push(Client {
+            first_id,
+            queue: weak,
+            task: task.abort_handle(),
+        });
+    }
+
+    /// Leaves all clients, as when the device has gone; frames that wait for them are lost.
+    pub(super) fn hang_up(self) {
+        for client in self.clients {
+            client.task.abort();
+        }
+    }
+
+    /// Takes the newest frames from whoever is the furthest behind, until `len` bytes more fit. A
+    /// frame that is being sent stays, so one frame always fits, however large.
+    fn make_room(&self, len: usize) {
+        let full = || self.held.load(Ordering::Relaxed) + len > self.max_bytes;
+        if !full() {
+            return;
+        }
+        let clients = self.clients.iter();
+        let queues: Vec<_> = clients.filter_map(|c| c.queue.upgrade()).collect();
+        while full() {
+            let waits_for = |queue: &&Arc<Queue>| queue.packets().front().map(|p| p.frame.id);
+            let behind = queues.iter().filter(|queue| waits_for(queue).is_some());
+            let slowest = behind.min_by_key(waits_for);
+            // The bytes are free when no other client waits for the same frame.
+            if slowest.and_then(|q| q.packets().pop_back()).is_none() {
+                return;
+            }
+        }
+    }
+}
+
+impl FrameSink for FrameSocket {
+    fn attended(&self) -> bool {
+        self.clients
+            .iter()
+            .any(|client| client.queue.strong_count() > 0)
+    }
+
+    fn put(&mut self, frame: Arc<Frame>) {
+        self.hand_on(wire::encode_header(&frame), frame);
+    }
+}
+
+/// The event loop has a descriptor of its own: the listener itself is asked at any time.
+fn duplicate(listener: &impl AsFd) -> std::io::Result<OwnedFd> {
+    listener.as_fd().try_clone_to_owned()
+}
+
+/// Sends packets until the client leaves, or reads nothing for as long as `stall`. Clients have
+/// nothing to say; what they send is skipped.
+async fn send(stream: impl AsyncRead + AsyncWrite, queue: Arc<Queue>, stall: Duration) {
+    let (mut reader, mut writer) = tokio::io::split(stream);
+    let mut skipped = [0; 4096];
+    loop {
+        tokio::select! {
+            read = reader.read(&mut skipped) => {
+                if !matches!(read, Ok(1..)) {
+                    return;
+                }
+            }
+            packet = queue.next() => {
+                for mut part in [&packet.header[..], &packet.frame.data] {
+                    while !part.is_empty() {
+                        match tokio::time::timeout(stall, writer.write(part)).await {
+                            Ok(Ok(len @ 1..)) => part = &part[len..],
+                            _ => return,
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use phasmid_protocol::PixelFormat;
+    use std::io::Read;
+    use std::os::unix::net::UnixStream;
+
+    /// Far above what the kernel keeps of a stream.
+    const LEN: usize = 4 << 20;
+
+    fn frame(id: u64) -> Arc<Frame> {
+        Arc::new(Frame {
+            id,
+            pattern_index: None,
+            width: 2048,
+            height: 2048,
+            format: PixelFormat::Grey,
+            exposure_start_ns: 0,
+            exposure_end_ns: 1,
+            data: vec![id as u8; LEN],
+        })
+    }
+
+    /// Lets the clients' tasks run.
+    async fn pause() {
+        tokio::time::sleep(Duration::from_millis(30)).await;
+    }
+
+    fn run(test: impl AsyncFnOnce(FrameSocket, &Path)) {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("camera.sock");
+        let runtime = tokio::runtime::Builder::new_current_thread();
+        let runtime = { runtime }.enable_all().build().unwrap();
+        runtime.block_on(async {
+            let socket = FrameSocket::open(&path, None).unwrap();
+            test(socket, &path).await;
+        });
+    }
+
+    #[test]
+    fn clients_that_stall_at_different_times_share_one_budget() {
+        run(async |mut socket, path| {
+            socket.max_bytes = 10 * LEN;
+            let mut stuck = Vec::new();
+            for id in 0..40 {
+                if id % 10 == 0 {
+                    stuck.push(UnixStream::connect(path).unwrap());
+                    socket.accept(id);
+                    pause().await;
+                }
+                socket.put(frame(id));
+                pause().await;
+                assert!(socket.held.load(Ordering::Relaxed) <= 10 * LEN, "{id}");
+            }
+            // Who reads gets all of a burst, at the cost of those who do not.
+            let reader = UnixStream::connect(path).unwrap();
+            socket.accept(40);
+            for id in 40..44 {
+                socket.put(frame(id));
+            }
+            assert!(socket.held.load(Ordering::Relaxed) <= 10 * LEN);
+            let read = tokio::task::spawn_blocking(move || {
+                let mut all = vec![0; 4 * (wire::HEADER_LEN + LEN)];
+                { reader }.read_exact(&mut all).unwrap();
+                all
+            });
+            let all = read.await.unwrap();
+            let last: Vec<u8> = (1..=4)
+                .map(|n| all[n * (wire::HEADER_LEN + LEN) - 1])
+                .collect();
+            assert_eq!(last, [40, 41, 42, 43]);
+            drop(stuck);
+            pause().await;
+            assert_eq!(socket.held.load(Ordering::Relaxed), 0);
+        });
+    }
+
+    #[test]
+    fn a_client_that_reads_nothing_gives_its_place_up() {
+        run(async |mut socket, path| {
+            socket.stall = Duration::from_millis(50);
+            let _stuck: Vec<_> = (0..MAX_CLIENTS)
+                .map(|_| UnixStream::connect(path).unwrap())
+                .collect();
+            socket.accept(0);
+            tokio::time::sleep(4 * socket.stall).await;
+            assert!(socket.attended(), "nothing waits for them yet");
+            socket.put(frame(0));
+            tokio::time::sleep(4 * socket.stall).await;
+            assert!(!socket.attended());
+            socket.accept(1);
+            assert!(socket.clients.is_empty());
+            assert_eq!(socket.held.load(Ordering::Relaxed), 0);
+        });
+    }
+}

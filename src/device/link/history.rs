@@ -1,0 +1,130 @@
+//! What the device remembers of its last frames: what lay behind them, for whoever asks afterwards.
+
+use crate::{Firmware, Shot};
+use phasmid_protocol::faults::Struck;
+use phasmid_protocol::service::{FrameAbout, Objects, Shown};
+use std::collections::VecDeque;
+
+/// Frames that are remembered.
+const MAX_FRAMES: usize = 4096;
+
+/// A frame as it was exposed.
+#[derive(Debug, Clone)]
+pub(super) struct Taken {
+    id: u64,
+    pattern_index: Option<u32>,
+    shown: Option<Shown>,
+    light: f64,
+    gain_db: f64,
+    start_ns: u64,
+    exposure_ns: u64,
+    end_ns: u64,
+    /// Version of the scene that was looked at.
+    pub(super) version: u64,
+}
+
+impl Taken {
+    /// Half way between the start and the end of the exposure, in nanoseconds of device time.
+    pub(super) fn middle_ns(&self) -> u64 {
+        self.start_ns + self.end_ns.saturating_sub(self.start_ns) / 2
+    }
+
+    /// With the objects as they were then, and what struck the frame.
+    pub(super) fn about(self, scene: Objects, faults: Vec<Struck>) -> FrameAbout {
+        FrameAbout {
+            id: self.id,
+            pattern_index: self.pattern_index,
+            shown: self.shown,
+            light: self.light,
+            gain_db: self.gain_db,
+            start_ns: self.start_ns,
+            exposure_ns: self.exposure_ns,
+            end_ns: self.end_ns,
+            faults,
+            scene,
+        }
+    }
+}
+
+/// The last frames, in the order of their ids.
+#[derive(Debug, Default)]
+pub(super) struct History {
+    frames: VecDeque<Taken>,
+}
+
+impl History {
+    /// Remembers an exposure of a scene of a version.
+    pub(super) fn push(&mut self, shot: &Shot, firmware: &Firmware, version: u64) {
+        if self.frames.len() == MAX_FRAMES {
+            self.frames.pop_front();
+        }
+        self.frames.push_back(Taken {
+            id: shot.id,
+            pattern_index: shot.pattern_index,
+            shown: {
+                let slide = shot.slide.as_ref();
+                slide.map(|slide| firmware.shown(slide, shot.pattern_index))
+            },
+            light: shot.light,
+            gain_db: shot.gain_db,
+            start_ns: shot.start_ns,
+            exposure_ns: shot.exposure_ns,
+            end_ns: shot.end_ns(),
+            version,
+        });
+    }
+
+    /// Frames that are remembered.
+    pub(super) fn len(&self) -> usize {
+        self.frames.len()
+    }
+
+    /// A frame by its id.
+    ///
+    /// # Errors
+    /// One that is not there any more or not yet, worded for the reply.
+    pub(super) fn find(&self, id: u64) -> Result<&Taken, String> {
+        let found = self.frames.binary_search_by_key(&id, |taken| taken.id);
+        found.map(|at| &self.frames[at]).map_err(|_| {
+            let allowed = match (self.frames.front(), self.frames.back()) {
+                (Some(first), Some(last)) => format!("{} to {}", first.id, last.id),
+                _ => "none: nothing has been exposed".to_owned(),
+            };
+            format!("truth_of_frame: {id}; allowed: {allowed}")
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use phasmid_profile::Profile;
+
+    #[test]
+    fn it_knows_the_last_frames_and_no_others() {
+        let firmware = Firmware::new(&Profile::load("webcam-grey").unwrap(), &[]).unwrap();
+        let mut history = History::default();
+        assert!(history.find(0).unwrap_err().contains("nothing"));
+        let sequence = firmware.selected_sequence();
+        for id in 0..5000 {
+            let (_, shot) = &sequence[id % sequence.len()];
+            let shot = Shot {
+                id: id as u64,
+                start_ns: id as u64 * 100,
+                exposure_ns: 51,
+                ..shot.clone()
+            };
+            history.push(&shot, &firmware, 7);
+        }
+        assert_eq!(history.len(), MAX_FRAMES);
+        let words = history.find(903).unwrap_err();
+        assert_eq!(words, "truth_of_frame: 903; allowed: 904 to 4999");
+        assert!(history.find(5000).is_err());
+        let taken = history.find(4000).unwrap();
+        assert_eq!((taken.middle_ns(), taken.version), (400_025, 7));
+        let shown = taken.shown.clone().unwrap();
+        let at = 4000 % sequence.len();
+        assert_eq!(shown.index, Some(at as u32));
+        assert_eq!(shown.pattern, Some(sequence[at].0.clone()));
+    }
+}

@@ -1,0 +1,266 @@
+//! The optics on a thread of their own: rendering takes all cores for milliseconds, and the ports
+//! stay responsive meanwhile. Jobs are done in order.
+
+use crate::{Exposure, Renderer, Shot, Truth};
+use phasmid_core::error::{Error, Result};
+use phasmid_pattern::Pattern;
+use phasmid_protocol::Frame;
+use phasmid_protocol::service::Placement;
+use phasmid_render::Pending;
+use std::collections::VecDeque;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::mpsc;
+use std::thread::JoinHandle;
+use std::time::Duration;
+use tokio::sync::mpsc as results;
+use tokio::sync::oneshot;
+
+enum Job {
+    Expose(Box<Exposure>),
+    Truth(Box<TruthJob>),
+    /// An object goes elsewhere.
+    Place(Placement, oneshot::Sender<Result<()>>),
+}
+
+/// Truth that is asked for.
+pub(super) struct TruthJob {
+    /// The sequence whose fringes it speaks of.
+    pub(super) sequence: Vec<(Pattern, Shot)>,
+    /// Device time in nanoseconds; the sequence's middle when absent.
+    pub(super) time_ns: Option<u64>,
+    /// Where objects were then, and where they are to be again afterwards.
+    pub(super) back: (Vec<Placement>, Vec<Placement>),
+    /// Takes the answer.
+    pub(super) reply: oneshot::Sender<Result<Truth>>,
+}
+
+/// Frames that wait to be handed on; the optics stand still beyond that.
+const MAX_FRAMES: usize = 64;
+
+/// The thread's handle; dropping it stops the thread after the job in hand.
+pub(super) struct Optics {
+    jobs: Option<mpsc::Sender<Job>>,
+    /// Frames, and at the end why there are no more.
+    frames: results::Receiver<Result<Arc<Frame>>>,
+    /// Exposures handed over whose frames have not come back.
+    backlog: usize,
+    stop: Arc<AtomicBool>,
+    /// Microseconds spent on frames since power-on.
+    render_us: Arc<AtomicU64>,
+    thread: Option<JoinHandle<()>>,
+}
+
+/// What the thread does.
+struct Work<W> {
+    renderer: Renderer,
+    /// Frames that the renderer has begun, in the order of their exposures.
+    under_way: VecDeque<(Box<Exposure>, Pending)>,
+    wall: W,
+    spent: Arc<AtomicU64>,
+    done: results::Sender<Result<Arc<Frame>>>,
+}
+
+impl<W: Fn() -> Duration> Work<W> {
+    /// The next job; frames that are under way are finished while there is none, or where there are
+    /// as many as the renderer works at together. `None` when nobody asks any more.
+    fn next(&mut self, queue: &mpsc::Receiver<Job>, notice: fn(&str)) -> Option<Job> {
+        loop {
+            if self.under_way.is_empty() {
+                return queue.recv().ok();
+            }
+            if self.under_way.len() < self.renderer.depth() {
+                match queue.try_recv() {
+                    Ok(job) => return Some(job),
+                    Err(mpsc::TryRecvError::Disconnected) => return None,
+                    Err(mpsc::TryRecvError::Empty) => {}
+                }
+            }
+            self.finish();
+            if !self.goes_on(notice) {
+                return None;
+            }
+        }
+    }
+
+    fn run(&mut self, job: Job) {
+        match job {
+            Job::Expose(exposure) => {
+                let start = (self.wall)();
+                let pending = self.renderer.submit(&exposure.shot);
+                self.account(start);
+                self.under_way.push_back((exposure, pending));
+            }
+            Job::Truth(job) => {
+                self.finish_all();
+                let (then, now) = &job.back;
+                let truth = self.place_all(then).map(|()| match job.time_ns {
+                    Some(time_ns) => self.renderer.truth_at(&job.sequence, time_ns),
+                    None => self.renderer.truth(&job.sequence),
+                });
+                let back = self.place_all(now);
+                // The client may have left meanwhile.
+                let _ = job.reply.send(truth.and_then(|truth| back.map(|()| truth)));
+            }
+            Job::Place(placement, reply) => {
+                // They see the scene as it was when they were begun.
+                self.finish_all();
+                let placed = self.place_all(&[placement]);
+                // The client may have left meanwhile.
+                let _ = reply.send(placed);
+            }
+        }
+    }
+
+    fn place_all(&mut self, placements: &[Placement]) -> Result<()> {
+        placements.iter().try_for_each(|placement| {
+            let Placement {
+                object,
+                position_mm,
+                rotation_deg,
+            } = *placement;
+            let object = object as usize;
+            self.renderer.place(object, position_mm, rotation_deg)
+        })
+    }
+
+    fn finish_all(&mut self) {
+        while !self.under_way.is_empty() {
+            self.finish();
+        }
+    }
+
+    /// Hands on the frame that has been under way the longest.
+    fn finish(&mut self) {
+        if let Some((exposure, pending)) = self.under_way.pop_front() {
+            let start = (self.wall)();
+            let frame = self.renderer.finish(pending);
+            self.account(start);
+            // The other end is gone when the device is switched off.
+            let _ = self
+                .done
+                .blocking_send(Ok(Arc::new(exposure.readout.read(frame))));
+        }
+    }
+
+    fn account(&self, start: Duration) {
+        let took = (self.wall)().saturating_sub(start).as_micros() as u64;
+        self.spent.fetch_add(took, Ordering::Relaxed);
+    }
+
+    /// Says what the user should know of the renderer; false when it cannot go on, and then all frames
+    /// that were begun are handed on before the reason.
+    fn goes_on(&mut self, notice: fn(&str)) -> bool {
+        match self.renderer.news() {
+            Ok(news) => {
+                if let Some(news) = news {
+                    notice(&news);
+                }
+                true
+            }
+            Err(e) => {
+                self.finish_all();
+                let _ = self.done.blocking_send(Err(e));
+                false
+            }
+        }
+    }
+}
+
+impl Optics {
+    /// `wall` tells for how long the device has been on; `notice` hears what the user should know.
+    pub(super) fn start(
+        renderer: Renderer,
+        wall: impl Fn() -> Duration + Send + 'static,
+        notice: fn(&str),
+    ) -> std::io::Result<Self> {
+        let (jobs, queue) = mpsc::channel();
+        let (done, frames) = results::channel(MAX_FRAMES);
+        let stop = Arc::new(AtomicBool::new(false));
+        let stopped = stop.clone();
+        let render_us = Arc::new(AtomicU64::new(0));
+        let mut work = Work {
+            renderer,
+            under_way: VecDeque::new(),
+            wall,
+            spent: render_us.clone(),
+            done,
+        };
+        let work = move || {
+            while let Some(job) = work.next(&queue, notice) {
+                if stopped.load(Ordering::Relaxed) {
+                    return;
+                }
+                work.run(job);
+                if !work.goes_on(notice) {
+                    return;
+                }
+            }
+        };
+        let thread = std::thread::Builder::new()
+            .name("optics".into())
+            .spawn(work)?;
+        Ok(Self {
+            jobs: Some(jobs),
+            frames,
+            backlog: 0,
+            stop,
+            render_us,
+            thread: Some(thread),
+        })
+    }
+
+    pub(super) fn backlog(&self) -> usize {
+        self.backlog
+    }
+
+    pub(super) fn expose(&mut self, exposure: Exposure) {
+        self.backlog += 1;
+        self.submit(Job::Expose(Box::new(exposure)));
+    }
+
+    /// Asks for the truth.
+    pub(super) fn truth(&self, job: TruthJob) {
+        self.submit(Job::Truth(Box::new(job)));
+    }
+
+    /// Takes an object elsewhere, after the exposures that were handed over before.
+    pub(super) fn place(&self, placement: Placement, reply: oneshot::Sender<Result<()>>) {
+        self.submit(Job::Place(placement, reply));
+    }
+
+    /// Microseconds spent on frames since power-on.
+    pub(super) fn render_us(&self) -> u64 {
+        self.render_us.load(Ordering::Relaxed)
+    }
+
+    fn submit(&self, job: Job) {
+        if let Some(jobs) = &self.jobs {
+            // A thread that has died shows as the end of the frames.
+            let _ = jobs.send(job);
+        }
+    }
+
+    /// The next frame.
+    ///
+    /// # Errors
+    /// Why there are no more: a renderer that cannot go on, or a thread that has died.
+    pub(super) async fn next(&mut self) -> Result<Arc<Frame>> {
+        let died = || Err(Error::device("the optics have died"));
+        let frame = self.frames.recv().await.unwrap_or_else(died)?;
+        self.backlog -= 1;
+        Ok(frame)
+    }
+}
+
+impl Drop for Optics {
+    fn drop(&mut self) {
+        self.stop.store(true, Ordering::Relaxed);
+        self.jobs = None;
+        // The thread may stand still for want of room.
+        self.frames.close();
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
+    }
+}

@@ -1,0 +1,389 @@
+//! The control port: a pseudo-terminal whose other end a client opens as a serial port.
+//!
+//! The device holds a descriptor of the client's side too, so that the port outlives its clients;
+//! an inotify watch tells when the last of them has left. Then what it did not read is thrown away
+//! and its exclusive lock cleared (a crashed client's lock would outlive it), as if a cable had
+//! been pulled. While no client is there, replies go nowhere, as on a wire.
+
+use super::readiness::{stirs, watched};
+use phasmid_core::error::{Error, Result};
+use rustix::fs::{Mode, OFlags, inotify};
+use rustix::io::Errno;
+use rustix::pty::OpenptFlags;
+use rustix::termios::{self, OptionalActions, QueueSelector};
+use std::ffi::OsString;
+use std::mem::MaybeUninit;
+use std::os::fd::{AsFd, OwnedFd};
+use std::os::unix::ffi::OsStringExt;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+use tokio::io::unix::AsyncFd;
+
+/// Bytes of replies that wait for a client to read them.
+const MAX_OUTPUT: usize = 1 << 20;
+/// Bytes that are read at a time. Few commands: the first one's reply must not wait for the last one's.
+const MOST_AT_ONCE: usize = 1 << 10;
+/// How often replies that found no room are offered again.
+const RETRY: Duration = Duration::from_millis(5);
+
+/// What happened on the port.
+#[derive(Debug, PartialEq, Eq)]
+pub(super) enum Event {
+    /// Bytes came.
+    Data(Vec<u8>),
+    /// The last client left.
+    HungUp,
+}
+
+/// The device's end.
+pub(super) struct Pty {
+    master: AsyncFd<OwnedFd>,
+    slave: OwnedFd,
+    path: PathBuf,
+    /// Tells of clients that open and close; `None` where the system cannot.
+    watch: Option<AsyncFd<OwnedFd>>,
+    clients: usize,
+    /// The last client has left, and nobody has been told yet.
+    hung_up: bool,
+    /// The system tells of writes: one has been seen.
+    tells_writes: bool,
+    /// Nothing has been seen written since a client found the port free.
+    unwritten: bool,
+    /// A write has been told of that is not known to have been read;
+    written: bool,
+    /// when the last client left, this was so.
+    left_unread: bool,
+    /// What was read last has not been told of yet: a write is told of after its bytes can be read.
+    owed: bool,
+    /// Bytes that were read and are to be handed on next.
+    unread: Option<Vec<u8>>,
+    output: Vec<u8>,
+}
+
+impl Pty {
+    /// Makes a port, raw and without echo before anybody can open it.
+    pub(super) fn open() -> Result<Self> {
+        let io = |e: Errno| Error::io("/dev/ptmx", e.into());
+        let flags = OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC;
+        let master = rustix::pty::openpt(flags).map_err(io)?;
+        rustix::pty::grantpt(&master).map_err(io)?;
+        rustix::pty::unlockpt(&master).map_err(io)?;
+        let name = rustix::pty::ptsname(&master, Vec::new()).map_err(io)?;
+        let path = PathBuf::from(OsString::from_vec(name.into_bytes()));
+        let flags = OFlags::RDWR | OFlags::NOCTTY | OFlags::CLOEXEC;
+        let slave = rustix::fs::open(&path, flags, Mode::empty()).map_err(io)?;
+        let mut attributes = termios::tcgetattr(&slave).map_err(io)?;
+        attributes.make_raw();
+        termios::tcsetattr(&slave, OptionalActions::Now, &attributes).map_err(io)?;
+        let flags = rustix::fs::fcntl_getfl(&master).map_err(io)?;
+        rustix::fs::fcntl_setfl(&master, flags | OFlags::NONBLOCK).map_err(io)?;
+        let watch = watch(&path).ok();
+        Ok(Self {
+            master: watched(master).map_err(|e| Error::io("/dev/ptmx", e))?,
+            slave,
+            path,
+            watch,
+            clients: 0,
+            hung_up: false,
+            tells_writes: false,
+            unwritten: false,
+            written: false,
+            left_unread: false,
+            owed: false,
+            unread: None,
+            output: Vec::new(),
+        })
+    }
+
+    /// The client's side.
+    pub(super) fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Waits for what happens next, and sends what is to be sent meanwhile.
+    pub(super) async fn next(&mut self) -> Result<Event> {
+        loop {
+            if let Some(bytes) = self.unread.take() {
+                return Ok(Event::Data(bytes));
+            }
+            match self.read() {
+                Ok(bytes) => {
+                    self.count_clients();
+                    // What came before the last client left belongs to it and is handed on before
+                    // its leaving is. With a new client there already, the leaving comes first.
+                    if self.hung_up && self.clients > 0 {
+                        self.hung_up = false;
+                        // Its writes are told of before it can leave: what came without a word is
+                        // the new one's.
+                        let of_old = std::mem::take(&mut self.left_unread);
+                        self.unread = match of_old {
+                            true => self.skip_old(bytes),
+                            false => Some(bytes),
+                        };
+                        (self.written, self.owed) = (false, !of_old && self.unwritten);
+                        return Ok(Event::HungUp);
+                    }
+                    if bytes.len() < MOST_AT_ONCE {
+                        // There is no more.
+                        self.owed |= !self.written;
+                        (self.written, self.left_unread) = (false, false);
+                    }
+                    return Ok(Event::Data(bytes));
+                }
+                // All that was told of has been read.
+                Err(Errno::WOULDBLOCK) => (self.written, self.left_unread) = (false, false),
+                Err(e) => return Err(Error::io(&self.path, e.into())),
+            }
+            self.count_clients();
+            // It may have written and left since the reading.
+            if self.hung_up && self.left_unread {
+                continue;
+            }
+            if std::mem::take(&mut self.hung_up) {
+                return Ok(Event::HungUp);
+            }
+            self.write();
+            let io = |e| Error::io(&self.path, e);
+            // Each branch only forgets a readiness that the calls above have used up; they are
+            // made again at the top of the loop.
+            tokio::select! {
+                ready = watch_stirs(self.watch.as_ref()) => ready.map_err(io)?,
+                ready = stirs(&self.master) => ready.map_err(io)?,
+                // Linux wakes a pty's writer before it has made room, and not again afterwards.
+                () = tokio::time::sleep(RETRY), if !self.output.is_empty() => {}
+            }
+        }
+    }
+
+    /// Sends a reply, or keeps it until the client reads; false when there is no room for it.
+    pub(super) fn send(&mut self, reply: &[u8]) -> bool {
+        self.count_clients();
+        // Until its leaving has been told, a reply is the last client's, whoever is there now.
+        if self.watch.is_some() && (self.clients == 0 || self.hung_up) {
+            return true;
+        }
+        self.write();
+        if !self.output.is_empty() && self.output.len() + reply.len() > MAX_OUTPUT {
+            return false;
+        }
+        self.output.extend_from_slice(reply);
+        self.write();
+        true
+    }
+
+    /// Throws away what the last client wrote and nobody read, as long as the new one has written
+    /// nothing; from then on the two cannot be told apart. Gives what may be the new one's.
+    fn skip_old(&mut self, mut bytes: Vec<u8>) -> Option<Vec<u8>> {
+        loop {
+            let more = self.read();
+            // A write is told of after its bytes can be read, hence the look after the reading.
+            self.count_clients();
+            if !(self.tells_writes && self.unwritten) {
+                bytes.extend(more.unwrap_or_default());
+                return Some(bytes);
+            }
+            bytes = more.ok()?;
+        }
+    }
+
+    fn read(&self) -> Result<Vec<u8>, Errno> {
+        let mut bytes = vec![0; MOST_AT_ONCE];
+        let len = rustix::io::read(&self.master, &mut bytes)?;
+        bytes.truncate(len);
+        Ok(bytes)
+    }
+
+    fn write(&mut self) {
+        while !self.output.is_empty() {
+            match rustix::io::write(&self.master, &self.output) {
+                Ok(len) => drop(self.output.drain(..len)),
+                Err(_) => return,
+            }
+        }
+    }
+
+    /// Brings the count of clients up to date. Called after every reading and before every reply:
+    /// when it finds that the last client has left, every reply so far was that client's.
+    fn count_clients(&mut self) {
+        let Some(watch) = &self.watch else { return };
+        let mut buffer = [MaybeUninit::uninit(); 4096];
+        let mut reader = inotify::Reader::new(watch.as_fd(), &mut buffer);
+        let mut left = false;
+        while let Ok(event) = reader.next() {
+            if event.events().contains(inotify::ReadFlags::OPEN) {
+                self.unwritten |= self.clients == 0;
+                self.clients += 1;
+            } else if event.events().contains(inotify::ReadFlags::MODIFY) {
+                self.tells_writes = true;
+                self.unwritten = false;
+                self.written |= !std::mem::take(&mut self.owed);
+            } else if event
+                .events()
+                .intersects(inotify::ReadFlags::CLOSE_WRITE | inotify::ReadFlags::CLOSE_NOWRITE)
+            {
+                self.clients = self.clients.saturating_sub(1);
+                if self.clients == 0 {
+                    left = true;
+                    self.left_unread |= self.written;
+                }
+            }
+        }
+        if left {
+            self.hung_up = true;
+            self.output.clear();
+            // Replies on their way through the kernel, then those that have arrived. Failing does
+            // no harm: a client has to expect stale replies on any line.
+            let _ = termios::tcflush(&self.master, QueueSelector::OFlush);
+            let _ = termios::tcflush(&self.slave, QueueSelector::IFlush);
+            if self.clients == 0 {
+                let _ = termios::ioctl_tiocnxcl(&self.slave);
+            }
+        }
+    }
+}
+
+fn watch(path: &Path) -> Result<AsyncFd<OwnedFd>, std::io::Error> {
+    let flags = inotify::CreateFlags::NONBLOCK | inotify::CreateFlags::CLOEXEC;
+    let watch = inotify::init(flags)?;
+    let events = inotify::WatchFlags::OPEN
+        | inotify::WatchFlags::MODIFY
+        | inotify::WatchFlags::CLOSE_WRITE
+        | inotify::WatchFlags::CLOSE_NOWRITE;
+    inotify::add_watch(&watch, path, events)?;
+    watched(watch)
+}
+
+async fn watch_stirs(watch: Option<&AsyncFd<OwnedFd>>) -> std::io::Result<()> {
+    match watch {
+        Some(watch) => stirs(watch).await,
+        None => std::future::pending().await,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::fs::File;
+    use std::io::{Read, Write};
+    use std::sync::Arc;
+    use std::sync::atomic::{AtomicBool, Ordering};
+
+    fn client(pty: &Pty) -> File {
+        let mut options = File::options();
+        options.read(true).write(true).open(pty.path()).unwrap()
+    }
+
+    fn run(test: impl AsyncFnOnce(Pty)) {
+        let runtime = tokio::runtime::Builder::new_current_thread();
+        let runtime = { runtime }.enable_all().build().unwrap();
+        runtime.block_on(async { test(Pty::open().unwrap()).await });
+    }
+
+    async fn data(pty: &mut Pty) -> Vec<u8> {
+        match pty.next().await.unwrap() {
+            Event::Data(bytes) => bytes,
+            Event::HungUp => panic!("hung up"),
+        }
+    }
+
+    #[test]
+    fn a_new_client_gets_nothing_of_the_last_one_s() {
+        run(async |mut pty| {
+            let mut old = client(&pty);
+            old.write_all(&b"*IDN?\n".repeat(500)).unwrap();
+            // As many queries as are taken at a time are answered, and the others wait.
+            assert_eq!(data(&mut pty).await.len(), 1024);
+            drop(old);
+            let mut new = client(&pty);
+            assert!(pty.send(b"to the old one\n"));
+            assert_eq!(pty.next().await.unwrap(), Event::HungUp);
+            new.write_all(b"*TST?\n").unwrap();
+            assert_eq!(data(&mut pty).await, b"*TST?\n");
+            assert!(pty.send(b"0\n"));
+            let mut reply = [0; 64];
+            let len = new.read(&mut reply).unwrap();
+            assert_eq!(reply[..len], *b"0\n");
+        });
+    }
+
+    #[test]
+    fn what_a_new_client_has_written_is_kept() {
+        run(async |mut pty| {
+            let mut old = client(&pty);
+            old.write_all(&b"*IDN?\n".repeat(200)).unwrap();
+            assert_eq!(data(&mut pty).await.len(), 1024);
+            drop(old);
+            let mut new = client(&pty);
+            new.write_all(b"*TST?\n").unwrap();
+            assert_eq!(pty.next().await.unwrap(), Event::HungUp);
+            assert!(data(&mut pty).await.ends_with(b"*TST?\n"));
+        });
+    }
+
+    #[test]
+    fn what_a_client_wrote_before_it_left_is_its_own() {
+        run(async |mut pty| {
+            // Known to be there, and nothing to be read.
+            let mut old = client(&pty);
+            assert!(tokio::time::timeout(RETRY, pty.next()).await.is_err());
+            old.write_all(b"*IDN?\n").unwrap();
+            drop(old);
+            assert_eq!(data(&mut pty).await, b"*IDN?\n");
+            assert_eq!(pty.next().await.unwrap(), Event::HungUp);
+        });
+    }
+
+    /// Ends when it is dropped, by a failing test too.
+    struct Busy(Arc<AtomicBool>);
+
+    impl Busy {
+        fn threads(count: usize) -> Self {
+            let over = Arc::new(AtomicBool::new(false));
+            for _ in 0..count {
+                let over = over.clone();
+                std::thread::spawn(move || while !over.load(Ordering::Relaxed) {});
+            }
+            Self(over)
+        }
+    }
+
+    impl Drop for Busy {
+        fn drop(&mut self) {
+            self.0.store(true, Ordering::Relaxed);
+        }
+    }
+
+    /// Clients that come as soon as the last one has left, while others take the processor from them
+    /// between their writing and its being told.
+    #[test]
+    fn clients_in_quick_succession_are_all_heard() {
+        const CLIENTS: usize = 3000;
+        let busy = Busy::threads(4);
+        run(async |mut pty| {
+            let path = pty.path().to_owned();
+            std::thread::spawn(move || {
+                for _ in 0..CLIENTS {
+                    let mut options = File::options();
+                    let mut port = options.read(true).write(true).open(&path).unwrap();
+                    port.write_all(b"*TST?\n").unwrap();
+                    let mut reply = [0; 2];
+                    port.read_exact(&mut reply).unwrap();
+                }
+            });
+            let (mut heard, mut left) = (0, 0);
+            while heard < CLIENTS {
+                let next = tokio::time::timeout(Duration::from_secs(20), pty.next()).await;
+                match next.expect("a client that was not heard").unwrap() {
+                    Event::Data(bytes) => {
+                        assert_eq!(bytes, b"*TST?\n");
+                        heard += 1;
+                        assert!(pty.send(b"0\n"));
+                    }
+                    Event::HungUp => left += 1,
+                }
+            }
+            assert_eq!(left, CLIENTS - 1);
+        });
+        drop(busy);
+    }
+}

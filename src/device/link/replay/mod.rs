@@ -1,0 +1,131 @@
+//! A device that behaves as recorded: pty and frame socket, like those of a device that is served,
+//! with a recording behind them in place of firmware and optics.
+
+mod ahead;
+mod departure;
+mod ends;
+mod player;
+
+pub use player::Outcome;
+
+use super::pty::Event;
+use super::run_dir::RunDir;
+use ends::Ends;
+use phasmid_core::error::Result;
+use phasmid_protocol::Endpoints;
+use phasmid_protocol::record::{About, Reader};
+use phasmid_protocol::service::ClockPace;
+use player::Player;
+use std::future::Future;
+use std::io::Read;
+use std::path::PathBuf;
+use std::pin::pin;
+use std::time::Duration;
+
+/// Bytes of frames that may wait for readers while no delays hold the next ones back.
+const MAX_WAITING: usize = 32 << 20;
+/// How often readers that are behind are looked at.
+const RETRY: Duration = Duration::from_millis(1);
+
+/// What is replayed.
+pub struct Replay<R> {
+    /// The recording, at its beginning.
+    pub reader: Reader<R>,
+    /// What it says of itself.
+    pub about: About,
+    /// The system's monotonic clock when the time is 0, in nanoseconds: the times of frames that do
+    /// not say which they are count by it.
+    pub monotonic_ns: u64,
+    /// Without the recorded delays.
+    pub fast: bool,
+    /// Port on the loopback interface for frames; 0 picks a free one.
+    pub tcp: Option<u16>,
+    /// Takes what whoever looks after the replay should know: where a client leaves the path.
+    pub notice: fn(&str),
+}
+
+/// Serves a recording from a run directory until `shutdown` is done, in a tokio runtime. `wall`
+/// tells for how long; `ready` is called once everything can be reached.
+///
+/// # Errors
+/// Ports and sockets that the system refuses.
+pub async fn replay<R: Read>(
+    replay: Replay<R>,
+    mut run_dir: RunDir,
+    wall: impl Fn() -> Duration,
+    ready: impl FnOnce(&Endpoints),
+    shutdown: impl Future<Output = ()>,
+) -> Result<Outcome> {
+    let mut ends = Ends::open(&mut run_dir, replay.tcp)?;
+    let camera_socket = format!("socket:{}", ends.camera_path.display());
+    let about = replay.about;
+    let endpoints = Endpoints {
+        name: about.name,
+        pid: std::process::id(),
+        profile: about.profile,
+        scene: about.scene,
+        seed: about.seed,
+        clock: Some(match replay.fast {
+            true => ClockPace::Fast,
+            false => ClockPace::Real,
+        }),
+        control: ends.control.clone(),
+        dialect: None,
+        baud: None,
+        control_usb: None,
+        camera: camera_socket.clone(),
+        camera_socket,
+        camera_tcp: ends.tcp.map(|address| format!("tcp:{address}")),
+        usb: None,
+        service: PathBuf::new(),
+    };
+    run_dir.publish(&endpoints)?;
+    ready(&endpoints);
+    let mut player = Player::new(replay.reader, replay.fast, about.monotonic_ns);
+    // What has to wait until a client has taken what was before it.
+    let mut held = None;
+    let mut shutdown = pin!(shutdown);
+    loop {
+        let now_ns = nanoseconds(wall());
+        if ends.is_watched() {
+            player.begin(now_ns);
+        }
+        let crowded = |ends: &Ends| replay.fast && ends.waiting() > MAX_WAITING;
+        if let Some(output) = held.take() {
+            held = ends.perform(output, replay.monotonic_ns, now_ns)?;
+        }
+        while held.is_none()
+            && !crowded(&ends)
+            && let Some(output) = player.next(now_ns)
+        {
+            held = ends.perform(output, replay.monotonic_ns, now_ns)?;
+        }
+        while let Some(news) = player.news() {
+            (replay.notice)(&news);
+        }
+        let delay = match player.next_event_ns() {
+            _ if held.is_some() => Some(RETRY),
+            Some(_) if crowded(&ends) => Some(RETRY),
+            next => next.map(|next| Duration::from_nanos(next.saturating_sub(now_ns))),
+        };
+        tokio::select! {
+            biased;
+            () = &mut shutdown => return Ok(player.finish()),
+            event = ends.stirred(player.listens()) => {
+                let event = event?;
+                // Who connected before the command was sent gets the frames that it causes.
+                ends.accept();
+                match event {
+                    Some(Event::Data(bytes)) => player.receive(&bytes, nanoseconds(wall())),
+                    Some(Event::HungUp) => player.hang_up(nanoseconds(wall())),
+                    None => {}
+                }
+            }
+            () = super::server::sleep(delay) => {}
+        }
+    }
+}
+
+fn nanoseconds(wall: Duration) -> u64 {
+    u64::try_from(wall.as_nanos()).unwrap_or(u64::MAX)
+}

@@ -1,0 +1,262 @@
+//! The run directory of a device that is served: `0700`, and after the device is gone just as it
+//! was before.
+//!
+//! A lock on the directory itself says that it is in use; the system lets go of it even when the
+//! process is killed. What a killed device left behind is told by name and kind and removed.
+
+use phasmid_core::error::{Error, Result};
+use phasmid_protocol::Endpoints;
+use phasmid_protocol::endpoints;
+use rustix::fs::{FlockOperation, Mode, OFlags};
+use std::fs;
+use std::io::Write;
+use std::os::fd::OwnedFd;
+use std::os::unix::fs::{DirBuilderExt, FileTypeExt, MetadataExt, PermissionsExt};
+use std::path::{Path, PathBuf};
+
+/// Name of the control port.
+pub(super) const CONTROL: &str = "control";
+/// Name of the camera's frame socket.
+pub(super) const CAMERA: &str = "camera.sock";
+/// Name of the service socket.
+pub(super) const SERVICE: &str = "service.sock";
+const UNFINISHED: &str = "device.json.new";
+
+/// Longest path of a Unix socket on Linux, without its closing zero.
+const MAX_SOCKET_PATH: usize = 107;
+
+/// A claimed run directory; dropping it removes what was made in it, and itself if it was made.
+#[derive(Debug)]
+pub struct RunDir {
+    path: PathBuf,
+    made: bool,
+    /// Mode to give back to a directory that was there before.
+    mode: Option<u32>,
+    files: Vec<PathBuf>,
+    _lock: OwnedFd,
+}
+
+impl RunDir {
+    /// Claims a directory: makes it, or takes an empty one or one that a device left behind.
+    ///
+    /// # Errors
+    /// A directory that another device is served from, belongs to somebody else or holds anything
+    /// that is not a device's, and what the system refuses.
+    pub fn claim(path: &Path) -> Result<Self> {
+        let place = path.display();
+        let io = |e: std::io::Error| Error::io(path, e);
+        if path.as_os_str().len() + 1 + SERVICE.len() > MAX_SOCKET_PATH {
+            return Err(Error::input(
+                format!("--run-dir {place}"),
+                format!("a path of {} bytes", path.as_os_str().len()),
+                format!(
+                    "up to {} bytes, for the sockets in it",
+                    MAX_SOCKET_PATH - 1 - SERVICE.len()
+                ),
+            ));
+        }
+        let made = match fs::DirBuilder::new().mode(0o700).create(path) {
+            Ok(()) => true,
+            Err(e) if e.kind() == std::io::ErrorKind::AlreadyExists => false,
+            Err(e) => return Err(io(e)),
+        };
+        // Not through a link: in a shared temporary directory anybody could have put one here.
+        let flags = OFlags::RDONLY | OFlags::DIRECTORY | OFlags::NOFOLLOW | OFlags::CLOEXEC;
+        let lock = rustix::fs::open(path, flags, Mode::empty()).map_err(|e| io(e.into()))?;
+        let stat = rustix::fs::fstat(&lock).map_err(|e| io(e.into()))?;
+        let refuse = |found: &str| {
+            Err(Error::input(
+                format!("--run-dir {place}"),
+                found,
+                "a new or empty directory of one's own, or one that a device left behind",
+            ))
+        };
+        if stat.st_uid != rustix::process::geteuid().as_raw() {
+            return refuse("a directory of another user");
+        }
+        if rustix::fs::flock(&lock, FlockOperation::NonBlockingLockExclusive).is_err() {
+            return refuse(&match Endpoints::read(path) {
+                Ok(other) => format!("process {} serves a device from it", other.pid),
+                Err(_) => "a device is being served from it".to_owned(),
+            });
+        }
+        // The directory may have gone between making and locking it, when its last user left.
+        let same = fs::symlink_metadata(path).is_ok_and(|now| now.ino() == stat.st_ino);
+        if !same {
+            return refuse("a directory that is being removed; try again");
+        }
+        let mut dir = Self {
+            path: path.to_path_buf(),
+            made,
+            mode: None,
+            files: Vec::new(),
+            _lock: lock,
+        };
+        for leftover in dir.leftovers().map_err(io)? {
+            let Some(leftover) = leftover else {
+                return refuse("files that are not a device's");
+            };
+            fs::remove_file(&leftover).map_err(|e| Error::io(&leftover, e))?;
+            // It was a device's own: then it goes as one that this device made.
+            dir.made |= stat.st_mode & 0o777 == 0o700;
+        }
+        if stat.st_mode & 0o777 != 0o700 {
+            fs::set_permissions(path, fs::Permissions::from_mode(0o700)).map_err(io)?;
+            dir.mode = Some(stat.st_mode & 0o777);
+        }
+        Ok(dir)
+    }
+
+    /// Everything in the directory; `None` stands for what no device leaves behind.
+    fn leftovers(&self) -> std::io::Result<Vec<Option<PathBuf>>> {
+        let mut found = Vec::new();
+        for entry in fs::read_dir(&self.path)? {
+            let entry = entry?;
+            let kind = entry.file_type()?;
+            let ours = match entry.file_name().to_str() {
+                Some(CONTROL) => kind.is_symlink(),
+                Some(CAMERA | SERVICE) => kind.is_socket(),
+                Some(endpoints::FILE_NAME | UNFINISHED) => kind.is_file(),
+                _ => false,
+            };
+            found.push(ours.then(|| entry.path()));
+        }
+        Ok(found)
+    }
+
+    /// The directory.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// The path of something that is about to be made in the directory, and removed with it.
+    pub(super) fn file(&mut self, name: &str) -> PathBuf {
+        let path = self.path.join(name);
+        self.files.push(path.clone());
+        path
+    }
+
+    /// Writes `device.json`, whole or not at all: who sees it can use what it names.
+    pub(super) fn publish(&mut self, endpoints: &Endpoints) -> Result<()> {
+        let unfinished = self.file(UNFINISHED);
+        let text = serde_json::to_string_pretty(endpoints).expect("numbers and strings");
+        let io = |e| Error::io(&unfinished, e);
+        let mut file = fs::OpenOptions::new()
+            .write(true)
+            .create_new(true)
+            .open(&unfinished)
+            .map_err(io)?;
+        writeln!(file, "{text}").map_err(io)?;
+        let path = self.file(endpoints::FILE_NAME);
+        fs::rename(&unfinished, path).map_err(io)
+    }
+}
+
+impl Drop for RunDir {
+    fn drop(&mut self) {
+        // Best effort: there is nobody left to tell.
+        for file in self.files.iter().rev() {
+            let _ = fs::remove_file(file);
+        }
+        if self.made {
+            let _ = fs::remove_dir(&self.path);
+        } else if let Some(mode) = self.mode {
+            let _ = fs::set_permissions(&self.path, fs::Permissions::from_mode(mode));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::os::unix::net::UnixListener;
+
+    fn endpoints(pid: u32) -> Endpoints {
+        Endpoints {
+            name: "a,b,c,d".into(),
+            pid,
+            profile: Some("p".into()),
+            scene: Some("s".into()),
+            seed: Some(1),
+            clock: None,
+            control: "control".into(),
+            dialect: None,
+            baud: None,
+            camera: "socket:camera.sock".into(),
+            camera_socket: "socket:camera.sock".into(),
+            camera_tcp: None,
+            control_usb: None,
+            usb: None,
+            service: "service.sock".into(),
+        }
+    }
+
+    fn mode(path: &Path) -> u32 {
+        fs::metadata(path).unwrap().mode() & 0o777
+    }
+
+    #[test]
+    fn a_new_directory_comes_and_goes() {
+        let base = tempfile::tempdir().unwrap();
+        let path = base.path().join("run");
+        let mut dir = RunDir::claim(&path).unwrap();
+        assert_eq!(mode(&path), 0o700);
+        dir.publish(&endpoints(7)).unwrap();
+        assert_eq!(Endpoints::read(&path).unwrap(), endpoints(7));
+        let message = RunDir::claim(&path).unwrap_err().to_string();
+        assert!(message.contains("process 7 serves"), "{message}");
+        drop(dir);
+        assert!(!path.exists());
+    }
+
+    #[test]
+    fn an_empty_directory_is_given_back_as_it_was() {
+        let base = tempfile::tempdir().unwrap();
+        let path = base.path().join("run");
+        fs::create_dir(&path).unwrap();
+        fs::set_permissions(&path, fs::Permissions::from_mode(0o755)).unwrap();
+        let mut dir = RunDir::claim(&path).unwrap();
+        assert_eq!(mode(&path), 0o700);
+        dir.publish(&endpoints(7)).unwrap();
+        drop(dir);
+        assert_eq!(mode(&path), 0o755);
+        assert_eq!(fs::read_dir(&path).unwrap().count(), 0);
+    }
+
+    #[test]
+    fn what_a_killed_device_left_is_cleared_and_nothing_else() {
+        let base = tempfile::tempdir().unwrap();
+        let path = base.path().join("run");
+        fs::DirBuilder::new().mode(0o700).create(&path).unwrap();
+        let leave = || {
+            std::os::unix::fs::symlink("/dev/pts/999999", path.join(CONTROL)).unwrap();
+            drop(UnixListener::bind(path.join(CAMERA)).unwrap());
+            fs::write(path.join(endpoints::FILE_NAME), "{}").unwrap();
+        };
+        leave();
+        let dir = RunDir::claim(&path).unwrap();
+        assert_eq!(fs::read_dir(&path).unwrap().count(), 0);
+        drop(dir);
+        assert!(!path.exists(), "it was a device's own");
+
+        fs::DirBuilder::new().mode(0o700).create(&path).unwrap();
+        leave();
+        fs::write(path.join("thesis.tex"), "years of work").unwrap();
+        let error = RunDir::claim(&path).unwrap_err();
+        assert_eq!(error.exit_code(), 2);
+        assert!(path.join("thesis.tex").exists());
+    }
+
+    #[test]
+    fn what_is_no_directory_or_too_long_is_refused() {
+        let base = tempfile::tempdir().unwrap();
+        let file = base.path().join("file");
+        fs::write(&file, "").unwrap();
+        assert!(RunDir::claim(&file).is_err());
+        let link = base.path().join("link");
+        std::os::unix::fs::symlink(base.path(), &link).unwrap();
+        assert!(RunDir::claim(&link).is_err());
+        let long = base.path().join("x".repeat(120));
+        assert_eq!(RunDir::claim(&long).unwrap_err().exit_code(), 2);
+    }
+}

@@ -1,0 +1,161 @@
+//! A client's requests, one after the other, and how it is told that there will be no answer.
+
+use super::places::Place;
+use super::{Answer, Call};
+use phasmid_protocol::service::{MAX_LINE, Reply, Request};
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use std::io;
+use std::time::Duration;
+use tokio::io::{AsyncBufReadExt, AsyncReadExt, AsyncWriteExt, BufReader};
+use tokio::net::UnixStream;
+use tokio::net::unix::{OwnedReadHalf, OwnedWriteHalf};
+use tokio::sync::{mpsc, oneshot};
+
+/// How long a client may take to read an answer.
+const MAX_WRITE: Duration = Duration::from_secs(30);
+/// How long a client that is turned away is listened to: it may have written before it reads, and
+/// would find the connection reset in place of the reason.
+const LAST_WORDS: Duration = Duration::from_secs(1);
+/// How often to look whether a client that waits for its answer is still there.
+const LOOK_AGAIN: Duration = Duration::from_millis(100);
+
+/// What a client has sent.
+enum Line {
+    /// A line with its newline.
+    Whole(Vec<u8>),
+    /// More than a line may be; the rest of it is still to come.
+    TooLong,
+    /// The client's last bytes, without a newline.
+    Cut,
+    /// Nothing more.
+    End,
+}
+
+/// Answers a client until it leaves or has to.
+pub(super) async fn converse(
+    stream: UnixStream,
+    caller: mpsc::Sender<Call>,
+    place: Place,
+) -> io::Result<()> {
+    let (reader, mut writer) = stream.into_split();
+    let mut reader = BufReader::new(reader);
+    loop {
+        place.set_idle(true);
+        let line = tokio::select! {
+            line = next_line(&mut reader) => line?,
+            () = place.taken_back() => {
+                let why = "service channel: closed, for another client has come and this one has \
+                           asked nothing for the longest";
+                return dismiss(reader, writer, why).await;
+            }
+        };
+        place.set_idle(false);
+        let not_a_line = || {
+            let what = format!("a request is a line of JSON of up to {MAX_LINE} bytes");
+            (Reply::refusal(what), Vec::new())
+        };
+        let (reply, payload) = match &line {
+            Line::End => return Ok(()),
+            Line::TooLong | Line::Cut => not_a_line(),
+            Line::Whole(line) => match Request::parse(line) {
+                Err(why) => (Reply::refusal(why), Vec::new()),
+                Ok(request) => match ask(&caller, request, &writer).await {
+                    Some(answer) => answer,
+                    None => return Ok(()),
+                },
+            },
+        };
+        let write = async {
+            writer.write_all(reply.to_line().as_bytes()).await?;
+            writer.write_all(&payload).await
+        };
+        tokio::time::timeout(MAX_WRITE, write).await??;
+        if matches!(line, Line::TooLong) {
+            place.set_idle(true);
+            tokio::select! {
+                skipped = skip_line(&mut reader) => skipped?,
+                () = place.taken_back() => return Ok(()),
+            }
+        }
+    }
+}
+
+/// Tells a client that has no place why.
+pub(super) async fn turn_away(stream: UnixStream, why: &str) -> io::Result<()> {
+    let (reader, writer) = stream.into_split();
+    dismiss(BufReader::new(reader), writer, why).await
+}
+
+/// The last word to a client: what it still sends is read, so that it can read that word.
+async fn dismiss(
+    mut reader: BufReader<OwnedReadHalf>,
+    mut writer: OwnedWriteHalf,
+    why: &str,
+) -> io::Result<()> {
+    let last = async {
+        let refusal = Reply::refusal(why).to_line();
+        writer.write_all(refusal.as_bytes()).await?;
+        writer.shutdown().await?;
+        tokio::io::copy(&mut reader, &mut tokio::io::sink()).await
+    };
+    tokio::time::timeout(LAST_WORDS, last).await?.map(drop)
+}
+
+async fn next_line(reader: &mut BufReader<OwnedReadHalf>) -> io::Result<Line> {
+    let mut line = Vec::new();
+    let mut most = reader.take(MAX_LINE as u64);
+    let read = most.read_until(b'\n', &mut line).await?;
+    Ok(match line.last() {
+        _ if read == 0 => Line::End,
+        Some(b'\n') => Line::Whole(line),
+        _ if read == MAX_LINE => Line::TooLong,
+        _ => Line::Cut,
+    })
+}
+
+/// Reads up to the end of a line and forgets it.
+async fn skip_line(reader: &mut BufReader<OwnedReadHalf>) -> io::Result<()> {
+    loop {
+        let bytes = reader.fill_buf().await?;
+        if bytes.is_empty() {
+            return Ok(());
+        }
+        let end = bytes.iter().position(|&byte| byte == b'\n');
+        let read = end.map_or(bytes.len(), |at| at + 1);
+        reader.consume(read);
+        if end.is_some() {
+            return Ok(());
+        }
+    }
+}
+
+/// The device's answer; `None` where the client has left meanwhile.
+async fn ask(
+    caller: &mpsc::Sender<Call>,
+    request: Request,
+    client: &OwnedWriteHalf,
+) -> Option<Answer> {
+    let (reply, mut answer) = oneshot::channel();
+    let gone = || (Reply::refusal("the device is going away"), Vec::new());
+    if caller.send((request, reply)).await.is_err() {
+        return Some(gone());
+    }
+    loop {
+        tokio::select! {
+            answer = &mut answer => return Some(answer.unwrap_or_else(|_| gone())),
+            () = tokio::time::sleep(LOOK_AGAIN) => if has_left(client.as_ref()) {
+                return None;
+            }
+        }
+    }
+}
+
+/// Whether a client has closed its connection; one that has only ended its own side still listens.
+fn has_left(stream: &UnixStream) -> bool {
+    let mut look = [PollFd::new(stream, PollFlags::empty())];
+    let polled = poll(&mut look, Some(&Timespec::default()));
+    polled.is_ok()
+        && look[0]
+            .revents()
+            .intersects(PollFlags::HUP | PollFlags::ERR)
+}

@@ -1,0 +1,34 @@
+//! A device in a host's hands.
+
+use super::device::UsbDevice;
+use super::session::Session;
+use phasmid_core::error::{Error, Result};
+
+/// A device that a host has; dropping it lets go of the device, however the connection ends.
+pub(super) struct Attached(UsbDevice);
+
+impl Attached {
+    /// Takes a device.
+    ///
+    /// # Errors
+    /// Another host has it, or its firmware is behind.
+    pub(super) fn take(device: &UsbDevice) -> Result<Self> {
+        if device.with(Session::attach) {
+            Ok(Self(device.clone()))
+        } else {
+            Err(Error::device(
+                "USB: the device cannot be had: another host has it, or its firmware is behind",
+            ))
+        }
+    }
+
+    pub(super) fn device(&self) -> &UsbDevice {
+        &self.0
+    }
+}
+
+impl Drop for Attached {
+    fn drop(&mut self) {
+        self.0.with(Session::detach);
+    }
+}

@@ -1,0 +1,192 @@
+//! Between the firmware and its USB device: what a host does becomes what the commands would do,
+//! and what the commands do is what the host sees.
+
+use super::{CameraState, Event, UsbDevice};
+use crate::{CameraControls, Firmware, State, Stream, StreamSink};
+use phasmid_core::error::Result;
+use phasmid_profile::{DsrUse, Profile, RtsUse, Usb};
+use phasmid_protocol::usb::cdc::{DeviceLines, HostLines};
+use phasmid_protocol::usb::uvc;
+use phasmid_protocol::{Frame, PixelFormat};
+use std::sync::Arc;
+use std::time::Duration;
+
+/// A USB device with a firmware behind it.
+pub struct Binding {
+    device: UsbDevice,
+    usb: Usb,
+    host_lines: HostLines,
+    lines: DeviceLines,
+}
+
+/// What the loop that serves the device has to do for the port.
+pub(in crate::link) enum PortEvent {
+    /// Bytes have come.
+    Data(Vec<u8>),
+    /// Whoever had the port open has closed it.
+    HungUp,
+}
+
+impl Binding {
+    /// A USB device of a profile in front of its firmware. `number`, from 1, is its place on the
+    /// bus.
+    ///
+    /// # Errors
+    /// Frames that are too large for the video class.
+    pub fn new(profile: &Profile, firmware: &Firmware, number: u32) -> Result<Self> {
+        let stream = firmware.stream();
+        let mut formats = vec![stream.format];
+        let others = profile.camera.sensor.formats().iter().copied();
+        formats.extend(others.filter(|&format| {
+            let pairs = format != PixelFormat::Yuyv || stream.width.is_multiple_of(2);
+            format != stream.format && pairs
+        }));
+        let controls = camera_state(firmware);
+        let size = (stream.width, stream.height);
+        Ok(Self {
+            device: UsbDevice::new(profile, number, size, &formats, controls)?,
+            usb: profile.usb,
+            host_lines: HostLines::default(),
+            lines: DeviceLines::default(),
+        })
+    }
+
+    /// The device, to be served.
+    pub fn device(&self) -> &UsbDevice {
+        &self.device
+    }
+
+    /// Whether a host reads frames.
+    pub(in crate::link) fn attended(&self) -> bool {
+        self.device.is_streaming()
+    }
+
+    /// Whether a host would get another frame of a free-running camera before long.
+    pub(in crate::link) fn keeps_up(&self) -> bool {
+        self.device.is_streaming() && !self.device.is_crowded()
+    }
+
+    /// Hands a frame on; one of another format than the stream's is nobody's.
+    pub(in crate::link) fn put(&self, frame: &Arc<Frame>, now: Duration) {
+        self.device.put(frame.clone(), now);
+    }
+
+    /// Frames that were lost because the host reads too slowly.
+    pub(in crate::link) fn lost(&self) -> u64 {
+        self.device.lost()
+    }
+
+    /// Sends a reply; `false` when too many wait.
+    pub(in crate::link) fn send(&self, bytes: &[u8], now: Duration) -> bool {
+        self.device.send(bytes, now)
+    }
+
+    /// Waits until a host has done something.
+    pub(in crate::link) async fn changed(&self) {
+        self.device.changed().await;
+    }
+
+    /// Does to the firmware what a host has done, at a device time; gives what concerns the port.
+    pub(in crate::link) fn work_off(
+        &mut self,
+        firmware: &mut Firmware,
+        now_ns: u64,
+    ) -> Vec<PortEvent> {
+        let mut port = Vec::new();
+        for event in self.device.take_events() {
+            let controls = firmware.camera_controls();
+            match event {
+                Event::Received(bytes) => port.push(PortEvent::Data(bytes)),
+                Event::Exposure(exposure_ns) => {
+                    firmware.set_camera_controls(CameraControls {
+                        exposure_ns,
+                        ..controls
+                    });
+                }
+                Event::Gain(gain_db) => {
+                    firmware.set_camera_controls(CameraControls {
+                        gain_db,
+                        ..controls
+                    });
+                }
+                Event::Committed(agreed) => {
+                    let format = self.device.format(agreed.format);
+                    let interval_ns = u64::from(agreed.interval) * uvc::INTERVAL_UNIT_NS;
+                    firmware.set_stream(format, interval_ns);
+                }
+                Event::Lines(lines) => {
+                    let rises = lines.rts && !self.host_lines.rts;
+                    if rises && self.usb.rts == RtsUse::Trigger {
+                        firmware.external_trigger(now_ns);
+                    }
+                    if self.host_lines.dtr && !lines.dtr {
+                        port.push(PortEvent::HungUp);
+                    }
+                    self.host_lines = lines;
+                }
+                Event::LineCoding(line) => firmware.set_line_coding(line),
+                // A break clears the input, as a terminal's does.
+                Event::Break(true) | Event::Detached => port.push(PortEvent::HungUp),
+                Event::Break(false) | Event::Attached | Event::Started | Event::Stopped => {}
+            }
+        }
+        port
+    }
+
+    /// Shows the host how the firmware stands.
+    pub(in crate::link) fn refresh(&mut self, firmware: &Firmware, now: Duration) {
+        self.device.set_camera(camera_state(firmware));
+        let running = matches!(firmware.state(), State::Running { .. });
+        let lines = DeviceLines {
+            dcd: true,
+            dsr: self.usb.dsr == DsrUse::Ready || running,
+        };
+        if lines != self.lines {
+            self.lines = lines;
+            self.device.set_lines(lines, now);
+        }
+    }
+
+    /// What is to be asked before the frames change.
+    pub(in crate::link) fn gate(&self, stream: Stream) -> Gate {
+        Gate {
+            device: self.device.clone(),
+            stream,
+        }
+    }
+}
+
+fn camera_state(firmware: &Firmware) -> CameraState {
+    let CameraControls {
+        exposure_ns,
+        gain_db,
+    } = firmware.camera_controls();
+    CameraState {
+        exposure_ns,
+        gain_db,
+        settable_ns: firmware.settable_exposure_ns(),
+    }
+}
+
+/// Holds the frames to what has enumerated.
+pub(in crate::link) struct Gate {
+    device: UsbDevice,
+    /// The frames that the device was made for.
+    stream: Stream,
+}
+
+impl StreamSink for Gate {
+    fn announce(&mut self, stream: &Stream) -> std::result::Result<(), String> {
+        if (stream.width, stream.height) != (self.stream.width, self.stream.height) {
+            return Err(format!(
+                "the USB camera has frames of {} x {} pixels",
+                self.stream.width, self.stream.height
+            ));
+        }
+        if self.device.is_streaming() && stream.format != self.stream.format {
+            return Err("a host reads from the USB camera".to_owned());
+        }
+        self.stream = *stream;
+        Ok(())
+    }
+}

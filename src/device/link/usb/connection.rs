@@ -1,0 +1,170 @@
+//! A host's connection after it has imported a device: commands are read, the session works them
+//! off, its replies are written, many at a time.
+
+use super::attached::Attached;
+use super::device::UsbDevice;
+use super::outgoing::Outgoing;
+use phasmid_core::error::{Error, Result};
+use phasmid_protocol::usb::usbip::{Command, HEADER_LEN, PACKET_LEN, Packet};
+use std::future::pending;
+use std::io::IoSlice;
+use std::time::Duration;
+use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, AsyncWriteExt};
+
+/// Pieces that are written at once.
+const SLICES: usize = 64;
+/// Replies that wait before no more commands are read.
+const MAX_OUTGOING: usize = 4096;
+const READ_LEN: usize = 64 << 10;
+
+impl UsbDevice {
+    /// Serves a host on any two streams of bytes, from behind the import on, until it leaves. `clock`
+    /// tells the time since any moment.
+    ///
+    /// # Errors
+    /// Another host has the device; what the host sent that no driver sends; what the system says of
+    /// the streams.
+    pub async fn serve(
+        &self,
+        reader: impl AsyncRead + Unpin,
+        writer: impl AsyncWrite + Unpin,
+        clock: impl Fn() -> Duration,
+    ) -> Result<()> {
+        let attached = Attached::take(self)?;
+        run(reader, writer, attached.device(), clock).await
+    }
+}
+
+/// Serves a host until it leaves, sends nonsense, or the device is unplugged. `clock` tells the time
+/// since any moment.
+///
+/// # Errors
+/// What the host sent that no driver sends, and what the system says of the socket.
+pub(super) async fn run(
+    mut reader: impl AsyncRead + Unpin,
+    mut writer: impl AsyncWrite + Unpin,
+    device: &UsbDevice,
+    clock: impl Fn() -> Duration,
+) -> Result<()> {
+    let mut input = Input::default();
+    let mut outgoing = Outgoing::default();
+    let io = |e| Error::io("USB/IP", e);
+    loop {
+        // A host that does not read its replies is not listened to, nor one that does more than the
+        // firmware gets round to.
+        while outgoing.len() < MAX_OUTGOING
+            && !device.is_behind()
+            && let Some((command, data, packets)) = input.next()?
+        {
+            device.with(|session| {
+                let done = session.command(command, data, &packets, clock());
+                outgoing.append(&mut session.outgoing);
+                done
+            })?;
+        }
+        let (due, unplugged) = device.with(|session| {
+            session.pump(clock());
+            outgoing.append(&mut session.outgoing);
+            (session.video.next_due(), session.is_unplugged())
+        });
+        if unplugged {
+            return Ok(());
+        }
+        let listening = outgoing.len() < MAX_OUTGOING && !device.is_behind();
+        let mut slices = [IoSlice::new(&[]); SLICES];
+        let count = outgoing.slices(&mut slices);
+        let delay = due.map(|due| due.saturating_sub(clock()));
+        tokio::select! {
+            biased;
+            written = writer.write_vectored(&slices[..count]), if count > 0 => {
+                let written = written.map_err(io)?;
+                if written == 0 {
+                    return Ok(());
+                }
+                outgoing.advance(written);
+            }
+            read = reader.read(input.space()), if listening => {
+                let read = read.map_err(io)?;
+                if read == 0 {
+                    return Ok(());
+                }
+                input.filled += read;
+            }
+            () = device.outward() => {}
+            () = sleep(delay) => {}
+        }
+    }
+}
+
+async fn sleep(delay: Option<Duration>) {
+    match delay {
+        Some(delay) => tokio::time::sleep(delay).await,
+        None => pending().await,
+    }
+}
+
+/// Bytes from the host that are no whole command yet.
+#[derive(Default)]
+struct Input {
+    bytes: Vec<u8>,
+    filled: usize,
+    /// Bytes at the start that have been worked off.
+    done: usize,
+}
+
+type Whole = (Command, Vec<u8>, Vec<Packet>);
+
+impl Input {
+    /// Room for more.
+    fn space(&mut self) -> &mut [u8] {
+        if self.done > 0 {
+            self.bytes.copy_within(self.done..self.filled, 0);
+            self.filled -= self.done;
+            self.done = 0;
+        }
+        let want = (self.filled + READ_LEN).next_multiple_of(READ_LEN);
+        if self.bytes.len() < want {
+            self.bytes.resize(want, 0);
+        }
+        &mut self.bytes[self.filled..]
+    }
+
+    /// The next command that has come whole.
+    fn next(&mut self) -> Result<Option<Whole>> {
+        let bytes = &self.bytes[self.done..self.filled];
+        let Some((header, rest)) = bytes.split_first_chunk::<HEADER_LEN>() else {
+            return Ok(None);
+        };
+        // Bounded here, before anything waits for its data.
+        let command = Command::decode(header)?;
+        let Command::Submit(submit) = command else {
+            self.done += HEADER_LEN;
+            return Ok(Some((command, Vec::new(), Vec::new())));
+        };
+        let data_len = if submit.input {
+            0
+        } else {
+            submit.length as usize
+        };
+        let packets_len = submit.packets.unwrap_or(0) as usize * PACKET_LEN;
+        if rest.len() < data_len + packets_len {
+            return Ok(None);
+        }
+        let data = rest[..data_len].to_vec();
+        let packets: Vec<Packet> = rest[data_len..data_len + packets_len]
+            .as_chunks::<PACKET_LEN>()
+            .0
+            .iter()
+            .map(Packet::decode)
+            .collect();
+        let room: u64 = packets.iter().map(|packet| u64::from(packet.length)).sum();
+        if submit.packets.is_some() && room > u64::from(submit.length) {
+            return Err(Error::device(format!(
+                "USB/IP command: packets of {room} bytes in a transfer of {}",
+                submit.length
+            )));
+        }
+        self.done += HEADER_LEN + data_len + packets_len;
+        Ok(Some((command, data, packets)))
+    }
+}

@@ -1,0 +1,225 @@
+//! What the device says of itself when it enumerates, from its profile.
+//!
+//! Four interfaces in two functions: video control and streaming (UVC 1.1), and the serial port's
+//! communications and data interface (CDC-ACM).
+
+mod configuration;
+mod serial;
+mod streaming;
+mod video_control;
+
+use configuration::{Draft, TO_HOST};
+use phasmid_profile::{Profile, Speed, Transfer};
+use phasmid_protocol::PixelFormat;
+use phasmid_protocol::usb::descriptor::{class, kind, string};
+use phasmid_protocol::usb::uvc;
+
+/// Interface of video control.
+pub(super) const VIDEO_CONTROL: u8 = 0;
+/// Interface of video streaming.
+pub(super) const VIDEO_STREAMING: u8 = 1;
+/// Interface of the serial port's control.
+pub(super) const SERIAL_CONTROL: u8 = 2;
+/// Interface of the serial port's data.
+pub(super) const SERIAL_DATA: u8 = 3;
+/// Interfaces in all.
+pub(super) const INTERFACES: u8 = 4;
+
+/// Frames to the host.
+pub(super) const VIDEO_IN: u8 = 1;
+/// Notifications to the host.
+pub(super) const NOTIFY_IN: u8 = 2;
+/// Serial data to the host.
+pub(super) const SERIAL_IN: u8 = 3;
+/// Serial data to the device.
+pub(super) const SERIAL_OUT: u8 = 3;
+
+/// Addresses of all endpoints but the control endpoint's, with their direction in bit 7.
+pub(super) const ENDPOINTS: [u8; 4] = [
+    TO_HOST | VIDEO_IN,
+    TO_HOST | NOTIFY_IN,
+    TO_HOST | SERIAL_IN,
+    SERIAL_OUT,
+];
+
+/// Entity of the camera, with the exposure control.
+pub(super) const CAMERA_TERMINAL: u8 = 1;
+/// Entity with the gain control.
+pub(super) const PROCESSING_UNIT: u8 = 2;
+
+const CLOCK_HZ: u32 = 48_000_000;
+/// Packets that the kernel puts into one transfer: one payload is one transfer then.
+const PACKETS_PER_PAYLOAD: u32 = 32;
+/// Largest bulk packet at full speed.
+const FULL_SPEED_PACKET: u16 = 64;
+
+/// A format that the camera offers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Mode {
+    pub(super) format: PixelFormat,
+    pub(super) width: u32,
+    pub(super) height: u32,
+}
+
+impl Mode {
+    /// Bytes of a frame.
+    pub(super) fn frame_len(&self) -> u32 {
+        self.width * self.height * self.format.bytes_per_pixel() as u32
+    }
+}
+
+/// All that enumerates.
+#[derive(Debug, Clone)]
+pub(super) struct Descriptors {
+    pub(super) device: Vec<u8>,
+    pub(super) configuration: Vec<u8>,
+    /// What the device would be at its other speed; SuperSpeed devices have none.
+    pub(super) qualifier: Option<Vec<u8>>,
+    /// The configuration at full speed, of a high-speed device on a slow port.
+    pub(super) other_speed: Option<Vec<u8>>,
+    /// Capabilities of a SuperSpeed device.
+    pub(super) bos: Option<Vec<u8>>,
+    /// Strings from number 1 on.
+    strings: Vec<String>,
+    /// Formats from number 1 on.
+    pub(super) modes: Vec<Mode>,
+    /// Frame intervals in units of 100 ns, the shortest and default first.
+    pub(super) intervals: Vec<u32>,
+    /// Largest payload in bytes.
+    pub(super) max_payload: u32,
+    pub(super) transfer: Transfer,
+}
+
+impl Descriptors {
+    /// The descriptors of a profile whose camera offers these modes, the first by default.
+    pub(super) fn new(profile: &Profile, modes: &[Mode]) -> Self {
+        let usb = &profile.usb;
+        let super_speed = usb.speed == Speed::Super;
+        let packet: u16 = if super_speed { 1024 } else { 512 };
+        let max_payload = match usb.transfer {
+            Transfer::Bulk => PACKETS_PER_PAYLOAD * u32::from(packet),
+            Transfer::Isochronous => 3 * 1024,
+        };
+        let base = interval_units(profile.camera.frame_interval_us);
+        let intervals: Vec<u32> = [1u32, 2, 4]
+            .iter()
+            .filter_map(|factor| base.checked_mul(*factor))
+            .collect();
+        let release = usb.release_bcd.to_le_bytes();
+        let (vendor, product) = (usb.vendor_id.to_le_bytes(), usb.product_id.to_le_bytes());
+        let (version, packet0) = if super_speed { (3, 9) } else { (2, 64) };
+        let [class, subclass, protocol] = class::COMPOSITE;
+        let device = vec![
+            18,
+            kind::DEVICE,
+            0,
+            version,
+            class,
+            subclass,
+            protocol,
+            packet0,
+            vendor[0],
+            vendor[1],
+            product[0],
+            product[1],
+            release[0],
+            release[1],
+            1,
+            2,
+            3,
+            1,
+        ];
+        let qualifier = (!super_speed).then(|| {
+            vec![
+                10,
+                kind::DEVICE_QUALIFIER,
+                0,
+                2,
+                class,
+                subclass,
+                protocol,
+                64,
+                1,
+                0,
+            ]
+        });
+        let id = &profile.identity;
+        let draft = Draft {
+            usb: profile.usb,
+            super_speed,
+            packet,
+        };
+        let full_speed = Draft {
+            packet: FULL_SPEED_PACKET,
+            ..draft
+        };
+        let other_speed = (!super_speed).then(|| {
+            let mut bytes = full_speed.configuration(modes, &intervals);
+            bytes[1] = kind::OTHER_SPEED_CONFIGURATION;
+            bytes
+        });
+        Self {
+            device,
+            configuration: draft.configuration(modes, &intervals),
+            qualifier,
+            other_speed,
+            bos: super_speed.then(bos),
+            strings: vec![
+                id.manufacturer.clone(),
+                id.model.clone(),
+                id.serial.clone(),
+                format!("{} camera", id.model),
+                format!("{} control", id.model),
+            ],
+            modes: modes.to_vec(),
+            intervals,
+            max_payload,
+            transfer: usb.transfer,
+        }
+    }
+
+    /// A string descriptor; number 0 lists the languages: English (United States).
+    pub(super) fn string(&self, number: u8) -> Option<Vec<u8>> {
+        match number {
+            0 => Some(vec![4, kind::STRING, 0x09, 0x04]),
+            n => self
+                .strings
+                .get(usize::from(n) - 1)
+                .map(|text| string(text)),
+        }
+    }
+
+    /// What a host gets that asks for nothing in particular.
+    pub(super) fn default_negotiation(&self) -> uvc::Negotiation {
+        self.negotiation(1, self.intervals[0])
+    }
+
+    /// The agreement on a mode, from 1, at an interval.
+    pub(super) fn negotiation(&self, mode: u8, interval: u32) -> uvc::Negotiation {
+        let mode = mode.clamp(1, self.modes.len() as u8);
+        uvc::Negotiation {
+            hint: 1,
+            format: mode,
+            frame: 1,
+            interval,
+            max_frame: self.modes[usize::from(mode) - 1].frame_len(),
+            max_payload: self.max_payload,
+            clock: CLOCK_HZ,
+        }
+    }
+}
+
+/// Units of 100 ns of a profile's interval in microseconds.
+fn interval_units(us: f64) -> u32 {
+    (us * 10.0).round().clamp(1.0, f64::from(u32::MAX)) as u32
+}
+
+/// USB 2.0 extension and SuperSpeed capability (USB 3.2, 9.6.2).
+fn bos() -> Vec<u8> {
+    let extension = [7, kind::DEVICE_CAPABILITY, 2, 2, 0, 0, 0];
+    // Speeds: 5 Gbit/s; all functions from it on.
+    let speed = [10, kind::DEVICE_CAPABILITY, 3, 0, 8, 0, 3, 0, 0, 0];
+    let total = (5 + extension.len() + speed.len()) as u16;
+    let [low, high] = total.to_le_bytes();
+    [&[5, kind::BOS, low, high, 2][..], &extension, &speed].concat()
+}

@@ -1,0 +1,234 @@
+//! The handle by which firmware and connection share a device.
+
+use super::descriptors::{Descriptors, INTERFACES, Mode};
+use super::function::Function;
+use super::session::Session;
+use super::{CameraLimits, CameraState, Event, Fault};
+use phasmid_core::error::{Error, Result};
+use phasmid_profile::{Profile, Speed};
+use phasmid_protocol::usb::cdc::DeviceLines;
+use phasmid_protocol::usb::descriptor::{Walk, class, kind};
+use phasmid_protocol::usb::usbip::DeviceInfo;
+use phasmid_protocol::{Frame, PixelFormat};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+use tokio::sync::Notify;
+
+struct Shared {
+    session: Mutex<Session>,
+    /// The connection has something to send.
+    outward: Notify,
+    /// The firmware has something to do.
+    inward: Notify,
+}
+
+/// A device that hosts can take; clones are the same device.
+#[derive(Clone)]
+pub struct UsbDevice {
+    shared: Arc<Shared>,
+    info: Arc<DeviceInfo>,
+}
+
+impl UsbDevice {
+    /// A device of a profile with a camera of `width` x `height` pixels in one of these formats,
+    /// the first by default. `number`, from 1, is its place on the bus.
+    pub fn new(
+        profile: &Profile,
+        number: u32,
+        (width, height): (u32, u32),
+        formats: &[PixelFormat],
+        camera: CameraState,
+    ) -> Result<Self> {
+        let largest = 2 * u64::from(width) * u64::from(height);
+        if width > u32::from(u16::MAX) || height > u32::from(u16::MAX) || largest > 1 << 30 {
+            return Err(Error::input(
+                format!("profile {}", profile.name),
+                format!("frames of {width} x {height} pixels"),
+                "up to 65535 x 65535 pixels and 1 GiB over USB",
+            ));
+        }
+        let modes: Vec<Mode> = formats
+            .iter()
+            .map(|&format| Mode {
+                format,
+                width,
+                height,
+            })
+            .collect();
+        let descriptors = Descriptors::new(profile, &modes);
+        let ns = |us: f64| (us * 1e3).round() as u64;
+        let [shortest, longest] = profile.camera.exposure_range_us;
+        let limits = CameraLimits {
+            exposure_ns: (ns(shortest), ns(longest)),
+            default_exposure_ns: ns(profile.camera.exposure_us),
+            max_gain_db: profile.camera.max_gain_db,
+        };
+        let usb = &profile.usb;
+        let info = DeviceInfo {
+            bus_id: format!("1-{number}"),
+            bus: 1,
+            device: number + 1,
+            speed: match usb.speed {
+                Speed::High => 3,
+                Speed::Super => 5,
+            },
+            vendor: usb.vendor_id,
+            product: usb.product_id,
+            release: usb.release_bcd,
+            class: class::COMPOSITE,
+            interfaces: INTERFACES,
+        };
+        Ok(Self {
+            shared: Arc::new(Shared {
+                session: Mutex::new(Session::new(Function::new(descriptors, limits, camera))),
+                outward: Notify::new(),
+                inward: Notify::new(),
+            }),
+            info: Arc::new(info),
+        })
+    }
+
+    /// The format of a number that a host has agreed on.
+    pub(super) fn format(&self, number: u8) -> PixelFormat {
+        let session = self.session();
+        let modes = &session.function.descriptors.modes;
+        modes[usize::from(number).clamp(1, modes.len()) - 1].format
+    }
+
+    /// The device as USB/IP shows it.
+    pub fn info(&self) -> &DeviceInfo {
+        &self.info
+    }
+
+    /// Class, subclass and protocol of each interface and a zero, as a list of devices has them.
+    pub(super) fn interface_classes(&self) -> Vec<u8> {
+        let configuration = self.session().function.descriptors.configuration.clone();
+        Walk::new(&configuration)
+            // Each interface once, by its first setting.
+            .filter(|d| d[1] == kind::INTERFACE && d[3] == 0)
+            .flat_map(|d| [d[5], d[6], d[7], 0])
+            .collect()
+    }
+
+    fn session(&self) -> MutexGuard<'_, Session> {
+        let session = self.shared.session.lock();
+        session.unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Changes the session and wakes both sides.
+    pub(super) fn with<T>(&self, change: impl FnOnce(&mut Session) -> T) -> T {
+        let (value, outward, inward) = {
+            let mut session = self.session();
+            let value = change(&mut session);
+            let outward = !session.outgoing.is_empty() || session.unplugged;
+            (value, outward, !session.events.is_empty())
+        };
+        if outward {
+            self.shared.outward.notify_one();
+        }
+        if inward {
+            self.shared.inward.notify_one();
+        }
+        value
+    }
+
+    /// Whether the firmware is so far behind that hosts have to wait.
+    pub(super) fn is_behind(&self) -> bool {
+        self.session().events.is_full()
+    }
+
+    /// Waits until the connection has something to send, or may listen again.
+    pub(super) async fn outward(&self) {
+        self.shared.outward.notified().await;
+    }
+
+    /// Waits until a host has done something; [`Self::take_events`] then says what.
+    pub async fn changed(&self) {
+        self.shared.inward.notified().await;
+    }
+
+    /// What hosts have done since the last call.
+    pub fn take_events(&self) -> Vec<Event> {
+        let (events, was_full) = self.with(|session| {
+            let was_full = session.events.is_full();
+            let events = session.events.take();
+            // Data that waited for these to be taken may come now.
+            session.pump_serial();
+            (events, was_full)
+        });
+        if was_full {
+            // The host is listened to again.
+            self.shared.outward.notify_one();
+        }
+        events
+    }
+
+    /// Whether a host reads frames.
+    pub fn is_streaming(&self) -> bool {
+        self.session().video.started
+    }
+
+    /// Whether as many frames of a free-running camera wait as are kept for a host.
+    pub fn is_crowded(&self) -> bool {
+        self.session().video.is_crowded()
+    }
+
+    /// Hands a frame on, at a time of the connection's clock; `false` when nobody reads, the stream
+    /// has another format, or too many frames wait.
+    pub fn put(&self, frame: Arc<Frame>, now: Duration) -> bool {
+        self.with(|session| {
+            let fits = session.function.stream().is_some_and(|stream| {
+                session.function.descriptors.modes[usize::from(stream.format) - 1].format
+                    == frame.format
+                    && stream.max_frame as usize == frame.data.len()
+            });
+            if !fits || !session.video.started {
+                return false;
+            }
+            let taken = session.video.put(frame);
+            if taken {
+                session.pump(now);
+            } else {
+                session.lost += 1;
+            }
+            taken
+        })
+    }
+
+    /// Frames that were lost because the host reads too slowly.
+    pub fn lost(&self) -> u64 {
+        self.session().lost
+    }
+
+    /// Sends bytes over the serial port; `false` when too many wait.
+    pub fn send(&self, bytes: &[u8], now: Duration) -> bool {
+        self.with(|session| {
+            let sent = session.serial.send(bytes);
+            session.pump(now);
+            sent
+        })
+    }
+
+    /// Says how the camera is set.
+    pub fn set_camera(&self, camera: CameraState) {
+        self.session().function.set_camera(camera);
+    }
+
+    /// Raises and lowers the device's lines of the serial port.
+    pub fn set_lines(&self, lines: DeviceLines, now: Duration) {
+        self.with(|session| {
+            session.serial.set_lines(lines);
+            session.pump(now);
+        });
+    }
+
+    /// Lets something go wrong with the next frame that has no fault yet.
+    pub fn inject(&self, fault: Fault) {
+        self.session().video.faults.push(fault);
+    }
+
+    /// Takes the device off the bus, from under its host; with `false`, puts it back.
+    pub fn unplug(&self, out: bool) {
+        self.with(|session| session.unplugged = out);
+    }
+}

@@ -1,0 +1,108 @@
+//! What hosts have done that the firmware has not taken yet, bounded.
+//!
+//! Only the last of several settings of one kind counts, and bytes of the serial port join those
+//! before them. All else is kept in order, triggers on RTS among it: a host that does more of it
+//! than is kept here has to wait.
+
+use super::Event;
+use std::collections::VecDeque;
+
+/// Events that wait before no more commands are read; the firmware takes them many times a second.
+const MAX_EVENTS: usize = 1024;
+
+/// Events in the order in which they happened.
+#[derive(Default)]
+pub(super) struct Events {
+    waiting: VecDeque<Event>,
+    /// Bytes of the serial port among them.
+    received: usize,
+}
+
+impl Events {
+    /// Whether hosts have to wait until the firmware has taken some.
+    pub(super) fn is_full(&self) -> bool {
+        self.waiting.len() >= MAX_EVENTS
+    }
+
+    pub(super) fn is_empty(&self) -> bool {
+        self.waiting.is_empty()
+    }
+
+    /// Bytes of the serial port that wait.
+    pub(super) fn received(&self) -> usize {
+        self.received
+    }
+
+    pub(super) fn push(&mut self, event: Event) {
+        if let Event::Received(bytes) = &event {
+            self.received += bytes.len();
+            if let Some(Event::Received(before)) = self.waiting.back_mut() {
+                before.extend(bytes);
+                return;
+            }
+        }
+        if is_setting(&event) {
+            // Between two settings of a kind only others may lie: a trigger parts them.
+            let settings = self.waiting.iter_mut().rev();
+            let mut settings = settings.take_while(|before| is_setting(before));
+            if let Some(before) = settings.find(|before| is_like(before, &event)) {
+                *before = event;
+                return;
+            }
+        }
+        self.waiting.push_back(event);
+    }
+
+    /// All that wait, which the firmware has then.
+    pub(super) fn take(&mut self) -> Vec<Event> {
+        self.received = 0;
+        self.waiting.drain(..).collect()
+    }
+}
+
+/// Whether an event says how something is set, whatever it was before.
+fn is_setting(event: &Event) -> bool {
+    matches!(
+        event,
+        Event::Exposure(_) | Event::Gain(_) | Event::LineCoding(_)
+    )
+}
+
+fn is_like(one: &Event, other: &Event) -> bool {
+    std::mem::discriminant(one) == std::mem::discriminant(other)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use phasmid_protocol::usb::cdc::HostLines;
+
+    #[test]
+    fn the_last_setting_counts_and_triggers_part_them() {
+        let rts = |rts| Event::Lines(HostLines { dtr: true, rts });
+        let mut events = Events::default();
+        for event in [
+            Event::Exposure(1),
+            Event::Gain(1.0),
+            Event::Exposure(2),
+            rts(true),
+            Event::Exposure(3),
+            Event::Received(vec![1]),
+            Event::Received(vec![2, 3]),
+            rts(false),
+        ] {
+            events.push(event);
+        }
+        assert_eq!(events.received(), 3);
+        let wanted = [
+            Event::Exposure(2),
+            Event::Gain(1.0),
+            rts(true),
+            Event::Exposure(3),
+            Event::Received(vec![1, 2, 3]),
+            rts(false),
+        ];
+        assert_eq!(events.take(), wanted);
+        assert!(events.is_empty() && events.received() == 0);
+    }
+}

@@ -1,0 +1,134 @@
+//! The serial port's endpoints: data both ways, and the notification of the device's lines.
+
+use super::descriptors::{NOTIFY_IN, SERIAL_CONTROL, SERIAL_IN, SERIAL_OUT};
+use super::outgoing::Outgoing;
+use phasmid_protocol::usb::cdc::DeviceLines;
+use phasmid_protocol::usb::usbip::{Submit, status};
+use std::collections::VecDeque;
+
+/// Bytes that wait for the host.
+const MAX_TO_HOST: usize = 1 << 20;
+/// Bytes that the firmware has not taken before the host has to wait.
+const MAX_TO_DEVICE: usize = 64 << 10;
+/// Bytes that a host may send without waiting for answers.
+const MAX_HELD: usize = 4 << 20;
+
+/// The endpoints' state.
+#[derive(Default)]
+pub(super) struct Serial {
+    to_host: VecDeque<u8>,
+    reads: VecDeque<Submit>,
+    notifications: VecDeque<Submit>,
+    /// Transfers to the device whose bytes the firmware has not taken.
+    writes: VecDeque<(Submit, Vec<u8>)>,
+    held: usize,
+    lines: DeviceLines,
+    /// What the host knows.
+    told: Option<DeviceLines>,
+}
+
+impl Serial {
+    pub(super) fn read(&mut self, submit: Submit) {
+        self.reads.push_back(submit);
+    }
+
+    pub(super) fn notify(&mut self, submit: Submit) {
+        self.notifications.push_back(submit);
+    }
+
+    /// Bytes from the host; `false` when there are more than any driver sends ahead.
+    pub(super) fn write(&mut self, submit: Submit, data: Vec<u8>) -> bool {
+        self.held += data.len();
+        self.writes.push_back((submit, data));
+        self.held <= MAX_HELD
+    }
+
+    /// Takes a transfer back; `false` when it is not here.
+    pub(super) fn unlink(&mut self, seqnum: u32) -> bool {
+        let other = |submit: &Submit| submit.seqnum != seqnum;
+        let before = self.waiting();
+        self.reads.retain(other);
+        self.notifications.retain(other);
+        self.writes.retain(|(submit, data)| {
+            let stays = other(submit);
+            self.held -= if stays { 0 } else { data.len() };
+            stays
+        });
+        self.waiting() < before
+    }
+
+    /// Transfers that wait on an endpoint which is halted fail.
+    pub(super) fn stall(&mut self, is_halted: impl Fn(u8) -> bool, outgoing: &mut Outgoing) {
+        let mut fail = |submit: Submit| outgoing.received(submit.seqnum, status::STALL, 0);
+        if is_halted(0x80 | SERIAL_IN) {
+            self.reads.drain(..).for_each(&mut fail);
+        }
+        if is_halted(0x80 | NOTIFY_IN) {
+            self.notifications.drain(..).for_each(&mut fail);
+        }
+        if is_halted(SERIAL_OUT) {
+            self.held = 0;
+            self.writes.drain(..).for_each(|(submit, _)| fail(submit));
+        }
+    }
+
+    /// Transfers that wait.
+    pub(super) fn waiting(&self) -> usize {
+        self.reads.len() + self.notifications.len() + self.writes.len()
+    }
+
+    /// Bytes for the host; `false` when too many wait and these are lost.
+    pub(super) fn send(&mut self, bytes: &[u8]) -> bool {
+        let fits = self.to_host.len() + bytes.len() <= MAX_TO_HOST;
+        if fits {
+            self.to_host.extend(bytes);
+        }
+        fits
+    }
+
+    /// Nobody has the port open any more: what waits for the host is nobody's.
+    pub(super) fn hang_up(&mut self) {
+        self.to_host.clear();
+    }
+
+    pub(super) fn set_lines(&mut self, lines: DeviceLines) {
+        self.lines = lines;
+    }
+
+    /// The device goes: its transfers with it.
+    pub(super) fn reset(&mut self) {
+        let lines = self.lines;
+        *self = Self::default();
+        self.lines = lines;
+    }
+
+    /// Sends what can be sent; gives the bytes that the firmware may have now, `taken` of which it
+    /// has not worked off yet.
+    pub(super) fn pump(&mut self, mut taken: usize, outgoing: &mut Outgoing) -> Vec<u8> {
+        while !self.to_host.is_empty()
+            && let Some(read) = self.reads.pop_front()
+        {
+            let len = self.to_host.len().min(read.length as usize);
+            let data: Vec<u8> = self.to_host.drain(..len).collect();
+            outgoing.submitted(read.seqnum, status::OK, data);
+        }
+        if self.told != Some(self.lines)
+            && let Some(notification) = self.notifications.pop_front()
+        {
+            let mut data = self.lines.notification(SERIAL_CONTROL).to_vec();
+            data.truncate(notification.length as usize);
+            outgoing.submitted(notification.seqnum, status::OK, data);
+            self.told = Some(self.lines);
+        }
+        let mut received = Vec::new();
+        while taken < MAX_TO_DEVICE
+            && let Some((write, data)) = self.writes.pop_front()
+        {
+            outgoing.received(write.seqnum, status::OK, data.len() as u32);
+            self.held -= data.len();
+            taken += data.len();
+            received.extend(data);
+        }
+        received
+    }
+}

@@ -1,0 +1,283 @@
+//! The camera's endpoint: transfers that wait for frames, frames that wait for transfers.
+
+use super::fault::{Fault, Faults};
+use super::outgoing::Outgoing;
+use phasmid_protocol::Frame;
+use phasmid_protocol::usb::usbip::{Packet, Submit, status};
+use phasmid_protocol::usb::uvc::payload;
+use std::collections::VecDeque;
+use std::sync::Arc;
+use std::time::Duration;
+
+/// Frames that wait for the host; a device's memory is not endless.
+const MAX_FRAMES: usize = 1024;
+/// Frames of a free-running camera that wait: a host that is slower sees the newest.
+const MAX_FREE_FRAMES: usize = 8;
+/// Bytes of frames that wait for the host.
+const MAX_BYTES: usize = 256 << 20;
+/// Time of an isochronous packet: a microframe.
+const PACKET_TIME: Duration = Duration::from_micros(125);
+
+/// A transfer that waits.
+struct Waiting {
+    submit: Submit,
+    /// Packets of an isochronous transfer.
+    packets: Vec<Packet>,
+    /// When an isochronous transfer is over, whether there is a frame or not.
+    due: Duration,
+}
+
+/// The frame that is being sent.
+struct Current {
+    frame: Arc<Frame>,
+    /// Bytes that have gone.
+    at: usize,
+    /// Bytes that go; fewer than the frame has where it is cut.
+    len: usize,
+    /// Bits of its payload headers besides the end of the frame.
+    info: u8,
+}
+
+/// The endpoint's state.
+#[derive(Default)]
+pub(super) struct Video {
+    waiting: VecDeque<Waiting>,
+    frames: VecDeque<Arc<Frame>>,
+    bytes: usize,
+    current: Option<Current>,
+    fid: u8,
+    pub(super) faults: Faults,
+    /// The next frame does not start before.
+    not_before: Duration,
+    /// When the last isochronous transfer is over.
+    last_due: Duration,
+    /// Whether a host reads.
+    pub(super) started: bool,
+}
+
+impl Video {
+    /// A transfer that the host has room for.
+    pub(super) fn submit(&mut self, submit: Submit, packets: &[Packet], now: Duration) {
+        let time = PACKET_TIME * packets.len() as u32;
+        self.last_due = self.last_due.max(now) + time;
+        self.waiting.push_back(Waiting {
+            submit,
+            packets: packets.to_vec(),
+            due: self.last_due,
+        });
+    }
+
+    /// Takes a transfer back; `false` when it is not here.
+    pub(super) fn unlink(&mut self, seqnum: u32) -> bool {
+        let before = self.waiting.len();
+        self.waiting
+            .retain(|waiting| waiting.submit.seqnum != seqnum);
+        // The time of one that is taken back is free again.
+        self.last_due = self.waiting.back().map_or(Duration::ZERO, |w| w.due);
+        self.waiting.len() < before
+    }
+
+    /// Transfers that wait.
+    pub(super) fn waiting(&self) -> usize {
+        self.waiting.len()
+    }
+
+    /// Isochronous packets of the transfers that wait.
+    pub(super) fn packets(&self) -> usize {
+        let packets = self.waiting.iter().map(|waiting| waiting.packets.len());
+        packets.sum()
+    }
+
+    /// The endpoint halts: every transfer that waits fails.
+    pub(super) fn stall(&mut self, outgoing: &mut Outgoing) {
+        for waiting in self.waiting.drain(..) {
+            outgoing.failed(&waiting.submit, &waiting.packets, status::STALL);
+        }
+    }
+
+    /// Whether as many frames of a free-running camera wait as are kept.
+    pub(super) fn is_crowded(&self) -> bool {
+        self.frames.len() >= MAX_FREE_FRAMES
+    }
+
+    /// Takes a frame; `false` when memory is full and it is lost. Of a free-running camera the
+    /// oldest go where too many wait: those are no loss.
+    pub(super) fn put(&mut self, frame: Arc<Frame>) -> bool {
+        let len = frame.data.len();
+        let is_free = |frame: &Frame| frame.pattern_index.is_none();
+        if is_free(&frame)
+            && self.is_crowded()
+            && let Some(oldest) = self.frames.iter().position(|waiting| is_free(waiting))
+            && let Some(gone) = self.frames.remove(oldest)
+        {
+            self.bytes -= gone.data.len();
+        }
+        if self.frames.len() >= MAX_FRAMES || self.bytes + len > MAX_BYTES {
+            return false;
+        }
+        self.bytes += len;
+        self.frames.push_back(frame);
+        true
+    }
+
+    /// The stream is over: what is left of it is forgotten, transfers that wait go on waiting.
+    pub(super) fn stop(&mut self) {
+        self.started = false;
+        self.frames.clear();
+        self.bytes = 0;
+        self.current = None;
+        self.not_before = Duration::ZERO;
+    }
+
+    /// The device goes: its transfers with it.
+    pub(super) fn reset(&mut self) {
+        self.stop();
+        self.waiting.clear();
+        self.fid = 0;
+        self.last_due = Duration::ZERO;
+    }
+
+    /// When something happens next without a command or a frame.
+    pub(super) fn next_due(&self) -> Option<Duration> {
+        let slow = self.not_before;
+        let delayed = !self.frames.is_empty() && slow > Duration::ZERO && self.current.is_none();
+        let waiting = self.waiting.front()?;
+        match waiting.submit.packets {
+            Some(_) => Some(waiting.due),
+            None => delayed.then_some(slow),
+        }
+    }
+
+    /// Sends what can be sent, in payloads of up to `max_payload` bytes; `true` when the endpoint
+    /// is to halt.
+    pub(super) fn pump(
+        &mut self,
+        max_payload: usize,
+        now: Duration,
+        outgoing: &mut Outgoing,
+    ) -> bool {
+        while let Some(waiting) = self.waiting.front() {
+            if waiting.submit.packets.is_some() {
+                if waiting.due > now {
+                    return false;
+                }
+                if self.begin(now) {
+                    return true;
+                }
+                if let Some(waiting) = self.waiting.pop_front() {
+                    self.isochronous(&waiting, now, outgoing);
+                }
+                continue;
+            }
+            // No room for a header, to say nothing of pixels: a babble on a bus.
+            if (waiting.submit.length as usize) < payload::HEADER_LEN {
+                outgoing.received(waiting.submit.seqnum, status::OVERFLOW, 0);
+                self.waiting.pop_front();
+                continue;
+            }
+            if self.begin(now) {
+                return true;
+            }
+            let Some(mut current) = self.current.take() else {
+                return false;
+            };
+            let Some(waiting) = self.waiting.pop_front() else {
+                return false;
+            };
+            let room = max_payload.min(waiting.submit.length as usize) - payload::HEADER_LEN;
+            let (info, part) = current.next(room);
+            let ended = info & payload::EOF != 0;
+            outgoing.payload(waiting.submit.seqnum, info, &current.frame, part);
+            self.current = (!ended).then_some(current);
+        }
+        false
+    }
+
+    /// Makes the next frame the current one, unless there is one; `true` for a stall in its place.
+    fn begin(&mut self, now: Duration) -> bool {
+        if self.current.is_some() || self.frames.is_empty() || now < self.not_before {
+            return false;
+        }
+        let fault = if self.not_before > Duration::ZERO {
+            // It has waited long enough.
+            self.not_before = Duration::ZERO;
+            None
+        } else {
+            self.faults.next()
+        };
+        match fault {
+            Some(Fault::Stall) => return true,
+            Some(Fault::Slow(time)) => {
+                self.not_before = now + time;
+                return false;
+            }
+            _ => {}
+        }
+        let Some(frame) = self.frames.pop_front() else {
+            return false;
+        };
+        self.bytes -= frame.data.len();
+        if fault != Some(Fault::FrozenFid) {
+            self.fid ^= payload::FID;
+        }
+        let whole = frame.data.len();
+        let damaged = fault == Some(Fault::PayloadError);
+        self.current = Some(Current {
+            at: 0,
+            len: if fault == Some(Fault::ShortFrame) {
+                whole / 2
+            } else {
+                whole
+            },
+            info: payload::EOH | self.fid | if damaged { payload::ERR } else { 0 },
+            frame,
+        });
+        false
+    }
+
+    /// One transfer of packets, empty ones where there is no frame; a frame may begin in any packet.
+    fn isochronous(&mut self, waiting: &Waiting, now: Duration, outgoing: &mut Outgoing) {
+        let mut parts = Vec::with_capacity(waiting.packets.len());
+        let mut packets = waiting.packets.clone();
+        let mut actual = 0;
+        for packet in &mut packets {
+            packet.status = status::OK;
+            packet.actual = 0;
+            if (packet.length as usize) < payload::HEADER_LEN {
+                continue;
+            }
+            if self.current.is_none() {
+                // A stall inside of a transfer waits for the next one.
+                let _ = self.begin(now);
+            }
+            let room = packet.length as usize - payload::HEADER_LEN;
+            let Some(mut current) = self.current.take() else {
+                continue;
+            };
+            let (info, part) = current.next(room);
+            packet.actual = (payload::HEADER_LEN + part.len()) as u32;
+            actual += packet.actual;
+            parts.push((info, current.frame.clone(), part));
+            self.current = (info & payload::EOF == 0).then_some(current);
+        }
+        outgoing.isochronous(waiting.submit.seqnum, actual, packets.len() as u32);
+        for (info, frame, part) in parts {
+            outgoing.packet(info, &frame, part);
+        }
+        outgoing.packets(&packets);
+    }
+}
+
+impl Current {
+    /// The next payload's header bits and its part of the frame, in so much room.
+    fn next(&mut self, room: usize) -> (u8, std::ops::Range<usize>) {
+        let end = (self.at + room).min(self.len);
+        let part = self.at..end;
+        self.at = end;
+        let last = if end == self.len { payload::EOF } else { 0 };
+        (self.info | last, part)
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,178 @@
+//! Which nodes may become the camera.
+
+use phasmid_core::error::Result;
+use phasmid_protocol::printable;
+use phasmid_v4l2::{FORGOTTEN, Node, RELOAD, node_paths};
+use std::path::{Path, PathBuf};
+
+/// How the labels of nodes for this program begin, in any case.
+const LABEL: &str = "phasma";
+
+/// The machine's nodes with their labels, in the order of their numbers. A label is read without
+/// opening the node where that is possible: opening a webcam may wake it.
+pub(super) fn nodes(dev: &Path, class: &Path) -> Vec<(PathBuf, String)> {
+    let label = |path: &PathBuf| {
+        let name = class.join(path.file_name()?).join("name");
+        match std::fs::read_to_string(name) {
+            Ok(name) => Some(name.trim_end().to_owned()),
+            Err(_) => Node::open(path).ok().map(|(_, node)| node.card),
+        }
+    };
+    let paths = node_paths(dev).into_iter();
+    paths
+        .filter_map(|path| label(&path).map(|label| (path, label)))
+        .collect()
+}
+
+/// Opens the first node that is labelled for this program and can be opened; with it comes why each
+/// of those before it was passed over, as "; "-joined text that is empty where there is none.
+///
+/// # Errors
+/// Why there is none, in words that fit behind "the frame socket, because".
+pub(super) fn first_free<T>(
+    nodes: Vec<(PathBuf, String)>,
+    mut open: impl FnMut(&Path) -> Result<T>,
+) -> Result<(T, String), String> {
+    let mut reasons = Vec::new();
+    for (path, label) in nodes {
+        if !label.to_lowercase().starts_with(LABEL) {
+            continue;
+        }
+        match open(&path) {
+            Ok(opened) => return Ok((opened, reasons.join("; "))),
+            Err(reason) => reasons.push(reason.to_string()),
+        }
+    }
+    if reasons.is_empty() {
+        Err("no v4l2loopback node labelled Phasma".to_owned())
+    } else {
+        Err(reasons.join("; "))
+    }
+}
+
+/// What speaks against writing frames to a node.
+#[derive(Debug, PartialEq, Eq)]
+pub(super) enum Unfit {
+    /// It is something else: whoever named it was wrong.
+    Kind(String),
+    /// It is a loopback node that cannot be written to now.
+    State(String),
+}
+
+/// Looks at a node's own words.
+pub(super) fn unfit(node: &Node) -> Option<Unfit> {
+    if !node.is_loopback() {
+        return Some(Unfit::Kind(format!(
+            "{:?} of driver {}, no loopback",
+            node.card,
+            printable(&node.driver)
+        )));
+    }
+    if node.is_forgotten() {
+        return Some(Unfit::State(format!(
+            "{FORGOTTEN}; load the module anew: `{RELOAD}`"
+        )));
+    }
+    if !node.outputs {
+        return Some(Unfit::State(format!(
+            "another program streams into it (`fuser -v {}` names it)",
+            node.path.display()
+        )));
+    }
+    if !node.streams {
+        return Some(Unfit::State("it has no queues of buffers".to_owned()));
+    }
+    None
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use phasmid_core::error::Error;
+    use phasmid_v4l2::LOOPBACK_DRIVER;
+
+    fn node(driver: &str, outputs: bool, captures: bool) -> Node {
+        Node {
+            path: "/dev/video10".into(),
+            driver: driver.into(),
+            card: "Phasma 1".into(),
+            bus: "platform:v4l2loopback-000".into(),
+            version: (6, 1, 0),
+            captures,
+            outputs,
+            streams: true,
+        }
+    }
+
+    #[test]
+    fn only_a_loopback_without_a_producer_will_do() {
+        assert_eq!(unfit(&node(LOOPBACK_DRIVER, true, true)), None);
+        assert_eq!(unfit(&node(LOOPBACK_DRIVER, true, false)), None);
+        assert!(matches!(
+            unfit(&node(LOOPBACK_DRIVER, false, false)),
+            Some(Unfit::State(why)) if why.contains("modprobe -r")
+        ));
+        assert!(matches!(
+            unfit(&node(LOOPBACK_DRIVER, false, true)),
+            Some(Unfit::State(why)) if why.contains("another program")
+        ));
+        for outputs in [true, false] {
+            assert!(matches!(
+                unfit(&node("uvcvideo", outputs, true)),
+                Some(Unfit::Kind(what)) if what.contains("uvcvideo")
+            ));
+        }
+    }
+
+    #[test]
+    fn the_first_free_node_labelled_for_us_is_taken() {
+        let machine = || {
+            ["Webcam", "PHASMA left", "Phasma right", "phasma third"]
+                .iter()
+                .zip(0..)
+                .map(|(label, n)| (format!("/dev/video{n}").into(), (*label).to_owned()))
+                .collect::<Vec<(PathBuf, String)>>()
+        };
+        let mut tried = Vec::new();
+        let taken = first_free(machine(), |path| {
+            tried.push(path.to_owned());
+            match path.ends_with("video1") {
+                true => Err(Error::device(format!("{}: taken", path.display()))),
+                false => Ok(path.to_owned()),
+            }
+        });
+        let passed_over = "/dev/video1: taken".to_owned();
+        assert_eq!(taken, Ok(("/dev/video2".into(), passed_over)));
+        let at_once = first_free(machine(), |path| Ok(path.to_owned()));
+        assert_eq!(at_once, Ok(("/dev/video1".into(), String::new())));
+        assert_eq!(tried, [Path::new("/dev/video1"), Path::new("/dev/video2")]);
+        let refuse = |path: &Path| Err::<(), _>(Error::device(format!("{}: no", path.display())));
+        assert_eq!(
+            first_free(machine(), refuse),
+            Err("/dev/video1: no; /dev/video2: no; /dev/video3: no".into())
+        );
+        let none = first_free(machine()[..1].to_vec(), refuse);
+        assert!(none.unwrap_err().contains("labelled Phasma"));
+    }
+
+    #[test]
+    fn labels_come_from_the_system_s_list_in_the_order_of_numbers() {
+        let root = tempfile::tempdir().unwrap();
+        let (dev, class) = (root.path().join("dev"), root.path().join("class"));
+        std::fs::create_dir(&dev).unwrap();
+        for (name, label) in [("video10", "Phasma b\n"), ("video2", "Phasma a\n")] {
+            std::fs::write(dev.join(name), "").unwrap();
+            std::fs::create_dir_all(class.join(name)).unwrap();
+            std::fs::write(class.join(name).join("name"), label).unwrap();
+        }
+        // A file that is neither listed nor a device is passed over.
+        std::fs::write(dev.join("video5"), "").unwrap();
+        assert_eq!(
+            nodes(&dev, &class),
+            [
+                (dev.join("video2"), "Phasma a".to_owned()),
+                (dev.join("video10"), "Phasma b".to_owned())
+            ]
+        );
+    }
+}

@@ -1,0 +1,146 @@
+//! Frames into a loopback node, for as long as it is there.
+
+use super::Put;
+use super::candidates::{first_free, nodes};
+use super::open::Open;
+use crate::{Stream, StreamSink};
+use phasmid_core::error::{Error, Result};
+use phasmid_protocol::Frame;
+use rustix::io::Errno;
+use std::io;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+
+/// A loopback node that the device's frames go to. Clones are the same node: the firmware asks it
+/// before the frames change, the loop that serves the device hands them over.
+#[derive(Clone)]
+pub struct VideoOutput(Arc<Mutex<Output>>);
+
+struct Output {
+    path: PathBuf,
+    label: String,
+    /// Why this node and no other, where nobody named it.
+    choice: Option<String>,
+    bits: u32,
+    /// The system's monotonic time at the device's time 0.
+    power_on: Duration,
+    stream: Stream,
+    /// Open but for a moment while the format changes; then the error says why not.
+    node: Result<Open>,
+}
+
+impl VideoOutput {
+    /// Opens a node for a stream of a sensor with so many bits. `power_on` is the system's monotonic
+    /// time at the device's time 0.
+    ///
+    /// # Errors
+    /// A node that is no loopback (the user's mistake), is taken, holds another format for its
+    /// readers; what the system refuses.
+    pub fn open(path: &Path, stream: &Stream, bits: u32, power_on: Duration) -> Result<Self> {
+        let node = Open::new(path, stream, bits, true)?;
+        Ok(Self(Arc::new(Mutex::new(Output {
+            path: path.to_owned(),
+            label: node.label.clone(),
+            choice: None,
+            bits,
+            power_on,
+            stream: *stream,
+            node: Ok(node),
+        }))))
+    }
+
+    /// Opens the first free node that is labelled for this program; see [`Self::open`].
+    ///
+    /// # Errors
+    /// Why there is none.
+    pub fn open_any(stream: &Stream, bits: u32, power_on: Duration) -> Result<Self, String> {
+        let nodes = nodes(Path::new("/dev"), Path::new("/sys/class/video4linux"));
+        let open = |path: &Path| Self::open(path, stream, bits, power_on);
+        let (video, passed_over) = first_free(nodes, open)?;
+        let mut choice = "the first free node labelled Phasma".to_owned();
+        if !passed_over.is_empty() {
+            choice += &format!("; {passed_over}");
+        }
+        video.output().choice = Some(choice);
+        Ok(video)
+    }
+
+    /// Its address.
+    pub fn address(&self) -> String {
+        self.output().path.display().to_string()
+    }
+
+    /// What it is, and where nobody named it, why it was chosen.
+    pub fn about(&self) -> String {
+        let output = self.output();
+        let what = format!("v4l2loopback {:?}", output.label);
+        match &output.choice {
+            Some(why) => format!("{what}, {why}"),
+            None => what,
+        }
+    }
+
+    /// Hands a frame over with its exposure's start as its time, on the system's monotonic clock.
+    ///
+    /// # Errors
+    /// A node that has gone, or that the system does not let write to.
+    pub(in crate::link) fn put(&self, frame: &Frame) -> Result<Put> {
+        let mut output = self.output();
+        let Output {
+            path,
+            power_on,
+            stream,
+            node,
+            ..
+        } = &mut *output;
+        if !stream.carries(frame) {
+            return Ok(Put::Outdated);
+        }
+        let node = match node {
+            Ok(node) => node,
+            Err(e) => return Err(Error::device(&*e)),
+        };
+        let time = *power_on + Duration::from_nanos(frame.exposure_start_ns);
+        match node.queue.put(&frame.data, time) {
+            Ok(()) => Ok(Put::Done),
+            Err(e) if e.kind() == io::ErrorKind::WouldBlock => Ok(Put::Lost),
+            Err(e) if Errno::from_io_error(&e) == Some(Errno::NODEV) => Err(Error::device(
+                format!("{} has gone: its module was removed", path.display()),
+            )),
+            Err(e) => Err(Error::io(&*path, e)),
+        }
+    }
+
+    fn output(&self) -> MutexGuard<'_, Output> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl StreamSink for VideoOutput {
+    /// The node keeps its format until everybody has closed it: it is closed and opened again, at
+    /// once and not with the next frame, so that who opens it next finds what will come.
+    fn announce(&mut self, stream: &Stream) -> Result<(), String> {
+        let mut output = self.output();
+        if stream.same_frames(&output.stream) {
+            if let Ok(node) = &output.node {
+                node.announce_interval(stream.interval_ns);
+            }
+            output.stream = *stream;
+            return Ok(());
+        }
+        let (path, bits) = (output.path.clone(), output.bits);
+        output.node = Err(Error::device(format!("{} is closed", path.display())));
+        match Open::new(&path, stream, bits, false) {
+            Ok(node) => {
+                output.node = Ok(node);
+                output.stream = *stream;
+                Ok(())
+            }
+            Err(e) => {
+                output.node = Open::new(&path, &output.stream, bits, false);
+                Err(e.to_string())
+            }
+        }
+    }
+}

@@ -1,0 +1,203 @@
+//! Messages of a dialect, one after the other: understood, run by the firmware, answered.
+
+use super::Message;
+use crate::Firmware;
+use crate::firmware::{Before, Done};
+use phasmid_protocol::dialect::{Asked, Cut, Cutter, Dialect, Direction, WireError};
+use phasmid_protocol::scpi::{DeviceError, ErrorCode};
+use std::collections::VecDeque;
+use std::sync::Arc;
+
+/// Requests that wait for those before them.
+const MAX_REQUESTS: usize = 64;
+
+/// A message of the dialect that has not been answered yet.
+#[derive(Debug)]
+struct Request {
+    asked: Asked,
+    to: String,
+    /// What the firmware has still to do for it.
+    left: VecDeque<String>,
+    answers: Vec<Vec<u8>>,
+    /// The firmware is at work on it.
+    ticket: Option<u64>,
+    /// It acts even while those before it wait: a trigger, an abort.
+    urgent: bool,
+    /// What was set before it began, or before it went on after a wait.
+    before: Option<Before>,
+}
+
+/// What turns a dialect into the firmware's messages and back.
+#[derive(Debug)]
+pub(super) struct Interpreter {
+    dialect: Arc<Dialect>,
+    cutter: Cutter,
+    requests: VecDeque<Request>,
+    tickets: u64,
+    said: Vec<Message>,
+}
+
+impl Interpreter {
+    pub(super) fn new(dialect: Arc<Dialect>) -> Self {
+        Self {
+            cutter: dialect.cutter(Direction::ToDevice),
+            requests: VecDeque::new(),
+            tickets: 0,
+            said: Vec::new(),
+            dialect,
+        }
+    }
+
+    pub(super) fn receive(&mut self, bytes: &[u8], firmware: &mut Firmware, now_ns: u64) {
+        let mut cuts = Vec::new();
+        self.cutter.push(bytes, &mut |cut| cuts.push(cut));
+        for cut in cuts {
+            match cut {
+                Cut::Message(message) => self.message(&message, firmware, now_ns),
+                Cut::Dropped(error) => self.not_understood(&error, String::new()),
+            }
+        }
+    }
+
+    pub(super) fn collect(&mut self, firmware: &mut Firmware, now_ns: u64) -> Vec<Message> {
+        self.run(firmware, now_ns);
+        std::mem::take(&mut self.said)
+    }
+
+    /// Forgets unfinished input and requests, once the firmware has forgotten its messages.
+    pub(super) fn clear(&mut self) {
+        self.cutter.reset();
+        self.requests.clear();
+        self.said.clear();
+    }
+
+    pub(super) fn inside(&self) -> bool {
+        self.cutter.inside()
+    }
+
+    pub(super) fn input_stalled(&mut self) {
+        if self.cutter.inside() {
+            self.cutter.reset();
+        }
+    }
+
+    fn message(&mut self, message: &[u8], firmware: &mut Firmware, now_ns: u64) {
+        if self.dialect.echo() {
+            self.said.push(super::unasked(self.dialect.echoed(message)));
+        }
+        let line = || String::from_utf8_lossy(message).trim_end().to_owned();
+        let asked = match self.dialect.asked(message) {
+            Ok(asked) => asked,
+            Err(error) => return self.not_understood(&error, line()),
+        };
+        let to = match self.dialect.has_sequence() {
+            true => asked.command.clone(),
+            false => line(),
+        };
+        let left: VecDeque<_> = self.dialect.runs(&asked).into();
+        let urgent = left.iter().all(|m| Firmware::acts_at_once(m.as_bytes())) && !left.is_empty();
+        // There is always room for what gets the device out of its wait.
+        if self.requests.len() >= MAX_REQUESTS + usize::from(urgent) {
+            let error = ErrorCode::InputBufferOverrun.with("too much waits to be done");
+            let bytes = self.dialect.refusal(&asked, &error);
+            return self.say(bytes, to);
+        }
+        self.requests.push_back(Request {
+            urgent,
+            before: None,
+            asked,
+            to,
+            left,
+            answers: Vec::new(),
+            ticket: None,
+        });
+        self.run(firmware, now_ns);
+    }
+
+    fn not_understood(&mut self, error: &WireError, to: String) {
+        let bytes = self.dialect.nack(error);
+        if !bytes.is_empty() {
+            self.said.push(Message {
+                bytes,
+                to: Some(to),
+            });
+        }
+    }
+
+    fn say(&mut self, bytes: Vec<u8>, to: String) {
+        if !bytes.is_empty() {
+            self.said.push(Message {
+                bytes,
+                to: Some(to),
+            });
+        }
+    }
+
+    /// Goes on with the requests as far as the firmware does: the first one's messages one by one
+    /// until one fails, and likewise those of urgent ones behind it. A refusal puts back what its
+    /// request has set since it waited last.
+    fn run(&mut self, firmware: &mut Firmware, now_ns: u64) {
+        loop {
+            for done in firmware.take_done() {
+                self.done(done, firmware);
+            }
+            let free = |(index, request): (usize, &Request)| {
+                request.ticket.is_none() && (index == 0 || request.urgent)
+            };
+            let Some(index) = self.requests.iter().enumerate().position(free) else {
+                // Time goes on, and what has been set until now stays.
+                self.requests.iter_mut().for_each(|r| r.before = None);
+                return;
+            };
+            let request = &mut self.requests[index];
+            match request.left.pop_front() {
+                Some(message) => {
+                    request.before.get_or_insert_with(|| {
+                        firmware.advance(now_ns);
+                        firmware.before()
+                    });
+                    request.ticket = Some(self.tickets);
+                    firmware.submit(message.as_bytes(), self.tickets, now_ns);
+                    self.tickets += 1;
+                }
+                None => {
+                    if let Some(request) = self.requests.remove(index) {
+                        self.answer(request, firmware);
+                    }
+                }
+            }
+        }
+    }
+
+    /// Takes what one of the firmware's messages has come to; the first error ends its request.
+    fn done(&mut self, done: Done, firmware: &mut Firmware) {
+        let of = |request: &Request| request.ticket == Some(done.ticket);
+        let Some(index) = self.requests.iter().position(of) else {
+            return;
+        };
+        let Some(error) = done.errors.first() else {
+            let request = &mut self.requests[index];
+            request.ticket = None;
+            request.answers.push(done.answers.join(&b';'));
+            return;
+        };
+        if let Some(request) = self.requests.remove(index) {
+            self.refuse(request, error, firmware);
+        }
+    }
+
+    fn answer(&mut self, request: Request, firmware: &mut Firmware) {
+        match self.dialect.answer(&request.asked, &request.answers) {
+            Ok(bytes) => self.say(bytes, request.to),
+            Err(error) => self.refuse(request, &error, firmware),
+        }
+    }
+
+    fn refuse(&mut self, request: Request, error: &DeviceError, firmware: &mut Firmware) {
+        if let Some(before) = request.before {
+            firmware.put_back(before);
+        }
+        let bytes = self.dialect.refusal(&request.asked, error);
+        self.say(bytes, request.to);
+    }
+}

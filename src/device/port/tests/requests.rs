@@ -1,0 +1,178 @@
+//! Requests that get a device out of a wait, and such as are refused.
+
+use super::*;
+use crate::State;
+
+/// What the host's operation sends.
+fn operation(dialect: &Dialect, name: &str) -> Vec<Vec<u8>> {
+    let operation = dialect.host().get(name).unwrap();
+    let request = |(at, step): (usize, &phasmid_protocol::dialect::Step)| {
+        let args = step.args(&[]).unwrap();
+        let request = dialect.request(&step.command, &args, 40 + at as u8);
+        request.unwrap()
+    };
+    operation.steps.iter().enumerate().map(request).collect()
+}
+
+/// With nothing else before it, and with as much as a device lets wait.
+#[test]
+fn a_stop_acts_while_the_device_waits() {
+    for name in Dialect::names() {
+        let dialect = Dialect::load(name).unwrap();
+        for more in [0, 62, 200] {
+            let mut desk = Desk::of(dialect.clone(), None);
+            desk.talk(b"");
+            for request in operation(&dialect, "quiet") {
+                desk.talk(&request);
+            }
+            for request in operation(&dialect, "arm") {
+                desk.talk(&request);
+            }
+            let state = |desk: &Desk| desk.machine.firmware().state();
+            assert!(matches!(state(&desk), State::Armed { .. }), "{name}");
+            let wait = operation(&dialect, "complete").concat();
+            assert_eq!(desk.talk(&wait), b"", "{name} waits");
+            let asks = operation(&dialect, "last_id").concat();
+            desk.talk(&asks.repeat(more));
+            // SCPI's stop is what its host sends without what follows.
+            let stop = match dialect.is_scpi() {
+                true => b"INIT:CONT OFF;:ABOR\n".to_vec(),
+                false => operation(&dialect, "quiet").remove(0),
+            };
+            let said = desk.talk(&stop);
+            assert_eq!(state(&desk), State::Idle, "{name} {more}");
+            let (mut cutter, mut messages) = (dialect.cutter(Direction::ToHost), Vec::new());
+            cutter.push(&said, &mut |cut| messages.push(cut));
+            // The stop's own answer first, where it has one; then what had waited.
+            let own = usize::from(!dialect.is_scpi());
+            let waited = 1 + more.min(if dialect.is_scpi() { 64 } else { 63 });
+            assert_eq!(messages.len(), own + waited, "{name} {more}");
+            assert!(desk.exposed.is_empty(), "{name}");
+            assert!(!desk.talk(&asks).is_empty(), "{name} answers again");
+        }
+    }
+}
+
+/// Microseconds of exposure and period.
+fn timing(desk: &mut Desk, dialect: &Dialect) -> [f64; 2] {
+    let Reply::Done(values) = ask(desk, dialect, "timing?", &[]) else {
+        panic!("timing? is answered");
+    };
+    [0, 1].map(|at: usize| (values[at].1.number().unwrap() * 1e6).round())
+}
+
+#[test]
+fn a_refused_timing_changes_nothing() {
+    let dialect = Dialect::load("dlpc350").unwrap();
+    let mut desk = Desk::new("dlpc350", None);
+    let before = timing(&mut desk, &dialect);
+    let mut set = |exposure: f64, period: f64| {
+        let args = [
+            ("exposure", (exposure / 1e6).into()),
+            ("period", (period / 1e6).into()),
+        ];
+        let reply = ask(&mut desk, &dialect, "timing", &args);
+        (reply, timing(&mut desk, &dialect))
+    };
+    for (exposure, period) in [
+        (20_000.0, 16_000.0),
+        (8000.0, 0.0),
+        (0.0, 16_000.0),
+        (900.0, 90.0),
+    ] {
+        let (reply, after) = set(exposure, period);
+        assert!(
+            matches!(reply, Reply::Refused { .. }),
+            "{exposure} {period}: {reply:?}"
+        );
+        assert_eq!(after, before, "{exposure} {period}");
+    }
+    // Whatever comes first of the two, in both directions.
+    for (exposure, period) in [(40_000.0, 50_000.0), (6000.0, 9000.0)] {
+        let (reply, after) = set(exposure, period);
+        assert!(matches!(reply, Reply::Done(_)), "{reply:?}");
+        assert_eq!(after, [exposure, period]);
+    }
+}
+
+/// The shipped lines with commands of several messages that end in one that is refused.
+fn with_long_commands() -> Dialect {
+    let text = Dialect::text("okline").unwrap();
+    let more = r#"
+[[command]]
+name = "all"
+line = "all {gain}"
+runs = ["TRIG:SOUR BUS;MODE STEP", "SEQ:SEL \"quick-4-xy\"", "CAM:EXP MIN", "PROJ:POW OFF", "INIT;*TRG", "CAM:GAIN {gain}"]
+args = [{ name = "gain", type = "float" }]
+
+[[command]]
+name = "late"
+line = "late {gain}"
+runs = ["PROJ:CURR 0.5", "*OPC?", "CAM:EXP MIN", "CAM:GAIN {gain}"]
+args = [{ name = "gain", type = "float" }]
+
+[[command]]
+name = "both"
+line = "both"
+runs = ["CAM:GAIN 3;GAIN 99"]
+[host]"#;
+    Dialect::parse(&text.replacen("[host]", more, 1), "long").unwrap()
+}
+
+/// What can be asked of the settings.
+fn settings(desk: &mut Desk) -> String {
+    let asks = [
+        "source?",
+        "select?",
+        "exposure?",
+        "gain?",
+        "lamp?",
+        "period?",
+        "frames?",
+    ];
+    asks.iter().map(|ask| desk.line(ask)).collect()
+}
+
+#[test]
+fn a_request_is_done_whole_or_not_at_all() {
+    let mut desk = Desk::of(with_long_commands(), None);
+    desk.talk(b"");
+    desk.line("exposure 5000");
+    let before = settings(&mut desk);
+    // The trigger that it has given is taken back too: nothing has been exposed by it.
+    assert!(desk.line("all 3").starts_with("error 21 "));
+    assert_eq!(settings(&mut desk), before);
+    assert_eq!(desk.machine.firmware().state(), State::Idle);
+    assert!(desk.line("both").starts_with("error 20 "));
+    assert_eq!(settings(&mut desk), before);
+    assert!(desk.exposed.is_empty());
+    // And so is one that is given while the device exposes.
+    for line in ["source soft", "arm"] {
+        desk.line(line);
+    }
+    desk.machine.receive(b"fire\n", desk.now_ns);
+    desk.machine.receive(b"all 3\n", desk.now_ns);
+    let said = desk.line("wait");
+    assert!(
+        said.contains("error 21 ") && said.ends_with("!done\r\nok\r\n"),
+        "{said}"
+    );
+    assert!(desk.exposed.iter().copied().eq((0..13).map(Some)));
+}
+
+#[test]
+fn what_was_set_before_a_wait_stays() {
+    let mut desk = Desk::of(with_long_commands(), None);
+    desk.talk(b"");
+    for line in ["exposure 5000", "source soft", "arm"] {
+        desk.line(line);
+    }
+    assert_eq!(desk.line("late 99"), "", "armed");
+    let said = desk.line("fire");
+    assert!(
+        said.ends_with("!done\r\nerror 20 out of range\r\n"),
+        "{said}"
+    );
+    assert_eq!(desk.line("current?"), "ok 50\r\n");
+    assert_eq!(desk.line("exposure?"), "ok 5000\r\n");
+}

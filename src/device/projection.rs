@@ -1,0 +1,322 @@
+//! What a projector shows in time: patterns for their exposures and darkness between them. A DMD's
+//! mirrors are on or off, so it shows a grey pattern as its bits one after the other, bit k for
+//! 2^k / (2^n - 1) of the time, least significant first (which order a controller takes is its own
+//! affair; DLP LightCrafter 4500 user's guide DLPU011, section 4.1, has the weights). An exposure that covers the
+//! pattern cannot tell that from light of the level's strength, so the bits are taken apart only
+//! where some row of the camera does not.
+
+use super::{Shot, Showing, Slide};
+use std::collections::VecDeque;
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// A pattern and when it is shown, in nanoseconds of device time.
+#[derive(Debug, Clone)]
+pub(super) struct Lit {
+    pub(super) slide: Arc<Slide>,
+    pub(super) from_ns: u64,
+    pub(super) to_ns: u64,
+}
+
+/// Gives a shot what it sees: patterns in the order of time, none of which begins before the former
+/// one ends, and darkness around them. With `planes`, of a projector of so many bits, those that are
+/// not covered are taken apart.
+pub(super) fn show(
+    shot: &mut Shot,
+    patterns: impl IntoIterator<Item = Lit>,
+    planes: Option<(&Planes, u32)>,
+) {
+    let mut shown: Vec<(u64, Option<Arc<Slide>>)> = vec![(0, None)];
+    for lit in patterns {
+        if lit.from_ns >= shot.end_ns() {
+            break;
+        }
+        if lit.to_ns <= shot.start_ns {
+            continue;
+        }
+        // Darkness that takes no time is none.
+        if shown.last().is_some_and(|last| last.0 == lit.from_ns) {
+            shown.pop();
+        }
+        match planes {
+            Some((planes, bits)) if !covered(shot, &lit) && !binary(&lit.slide, bits) => {
+                let starts = (0..bits).map(|bit| plane_start_ns(&lit, bit, bits));
+                let slides = planes.of(&lit.slide, bits);
+                shown.extend(starts.zip(slides.into_iter().map(Some)));
+            }
+            _ => shown.push((lit.from_ns, Some(lit.slide))),
+        }
+        shown.push((lit.to_ns, None));
+    }
+    let first = shown.partition_point(|(from_ns, _)| *from_ns <= shot.start_ns);
+    let later = shown.split_off(first);
+    shot.slide = shown.pop().and_then(|(_, slide)| slide);
+    let mut now = shot.slide.clone();
+    let (end_ns, light) = (shot.end_ns(), shot.light);
+    shot.then = later
+        .into_iter()
+        .take_while(|(from_ns, _)| *from_ns < end_ns)
+        .filter(|(_, slide)| {
+            let same = match (slide, &now) {
+                (Some(a), Some(b)) => Arc::ptr_eq(a, b),
+                (a, b) => a.is_none() && b.is_none(),
+            };
+            now = slide.clone();
+            !same
+        })
+        .map(|(from_ns, slide)| Showing {
+            from_ns,
+            slide,
+            light,
+        })
+        .collect();
+}
+
+/// Whether each row of the sensor is exposed for all the time that a pattern is shown.
+fn covered(shot: &Shot, lit: &Lit) -> bool {
+    let first_ends_ns = shot.start_ns.saturating_add(shot.exposure_ns);
+    shot.row_start_ns(u32::MAX) <= lit.from_ns && lit.to_ns <= first_ends_ns
+}
+
+/// When a bit of a pattern is shown: those below it have taken (2^bit - 1) / (2^bits - 1) of the
+/// time. Whole nanoseconds, rounded down.
+fn plane_start_ns(lit: &Lit, bit: u32, bits: u32) -> u64 {
+    let part = |bits: u32| (1u128 << bits) - 1;
+    let lasts_ns = u128::from(lit.to_ns.saturating_sub(lit.from_ns));
+    let after_ns = lasts_ns * part(bit) / part(bits).max(1);
+    lit.from_ns + after_ns as u64
+}
+
+/// Whether all bits of a slide are the same: then it does not matter which are seen.
+fn binary(slide: &Slide, bits: u32) -> bool {
+    let full = (1u16 << bits) - 1;
+    slide.levels().iter().all(|level| [0, full].contains(level))
+}
+
+/// The bits of the slides that were taken apart last, so that the renderer meets the same again.
+#[derive(Debug, Default)]
+pub(super) struct Planes {
+    known: Mutex<VecDeque<Known>>,
+}
+
+#[derive(Debug)]
+struct Known {
+    slide: Arc<Slide>,
+    planes: Vec<Arc<Slide>>,
+}
+
+impl Known {
+    fn bytes(&self) -> usize {
+        self.planes.len() * self.slide.levels().len() * size_of::<u16>()
+    }
+}
+
+impl Planes {
+    /// Bytes that are kept.
+    const MAX_BYTES: usize = 64 << 20;
+
+    /// The bits of a slide, the least significant first.
+    fn of(&self, slide: &Arc<Slide>, bits: u32) -> Vec<Arc<Slide>> {
+        let mut known = self.known.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(found) = known.iter().find(|k| Arc::ptr_eq(&k.slide, slide)) {
+            return found.planes.clone();
+        }
+        let planes: Vec<_> = (0..bits)
+            .map(|bit| Arc::new(slide.plane(bit, bits)))
+            .collect();
+        known.push_back(Known {
+            slide: slide.clone(),
+            planes: planes.clone(),
+        });
+        let mut bytes: usize = known.iter().map(Known::bytes).sum();
+        while bytes > Self::MAX_BYTES {
+            bytes -= known.pop_front().map_or(bytes, |oldest| oldest.bytes());
+        }
+        planes
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Shutter;
+    use phasmid_pattern::Axis;
+
+    const BITS: u32 = 8;
+
+    fn ramp() -> Arc<Slide> {
+        Arc::new(Slide::Row(Axis::X, (0..256).collect()))
+    }
+
+    fn shot(start_ns: u64, exposure_ns: u64) -> Shot {
+        Shot {
+            start_ns,
+            exposure_ns,
+            light: 1.0,
+            ..Shot::default()
+        }
+    }
+
+    fn lit(slide: &Arc<Slide>, from_ns: u64, to_ns: u64) -> Lit {
+        let slide = slide.clone();
+        Lit {
+            slide,
+            from_ns,
+            to_ns,
+        }
+    }
+
+    /// Mean level of each column over an exposure from a time on, from 0 to 1, by what the shot says.
+    fn mean(shot: &Shot, start_ns: u64) -> Vec<f64> {
+        let mut sum = vec![0.0; 256];
+        for (place, time) in shot.seen(start_ns) {
+            let lasts_ns = time.end - time.start;
+            let slide = match place {
+                0 => &shot.slide,
+                _ => &shot.then[place - 1].slide,
+            };
+            let Some(slide) = slide else { continue };
+            for (sum, level) in sum.iter_mut().zip(slide.levels()) {
+                *sum += f64::from(*level) / 255.0 * lasts_ns as f64 / shot.exposure_ns as f64;
+            }
+        }
+        sum
+    }
+
+    /// The time of an exposure of `from..to` (both of a pattern that takes 255,000 ns) that a mirror
+    /// of a level is on: worked out from the bits' own intervals, 1000 ns and its doublings.
+    fn on_ns(level: u64, from: u64, to: u64) -> u64 {
+        (0..8)
+            .filter(|bit| level >> bit & 1 == 1)
+            .map(|bit| {
+                let (begin, end) = (((1 << bit) - 1) * 1000, ((2 << bit) - 1) * 1000);
+                to.min(end).saturating_sub(from.max(begin))
+            })
+            .sum()
+    }
+
+    #[test]
+    fn an_exposure_that_covers_the_pattern_sees_it_whole() {
+        let ramp = ramp();
+        for (start, exposure, slide, then) in [
+            (5000, 255_000, true, 0),
+            (5000, 300_000, true, 1),
+            (4000, 256_000, false, 1),
+            (0, 400_000, false, 2),
+        ] {
+            let mut shot = shot(start, exposure);
+            let planes = Planes::default();
+            show(
+                &mut shot,
+                [lit(&ramp, 5000, 260_000)],
+                Some((&planes, BITS)),
+            );
+            assert_eq!((shot.slide.is_some(), shot.then.len()), (slide, then));
+            for (level, mean) in mean(&shot, start).into_iter().enumerate() {
+                let expected = level as f64 / 255.0 * 255e3 / exposure as f64;
+                assert!((mean - expected).abs() < 1e-12, "{level}: {mean}");
+            }
+        }
+    }
+
+    #[test]
+    fn an_exposure_that_does_not_sees_the_bits_that_fall_in_it() {
+        let ramp = ramp();
+        let planes = Planes::default();
+        for (from, to) in [
+            (0, 127_500),
+            (127_500, 255_000),
+            (0, 1),
+            (1000, 3000),
+            (254_999, 255_000),
+            (3500, 254_000),
+        ] {
+            let mut shot = shot(10_000 + from, to - from);
+            show(
+                &mut shot,
+                [lit(&ramp, 10_000, 265_000)],
+                Some((&planes, BITS)),
+            );
+            for (level, mean) in mean(&shot, shot.start_ns).into_iter().enumerate() {
+                let expected = on_ns(level as u64, from, to) as f64 / (to - from) as f64;
+                assert!((mean - expected).abs() < 1e-12, "{from} {level}: {mean}");
+            }
+        }
+        // All of its bits together are the level, to the nanosecond.
+        for level in 0..256 {
+            assert_eq!(on_ns(level, 0, 255_000), level * 1000);
+        }
+    }
+
+    /// Without bits the level is shown all the time, and with one bit there is nothing to see.
+    #[test]
+    fn what_has_no_bits_is_not_taken_apart() {
+        let ramp = ramp();
+        let mut half = shot(0, 500);
+        show(&mut half, [lit(&ramp, 0, 1000)], None);
+        assert!(half.slide.as_ref().is_some_and(|s| Arc::ptr_eq(s, &ramp)));
+        assert_eq!(half.then, []);
+        let stripes = Arc::new(Slide::Row(Axis::Y, vec![0, 255, 255, 0]));
+        let planes = Planes::default();
+        show(&mut half, [lit(&stripes, 0, 1000)], Some((&planes, BITS)));
+        assert!(half.slide.is_some_and(|s| Arc::ptr_eq(&s, &stripes)));
+        assert_eq!(half.then, []);
+    }
+
+    /// Rows that start late see the darkness and the next pattern's first bits.
+    #[test]
+    fn a_rolling_shutter_sees_each_row_s_own_time() {
+        let ramp = ramp();
+        let white = Arc::new(Slide::Uniform(255));
+        let mut shot = Shot {
+            shutter: Shutter {
+                line_time_ns: 1000,
+                first_row: 0,
+                rows: 300,
+            },
+            ..shot(0, 255_000)
+        };
+        let planes = Planes::default();
+        let patterns = [
+            lit(&white, 0, 255_000),
+            lit(&ramp, 300_000, 555_000),
+            lit(&white, 600_000, 700_000),
+        ];
+        show(&mut shot, patterns, Some((&planes, BITS)));
+        for row in [0, 1, 45, 100, 299] {
+            let start = shot.row_start_ns(row);
+            for (level, mean) in mean(&shot, start).into_iter().enumerate() {
+                let white_ns = 255_000u64.saturating_sub(start);
+                let ramp_ns = on_ns(level as u64, 0, (start + 255_000).saturating_sub(300_000));
+                let expected = match &*white {
+                    // A uniform slide has one level, that of column 0.
+                    Slide::Uniform(_) if level == 0 => (white_ns + ramp_ns) as f64 / 255e3,
+                    _ => ramp_ns as f64 / 255e3,
+                };
+                assert!((mean - expected).abs() < 1e-12, "{row} {level}: {mean}");
+            }
+        }
+        let known = planes.known.lock().unwrap();
+        assert_eq!(known.len(), 1, "the third pattern comes too late");
+    }
+
+    #[test]
+    fn the_bits_are_kept_within_bounds() {
+        let planes = Planes::default();
+        let picture = |level| {
+            Arc::new(Slide::Picture {
+                width: 1000,
+                height: 1000,
+                levels: vec![level; 1_000_000],
+            })
+        };
+        let first = picture(1);
+        let bits = planes.of(&first, BITS);
+        assert!(Arc::ptr_eq(&planes.of(&first, BITS)[7], &bits[7]));
+        for level in 2..10 {
+            planes.of(&picture(level), BITS);
+        }
+        let known = planes.known.lock().unwrap();
+        let bytes: usize = known.iter().map(Known::bytes).sum();
+        assert!(bytes <= Planes::MAX_BYTES && known.len() == 4, "{bytes}");
+    }
+}

@@ -1,0 +1,122 @@
+//! Readout: what becomes of a rendered frame on its way out of the camera. The region is cut out,
+//! pixels are packed as the link wants them, and the embedded data line goes above them.
+
+use super::{Roi, Shot, Stream};
+use phasmid_protocol::{Frame, PixelFormat, data_line};
+
+/// A shot and how it is read out.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Exposure {
+    /// What the optics do.
+    pub shot: Shot,
+    /// What leaves the camera.
+    pub readout: Readout,
+}
+
+/// How frames leave the camera.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Readout {
+    /// The part of the sensor.
+    pub roi: Roi,
+    /// One of the sensor's formats; YUYV only with a region of even width.
+    pub format: PixelFormat,
+    /// With an embedded data line: the sensor's largest digital number.
+    pub data_line: Option<u16>,
+}
+
+impl Readout {
+    /// The frame as it leaves the camera, from the whole sensor's in its native format.
+    pub fn read(&self, frame: Frame) -> Frame {
+        let mut frame = self.roi.crop(frame);
+        if self.format == PixelFormat::Yuyv {
+            frame = frame.into_yuyv();
+        }
+        match self.data_line {
+            Some(full_scale_dn) => data_line::prepend(frame, full_scale_dn),
+            None => frame,
+        }
+    }
+
+    /// What a link sees of such frames, at an interval.
+    pub fn stream(&self, interval_ns: u64) -> Stream {
+        Stream {
+            width: self.roi.width,
+            height: self.roi.height + u32::from(self.data_line.is_some()),
+            format: self.format,
+            interval_ns,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use phasmid_protocol::data_line::{Found, strip};
+
+    fn rendered() -> Frame {
+        Frame {
+            id: 7,
+            pattern_index: Some(3),
+            width: 300,
+            height: 4,
+            format: PixelFormat::Grey,
+            exposure_start_ns: 1000,
+            exposure_end_ns: 1500,
+            data: (0..1200u32).map(|i| (i % 251) as u8).collect(),
+        }
+    }
+
+    fn readout(format: PixelFormat, line: bool) -> Readout {
+        Readout {
+            roi: Roi {
+                x: 9,
+                y: 1,
+                width: 260,
+                height: 2,
+            },
+            format,
+            data_line: line.then_some(255),
+        }
+    }
+
+    #[test]
+    fn the_line_lies_above_the_region_in_the_link_s_format() {
+        let region = readout(PixelFormat::Grey, false).read(rendered());
+        assert_eq!((region.width, region.height), (260, 2));
+        assert_eq!(region.data[0], ((300 + 9) % 251) as u8);
+        for format in [PixelFormat::Grey, PixelFormat::Yuyv] {
+            for line in [false, true] {
+                let readout = readout(format, line);
+                let frame = readout.read(rendered());
+                let stream = readout.stream(1);
+                assert_eq!(
+                    (stream.width, stream.height, stream.format),
+                    (frame.width, frame.height, frame.format)
+                );
+                assert_eq!(stream.bytes(), frame.data.len());
+                let (frame, found) = strip(frame);
+                assert_eq!(found == Found::Line, line);
+                assert_eq!(frame.into_luma(), region);
+            }
+        }
+    }
+    /// A frame with nothing to cut out, to convert or to put above it leaves in the memory that the
+    /// sensor pass has written.
+    #[test]
+    fn a_whole_frame_is_not_copied() {
+        let frame = rendered();
+        let (width, height) = (frame.width, frame.height);
+        let readout = Readout {
+            roi: Roi {
+                x: 0,
+                y: 0,
+                width,
+                height,
+            },
+            format: PixelFormat::Grey,
+            data_line: None,
+        };
+        let memory = frame.data.as_ptr();
+        assert_eq!(readout.read(frame).data.as_ptr(), memory);
+    }
+}

@@ -1,0 +1,64 @@
+//! The CT of one phase, wherever it lies.
+
+use super::folder;
+use super::slice::Slice;
+use super::sorted::Sorted;
+use super::stack::Stack;
+use crate::volume::Volume;
+use phasmid_core::error::{Error, Result};
+use std::path::Path;
+
+/// How far nominal percentages may be from the one that is meant.
+const NOMINAL: f64 = 0.5;
+
+/// Reads the CT of a phase in a folder and the folders in it, in per cent of the cycle, as
+/// [`super::read_series`] does, and says what people call it: the one series there, or of a 4D-CT,
+/// told apart as [`Phases`](super::Phases) does, that of the phase. One series needs not say its phase.
+///
+/// # Errors
+/// As for [`super::read_series`]; several series that say no phase, a 4D-CT without that phase, one
+/// series whose images say that they are of another.
+pub fn read_reference(folder: &Path, percent: f64) -> Result<(Volume, String)> {
+    let sorted = Sorted::of(folder::slices(folder)?)?;
+    let slices = chosen(sorted, percent, folder)?;
+    let title = slices[0].title();
+    Ok((Stack::of(slices)?.volume()?, title))
+}
+
+fn chosen(mut sorted: Sorted, percent: f64, folder: &Path) -> Result<Vec<Slice>> {
+    let meant = |at: f64| (at - percent).abs() <= NOMINAL;
+    let left_out = sorted.left_out();
+    match (&sorted.phases[..], &left_out[..]) {
+        ([], [_]) => return Ok(sorted.rest.remove(0)),
+        ([(at, slices)], []) => {
+            // A description may have a percentage of anything; the images' own is of the cycle.
+            let says = slices[0].percent.is_some();
+            if says && !meant(*at) {
+                return Err(Error::input(
+                    slices[0].place(),
+                    format!("phase {at} %: {}", slices[0].title()),
+                    format!("phase {percent} %, the reference"),
+                ));
+            }
+            return Ok(sorted.phases.remove(0).1);
+        }
+        ([], _) => {
+            return Err(Error::input(
+                folder.display(),
+                format!("series without a phase: {}", left_out.join("; ")),
+                "one series, or a 4D-CT whose series say their phases, as `T=50%` or alike",
+            ));
+        }
+        _ => {}
+    }
+    if let Some(at) = sorted.phases.iter().position(|(at, _)| meant(*at)) {
+        return Ok(sorted.phases.remove(at).1);
+    }
+    let all: Vec<String> = sorted.phases.iter().map(|(at, _)| at.to_string()).collect();
+    let mut found = format!("phases {} %", all.join(", "));
+    if !left_out.is_empty() {
+        found += &format!(", and {}", left_out.join("; "));
+    }
+    let allowed = format!("phase {percent} %, the reference, among them");
+    Err(Error::input(folder.display(), found, allowed))
+}

@@ -1,0 +1,94 @@
+//! MetaImage (`.mha`, `.mhd` with `.raw` or `.zraw`): volumes and displacement fields as ITK,
+//! elastix and plastimatch write them.
+//!
+//! The format is that of MetaIO (<https://itk.org/Wiki/MetaIO/Documentation>), where the text leaves
+//! doubt ITK's reader decides: `TransformMatrix` lists the direction of i, then that of j, then that
+//! of k; coordinates are LPS; `CenterOfRotation` moves nothing.
+
+mod data;
+mod element;
+mod header;
+mod lines;
+#[cfg(test)]
+mod tests;
+mod write;
+
+pub use write::{
+    Packing, write_field, write_field_by_planes, write_volume, write_volume_by_planes,
+};
+
+use super::volume::{Field, Grid, Volume, Voxels};
+use data::Data;
+use element::Element;
+use header::Header;
+use phasmid_core::error::{Error, Result};
+use std::path::Path;
+
+/// Reads a volume of one number a voxel. Whole numbers of up to 16 bits that an `i16` can hold stay
+/// such; all others become `f32`, rounded where they have more than 24 bits.
+///
+/// # Errors
+/// What the system refuses; a malformed or truncated file, what the format has and this reader does
+/// not (named), more numbers than 2^28, one that is not finite.
+pub fn read_volume(path: &Path) -> Result<Volume> {
+    let header = Header::read(path)?;
+    header.has_channels(1, "one number a voxel: a volume, not a field of vectors")?;
+    let data = Data::open(&header)?;
+    let count = header.grid.voxels();
+    let mut voxels = match header.element {
+        Element::I8 | Element::U8 | Element::I16 => Voxels::I16(Vec::with_capacity(count)),
+        _ => Voxels::F32(Vec::with_capacity(count)),
+    };
+    data.read(|bytes| match &mut voxels {
+        Voxels::I16(v) => header.element.append_i16(bytes, header.big_endian, v),
+        Voxels::F32(v) => header.element.append_f32(bytes, header.big_endian, v),
+    })?;
+    Volume::new(header.grid, voxels, &header.place)
+}
+
+/// Reads a field of three numbers a voxel, displacements in millimetres, as `f32`.
+///
+/// # Errors
+/// As for [`read_volume`]; a displacement that is not finite or longer than 500 mm.
+pub fn read_field(path: &Path) -> Result<Field> {
+    let header = Header::read(path)?;
+    header.has_channels(3, "ElementNumberOfChannels = 3: a displacement field")?;
+    let data = Data::open(&header)?;
+    let mut vectors = Vec::with_capacity(header.grid.voxels());
+    let mut numbers = Vec::new();
+    data.read(|bytes| {
+        numbers.clear();
+        header
+            .element
+            .append_f32(bytes, header.big_endian, &mut numbers);
+        let (whole, _) = numbers.as_chunks::<3>();
+        vectors.extend_from_slice(whole);
+    })?;
+    Field::new(header.grid, vectors, &header.place)
+}
+
+/// Reads where the voxels of a file lie and how many numbers each has, and nothing else.
+///
+/// # Errors
+/// What the system refuses, and a malformed header.
+pub fn read_grid(path: &Path) -> Result<(Grid, usize)> {
+    let header = Header::read(path)?;
+    Ok((header.grid, header.channels))
+}
+
+impl Header {
+    fn has_channels(&self, wanted: usize, allowed: &str) -> Result<()> {
+        if self.channels == wanted {
+            return Ok(());
+        }
+        Err(Error::input(&self.place, channels(self.channels), allowed))
+    }
+}
+
+/// So many numbers a voxel, in words.
+pub(super) fn channels(count: usize) -> String {
+    match count {
+        1 => "1 number a voxel".to_owned(),
+        n => format!("{n} numbers a voxel"),
+    }
+}

@@ -1,0 +1,273 @@
+//! `planning.toml`.
+
+use glam::DVec3;
+use phasmid_core::error::{Error, Result};
+use phasmid_core::new_file::replace;
+use phasmid_core::numbers::exactly;
+use phasmid_core::source::TomlSource;
+use serde::de::{Error as _, SeqAccess, Visitor, value::SeqAccessDeserializer};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use std::fmt;
+use std::io::Write;
+use std::path::{Component, Path};
+
+/// Most phases that a planning has.
+pub(crate) const MOST_PHASES: usize = 64;
+
+/// Distances that voxels of fields may have, in millimetres.
+pub(crate) const SPACING_MM: std::ops::RangeInclusive<f64> = 0.1..=50.0;
+
+/// What a patient may be called, in words.
+pub(crate) const ALLOWED_NAME: &str = "1 to 64 letters, digits, '-', '_' or '.'";
+
+/// What `planning.toml` says.
+///
+/// ```toml
+/// name = "p01"
+/// reference_phase = 50
+/// isocentre_mm = [12.5, -140.0, -812.0]   # in the files' LPS
+/// spacing_mm = 3.0                        # of the fields; or a list of three
+/// skin = "skin.ply"
+/// tumour = "tumour.ply"
+/// ct = "ct_50.mha"                        # may be absent
+///
+/// [[phase]]
+/// percent = 0
+/// field = "dvf_00.mha"
+/// ```
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PlanningFile {
+    /// The patient: 1 to 64 letters, digits, `-`, `_` or `.`.
+    pub name: String,
+    /// Phase at which skin, tumour and CT are, in per cent of the cycle; one of those below.
+    pub reference_phase: f64,
+    /// The isocentre in the files' LPS, in millimetres.
+    #[serde(deserialize_with = "exactly")]
+    pub isocentre_mm: DVec3,
+    /// Distances of the fields' voxels, in millimetres.
+    pub spacing_mm: Spacing,
+    /// File of the skin, in the folder.
+    pub skin: String,
+    /// File of the tumour, in the folder.
+    pub tumour: String,
+    /// File of the CT at the reference phase, in the folder.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub ct: Option<String>,
+    /// The phases, ascending.
+    pub phase: Vec<PhaseFile>,
+}
+
+/// A phase and its field.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PhaseFile {
+    /// Per cent of the cycle, 0 (end of inhaling) or more, less than 100.
+    pub percent: f64,
+    /// File of the displacements from the reference phase to this one, in the folder.
+    pub field: String,
+}
+
+/// Distances of voxels along i, j and k in millimetres; in a file one number where all are the same.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Spacing(pub DVec3);
+
+impl PlanningFile {
+    /// Its name in the folder.
+    pub const NAME: &str = "planning.toml";
+
+    /// That of a patient called `patient` with the isocentre at the origin, whose files have the names that
+    /// are usual: `skin.ply`, `tumour.ply`, `dvf_00.mha` by each phase's per cent, and `ct_50.mha` by
+    /// the reference phase's where there is a CT.
+    pub fn usual(
+        percents: impl IntoIterator<Item = f64>,
+        reference_percent: f64,
+        spacing_mm: DVec3,
+        ct: bool,
+    ) -> Self {
+        let phase = |percent| PhaseFile {
+            percent,
+            field: format!("dvf_{percent:02}.mha"),
+        };
+        Self {
+            name: "patient".to_owned(),
+            reference_phase: reference_percent,
+            isocentre_mm: DVec3::ZERO,
+            spacing_mm: Spacing(spacing_mm),
+            skin: "skin.ply".to_owned(),
+            tumour: "tumour.ply".to_owned(),
+            ct: ct.then(|| format!("ct_{reference_percent:02}.mha")),
+            phase: percents.into_iter().map(phase).collect(),
+        }
+    }
+
+    /// Makes the folder where there is none. An older `planning.toml` goes, so that the folder is no
+    /// planning until the new one is written, last.
+    ///
+    /// # Errors
+    /// What the system refuses.
+    pub fn begin(&self, folder: &Path) -> Result<()> {
+        std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
+        let path = folder.join(Self::NAME);
+        match std::fs::remove_file(&path) {
+            Err(e) if e.kind() != std::io::ErrorKind::NotFound => Err(Error::io(path, e)),
+            _ => Ok(()),
+        }
+    }
+
+    /// All files of the planning, by their names in the folder.
+    pub fn names(&self) -> impl Iterator<Item = &str> {
+        let fields = self.phase.iter().map(|phase| phase.field.as_str());
+        [Self::NAME, &self.skin, &self.tumour]
+            .into_iter()
+            .chain(self.ct.as_deref())
+            .chain(fields)
+    }
+
+    /// Whether a patient may have this name in a planning: 1 to 64 letters, digits, `-`, `_` or `.`.
+    pub fn is_name(text: &str) -> bool {
+        let known = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '.');
+        (1..=64).contains(&text.len()) && text.chars().all(known)
+    }
+
+    /// Reads and checks the `planning.toml` of a folder.
+    ///
+    /// # Errors
+    /// What the system refuses, and what [`Self::parse`] does.
+    pub fn read(folder: &Path) -> Result<Self> {
+        Self::from_source(&TomlSource::read(&folder.join(Self::NAME))?)
+    }
+
+    /// Reads and checks it from text; `place` stands for the file in messages.
+    ///
+    /// # Errors
+    /// Unknown fields, wrong types and values that no plan can have, each with its line.
+    pub fn parse(text: &str, place: &str) -> Result<Self> {
+        Self::from_source(&TomlSource::new(text, place))
+    }
+
+    pub(super) fn from_source(source: &TomlSource) -> Result<Self> {
+        let file: Self = source.deserialize()?;
+        file.check(source)?;
+        Ok(file)
+    }
+
+    /// The text of the file.
+    pub fn to_toml(&self) -> String {
+        toml::to_string(self).expect("numbers, strings and tables always serialise")
+    }
+
+    /// Writes it into a folder.
+    ///
+    /// # Errors
+    /// What the system refuses.
+    pub fn write(&self, folder: &Path) -> Result<()> {
+        replace(&folder.join(Self::NAME), |out| {
+            out.write_all(self.to_toml().as_bytes())
+        })
+    }
+
+    fn check(&self, source: &TomlSource) -> Result<()> {
+        if !Self::is_name(&self.name) {
+            return Err(source.violation("name", format!("{:?}", self.name), ALLOWED_NAME));
+        }
+        let at = self.isocentre_mm.to_array();
+        if !at.iter().all(|mm| mm.abs() <= 1e5) {
+            let found = format!("{at:?}");
+            return Err(source.violation("isocentre_mm", found, "numbers within 1e5 mm"));
+        }
+        let spacing = self.spacing_mm.0.to_array();
+        if !spacing.iter().all(|mm| SPACING_MM.contains(mm)) {
+            let (least, most) = (SPACING_MM.start(), SPACING_MM.end());
+            let allowed = format!("{least} to {most} mm");
+            return Err(source.violation("spacing_mm", format!("{spacing:?}"), allowed));
+        }
+        let files = [("skin", &self.skin), ("tumour", &self.tumour)];
+        for (field, name) in files.into_iter().chain(self.ct.iter().map(|ct| ("ct", ct))) {
+            in_folder(name, field, source)?;
+        }
+        self.check_phases(source)
+    }
+
+    fn check_phases(&self, source: &TomlSource) -> Result<()> {
+        let count = self.phase.len();
+        if !(2..=MOST_PHASES).contains(&count) {
+            let found = format!("{count} phases");
+            return Err(source.violation("phase", found, format!("2 to {MOST_PHASES} phases")));
+        }
+        let mut before = None;
+        for (n, phase) in self.phase.iter().enumerate() {
+            let field = format!("phase[{n}].percent");
+            if !(phase.percent >= 0.0 && phase.percent < 100.0) {
+                let allowed = "0 or more, less than 100";
+                return Err(source.violation(&field, phase.percent, allowed));
+            }
+            if let Some(before) = before
+                && phase.percent <= before
+            {
+                let found = format!("{} after {before}", phase.percent);
+                return Err(source.violation(&field, found, "phases that ascend"));
+            }
+            before = Some(phase.percent);
+            in_folder(&phase.field, &format!("phase[{n}].field"), source)?;
+        }
+        let reference = self.reference_phase;
+        if !self.phase.iter().any(|phase| phase.percent == reference) {
+            let all: Vec<String> = self.phase.iter().map(|p| p.percent.to_string()).collect();
+            let allowed = format!("one of the phases: {}", all.join(", "));
+            return Err(source.violation("reference_phase", reference, allowed));
+        }
+        Ok(())
+    }
+}
+
+/// Refuses names that lead out of the folder: it is moved and copied as a whole.
+fn in_folder(name: &str, field: &str, source: &TomlSource) -> Result<()> {
+    let mut parts = Path::new(name).components();
+    if !name.is_empty() && parts.all(|part| matches!(part, Component::Normal(_))) {
+        return Ok(());
+    }
+    Err(source.violation(
+        field,
+        format!("{name:?}"),
+        "the name of a file in the folder",
+    ))
+}
+
+impl Serialize for Spacing {
+    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
+        let DVec3 { x, y, z } = self.0;
+        if x == y && y == z {
+            to.serialize_f64(x)
+        } else {
+            [x, y, z].serialize(to)
+        }
+    }
+}
+
+impl<'de> Deserialize<'de> for Spacing {
+    fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
+        struct OneOrThree;
+        impl<'de> Visitor<'de> for OneOrThree {
+            type Value = Spacing;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("a number or a list of 3 numbers")
+            }
+
+            fn visit_f64<E: serde::de::Error>(self, mm: f64) -> Result<Spacing, E> {
+                Ok(Spacing(DVec3::splat(mm)))
+            }
+
+            fn visit_i64<E: serde::de::Error>(self, mm: i64) -> Result<Spacing, E> {
+                self.visit_f64(mm as f64)
+            }
+
+            fn visit_seq<A: SeqAccess<'de>>(self, list: A) -> Result<Spacing, A::Error> {
+                let three = exactly(SeqAccessDeserializer::new(list));
+                three.map(Spacing).map_err(A::Error::custom)
+            }
+        }
+        from.deserialize_any(OneOrThree)
+    }
+}

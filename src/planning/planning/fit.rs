@@ -1,0 +1,165 @@
+//! Whether files of a planning fit each other. Messages say which does not, and what would.
+
+use crate::metaimage;
+use crate::volume::{Field, Grid, listed};
+use glam::DVec3;
+use phasmid_core::error::{Error, Result};
+use phasmid_geometry::Mesh;
+use std::collections::HashSet;
+use std::path::Path;
+
+/// Longest displacement that a field from the reference phase to itself may have: what a
+/// registration of an image with itself leaves.
+const STILL_MM: f64 = 0.5;
+
+/// Most bytes of fields at once; ten of 512 x 512 x 100 voxels are three quarters of it, and a field is
+/// as good on a grid of 3 mm.
+const MOST_BYTES: u64 = 4 << 30;
+
+/// Volume and centroid of what a surface encloses.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Moments {
+    /// Volume in cubic millimetres.
+    pub(crate) volume_mm3: f64,
+    /// Centroid in the surface's frame.
+    pub centroid_mm: DVec3,
+}
+
+/// The grid of a file that has so many numbers a voxel: 1, a CT, or 3, a field.
+pub(crate) fn grid_of(path: &Path, channels: usize) -> Result<Grid> {
+    let (grid, found) = metaimage::read_grid(path)?;
+    if found == channels {
+        return Ok(grid);
+    }
+    let allowed = ["one: a CT", "three: a displacement field"][usize::from(channels == 3)];
+    Err(Error::input(
+        path.display(),
+        metaimage::channels(found),
+        allowed,
+    ))
+}
+
+/// Refuses so many fields on a grid that they cannot be in memory together.
+pub(crate) fn in_memory(grid: &Grid, fields: usize, place: &str) -> Result<()> {
+    let bytes = 12 * grid.voxels() as u64 * fields as u64;
+    if bytes <= MOST_BYTES {
+        return Ok(());
+    }
+    Err(Error::input(
+        place,
+        format!("{fields} fields of {bytes} bytes in all"),
+        format!("up to {MOST_BYTES}: fields on a coarser grid"),
+    ))
+}
+
+/// Refuses a CT that is turned against the fields, or does not hold them (to within one of their
+/// voxels).
+pub(crate) fn around(ct: &Grid, fields: &Grid, place: &str) -> Result<()> {
+    for axis in 0..3 {
+        let (a, b) = (ct.direction.col(axis), fields.direction.col(axis));
+        if (a - b).length() > 1e-3 {
+            let found = format!("axis {axis} along {}", listed(a));
+            let allowed = format!("as the fields have it: {}", listed(b));
+            return Err(Error::input(place, found, allowed));
+        }
+    }
+    let reach = 0.5 + fields.spacing_mm / ct.spacing_mm;
+    let [low, high] = [DVec3::ZERO, fields.last()].map(|end| ct.index(fields.point(end)));
+    if low.cmpge(-reach).all() && high.cmple(ct.last() + reach).all() {
+        return Ok(());
+    }
+    let found = format!("a CT of {}", ct.box_in_words());
+    let allowed = format!(
+        "one around the fields, which have {}",
+        fields.box_in_words()
+    );
+    Err(Error::input(place, found, allowed))
+}
+
+/// Refuses a mesh that the fields do not reach all of.
+pub(crate) fn within(mesh: &Mesh, fields: &Grid, place: &str) -> Result<()> {
+    let outside = |v: &&DVec3| !fields.holds(fields.index(**v));
+    let count = mesh.vertices.iter().filter(outside).count();
+    let Some(first) = mesh.vertices.iter().find(outside) else {
+        return Ok(());
+    };
+    let all = mesh.vertices.len();
+    Err(Error::input(
+        place,
+        format!(
+            "{count} of {all} vertices outside of the fields, {} first",
+            listed(*first)
+        ),
+        format!("vertices within {}", fields.box_in_words()),
+    ))
+}
+
+/// Refuses a field from the reference phase to itself that moves anything.
+pub(crate) fn still(field: &Field, place: &str) -> Result<()> {
+    let longest = field.longest_mm();
+    if longest <= STILL_MM {
+        return Ok(());
+    }
+    let found = format!("displacements of up to {longest:.2} mm");
+    let allowed = format!("none above {STILL_MM} mm from the reference phase to itself");
+    Err(Error::input(place, found, allowed))
+}
+
+/// Refuses a surface that encloses no volume; what it encloses.
+pub fn closed(mesh: &Mesh, place: &str) -> Result<Moments> {
+    let mut sides = HashSet::with_capacity(3 * mesh.triangles.len());
+    for &[a, b, c] in &mesh.triangles {
+        for side in [(a, b), (b, c), (c, a)] {
+            if !sides.insert(side) {
+                let found = format!(
+                    "two triangles on one side of vertices {} and {}",
+                    side.0, side.1
+                );
+                return Err(Error::input(
+                    place,
+                    found,
+                    "a closed surface, each edge of two",
+                ));
+            }
+        }
+    }
+    if let Some((a, b)) = mesh
+        .triangles
+        .iter()
+        .flat_map(|&[a, b, c]| [(a, b), (b, c), (c, a)])
+        .find(|&(a, b)| !sides.contains(&(b, a)))
+    {
+        let found = format!("an open edge between vertices {a} and {b}");
+        return Err(Error::input(
+            place,
+            found,
+            "a closed surface, each edge of two",
+        ));
+    }
+    let moments = moments(mesh);
+    if moments.volume_mm3 > 0.0 {
+        return Ok(moments);
+    }
+    let found = format!("a volume of {} mm^3", moments.volume_mm3);
+    Err(Error::input(
+        place,
+        found,
+        "a surface whose normals point outwards",
+    ))
+}
+
+/// By tetrahedra from a point of the surface, so that a far origin costs no digits.
+fn moments(mesh: &Mesh) -> Moments {
+    let from = mesh.vertices.first().copied().unwrap_or_default();
+    let (mut volume, mut moment) = (0.0, DVec3::ZERO);
+    for triangle in 0..mesh.triangles.len() {
+        let [a, b, c] = mesh.corners(triangle).map(|v| v - from);
+        let part = a.dot(b.cross(c)) / 6.0;
+        volume += part;
+        moment += (a + b + c) * (part / 4.0);
+    }
+    Moments {
+        volume_mm3: volume,
+        centroid_mm: from + moment / volume,
+    }
+}

@@ -1,0 +1,110 @@
+//! Displacement fields: a vector at each voxel.
+
+use super::grid::{Grid, listed};
+use super::trilinear::cell;
+use glam::DVec3;
+use phasmid_core::error::{Error, Result};
+
+/// Longest displacement, in millimetres: no organ moves so far, and a field in other units does.
+const LONGEST_MM: f32 = 500.0;
+
+/// A displacement at each voxel of a grid, in millimetres along the axes of the patient frame (not
+/// of the grid), as ITK, elastix and plastimatch have it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Field {
+    grid: Grid,
+    vectors: Vec<[f32; 3]>,
+}
+
+impl Field {
+    /// A field of vectors, i fastest, then j, then k. `place` names it in messages.
+    ///
+    /// # Errors
+    /// What [`Grid::checked`] refuses; as many vectors as are not the grid's; one that is not finite
+    /// or longer than 500 mm.
+    pub fn new(grid: Grid, vectors: Vec<[f32; 3]>, place: &str) -> Result<Self> {
+        let grid = grid.checked(place)?;
+        if vectors.len() != grid.voxels() {
+            return Err(Error::input(
+                place,
+                format!("{} vectors", vectors.len()),
+                format!("{}, as its grid has voxels", grid.voxels()),
+            ));
+        }
+        let short = |v: &[f32; 3]| v.iter().map(|x| x * x).sum::<f32>() <= LONGEST_MM * LONGEST_MM;
+        if let Some(at) = vectors.iter().position(|v| !short(v)) {
+            let found = DVec3::from_array(vectors[at].map(f64::from));
+            return Err(Error::input(
+                format!("{place}: voxel {at}"),
+                format!("a displacement of {}", listed(found)),
+                format!("finite displacements within {LONGEST_MM} mm"),
+            ));
+        }
+        Ok(Self { grid, vectors })
+    }
+
+    /// A field whose displacement at each voxel is a function of its centre, both in millimetres.
+    ///
+    /// # Errors
+    /// As for [`Field::new`].
+    pub fn of(grid: Grid, value: impl Fn(DVec3) -> DVec3 + Sync, place: &str) -> Result<Self> {
+        use rayon::prelude::*;
+        let grid = grid.checked(place)?;
+        let [ni, nj, _] = grid.size;
+        let mut vectors = vec![[0.0_f32; 3]; grid.voxels()];
+        vectors
+            .par_chunks_mut(ni * nj)
+            .enumerate()
+            .for_each(|(k, slice)| {
+                for (at, vector) in slice.iter_mut().enumerate() {
+                    let index = [at % ni, at / ni, k].map(|x| x as f64);
+                    let u = value(grid.point(DVec3::from_array(index)));
+                    *vector = u.to_array().map(|x| x as f32);
+                }
+            });
+        Self::new(grid, vectors, place)
+    }
+
+    /// Where its voxels lie.
+    pub fn grid(&self) -> &Grid {
+        &self.grid
+    }
+
+    /// Its vectors, i fastest, then j, then k.
+    pub fn vectors(&self) -> &[[f32; 3]] {
+        &self.vectors
+    }
+
+    /// The displacement at a point in the patient frame, both in millimetres, trilinear between
+    /// centres. In the outer half of the outermost voxels it is that of the nearest point between
+    /// centres; beyond the voxels it is `None`.
+    #[inline]
+    pub fn at(&self, point_mm: DVec3) -> Option<DVec3> {
+        let index = self.grid.index(point_mm);
+        self.grid.holds(index).then(|| self.nearest(index))
+    }
+
+    /// The displacement at an index; beyond the outermost centres that of the nearest point between
+    /// them.
+    pub fn nearest(&self, index: DVec3) -> DVec3 {
+        let cell = cell(&self.grid, index);
+        (0..8).fold(DVec3::ZERO, |sum, c| {
+            let u = self.vectors[cell.offsets[c]].map(f64::from);
+            sum + cell.weights[c] * DVec3::from_array(u)
+        })
+    }
+
+    /// The longest displacement, in millimetres.
+    pub fn longest_mm(&self) -> f64 {
+        let square = |v: &[f32; 3]| v.iter().map(|&x| f64::from(x) * f64::from(x)).sum();
+        self.vectors.iter().map(square).fold(0.0, f64::max).sqrt()
+    }
+
+    /// The same field with its grid elsewhere by `shift_mm`: the points move, not their
+    /// displacements.
+    #[must_use]
+    pub fn shifted(mut self, shift_mm: DVec3) -> Self {
+        self.grid = self.grid.shifted(shift_mm);
+        self
+    }
+}

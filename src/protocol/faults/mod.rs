@@ -1,0 +1,247 @@
+//! A schedule of faults: what goes wrong on a bad day, and when. The same file makes the same bad day
+//! again tomorrow.
+//!
+//! ```toml
+//! seed = 7                     # of all that is left to chance; 0 when absent
+//!
+//! [[fault]]                    # the third frame of a sequence comes torn, once
+//! what = "torn"
+//! when = { nth = 3 }
+//!
+//! [[fault]]                    # one in fifty replies is 300 ms late in the first minute
+//! what = "late-reply"
+//! by_ms = 300
+//! when = { probability = 0.02, window_s = [0, 60] }
+//!
+//! [[fault]]                    # the device boots while the second sequence is being exposed
+//! what = "reset"
+//! on = "camera"
+//! when = { command = "*TRG", nth = 40 }
+//! times = 1
+//! ```
+//!
+//! Conditions of `when` are taken one after the other, and all must hold: `device`, `frames`,
+//! `command` and `window_s` say which frames or messages count at all; `nth` and `every` count those;
+//! `probability` decides about what is left; `times` ends it.
+
+mod check;
+mod effect;
+mod kind;
+mod table;
+#[cfg(test)]
+mod tests;
+
+pub use check::Flaw;
+pub use effect::{Bits, Effect};
+pub use kind::{Kind, Parameter, Side, What};
+
+use phasmid_core::error::Result;
+use phasmid_core::source::TomlSource;
+use serde::{Deserialize, Serialize};
+use std::path::Path;
+
+/// Most faults of a schedule, those added while a device runs included.
+pub const MAX_FAULTS: usize = 1024;
+
+/// A schedule: the file of `phasma serve --faults`.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Schedule {
+    /// Seed of all that is left to chance.
+    #[serde(default)]
+    pub seed: u64,
+    /// What goes wrong. Where two strike the same frame or message, the earlier one acts first.
+    #[serde(default)]
+    pub fault: Vec<Fault>,
+}
+
+/// One thing that goes wrong, as it is written in a schedule or sent over the service channel.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Fault {
+    /// What goes wrong.
+    pub what: What,
+    /// Whether frames or messages are counted. Only `disconnect` and `reset` leave the choice; for
+    /// the others it says what goes without saying.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub on: Option<Side>,
+    /// The device, by its name, where one `serve` has several; all of them when absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub device: Option<String>,
+    /// When it strikes; every time when absent.
+    #[serde(default, skip_serializing_if = "When::is_always")]
+    pub when: When,
+    /// After so many times it is over; never when absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub times: Option<u64>,
+    /// `late`, `late-reply`: how late, in milliseconds of device time. `swapped`: how long it waits
+    /// for the next frame.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub by_ms: Option<f64>,
+    /// `disconnect`: how long the port is gone, in milliseconds of device time.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub for_ms: Option<f64>,
+    /// `torn`, `rows-missing`: the first row that it is about, from the top of what the link
+    /// carries, the embedded data line included; the middle one when absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub row: Option<u32>,
+    /// `rows-missing`: how many rows.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rows: Option<u32>,
+    /// `bits-flipped`, `bit-errors`: how many bits; `garbage-before`, `garbage-inside`: how many bytes.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub count: Option<u32>,
+    /// `bit-errors`: the probability of each bit, instead of a count.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rate: Option<f64>,
+    /// `bit-errors`: which way.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub direction: Option<Direction>,
+    /// `wrong-pattern`: by how many patterns; beyond either end the sequence begins again.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub offset: Option<i32>,
+    /// `partial-exposure`: what part of the exposure the projector is lit.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub fraction: Option<f64>,
+}
+
+/// Conditions, all of which must hold.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct When {
+    /// The nth frame or message of those that count, from 1.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub nth: Option<u64>,
+    /// Every so many of them; with `nth` from that one on.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub every: Option<u64>,
+    /// From a device time on, until before another, in seconds.
+    #[serde(
+        default,
+        skip_serializing_if = "Option::is_none",
+        deserialize_with = "phasmid_core::numbers::exactly_if_any"
+    )]
+    pub window_s: Option<[f64; 2]>,
+    /// The command holds this text, upper or lower case: of a message the command that it is or
+    /// answers, of a frame the last command before it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub command: Option<String>,
+    /// So often, by the schedule's seed: 0 to 1.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub probability: Option<f64>,
+    /// Which frames count; those of triggered exposures when absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub frames: Option<Frames>,
+}
+
+/// Which frames count.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Frames {
+    /// Those of triggered exposures.
+    #[default]
+    Triggered,
+    /// Those of a camera that runs free.
+    Free,
+    /// All of them.
+    All,
+}
+
+/// Which way bytes go.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Direction {
+    /// From the client.
+    ToDevice,
+    /// To the client.
+    #[default]
+    ToHost,
+}
+
+/// A fault that has struck.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Struck {
+    /// Device time in nanoseconds.
+    pub time_ns: u64,
+    /// Which fault: those of a schedule are numbered from 1, those added later go on from there.
+    pub fault: u64,
+    /// What went wrong.
+    pub what: What,
+    /// The frame that it struck.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub frame: Option<u64>,
+    /// The command that it struck, or whose answer.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub command: Option<String>,
+}
+
+impl Schedule {
+    /// Reads and checks a file.
+    ///
+    /// # Errors
+    /// Unreadable files, and all that [`Self::from_source`] refuses.
+    pub fn read(path: &Path) -> Result<Self> {
+        Self::from_source(&TomlSource::read(path)?)
+    }
+
+    /// Reads and checks a file that is for devices of these names.
+    ///
+    /// # Errors
+    /// As for [`Self::read`], and a fault for a device that is not among them.
+    pub fn read_for(path: &Path, devices: &[&str]) -> Result<Self> {
+        let source = TomlSource::read(path)?;
+        let schedule = Self::from_source(&source)?;
+        check::devices(&schedule, devices, &source)?;
+        Ok(schedule)
+    }
+
+    /// Reads and checks a document.
+    ///
+    /// # Errors
+    /// Syntax, unknown fields, parameters that a fault does not have, values outside of their ranges:
+    /// each with its line.
+    pub fn from_source(source: &TomlSource) -> Result<Self> {
+        let schedule: Self = source.deserialize()?;
+        check::schedule(&schedule, source)?;
+        Ok(schedule)
+    }
+}
+
+impl Fault {
+    /// A fault as it strikes by default, always.
+    pub fn new(what: What) -> Self {
+        Self {
+            what,
+            on: None,
+            device: None,
+            when: When::default(),
+            times: None,
+            by_ms: None,
+            for_ms: None,
+            row: None,
+            rows: None,
+            count: None,
+            rate: None,
+            direction: None,
+            offset: None,
+            fraction: None,
+        }
+    }
+
+    /// Whether frames or messages are counted.
+    pub fn side(&self) -> Side {
+        self.on.unwrap_or(self.what.kind().sides[0])
+    }
+
+    /// Whether it is meant for a device of this name.
+    pub fn concerns(&self, device: &str) -> bool {
+        self.device.as_deref().is_none_or(|name| name == device)
+    }
+}
+
+impl When {
+    /// Whether nothing is asked.
+    pub fn is_always(&self) -> bool {
+        *self == Self::default()
+    }
+}

@@ -1,0 +1,252 @@
+//! What the geometry pass leaves for the passes after it: one value a pixel and quantity.
+
+use super::bounce::Bounce;
+use super::light::{Blurred, Kernels};
+use super::skin::{Samples, SkinMaps};
+use super::world::Surface;
+use super::{Plan, Term};
+use phasmid_pattern::Axis;
+
+/// Maps over the camera's pixels, row by row, and the samples of mixed pixels.
+#[derive(Debug, Clone, Default)]
+pub(super) struct GeometryBuffer {
+    pub(super) width: usize,
+    pub(super) height: usize,
+    /// Projector coordinate that the pixel's centre is lit from, in pixels; NaN where nothing is.
+    pub(super) x: Vec<f32>,
+    pub(super) y: Vec<f32>,
+    /// Derivatives of x by the camera's column and row; empty when no slide varies along x.
+    pub(super) x_slope: Vec<[f32; 2]>,
+    /// Derivatives of y; empty when no slide varies along y.
+    pub(super) y_slope: Vec<[f32; 2]>,
+    /// Electrons per second under full white; 0 where unlit.
+    pub(super) projected: Vec<f32>,
+    /// Electrons per second of ambient light.
+    pub(super) ambient: Vec<f32>,
+    /// Electrons per second by which the ambient light swings; empty when all is steady.
+    pub(super) flickering: Vec<f32>,
+    /// A bit for each lamp that lights the pixel's centre; empty without lamps.
+    pub(super) lamps: Vec<u32>,
+    /// Depth z in the camera's frame in millimetres; NaN where nothing is seen.
+    pub(super) depth: Vec<f32>,
+    /// Surface that the pixel's centre sees.
+    pub(super) surface: Vec<u32>,
+    /// Its unit normal on the camera's side.
+    pub(super) normal: Vec<[f32; 3]>,
+    /// Standard deviation of the projector's blur in slide pixels; empty without defocus.
+    pub(super) blur: Vec<f32>,
+    /// Electrons per second for 1 W/m^2 of light from everywhere; empty without interreflection.
+    pub(super) evenly: Vec<f32>,
+    /// Light that surfaces throw on each other; nothing without interreflection.
+    pub(super) bounce: Bounce,
+    /// Weights of the slide's columns (x) and rows (y) under blur: of each pixel, then of the
+    /// sixteen samples of each mixed one; `None` without defocus and skin, or without slides that
+    /// vary so.
+    pub(super) kernels: [Option<Kernels>; 2],
+    /// Where light comes from and how far it spreads under skin; `None` without.
+    pub(super) skin: Option<SkinMaps>,
+    /// `Truth::SEEN` and so on.
+    pub(super) flags: Vec<u8>,
+    /// Pixels whose footprint meets more than one surface, in order, and their samples.
+    pub(super) mixed: Vec<Mixed>,
+}
+
+/// Sixteen samples of a mixed pixel's footprint. A pixel with more has several of these, one after
+/// the other, whose electrons add up.
+#[derive(Debug, Clone)]
+pub(super) struct Mixed {
+    /// Row-major pixel index.
+    pub(super) pixel: u32,
+    pub(super) x: [f32; 16],
+    pub(super) y: [f32; 16],
+    pub(super) x_slope: [[f32; 2]; 16],
+    pub(super) y_slope: [[f32; 2]; 16],
+    /// Electrons per second under full white, 0 for unlit samples.
+    pub(super) projected: [f32; 16],
+    /// Electrons per second of ambient light, averaged.
+    pub(super) ambient: f32,
+    /// Electrons per second by which the ambient light swings, averaged.
+    pub(super) flickering: f32,
+    /// Blur of each sample as in the maps; 0 without defocus.
+    pub(super) blur: [f32; 16],
+    /// How light spreads under each sample; `None` where none is skin.
+    pub(super) skin: Option<Box<Samples>>,
+}
+
+impl Mixed {
+    /// A pixel whose samples see nothing.
+    pub(super) fn new(pixel: u32) -> Self {
+        Self {
+            pixel,
+            x: [0.0; 16],
+            y: [0.0; 16],
+            x_slope: [[0.0; 2]; 16],
+            y_slope: [[0.0; 2]; 16],
+            projected: [0.0; 16],
+            ambient: 0.0,
+            flickering: 0.0,
+            blur: [0.0; 16],
+            skin: None,
+        }
+    }
+}
+
+/// Some rows of the maps, for one task.
+pub(super) struct Band<'a> {
+    pub(super) first_row: usize,
+    /// Rows of a band; the last one may have fewer.
+    pub(super) rows: usize,
+    pub(super) x: &'a mut [f32],
+    pub(super) y: &'a mut [f32],
+    pub(super) x_slope: &'a mut [[f32; 2]],
+    pub(super) y_slope: &'a mut [[f32; 2]],
+    pub(super) projected: &'a mut [f32],
+    pub(super) ambient: &'a mut [f32],
+    pub(super) flickering: &'a mut [f32],
+    pub(super) lamps: &'a mut [u32],
+    pub(super) depth: &'a mut [f32],
+    pub(super) surface: &'a mut [u32],
+    pub(super) normal: &'a mut [[f32; 3]],
+    pub(super) blur: &'a mut [f32],
+    pub(super) evenly: &'a mut [f32],
+    pub(super) flags: &'a mut [u8],
+}
+
+impl GeometryBuffer {
+    /// Takes the size and the maps that the plan asks for; what was there is overwritten.
+    pub(super) fn resize(&mut self, width: usize, height: usize, plan: &Plan) {
+        let n = width * height;
+        (self.width, self.height) = (width, height);
+        self.x.resize(n, f32::NAN);
+        self.y.resize(n, f32::NAN);
+        self.x_slope
+            .resize(if plan.has(Term::FootprintX) { n } else { 0 }, [0.0; 2]);
+        self.y_slope
+            .resize(if plan.has(Term::FootprintY) { n } else { 0 }, [0.0; 2]);
+        self.projected.resize(n, 0.0);
+        self.ambient.resize(n, 0.0);
+        self.flickering
+            .resize(if plan.has(Term::Flicker) { n } else { 0 }, 0.0);
+        self.lamps
+            .resize(if plan.has(Term::Lights) { n } else { 0 }, 0);
+        self.depth.resize(n, f32::NAN);
+        self.surface.resize(n, Surface::NONE.0);
+        self.normal.resize(n, [0.0; 3]);
+        self.blur.resize(
+            if plan.has(Term::ProjectorDefocus) {
+                n
+            } else {
+                0
+            },
+            0.0,
+        );
+        let bounces = plan.has(Term::Interreflection);
+        self.evenly.resize(if bounces { n } else { 0 }, 0.0);
+        self.bounce = Bounce::default();
+        self.kernels = [None, None];
+        self.skin = None;
+        self.flags.resize(n, 0);
+        self.mixed.clear();
+    }
+
+    /// The maps in bands of `rows` rows.
+    pub(super) fn bands(&mut self, rows: usize) -> Vec<Band<'_>> {
+        let n = rows * self.width;
+        let (mut xs, mut ys) = (self.x_slope.chunks_mut(n), self.y_slope.chunks_mut(n));
+        let mut y = self.y.chunks_mut(n);
+        let mut projected = self.projected.chunks_mut(n);
+        let mut ambient = self.ambient.chunks_mut(n);
+        let mut flickering = self.flickering.chunks_mut(n);
+        let mut lamps = self.lamps.chunks_mut(n);
+        let mut depth = self.depth.chunks_mut(n);
+        let mut surface = self.surface.chunks_mut(n);
+        let mut normal = self.normal.chunks_mut(n);
+        let mut blur = self.blur.chunks_mut(n);
+        let mut evenly = self.evenly.chunks_mut(n);
+        let mut flags = self.flags.chunks_mut(n);
+        let same = "all maps have one length";
+        self.x
+            .chunks_mut(n)
+            .enumerate()
+            .map(|(i, x)| Band {
+                first_row: i * rows,
+                rows,
+                x,
+                y: y.next().expect(same),
+                x_slope: xs.next().unwrap_or_default(),
+                y_slope: ys.next().unwrap_or_default(),
+                projected: projected.next().expect(same),
+                ambient: ambient.next().expect(same),
+                flickering: flickering.next().unwrap_or_default(),
+                lamps: lamps.next().unwrap_or_default(),
+                depth: depth.next().expect(same),
+                surface: surface.next().expect(same),
+                normal: normal.next().expect(same),
+                blur: blur.next().unwrap_or_default(),
+                evenly: evenly.next().unwrap_or_default(),
+                flags: flags.next().expect(same),
+            })
+            .collect()
+    }
+}
+
+impl GeometryBuffer {
+    /// The coordinate along an axis of the slide that each pixel's light comes from.
+    pub(super) fn lit_from(&self, axis: Axis) -> &[f32] {
+        match (&self.skin, axis) {
+            (Some(skin), Axis::X) => &skin.from[0],
+            (Some(skin), Axis::Y) => &skin.from[1],
+            (None, Axis::X) => &self.x,
+            (None, Axis::Y) => &self.y,
+        }
+    }
+
+    /// Works out the kernels that the plan asks for, on a slide of `size` columns and rows.
+    pub(super) fn blur_footprints(&mut self, size: [usize; 2], plan: &Plan) {
+        if !plan.has(Term::ProjectorDefocus) && !plan.has(Term::Subsurface) {
+            return;
+        }
+        let n = self.x.len();
+        let axes = [
+            (Term::FootprintX, self.lit_from(Axis::X), &self.x_slope),
+            (Term::FootprintY, self.lit_from(Axis::Y), &self.y_slope),
+        ];
+        let of_mixed = |axis: usize, i: usize| {
+            let (mixed, k) = (&self.mixed[i / 16], i % 16);
+            let (x, slope) = match axis {
+                0 => (mixed.x[k], mixed.x_slope[k]),
+                _ => (mixed.y[k], mixed.y_slope[k]),
+            };
+            let lit = mixed.projected[k] > 0.0;
+            let sigma = if lit { mixed.blur[k] } else { 0.0 };
+            let samples = mixed.skin.as_ref().filter(|_| lit);
+            let skin = self.skin.as_ref().zip(samples);
+            Blurred {
+                x,
+                slope,
+                sigma,
+                spread: skin.and_then(|(skin, samples)| skin.sample(samples, k, axis)),
+            }
+        };
+        let kernels = std::array::from_fn(|axis| {
+            let (term, x, slope) = axes[axis];
+            plan.has(term).then(|| {
+                Kernels::new(n + 16 * self.mixed.len(), size[axis], |i| {
+                    if i >= n {
+                        return of_mixed(axis, i - n);
+                    }
+                    let lit = self.projected[i] > 0.0;
+                    let sigma = self.blur.get(i).filter(|_| lit);
+                    let skin = self.skin.as_ref();
+                    Blurred {
+                        x: x[i],
+                        slope: slope[i],
+                        sigma: sigma.copied().unwrap_or(0.0),
+                        spread: skin.and_then(|skin| skin.spread(i, axis)),
+                    }
+                })
+            })
+        });
+        self.kernels = kernels;
+    }
+}

@@ -1,0 +1,323 @@
+//! Veiling glare: a share of the light is spread over the whole image by a wide Gaussian.
+//!
+//! A blur as wide as that is made on cells of some pixels' side, a quarter to an eighth of its standard
+//! deviation: mean of each cell, Gaussian along both axes, bilinear interpolation. The mean and the
+//! interpolation blur too, by variances of 1/12 and 1/6 of a squared cell, which the Gaussian leaves
+//! out. Light that would fall beside the image is reflected into it, and the sum is kept exactly.
+
+use phasmid_profile as profile;
+use rayon::prelude::*;
+
+/// The Gaussian ends at this many standard deviations.
+const REACH: f64 = 4.0;
+/// Cells are no larger, so that an image has some.
+const LARGEST_CELL: usize = 64;
+
+/// Spreads the scattered light of a frame's mean electrons, `width` a row.
+pub(super) fn spread(electrons: &mut [f32], width: usize, glare: &profile::Glare) {
+    let share = (glare.percent / 100.0) as f32;
+    if share == 0.0 || electrons.is_empty() {
+        return;
+    }
+    let cell = cell_px(glare.sigma_px);
+    let grid = Grid::new(electrons, width, cell).blurred(glare.sigma_px);
+    let total = sum(electrons);
+    let rows: Vec<Vec<f32>> = electrons
+        .par_chunks(width)
+        .enumerate()
+        .map(|(row, _)| grid.row(row, width))
+        .collect();
+    let spread: f64 = rows.iter().map(|row| sum(row)).sum();
+    let share_kept = if spread > 0.0 { total / spread } else { 0.0 } as f32 * share;
+    electrons
+        .par_chunks_mut(width)
+        .zip(&rows)
+        .for_each(|(electrons, scattered)| {
+            for (e, s) in electrons.iter_mut().zip(scattered) {
+                *e = *e * (1.0 - share) + share_kept * s;
+            }
+        });
+}
+
+/// About how many pixels wide a cell is.
+fn cell_px(sigma_px: f64) -> usize {
+    let mut cell = 8;
+    while cell < LARGEST_CELL && (8 * cell) as f64 <= sigma_px {
+        cell *= 2;
+    }
+    cell
+}
+
+fn sum(values: &[f32]) -> f64 {
+    values.iter().map(|&e| f64::from(e)).sum()
+}
+
+/// Means over cells, as many whole ones as fit the image.
+struct Grid {
+    width: usize,
+    height: usize,
+    /// Width and height of a cell in pixels, not whole.
+    pitch: [f64; 2],
+    values: Vec<f32>,
+}
+
+impl Grid {
+    fn new(electrons: &[f32], width: usize, cell: usize) -> Self {
+        let height = electrons.len() / width;
+        let ([columns, rows], pitch) = cells([width, height], cell);
+        let covered: Vec<_> = (0..columns).map(|c| cover(c, pitch[0], width)).collect();
+        let values: Vec<f32> = (0..rows)
+            .into_par_iter()
+            .flat_map_iter(|row| {
+                let mut means = vec![0.0; columns];
+                let (from, weights) = cover(row, pitch[1], height);
+                let lines = electrons[from * width..].chunks(width);
+                for (line, weight) in lines.zip(weights) {
+                    for (mean, (from, weights)) in means.iter_mut().zip(&covered) {
+                        let cell = line[*from..].iter().zip(weights);
+                        *mean += weight * cell.map(|(e, w)| e * w).sum::<f32>();
+                    }
+                }
+                means
+            })
+            .collect();
+        Self {
+            width: columns,
+            height: rows,
+            pitch,
+            values,
+        }
+    }
+
+    fn blurred(mut self, sigma_px: f64) -> Self {
+        let most = self.width.max(self.height);
+        let [across, down] = self.pitch.map(|pitch| kernel(sigma_px / pitch, most));
+        self.values = self.along(&across, self.width, 1, self.height, self.width);
+        self.values = self.along(&down, self.height, self.width, self.width, 1);
+        self
+    }
+
+    /// Convolves lines of `length` values `step` apart; `lines` of them start `next` apart.
+    fn along(
+        &self,
+        kernel: &[f64],
+        length: usize,
+        step: usize,
+        lines: usize,
+        next: usize,
+    ) -> Vec<f32> {
+        let weights = folded(kernel, length);
+        let mut out = self.values.clone();
+        for line in 0..lines {
+            let values: Vec<f64> = (0..length)
+                .map(|i| f64::from(self.values[line * next + i * step]))
+                .collect();
+            for (place, weights) in weights.chunks(length).enumerate() {
+                let sum: f64 = weights.iter().zip(&values).map(|(w, v)| w * v).sum();
+                out[line * next + place * step] = sum as f32;
+            }
+        }
+        out
+    }
+
+    /// A row of pixels, interpolated between the cells' centres.
+    fn row(&self, row: usize, width: usize) -> Vec<f32> {
+        let (top, bottom, down) = between(row, self.pitch[1], self.height);
+        let line = |r: usize| &self.values[r * self.width..(r + 1) * self.width];
+        let mixed: Vec<f32> = line(top)
+            .iter()
+            .zip(line(bottom))
+            .map(|(a, b)| a + down * (b - a))
+            .collect();
+        (0..width)
+            .map(|column| {
+                let (left, right, over) = between(column, self.pitch[0], self.width);
+                mixed[left] + over * (mixed[right] - mixed[left])
+            })
+            .collect()
+    }
+}
+
+/// How many cells of about a side in pixels fit an image along each axis, and how many pixels they
+/// are wide then.
+fn cells(size: [usize; 2], cell: usize) -> ([usize; 2], [f64; 2]) {
+    let count = size.map(|side| side.div_ceil(cell));
+    let pitch = std::array::from_fn(|axis| size[axis] as f64 / count[axis] as f64);
+    (count, pitch)
+}
+
+/// The Gaussian on cells, of a deviation in cells, less what means and interpolation blur; `most`
+/// is the number of cells along the longer side.
+fn kernel(sigma: f64, most: usize) -> Vec<f64> {
+    let variance = sigma.powi(2) - 1.0 / 12.0 - 1.0 / 6.0;
+    // Beyond the image's own size, reflections make it even anyway.
+    let most = 2.0 * most as f64;
+    let sigma = variance.sqrt().min(most);
+    let reach = (REACH * sigma).ceil() as usize;
+    let bell = |k| (-0.5 * ((k as f64 - reach as f64) / sigma).powi(2)).exp();
+    (0..=2 * reach).map(bell).collect()
+}
+
+/// A kernel folded onto a line: weights of each of `length` values for each place.
+fn folded(kernel: &[f64], length: usize) -> Vec<f64> {
+    (0..length)
+        .flat_map(|place| {
+            let mut weights = vec![0.0; length];
+            for (k, w) in kernel.iter().enumerate() {
+                let at = place as i64 + k as i64 - (kernel.len() / 2) as i64;
+                weights[reflected(at, length)] += w;
+            }
+            let whole: f64 = weights.iter().sum();
+            weights.into_iter().map(move |w| w / whole)
+        })
+        .collect()
+}
+
+/// What spreading takes along one axis of an image of one size, whatever its light.
+pub(super) struct Axis {
+    pub(super) cells: usize,
+    /// Of each cell the first pixel that it covers, and the shares of it that it and the next are.
+    pub(super) covers: Vec<(usize, Vec<f32>)>,
+    /// Weights of all cells of a line for each of them.
+    pub(super) weights: Vec<f64>,
+    /// Of each pixel the cell before it, and how far it is to the next.
+    pub(super) between: Vec<(usize, f32)>,
+}
+
+/// Along columns and rows, for passes that have weights made beforehand.
+pub(super) fn axes(size: [usize; 2], sigma_px: f64) -> [Axis; 2] {
+    let (counts, pitch) = cells(size, cell_px(sigma_px));
+    let most = counts[0].max(counts[1]);
+    std::array::from_fn(|axis| {
+        let (cells, pitch) = (counts[axis], pitch[axis]);
+        let cover = |cell| cover(cell, pitch, size[axis]);
+        let between = |pixel| {
+            let (first, _, over) = between(pixel, pitch, cells);
+            (first, over)
+        };
+        Axis {
+            cells,
+            covers: (0..cells).map(cover).collect(),
+            weights: folded(&kernel(sigma_px / pitch, most), cells),
+            between: (0..size[axis]).map(between).collect(),
+        }
+    })
+}
+
+/// The first pixel that a cell covers, and the share of the cell that it and the next ones are.
+fn cover(cell: usize, pitch: f64, pixels: usize) -> (usize, Vec<f32>) {
+    let [from, to] = [cell, cell + 1].map(|c| (c as f64 * pitch).min(pixels as f64));
+    let shares = (from as usize..to.ceil() as usize).map(|pixel| {
+        let low = from.max(pixel as f64);
+        let high = to.min(pixel as f64 + 1.0);
+        ((high - low) / (to - from)) as f32
+    });
+    (from as usize, shares.collect())
+}
+
+/// The cells on both sides of a pixel, and how far it is from the first to the second.
+fn between(pixel: usize, pitch: f64, cells: usize) -> (usize, usize, f32) {
+    let at = ((pixel as f64 + 0.5) / pitch - 0.5) as f32;
+    let at = at.max(0.0);
+    let first = (at as usize).min(cells - 1);
+    (first, (first + 1).min(cells - 1), at - first as f32)
+}
+
+/// An index beyond a line of `length` reflected into it, its ends repeated.
+fn reflected(at: i64, length: usize) -> usize {
+    let period = 2 * length as i64;
+    let at = at.rem_euclid(period);
+    at.min(period - 1 - at) as usize
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use phasmid_profile::Glare;
+
+    const WIDTH: usize = 402;
+    const HEIGHT: usize = 211;
+
+    fn picture() -> Vec<f32> {
+        let mut picture = vec![10.0; WIDTH * HEIGHT];
+        for row in 60..90 {
+            picture[row * WIDTH + 120..row * WIDTH + 170].fill(9000.0);
+        }
+        picture
+    }
+
+    /// A Gaussian about `from` integrated over [a, b] and over its reflections at 0 and `length`.
+    fn share(from: f64, [a, b]: [f64; 2], length: f64, sigma: f64) -> f64 {
+        let steps = 400;
+        let h = (b - a) / f64::from(steps);
+        let bell = |x: f64| (-0.5 * ((x - from) / sigma).powi(2)).exp();
+        let folded = |x: f64| {
+            let turns = [-4.0, -2.0, 0.0, 2.0, 4.0].map(|turn| turn * length);
+            turns.map(|t| bell(t + x) + bell(t - x)).iter().sum::<f64>()
+        };
+        let middles = (0..steps).map(|k| folded(a + (f64::from(k) + 0.5) * h) * h);
+        middles.sum::<f64>() / (sigma * std::f64::consts::TAU.sqrt())
+    }
+
+    /// Against the Gaussian integrated over the bright rectangle and its reflections.
+    #[test]
+    fn is_the_gaussian() {
+        for sigma_px in [32.0, 63.0, 90.0] {
+            let before = picture();
+            let mut after = before.clone();
+            let glare = Glare {
+                percent: 8.0,
+                sigma_px,
+            };
+            spread(&mut after, WIDTH, &glare);
+            let mut worst = 0.0f64;
+            let mut most = 0.0f64;
+            for (row, column) in [
+                (75, 145),
+                (100, 145),
+                (75, 200),
+                (150, 300),
+                (0, 0),
+                (210, 140),
+            ] {
+                let (x, y) = (column as f64 + 0.5, row as f64 + 0.5);
+                let scattered = 10.0
+                    + 8990.0
+                        * share(x, [120.0, 170.0], WIDTH as f64, sigma_px)
+                        * share(y, [60.0, 90.0], HEIGHT as f64, sigma_px);
+                let i = row * WIDTH + column;
+                let expected = 0.92 * f64::from(before[i]) + 0.08 * scattered;
+                worst = worst.max((f64::from(after[i]) - expected).abs());
+                most = most.max(0.08 * scattered);
+            }
+            assert!(worst < 0.01 * most, "{sigma_px}: {worst} of {most}");
+        }
+    }
+
+    #[test]
+    fn no_light_is_lost() {
+        for sigma_px in [32.0, 75.0, 3000.0] {
+            let mut frame = picture();
+            let before = sum(&frame);
+            let glare = Glare {
+                percent: 30.0,
+                sigma_px,
+            };
+            spread(&mut frame, WIDTH, &glare);
+            assert!((sum(&frame) / before - 1.0).abs() < 1e-6);
+        }
+    }
+
+    #[test]
+    fn even_light_stays_even_and_darkness_dark() {
+        for level in [0.0, 500.0] {
+            let mut frame = vec![level; 37 * 19];
+            let glare = Glare {
+                percent: 100.0,
+                sigma_px: 50.0,
+            };
+            spread(&mut frame, 37, &glare);
+            assert!(frame.iter().all(|e| (e - level).abs() <= 1e-4 * level));
+        }
+    }
+}

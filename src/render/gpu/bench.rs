@@ -1,0 +1,125 @@
+//! Scenes for tests: their maps by the CPU, taken to the GPU with all that rays meet.
+
+use super::sampled::Sampler;
+use super::{Engine, geometry as gpu, looks, optics, scene, skin, upload};
+use crate::aperture::Aperture;
+use crate::buffer::GeometryBuffer;
+use crate::geometry::{self, Rays};
+use crate::renderer::ideal_points;
+use crate::shade::Optics;
+use crate::term::Needs;
+use crate::world::World;
+use crate::worlds::Worlds;
+use crate::{Options, Plan, Term, bounce};
+use glam::DVec2;
+use phasmid_profile::{Interreflection, Profile, Scene};
+use std::path::Path;
+
+/// A scene with the maps of its geometry pass, but for what bounces.
+pub(super) struct Bench {
+    profile: Profile,
+    worlds: Worlds,
+    pub(super) optics: Optics,
+    pub(super) plan: Plan,
+    table: Option<Vec<DVec2>>,
+    pub(super) map: GeometryBuffer,
+    /// The interreflection that the scene wants.
+    pub(super) wanted: Option<Interreflection>,
+}
+
+impl Bench {
+    /// Of a scene's lines, its files in a folder, before a small camera of a bench's field.
+    pub(super) fn new(lines: &str, folder: &Path, change: impl Fn(&mut Profile)) -> Self {
+        let mut profile = Profile::load("pmp-bench").unwrap();
+        (profile.camera.width_px, profile.camera.height_px) = (286, 123);
+        change(&mut profile);
+        let text = format!("name = \"bench\"\ndescription = \"\"\n{lines}");
+        let mut scene = Scene::parse(&text, "bench").unwrap();
+        scene.folder = folder.to_path_buf();
+        let mut optics = Optics::new(&profile, &scene);
+        let world = World::new(&scene, &optics.skins).unwrap();
+        let mut plan = Plan::new(&Needs {
+            profile: &profile,
+            optics: &optics,
+            world: &world,
+        });
+        plan.set(Term::FootprintX, true);
+        plan.set(Term::FootprintY, true);
+        let wanted = optics.interreflection.take();
+        let distorted = plan.has(Term::CameraDistortion);
+        let table = distorted.then(|| ideal_points(&optics));
+        let mut bench = Self {
+            profile,
+            worlds: Worlds::new(world),
+            plan,
+            table,
+            map: GeometryBuffer::default(),
+            wanted,
+            optics,
+        };
+        let mut map = GeometryBuffer::default();
+        let (options, aperture) = (Options::default(), Aperture::new(&bench.profile.camera));
+        let rays = bench.rays();
+        geometry::run(
+            &bench.worlds,
+            &bench.optics,
+            &rays,
+            &bench.plan,
+            options,
+            aperture,
+            &mut map,
+        );
+        bench.map = map;
+        bench
+    }
+
+    fn rays(&self) -> Rays<'_> {
+        Rays {
+            optics: &self.optics,
+            table: self.table.as_deref(),
+            width: self.optics.camera.lens.width_px as usize,
+        }
+    }
+
+    pub(super) fn size(&self) -> [usize; 2] {
+        let lens = &self.optics.camera.lens;
+        [lens.width_px, lens.height_px].map(|side| side as usize)
+    }
+
+    /// The CPU's maps with what bounces.
+    pub(super) fn bounced(&mut self) -> GeometryBuffer {
+        let mut map = self.map.clone();
+        self.optics.interreflection = self.wanted;
+        bounce::run(&self.worlds, &self.rays(), &self.plan, &mut map);
+        map
+    }
+
+    /// An engine that has all of it.
+    pub(super) fn engine(&self) -> Engine {
+        let mut engine = Engine::for_tests();
+        optics::write(&mut engine, &self.optics);
+        gpu::write_rays(&mut engine, self.table.as_deref());
+        skin::write(&mut engine, &self.optics.skins);
+        scene::Scene::default().update(&mut engine, &self.worlds, self.map.height);
+        looks::Looks::default().update(&mut engine, &self.optics, &self.worlds);
+        upload::maps(&mut engine, &self.map);
+        engine
+    }
+
+    /// Has the GPU find the mixed pixels of its maps.
+    pub(super) fn see_mixed(&self, engine: &mut Engine) {
+        let options = Options::default();
+        let aperture = Aperture::new(&self.profile.camera);
+        let sampler = Sampler::new(
+            engine,
+            &self.worlds,
+            &self.optics,
+            &self.plan,
+            options,
+            aperture,
+        );
+        let mut commands = engine.commands();
+        sampler.run(engine, &mut commands, &self.plan).unwrap();
+        engine.submit(commands);
+    }
+}

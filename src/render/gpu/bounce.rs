@@ -1,0 +1,160 @@
+//! Interreflection on the GPU: points at which light is gathered, and their rays. Twin of
+//! `bounce/mod.rs`.
+//!
+//! A point has room for all of its rays, 16 bytes each and axis that slides vary along, of which those
+//! that bring light come first: 64 rays at every fourth column and row, and at the pixels that these
+//! do not stand for, are some 40 MB an axis for a camera of 1138 x 489 pixels. More than a buffer of
+//! the GPU holds is an error.
+
+use super::{Engine, Stage, grid, maps};
+use crate::bounce::Hemisphere;
+use crate::{Plan, Term};
+use bytemuck::{Pod, Zeroable};
+use phasmid_core::error::{Error, Result};
+use phasmid_profile::Interreflection;
+
+/// Bytes of a ray along one axis of the slide.
+const RAY: u64 = 16;
+/// Bytes of a point.
+const POINT: u64 = 16;
+
+/// Twin of `BounceParams` in `bounce_types.wgsl`.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, Pod, Zeroable)]
+struct Params {
+    size: [u32; 2],
+    /// Of the grid.
+    places: [u32; 2],
+    step: u32,
+    samples: u32,
+    points: u32,
+    spare: u32,
+}
+
+/// Twin of `BouncePoint` in `bounce_types.wgsl`.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+pub(crate) struct Point {
+    pub(crate) pixel: u32,
+    pub(crate) first: u32,
+    pub(crate) kept: u32,
+    pub(crate) white: f32,
+}
+
+impl Params {
+    fn new(wanted: Interreflection, size: [usize; 2]) -> Self {
+        let size = size.map(|side| side as u32);
+        let step = wanted.step_px;
+        // Every `step`th of them, and the last.
+        let places = |count: u32| (count - 1).div_ceil(step) + 1;
+        Self {
+            size,
+            places: size.map(places),
+            step,
+            samples: wanted.samples,
+            ..Self::default()
+        }
+    }
+
+    fn on_grid(&self) -> u32 {
+        self.places[0] * self.places[1]
+    }
+}
+
+/// Gathers the light that surfaces throw on each other, of which the maps of all pixels are at hand,
+/// and adds that of lamps to the ambient maps. Waits for the GPU once: how many points there are
+/// decides how much memory they take.
+///
+/// # Errors
+/// More points than there is memory for, or a GPU that has failed.
+pub(crate) fn run(
+    engine: &mut Engine,
+    wanted: Interreflection,
+    plan: &Plan,
+    size: [usize; 2],
+) -> Result<()> {
+    let mut params = Params::new(wanted, size);
+    let pixels = size[0] * size[1];
+    shares(engine, &params, plan)?;
+    params.points = maps::words::<u32>(engine, "bounce_count", 1)?[0];
+    reserve(engine, &params, plan)?;
+    engine.write("bounce_params", bytemuck::bytes_of(&params));
+    engine.write("bounce_disc", bytemuck::cast_slice(&disc(wanted.samples)));
+    let mut commands = engine.commands();
+    let points = Stage::new("grid", "points", plan);
+    engine.run(&mut commands, &points, grid(params.on_grid() as usize))?;
+    engine.run(
+        &mut commands,
+        &Stage::new("grid", "alone", plan),
+        grid(pixels),
+    )?;
+    let gather = Stage::new("gather", "main", plan).with("rays_a_point", wanted.samples.into());
+    // A workgroup a point.
+    engine.run(&mut commands, &gather, grid(64 * params.points as usize))?;
+    if plan.has(Term::Lights) {
+        engine.run(
+            &mut commands,
+            &Stage::new("add_lamps", "main", plan),
+            grid(pixels),
+        )?;
+        let mixed = Stage::new("add_lamps", "mixed", plan);
+        engine.run_indirect(&mut commands, &mixed, "mixed_count", 4)?;
+    }
+    engine.submit(commands);
+    Ok(())
+}
+
+/// Which points each pixel is interpolated from; counts them in `bounce_count`.
+fn shares(engine: &mut Engine, params: &Params, plan: &Plan) -> Result<()> {
+    let pixels = u64::from(params.size[0]) * u64::from(params.size[1]);
+    engine.write("bounce_params", bytemuck::bytes_of(params));
+    engine.write("bounce_count", bytemuck::bytes_of(&params.on_grid()));
+    engine.reserve("bounce_first", 4 * pixels);
+    engine.reserve("bounce_shares", 16 * pixels);
+    let mut commands = engine.commands();
+    engine.run(
+        &mut commands,
+        &Stage::new("grid", "shares", plan),
+        grid(pixels as usize),
+    )?;
+    engine.submit(commands);
+    Ok(())
+}
+
+/// Room for points and rays.
+fn reserve(engine: &mut Engine, params: &Params, plan: &Plan) -> Result<()> {
+    let points = u64::from(params.points);
+    let bytes = points * u64::from(params.samples) * RAY;
+    let most = engine.gpu().largest_buffer();
+    if bytes > most {
+        return Err(Error::device(format!(
+            "interreflection by {} rays at {points} points takes {bytes} bytes in one buffer of the \
+             GPU, which has up to {most}: a larger step_px or fewer samples do with less",
+            params.samples
+        )));
+    }
+    engine.reserve("bounce_points", points * POINT);
+    engine.reserve("bounce_lamps", 8 * points);
+    for (name, term) in [
+        ("bounce_x", Term::FootprintX),
+        ("bounce_y", Term::FootprintY),
+    ] {
+        engine.reserve(name, if plan.has(term) { bytes } else { 0 });
+    }
+    Ok(())
+}
+
+/// Of each direction its place in the disc under the hemisphere, its height above it, and what the
+/// height of its patch's sides is divided by.
+fn disc(samples: u32) -> Vec<[f32; 4]> {
+    let hemisphere = Hemisphere::new(samples as usize);
+    let lowest = hemisphere.lowest();
+    let point = |p: glam::DVec2| {
+        let height = (1.0 - p.length_squared()).max(0.0).sqrt();
+        [p.x, p.y, height, height.max(lowest)].map(|v| v as f32)
+    };
+    hemisphere.points().map(point).collect()
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,244 @@
+//! Finding a GPU, and knowing when it is gone.
+
+use phasmid_core::error::{Error, Result};
+use serde::Serialize;
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// Storage buffers that an entry point may need.
+const STORAGE_BUFFERS: u32 = 24;
+
+/// Bytes that the largest map takes a pixel.
+const LARGEST_ELEMENT: u64 = 16;
+/// Threads of a pass that numbers of 32 bits count, with room for those that fill a grid.
+const MOST_SAMPLES: u64 = 1 << 31;
+
+/// What is known of an adapter.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct Adapter {
+    /// The device's name.
+    pub name: String,
+    /// Discrete, integrated, virtual, or software that runs on the processor.
+    pub kind: &'static str,
+    /// The driver and its version.
+    pub driver: String,
+    /// Whether it is hardware rather than software.
+    pub hardware: bool,
+}
+
+/// An opened GPU.
+pub struct Gpu {
+    /// What it is.
+    pub adapter: Adapter,
+    pub(crate) device: wgpu::Device,
+    pub(super) queue: wgpu::Queue,
+    /// Whether passes can be timed, and nanoseconds of a tick.
+    pub(super) tick_ns: Option<f32>,
+    /// What went wrong, of which nothing works since.
+    failure: Arc<Mutex<Option<String>>>,
+}
+
+fn instance() -> wgpu::Instance {
+    let mut wanted = wgpu::InstanceDescriptor::new_without_display_handle();
+    wanted.backends = wgpu::Backends::VULKAN;
+    // Messages of the validation layers are for those who write drivers.
+    wanted.flags = wgpu::InstanceFlags::empty();
+    wgpu::Instance::new(wanted)
+}
+
+fn describe(info: &wgpu::AdapterInfo) -> Adapter {
+    let (kind, hardware) = match info.device_type {
+        wgpu::DeviceType::DiscreteGpu => ("discrete", true),
+        wgpu::DeviceType::IntegratedGpu => ("integrated", true),
+        wgpu::DeviceType::VirtualGpu => ("virtual", true),
+        wgpu::DeviceType::Cpu => ("software", false),
+        wgpu::DeviceType::Other => ("unknown", false),
+    };
+    Adapter {
+        name: info.name.clone(),
+        kind,
+        driver: format!("{} {}", info.driver, info.driver_info),
+        hardware,
+    }
+}
+
+/// The Vulkan adapters of this machine, the fastest kind first; none without a driver.
+pub fn adapters() -> Vec<Adapter> {
+    let mut found: Vec<_> = candidates(&instance())
+        .iter()
+        .map(|a| describe(&a.get_info()))
+        .collect();
+    found.dedup();
+    found
+}
+
+fn candidates(instance: &wgpu::Instance) -> Vec<wgpu::Adapter> {
+    let mut found = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::VULKAN));
+    found.sort_by_key(|a| match a.get_info().device_type {
+        wgpu::DeviceType::DiscreteGpu => 0,
+        wgpu::DeviceType::IntegratedGpu => 1,
+        wgpu::DeviceType::VirtualGpu => 2,
+        wgpu::DeviceType::Other => 3,
+        wgpu::DeviceType::Cpu => 4,
+    });
+    found
+}
+
+impl Gpu {
+    /// Opens the fastest kind of adapter there is; hardware only, or software too.
+    ///
+    /// # Errors
+    /// No such adapter, one whose limits are too small, or one that refuses.
+    pub fn open(software: bool) -> Result<Arc<Self>> {
+        let mut refusal = None;
+        for adapter in candidates(&instance()) {
+            if !software && !describe(&adapter.get_info()).hardware {
+                continue;
+            }
+            match Self::of(&adapter) {
+                Ok(gpu) => return Ok(Arc::new(gpu)),
+                Err(e) => refusal = refusal.or(Some(e)),
+            }
+        }
+        Err(refusal.unwrap_or_else(|| {
+            Error::device(if software {
+                "no Vulkan adapter on this machine: a driver (on Debian mesa-vulkan-drivers) and \
+                 the loader libvulkan.so.1 are needed"
+            } else {
+                "no Vulkan adapter on this machine that is hardware"
+            })
+        }))
+    }
+
+    fn of(adapter: &wgpu::Adapter) -> Result<Self> {
+        let about = describe(&adapter.get_info());
+        let has = adapter.limits();
+        let storage = has.max_storage_buffers_per_shader_stage;
+        if storage < STORAGE_BUFFERS {
+            return Err(Error::device(format!(
+                "GPU {}: {storage} storage buffers a shader; {STORAGE_BUFFERS} are needed",
+                about.name
+            )));
+        }
+        let limits = wgpu::Limits {
+            max_storage_buffers_per_shader_stage: STORAGE_BUFFERS,
+            max_storage_buffer_binding_size: has.max_storage_buffer_binding_size,
+            max_buffer_size: has.max_buffer_size,
+            ..wgpu::Limits::default().or_worse_values_from(&has)
+        };
+        let timed = adapter.features() & wgpu::Features::TIMESTAMP_QUERY;
+        let wanted = wgpu::DeviceDescriptor {
+            label: Some("phasma"),
+            required_features: timed,
+            required_limits: limits,
+            ..Default::default()
+        };
+        let (device, queue) = pollster::block_on(adapter.request_device(&wanted))
+            .map_err(|e| Error::device(format!("GPU {}: {e}", about.name)))?;
+        let failure = Arc::new(Mutex::new(None));
+        let note = |what: String| {
+            let failure = failure.clone();
+            move |words: String| {
+                let mut failure = failure.lock().unwrap_or_else(PoisonError::into_inner);
+                failure.get_or_insert_with(|| format!("GPU {what}: {words}"));
+            }
+        };
+        let lost = note(about.name.clone());
+        device.set_device_lost_callback(move |reason, words| {
+            // A device that we let go says so too.
+            if reason != wgpu::DeviceLostReason::Destroyed {
+                lost(format!("lost: {words}"));
+            }
+        });
+        let failed = note(about.name.clone());
+        device.on_uncaptured_error(Arc::new(move |e: wgpu::Error| {
+            failed(match e {
+                wgpu::Error::OutOfMemory { .. } => "out of memory".to_owned(),
+                other => other.to_string(),
+            });
+        }));
+        let tick_ns = (!timed.is_empty()).then(|| queue.get_timestamp_period());
+        Ok(Self {
+            adapter: about,
+            device,
+            queue,
+            tick_ns,
+            failure,
+        })
+    }
+
+    /// Whether its buffers hold the maps of a camera's pixels, and its threads count their samples.
+    ///
+    /// # Errors
+    /// Too many pixels or samples for this adapter.
+    pub(crate) fn holds(&self, pixels: u64, samples: u64) -> Result<()> {
+        let most = self.largest_buffer() / LARGEST_ELEMENT;
+        let refuse = |what: &str, found: u64, most: u64| {
+            let name = &self.adapter.name;
+            Err(Error::device(format!(
+                "GPU {name}: {found} {what}; it holds {most}"
+            )))
+        };
+        if pixels > most {
+            return refuse("pixels", pixels, most);
+        }
+        if pixels * samples > MOST_SAMPLES {
+            return refuse("samples in all pixels", pixels * samples, MOST_SAMPLES);
+        }
+        Ok(())
+    }
+
+    /// How many bytes a buffer may have.
+    pub(super) fn largest_buffer(&self) -> u64 {
+        let limits = self.device.limits();
+        limits
+            .max_buffer_size
+            .min(limits.max_storage_buffer_binding_size)
+    }
+
+    /// Notes what went wrong, if nothing did before.
+    pub(crate) fn fail(&self, words: impl std::fmt::Display) {
+        let mut failure = self.failure.lock().unwrap_or_else(PoisonError::into_inner);
+        failure.get_or_insert_with(|| format!("GPU {}: {words}", self.adapter.name));
+    }
+
+    /// Whether it works.
+    ///
+    /// # Errors
+    /// What has gone wrong first: a lost device, no more memory.
+    pub fn check(&self) -> Result<()> {
+        let failure = self.failure.lock().unwrap_or_else(PoisonError::into_inner);
+        match &*failure {
+            Some(words) => Err(Error::device(words)),
+            None => Ok(()),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    #[ignore = "needs a Vulkan adapter"]
+    fn what_does_not_fit_is_told_before_it_is_tried() {
+        let gpu = Gpu::open(true).unwrap();
+        gpu.holds(1138 * 489, 64).unwrap();
+        let words = gpu.holds(1 << 40, 1).unwrap_err().to_string();
+        assert!(words.contains("pixels; it holds"), "{words}");
+        let words = gpu.holds(1 << 20, 1 << 12).unwrap_err().to_string();
+        assert!(words.contains("samples in all pixels"), "{words}");
+    }
+
+    #[test]
+    #[ignore = "needs a Vulkan adapter"]
+    fn a_failure_is_said_as_it_was_first() {
+        let gpu = Gpu::open(true).unwrap();
+        gpu.check().unwrap();
+        gpu.fail("first");
+        gpu.fail("second");
+        assert_eq!(
+            gpu.check().unwrap_err().to_string(),
+            format!("GPU {}: first", gpu.adapter.name)
+        );
+    }
+}

@@ -1,0 +1,417 @@
+//! Runs entry points of shaders over named buffers.
+
+use super::timing::{PassTime, Timing};
+use super::{Gpu, Stage, shaders, store::Store};
+use phasmid_core::error::{Error, Result};
+use std::collections::{BTreeMap, HashMap};
+use std::ops::Range;
+use std::sync::Arc;
+use wgpu::naga::valid::{Capabilities, ValidationFlags, Validator};
+use wgpu::naga::{AddressSpace, StorageAccess};
+
+/// Runs passes on a GPU.
+pub(crate) struct Engine {
+    gpu: Arc<Gpu>,
+    store: Store,
+    modules: HashMap<&'static str, Arc<Module>>,
+    pipelines: Vec<(Stage, Pipeline)>,
+    timing: Timing,
+}
+
+/// Passes on their way to the GPU.
+pub(crate) struct Commands(wgpu::CommandEncoder);
+
+struct Module {
+    shader: wgpu::ShaderModule,
+    /// Of each entry point, the buffers that it uses: name, binding, and whether it only reads.
+    used: HashMap<String, Vec<(String, u32, bool)>>,
+}
+
+struct Pipeline {
+    pipeline: wgpu::ComputePipeline,
+    layout: wgpu::BindGroupLayout,
+    module: Arc<Module>,
+    /// For the store's generation.
+    bound: Option<(u64, wgpu::BindGroup)>,
+}
+
+impl Gpu {
+    /// Waits until all that was submitted is done.
+    pub(super) fn wait(&self) -> Result<()> {
+        self.poll(wgpu::PollType::wait_indefinitely())
+    }
+
+    /// Waits until what was submitted then is done.
+    pub(super) fn wait_for(&self, submission: wgpu::SubmissionIndex) -> Result<()> {
+        self.poll(wgpu::PollType::Wait {
+            submission_index: Some(submission),
+            timeout: None,
+        })
+    }
+
+    fn poll(&self, how: wgpu::PollType) -> Result<()> {
+        let done = self.device.poll(how);
+        if let Err(e) = done {
+            self.fail(e);
+        }
+        self.check()
+    }
+}
+
+impl Engine {
+    pub(crate) fn new(gpu: Arc<Gpu>) -> Self {
+        Self {
+            store: Store::new(gpu.clone()),
+            gpu,
+            modules: HashMap::new(),
+            pipelines: Vec::new(),
+            timing: Timing::off(),
+        }
+    }
+
+    pub(crate) fn gpu(&self) -> &Arc<Gpu> {
+        &self.gpu
+    }
+
+    /// Gives a buffer contents.
+    pub(crate) fn write(&mut self, name: &'static str, bytes: &[u8]) {
+        self.store.write(name, bytes);
+    }
+
+    /// Sees that a buffer has room for so many bytes.
+    pub(crate) fn reserve(&mut self, name: &'static str, bytes: u64) {
+        self.store.reserve(name, bytes);
+    }
+
+    /// Gives a part of a buffer contents, whole words; it has room for them.
+    pub(crate) fn write_at(&mut self, name: &str, offset: u64, bytes: &[u8]) {
+        self.store.write_at(name, offset, bytes);
+    }
+
+    /// Sees that there is a buffer, of whatever size, for shaders that name it and do without it.
+    pub(crate) fn provide(&mut self, name: &'static str) {
+        self.store.provide(name);
+    }
+
+    /// How many bytes a buffer has room for; 0 of none.
+    pub(crate) fn size(&self, name: &str) -> u64 {
+        self.store.size(name)
+    }
+
+    /// A list of passes, to be submitted.
+    pub(crate) fn commands(&self) -> Commands {
+        Commands(self.gpu.device.create_command_encoder(&Default::default()))
+    }
+
+    /// Adds a pass of so many workgroups.
+    ///
+    /// # Errors
+    /// A shader that the driver does not take, or a GPU that has failed.
+    pub(crate) fn run(
+        &mut self,
+        commands: &mut Commands,
+        stage: &Stage,
+        [x, y, z]: [u32; 3],
+    ) -> Result<()> {
+        self.pass(commands, stage, |pass, _| {
+            pass.dispatch_workgroups(x, y, z);
+            Ok(())
+        })
+    }
+
+    /// Adds a pass of as many workgroups as a buffer says: three words at an offset in bytes.
+    ///
+    /// # Errors
+    /// As [`Self::run`].
+    pub(crate) fn run_indirect(
+        &mut self,
+        commands: &mut Commands,
+        stage: &Stage,
+        groups: &str,
+        offset: u64,
+    ) -> Result<()> {
+        self.pass(commands, stage, |pass, store| {
+            pass.dispatch_workgroups_indirect(store.get(groups)?, offset);
+            Ok(())
+        })
+    }
+
+    fn pass(
+        &mut self,
+        commands: &mut Commands,
+        stage: &Stage,
+        dispatch: impl FnOnce(&mut wgpu::ComputePass<'_>, &Store) -> Result<()>,
+    ) -> Result<()> {
+        let index = self.pipeline(stage)?;
+        let name = format!("{}/{}", stage.shader, stage.entry);
+        let (stage, pipeline) = &mut self.pipelines[index];
+        let group = pipeline.bind(&self.gpu, &self.store, stage)?;
+        let mut pass = commands.0.begin_compute_pass(&wgpu::ComputePassDescriptor {
+            label: Some(&name),
+            timestamp_writes: self.timing.writes(&name),
+        });
+        pass.set_pipeline(&pipeline.pipeline);
+        pass.set_bind_group(0, &group, &[]);
+        dispatch(&mut pass, &self.store)
+    }
+
+    /// Hands passes over to the GPU.
+    pub(crate) fn submit(&self, commands: Commands) -> wgpu::SubmissionIndex {
+        self.gpu.queue.submit([commands.0.finish()])
+    }
+
+    /// Adds a copy of a part of a buffer, whole words, to a place in one of the caller's.
+    pub(super) fn copy_out(
+        &self,
+        commands: &mut Commands,
+        name: &str,
+        bytes: Range<u64>,
+        to: &wgpu::Buffer,
+        offset: u64,
+    ) -> Result<()> {
+        let from = self.store.get(name)?;
+        let length = bytes.end - bytes.start;
+        commands
+            .0
+            .copy_buffer_to_buffer(from, bytes.start, to, offset, length);
+        Ok(())
+    }
+
+    /// A part of a buffer, whole words; waits for all that was submitted.
+    ///
+    /// # Errors
+    /// A GPU that has failed.
+    pub(crate) fn read_back(&self, name: &str, bytes: Range<u64>) -> Result<Vec<u8>> {
+        let length = bytes.end - bytes.start;
+        if length == 0 {
+            return Ok(Vec::new());
+        }
+        let to = self.gpu.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some("read back"),
+            size: length,
+            usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        });
+        let mut commands = self.commands();
+        self.copy_out(&mut commands, name, bytes, &to, 0)?;
+        self.submit(commands);
+        to.map_async(wgpu::MapMode::Read, .., |_| {});
+        self.gpu.wait()?;
+        let view = to.get_mapped_range(..).map_err(Error::device)?;
+        Ok(view.to_vec())
+    }
+
+    /// Times passes from now on, where the adapter has a clock.
+    pub(crate) fn time_passes(&mut self) {
+        self.timing = Timing::on(&self.gpu);
+    }
+
+    /// What passes have taken since they are timed, by shader and entry point.
+    pub(crate) fn times(&mut self) -> BTreeMap<String, PassTime> {
+        self.timing.collect(&self.gpu)
+    }
+
+    fn pipeline(&mut self, stage: &Stage) -> Result<usize> {
+        if let Some(i) = self.pipelines.iter().position(|(s, _)| s == stage) {
+            return Ok(i);
+        }
+        let module = self.module(stage.shader)?;
+        let pipeline = Pipeline::new(&self.gpu, module, stage)?;
+        self.gpu.check()?;
+        self.pipelines.push((stage.clone(), pipeline));
+        Ok(self.pipelines.len() - 1)
+    }
+
+    fn module(&mut self, name: &'static str) -> Result<Arc<Module>> {
+        if let Some(module) = self.modules.get(name) {
+            return Ok(module.clone());
+        }
+        let module = Arc::new(Module::new(&self.gpu, name)?);
+        self.modules.insert(name, module.clone());
+        Ok(module)
+    }
+}
+
+impl Module {
+    fn new(gpu: &Gpu, name: &str) -> Result<Self> {
+        let source = shaders::assemble(name)?;
+        let wrong = |e: String| Error::device(format!("shader {name}: {e}"));
+        let module = wgpu::naga::front::wgsl::parse_str(&source)
+            .map_err(|e| wrong(e.emit_to_string(&source)))?;
+        let info = Validator::new(ValidationFlags::all(), Capabilities::empty())
+            .validate(&module)
+            .map_err(|e| wrong(e.emit_to_string(&source)))?;
+        let used = module.entry_points.iter().enumerate().map(|(i, entry)| {
+            let of_entry = info.get_entry_point(i);
+            let variables = module.global_variables.iter();
+            let bound = variables.filter(|(handle, _)| !of_entry[*handle].is_empty());
+            let bound = bound.filter_map(|(_, variable)| {
+                let binding = variable.binding?.binding;
+                let only_reads = match variable.space {
+                    AddressSpace::Storage { access } => !access.contains(StorageAccess::STORE),
+                    _ => true,
+                };
+                Some((variable.name.clone()?, binding, only_reads))
+            });
+            (entry.name.clone(), bound.collect())
+        });
+        let used = used.collect();
+        let shader = gpu
+            .device
+            .create_shader_module(wgpu::ShaderModuleDescriptor {
+                label: Some(name),
+                source: wgpu::ShaderSource::Wgsl(source.into()),
+            });
+        Ok(Self { shader, used })
+    }
+
+    fn used(&self, stage: &Stage) -> Result<&[(String, u32, bool)]> {
+        let (shader, entry) = (stage.shader, stage.entry);
+        match self.used.get(entry) {
+            Some(used) => Ok(used),
+            None => Err(Error::device(format!("shader {shader} has no {entry}"))),
+        }
+    }
+}
+
+impl Pipeline {
+    fn new(gpu: &Gpu, module: Arc<Module>, stage: &Stage) -> Result<Self> {
+        let entries: Vec<_> = module
+            .used(stage)?
+            .iter()
+            .map(|&(_, binding, read_only)| wgpu::BindGroupLayoutEntry {
+                binding,
+                visibility: wgpu::ShaderStages::COMPUTE,
+                ty: wgpu::BindingType::Buffer {
+                    ty: wgpu::BufferBindingType::Storage { read_only },
+                    has_dynamic_offset: false,
+                    min_binding_size: None,
+                },
+                count: None,
+            })
+            .collect();
+        let layout = gpu
+            .device
+            .create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+                label: Some(stage.shader),
+                entries: &entries,
+            });
+        let pipeline_layout = gpu
+            .device
+            .create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+                label: Some(stage.shader),
+                bind_group_layouts: &[Some(&layout)],
+                immediate_size: 0,
+            });
+        let constants = stage.all_constants();
+        let constants: Vec<_> = constants.iter().map(|(n, v)| (n.as_str(), *v)).collect();
+        let pipeline = gpu
+            .device
+            .create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+                label: Some(stage.shader),
+                layout: Some(&pipeline_layout),
+                module: &module.shader,
+                entry_point: Some(stage.entry),
+                compilation_options: wgpu::PipelineCompilationOptions {
+                    constants: &constants,
+                    zero_initialize_workgroup_memory: false,
+                },
+                cache: None,
+            });
+        Ok(Self {
+            pipeline,
+            layout,
+            module,
+            bound: None,
+        })
+    }
+
+    fn bind(&mut self, gpu: &Gpu, store: &Store, stage: &Stage) -> Result<wgpu::BindGroup> {
+        if let Some((generation, group)) = &self.bound
+            && *generation == store.generation()
+        {
+            return Ok(group.clone());
+        }
+        let mut entries = Vec::new();
+        for (name, binding, _) in self.module.used(stage)? {
+            entries.push(wgpu::BindGroupEntry {
+                binding: *binding,
+                resource: store.get(name)?.as_entire_binding(),
+            });
+        }
+        let group = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some(stage.shader),
+            layout: &self.layout,
+            entries: &entries,
+        });
+        self.bound = Some((store.generation(), group.clone()));
+        Ok(group)
+    }
+}
+
+#[cfg(test)]
+impl Engine {
+    /// Opens any adapter, software too.
+    pub(crate) fn for_tests() -> Self {
+        Self::new(Gpu::open(true).expect("a Vulkan adapter: install mesa-vulkan-drivers"))
+    }
+
+    /// Runs `main` of a shader that takes words from `input` to `output`.
+    pub(crate) fn call(
+        &mut self,
+        shader: &'static str,
+        input: &[u32],
+        output_len: usize,
+        threads: usize,
+    ) -> Vec<u32> {
+        let stage = Stage::new(shader, "main", &crate::Plan::default());
+        self.call_stage(&stage, input, output_len, threads)
+    }
+
+    /// The same of a stage with constants.
+    pub(crate) fn call_stage(
+        &mut self,
+        stage: &Stage,
+        input: &[u32],
+        output_len: usize,
+        threads: usize,
+    ) -> Vec<u32> {
+        self.write("input", bytemuck::cast_slice(input));
+        self.write("output", &vec![0; output_len * 4]);
+        let mut commands = self.commands();
+        self.run(&mut commands, stage, super::grid(threads))
+            .unwrap();
+        self.submit(commands);
+        let bytes = self.read_back("output", 0..output_len as u64 * 4).unwrap();
+        bytemuck::pod_collect_to_vec(&bytes)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    #[ignore = "needs a Vulkan adapter"]
+    fn invocations_are_numbered_in_grids_of_any_size() {
+        let mut engine = Engine::for_tests();
+        let count = 65535 * 64 + 1000;
+        let input: Vec<u32> = (0..count).map(|i| i ^ 0x5555).collect();
+        let output = engine.call("tests/linear_test", &input, input.len(), input.len());
+        for (i, (from, to)) in (0..count).zip(input.iter().zip(&output)) {
+            assert_eq!(from + i, *to);
+        }
+    }
+
+    #[test]
+    #[ignore = "needs a Vulkan adapter"]
+    fn passes_are_timed() {
+        let mut engine = Engine::for_tests();
+        engine.time_passes();
+        engine.call("tests/linear_test", &[1; 1000], 1000, 1000);
+        let times = engine.times();
+        if engine.gpu().tick_ns.is_some() {
+            assert_eq!(times["tests/linear_test/main"].runs, 1);
+        }
+    }
+}

@@ -1,0 +1,407 @@
+//! Electrons of whole frames by the GPU's exposure pass against the CPU's, both from the maps of the
+//! CPU's geometry pass: what differs is the exposure alone.
+
+use super::exposure::{Exposure, Shown};
+use super::{Engine, maps, skin, upload, upload_mixed};
+use crate::aperture::Aperture;
+use crate::buffer::GeometryBuffer;
+use crate::geometry::{self, Rays};
+use crate::light::{Spread, Table};
+use crate::renderer::ideal_points;
+use crate::schedule::Schedule;
+use crate::shade::Optics;
+use crate::skin::Mixture;
+use crate::term::Needs;
+use crate::timetable::Timetable;
+use crate::world::World;
+use crate::worlds::Worlds;
+use crate::{Options, Plan, Term};
+use crate::{
+    shot::{Shot, Showing, Shutter},
+    slide::Slide,
+};
+use phasmid_pattern::{Axis, Pattern};
+use phasmid_profile::{Focus, Profile, Response, Scene};
+use std::sync::Arc;
+
+const SOLIDS: &str = "
+[[object]]
+shape = { kind = \"plane\" }
+position_mm = [0, 0, 1060]
+rotation_deg = [6, -9, 2]
+albedo = 0.8
+[[object]]
+shape = { kind = \"sphere\", radius_mm = 40.0 }
+position_mm = [-50, 10, 960]
+albedo = 0.7
+[[object]]
+shape = { kind = \"cylinder\", radius_mm = 30.0, length_mm = 120.0 }
+position_mm = [70, 0, 980]
+rotation_deg = [10, 20, 35]
+albedo = 0.6
+";
+
+/// The middle of the bench before a scene, and the maps of what it sees.
+struct Setup {
+    profile: Profile,
+    plan: Plan,
+    optics: Optics,
+    map: GeometryBuffer,
+}
+
+impl Setup {
+    fn new(scene: &str, change: impl FnOnce(&mut Profile), options: Options) -> Self {
+        let mut profile = Profile::load("pmp-bench").unwrap();
+        let camera = &mut profile.camera;
+        let size = [300, 180];
+        camera.sensor_width_mm *= f64::from(size[0]) / f64::from(camera.width_px);
+        [camera.width_px, camera.height_px] = size;
+        change(&mut profile);
+        let text = format!("name = \"s\"\ndescription = \"\"\n{scene}");
+        let scene = Scene::parse(&text, "s").unwrap();
+        let optics = Optics::new(&profile, &scene);
+        let world = World::new(&scene, &optics.skins).unwrap();
+        let needs = Needs {
+            profile: &profile,
+            optics: &optics,
+            world: &world,
+        };
+        let mut plan = Plan::new(&needs);
+        plan.set(Term::FootprintX, true);
+        plan.set(Term::FootprintY, true);
+        let table = plan
+            .has(Term::CameraDistortion)
+            .then(|| ideal_points(&optics));
+        let rays = Rays {
+            optics: &optics,
+            table: table.as_deref(),
+            width: size[0] as usize,
+        };
+        let mut map = GeometryBuffer::default();
+        let aperture = Aperture::new(&profile.camera);
+        let worlds = Worlds::new(world);
+        geometry::run(&worlds, &optics, &rays, &plan, options, aperture, &mut map);
+        assert!(!map.mixed.is_empty());
+        Self {
+            profile,
+            plan,
+            optics,
+            map,
+        }
+    }
+
+    fn slides(&self) -> [(&'static str, Slide); 5] {
+        let projector = &self.profile.projector;
+        let of = |pattern| Slide::new(&pattern, projector, &|_| unreachable!()).unwrap();
+        let fringe = |axis, period_px| {
+            of(Pattern::Fringe {
+                axis,
+                period_px,
+                phase_rad: 0.3,
+            })
+        };
+        let gray = Pattern::Gray {
+            axis: Axis::Y,
+            cell_px: 4.0,
+            bits: 9,
+            bit: 0,
+            inverted: false,
+        };
+        let (width, height) = (projector.width_px, projector.height_px);
+        let speckle = |i: u32| (i.wrapping_mul(2_654_435_761) >> 24) as u16;
+        let picture = Slide::Picture {
+            width,
+            height,
+            levels: (0..width * height).map(speckle).collect(),
+        };
+        [
+            ("white", of(Pattern::White {})),
+            ("fringe", fringe(Axis::X, 16.0)),
+            ("fine fringe", fringe(Axis::Y, 5.0)),
+            ("Gray code", of(gray)),
+            ("picture", picture),
+        ]
+    }
+
+    fn table(&self, slide: &Slide) -> Arc<Table> {
+        Arc::new(Table::new(slide, &self.profile.projector, &self.plan))
+    }
+
+    fn on_cpu(&self, shot: &Shot, tables: &[Arc<Table>]) -> Vec<f32> {
+        let tables = tables.to_vec();
+        let mut electrons = vec![0.0; self.map.x.len()];
+        Schedule::new(self.when(shot), tables, &self.plan, &self.map).run(
+            &self.map,
+            0,
+            &mut electrons,
+        );
+        electrons
+    }
+
+    fn when(&self, shot: &Shot) -> Timetable {
+        let size = [self.map.width, self.map.height];
+        Timetable::new(shot, &self.plan, self.optics.flicker, size)
+    }
+
+    fn upload(&self, engine: &mut Engine) {
+        upload::maps(engine, &self.map);
+        upload_mixed::mixed(engine, &self.map);
+        skin::write(engine, &self.optics.skins);
+        self.upload_skin(engine);
+        if self.plan.has(Term::Interreflection) {
+            upload_bounce(engine, &self.map);
+        }
+    }
+
+    /// What light does under pixels and samples, as `skin_types.wgsl` has it.
+    fn upload_skin(&self, engine: &mut Engine) {
+        let Some(skin) = &self.map.skin else { return };
+        let mixtures: Vec<&Mixture> = self.optics.skins.mixtures().collect();
+        let under = |origin: [f32; 2], spreads: [Option<Spread<'_>>; 2]| {
+            let [x, y] = origin.map(|v| if v.is_finite() { v.to_bits() } else { 0 });
+            match spreads {
+                [Some(across), Some(down)] => {
+                    let tissue = mixtures.iter().position(|m| *m == across.mixture);
+                    let [a, b] = [across, down].map(|s| s.px_per_mm.to_bits());
+                    [x, y, a, b, tissue.unwrap() as u32, 0]
+                }
+                _ => [x, y, 0, 0, 0xffff, 0],
+            }
+        };
+        let pixels: Vec<_> = (0..self.map.x.len())
+            .map(|i| {
+                let origin = [skin.from[0][i], skin.from[1][i]];
+                under(origin, [0, 1].map(|axis| skin.spread(i, axis)))
+            })
+            .collect();
+        let mut samples = Vec::new();
+        for mixed in &self.map.mixed {
+            for k in 0..16 {
+                let of = mixed.skin.as_ref();
+                let spreads = [0, 1].map(|axis| of.and_then(|of| skin.sample(of, k, axis)));
+                samples.push(under([mixed.x[k], mixed.y[k]], spreads));
+            }
+        }
+        engine.write("under_skin", bytemuck::cast_slice(&pixels));
+        engine.write("mixed_skin", bytemuck::cast_slice(&samples));
+    }
+
+    /// Exposes as often as is said, each time adding to the last.
+    fn on_gpu(
+        &self,
+        (engine, exposure): (&mut Engine, &mut Exposure),
+        shot: &Shot,
+        tables: &[Arc<Table>],
+        times: usize,
+    ) -> Vec<f32> {
+        let when = self.when(shot);
+        for i in 0..times {
+            let shown = Shown {
+                plan: &self.plan,
+                when: &when,
+                tables,
+                pixels: self.map.x.len(),
+                adds: i > 0,
+            };
+            let mut commands = engine.commands();
+            exposure.run(engine, &mut commands, &shown).unwrap();
+            engine.submit(commands);
+        }
+        maps::words(engine, "electrons", self.map.x.len() as u64).unwrap()
+    }
+
+    fn shot(&self) -> Shot {
+        Shot {
+            slide: Some(Arc::new(Slide::Uniform(255))),
+            light: 0.9,
+            start_ns: 3_333_333,
+            exposure_ns: 8_000_000,
+            ..Shot::default()
+        }
+    }
+
+    /// Every kind of slide by itself.
+    fn check(&self, name: &str, bar: f32) {
+        let (mut engine, mut exposure) = (Engine::for_tests(), Exposure::default());
+        self.upload(&mut engine);
+        for (of, slide) in self.slides() {
+            let (shot, tables) = (self.shot(), [self.table(&slide)]);
+            let cpu = self.on_cpu(&shot, &tables);
+            let gpu = self.on_gpu((&mut engine, &mut exposure), &shot, &tables, 1);
+            self.compare(&format!("{name}, {of}"), &cpu, &gpu, bar);
+        }
+    }
+
+    /// Holds electrons within a part of a grey level, of 255 to a full well.
+    fn compare(&self, name: &str, cpu: &[f32], gpu: &[f32], bar: f32) {
+        let level = (self.profile.camera.sensor.full_well_e / 255.0) as f32;
+        let mixed = |i: usize| self.map.mixed.iter().any(|m| m.pixel as usize == i);
+        let (mut worst, mut at, mut most) = (0.0f32, 0, 0.0f32);
+        for (i, (a, b)) in cpu.iter().zip(gpu).enumerate() {
+            let error = (a - b).abs() / level;
+            if !(error <= worst) {
+                (worst, at) = (error, i);
+            }
+            most = most.max(*a / level);
+        }
+        let (a, b) = (cpu[at], gpu[at]);
+        let kind = if mixed(at) { "mixed" } else { "plain" };
+        println!("{name}: worst {worst:.2e} of {most:.0} grey levels, {kind}: {b} for {a}");
+        assert!(worst <= bar && most > 20.0, "{name}: {worst} of {most}");
+    }
+}
+
+/// The CPU's bounce, as `bounce_types.wgsl` has it.
+fn upload_bounce(engine: &mut Engine, map: &GeometryBuffer) {
+    let (bounce, mut before) = (&map.bounce, 0);
+    let (mut points, mut x, mut y) = (Vec::new(), Vec::new(), Vec::new());
+    for (&end, white) in bounce.ends.iter().zip(&bounce.white) {
+        let first = x.len();
+        for block in before..end as usize {
+            for lane in 0..bounce.weight[block].len() {
+                let weight = bounce.weight[block][lane];
+                let ([a, b], [c, d]) = (bounce.x_slope[block][lane], bounce.y_slope[block][lane]);
+                x.push([bounce.x[block][lane], a, b, weight]);
+                y.push([bounce.y[block][lane], c, d, weight]);
+            }
+        }
+        before = end as usize;
+        points.push([0, first as u32, (x.len() - first) as u32, white.to_bits()]);
+    }
+    let [width, height, columns] = [map.width, map.height, bounce.stride].map(|n| n as u32);
+    let params = [width, height, columns, 0, 0, 0, points.len() as u32, 0];
+    engine.write("bounce_params", bytemuck::cast_slice(&params));
+    engine.write("bounce_points", bytemuck::cast_slice(&points));
+    engine.write("bounce_x", bytemuck::cast_slice(&x));
+    engine.write("bounce_y", bytemuck::cast_slice(&y));
+    engine.write("bounce_first", bytemuck::cast_slice(&bounce.first));
+    engine.write("bounce_shares", bytemuck::cast_slice(&bounce.shares));
+}
+
+#[test]
+#[ignore = "needs a Vulkan adapter"]
+fn slides_of_all_kinds() {
+    let plain = Setup::new(SOLIDS, |_| {}, Options::default());
+    plain.check("solids", 0.01);
+    let bent = |profile: &mut Profile| {
+        profile.projector.response = Some(Response::Gamma(2.2));
+        profile.projector.contrast_ratio = Some(300.0);
+    };
+    Setup::new(SOLIDS, bent, Options::default()).check("gamma and contrast", 0.01);
+}
+
+#[test]
+#[ignore = "needs a Vulkan adapter"]
+fn slides_out_of_focus() {
+    let blurred = |profile: &mut Profile| {
+        profile.projector.focus = Some(Focus {
+            distance_mm: 900.0,
+            aperture_mm: 8.0,
+        });
+    };
+    Setup::new(SOLIDS, blurred, Options::default()).check("defocus", 0.02);
+    let slightly = |profile: &mut Profile| {
+        profile.projector.focus = Some(Focus {
+            distance_mm: 1000.0,
+            aperture_mm: 0.5,
+        });
+    };
+    Setup::new(SOLIDS, slightly, Options::default()).check("a little defocus", 0.02);
+}
+
+#[test]
+#[ignore = "needs a Vulkan adapter"]
+fn slides_on_skin() {
+    let skin = "albedo = 0.8\nskin = { absorption_per_mm = 0.02, reduced_scattering_per_mm = 2.0 }";
+    let scene = SOLIDS.replace("albedo = 0.8", skin);
+    let scene = scene.replace("albedo = 0.7", "albedo = 0.7\nskin = { fitzpatrick = 2 }");
+    Setup::new(&scene, |_| {}, Options::default()).check("skin", 0.05);
+    let blurred = |profile: &mut Profile| {
+        profile.projector.focus = Some(Focus {
+            distance_mm: 900.0,
+            aperture_mm: 8.0,
+        });
+    };
+    Setup::new(&scene, blurred, Options::default()).check("skin out of focus", 0.05);
+}
+
+#[test]
+#[ignore = "needs a Vulkan adapter"]
+fn light_that_bounces() {
+    let scene = format!("interreflection = {{ samples = 64, step_px = 4 }}\n{SOLIDS}");
+    Setup::new(&scene, |_| {}, Options::default()).check("interreflection", 0.01);
+}
+
+#[test]
+#[ignore = "needs a Vulkan adapter"]
+fn pixels_of_many_samples() {
+    let options = Options {
+        samples: 64,
+        ..Options::default()
+    };
+    let deep = |profile: &mut Profile| {
+        profile.camera.focus_mm = Some(1000.0);
+        profile.camera.f_number = 8.0;
+    };
+    let setup = Setup::new(SOLIDS, deep, options);
+    let groups =
+        |m: &[crate::buffer::Mixed]| m.chunk_by(|a, b| a.pixel == b.pixel).all(|g| g.len() == 4);
+    assert!(groups(&setup.map.mixed));
+    setup.check("64 samples", 0.01);
+}
+
+const FLICKER: &str = "interreflection = { samples = 16, step_px = 5 }
+ambient = { irradiance_w_m2 = 0.1, flicker = { frequency_hz = 100, depth = 0.9, phase_deg = 25 } }
+[[light]]
+kind = \"point\"
+position_mm = [-400, -300, 500]
+intensity_w_sr = 0.3
+flicker = { frequency_hz = 100, depth = 0.5, phase_deg = 25 }
+";
+
+/// Rows that see different slides, each at its place in the mains' period; and light that is added
+/// to what is there.
+#[test]
+#[ignore = "needs a Vulkan adapter"]
+fn rows_that_follow_each_other() {
+    let rolling = |profile: &mut Profile| profile.camera.line_time_us = 30.0;
+    let setup = Setup::new(&format!("{FLICKER}{SOLIDS}"), rolling, Options::default());
+    let [white, fringe, _, gray, picture] = setup.slides().map(|(_, slide)| Arc::new(slide));
+    let show = |from_ns, slide: Option<&Arc<Slide>>, light| Showing {
+        from_ns,
+        slide: slide.cloned(),
+        light,
+    };
+    let shot = Shot {
+        slide: Some(fringe.clone()),
+        then: vec![
+            show(5_000_000, None, 1.0),
+            show(6_000_000, Some(&gray), 0.5),
+            show(8_000_000, Some(&picture), 1.0),
+            show(9_500_000, Some(&white), 0.7),
+        ],
+        exposure_ns: 4_000_000,
+        shutter: Shutter {
+            line_time_ns: 30_000,
+            first_row: 0,
+            rows: 180,
+        },
+        ..setup.shot()
+    };
+    let dark = Arc::new(Table::Uniform(0.0));
+    let tables = [
+        setup.table(&fringe),
+        dark,
+        setup.table(&gray),
+        setup.table(&picture),
+        setup.table(&white),
+    ];
+    let (mut engine, mut exposure) = (Engine::for_tests(), Exposure::default());
+    setup.upload(&mut engine);
+    let mut cpu = setup.on_cpu(&shot, &tables);
+    let gpu = setup.on_gpu((&mut engine, &mut exposure), &shot, &tables, 1);
+    setup.compare("rolling", &cpu, &gpu, 0.01);
+    cpu.iter_mut().for_each(|e| *e *= 3.0);
+    let gpu = setup.on_gpu((&mut engine, &mut exposure), &shot, &tables, 3);
+    setup.compare("rolling, three times", &cpu, &gpu, 0.03);
+}

@@ -1,0 +1,100 @@
+//! Frames on their way back from the GPU: several at a time, so that it works at the next while the
+//! processor copies the last, once, to where the link takes it from.
+
+use super::engine::Commands;
+use super::{Engine, Gpu};
+use phasmid_core::error::{Error, Result};
+use std::sync::mpsc;
+
+/// Frames under way together: one that is worked at, one that waits, one that is copied.
+pub(crate) const DEPTH: usize = 3;
+
+/// Buffers that the processor can read.
+#[derive(Default)]
+pub(super) struct Frames {
+    free: Vec<wgpu::Buffer>,
+}
+
+/// A frame that is on its way.
+pub(crate) struct Ticket {
+    buffer: wgpu::Buffer,
+    bytes: usize,
+    /// Groups of samples that there was room for.
+    room: u64,
+    submission: wgpu::SubmissionIndex,
+    mapped: mpsc::Receiver<Result<(), wgpu::BufferAsyncError>>,
+}
+
+/// A frame that has come back.
+pub(super) struct Arrived {
+    pub(super) data: Vec<u8>,
+    /// Groups of samples that mixed pixels wanted, and that there was room for.
+    pub(super) wanted: u64,
+    pub(super) room: u64,
+}
+
+/// Bytes of `mixed_count`, whose last word is what mixed pixels wanted.
+const COUNT: u64 = 20;
+
+impl Frames {
+    /// Submits passes, and a copy of the frame that they leave behind.
+    pub(super) fn submit(
+        &mut self,
+        engine: &Engine,
+        mut commands: Commands,
+        bytes: usize,
+        room: u64,
+    ) -> Result<Ticket> {
+        let frame = (bytes as u64).next_multiple_of(4);
+        let size = frame + COUNT;
+        self.free.retain(|buffer| buffer.size() == size);
+        let new = || {
+            engine.gpu().device.create_buffer(&wgpu::BufferDescriptor {
+                label: Some("frame read back"),
+                size,
+                usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
+                mapped_at_creation: false,
+            })
+        };
+        let buffer = self.free.pop().unwrap_or_else(new);
+        engine.copy_out(&mut commands, "frame", 0..frame, &buffer, 0)?;
+        engine.copy_out(&mut commands, "mixed_count", 0..COUNT, &buffer, frame)?;
+        let submission = engine.submit(commands);
+        engine.gpu().check()?;
+        let (tell, mapped) = mpsc::channel();
+        buffer.map_async(wgpu::MapMode::Read, .., move |outcome| {
+            // Whoever asked may have given up.
+            let _ = tell.send(outcome);
+        });
+        Ok(Ticket {
+            buffer,
+            bytes,
+            room,
+            submission,
+            mapped,
+        })
+    }
+
+    /// Waits for a frame.
+    pub(super) fn take(&mut self, gpu: &Gpu, ticket: Ticket) -> Result<Arrived> {
+        gpu.wait_for(ticket.submission)?;
+        let mapped = ticket.mapped.try_recv();
+        mapped.map_err(Error::device)?.map_err(Error::device)?;
+        let arrived = {
+            let view = ticket.buffer.get_mapped_range(..).map_err(Error::device)?;
+            let (rest, wanted) = view.split_last_chunk().ok_or_else(short)?;
+            Arrived {
+                data: rest[..ticket.bytes].to_vec(),
+                wanted: u32::from_le_bytes(*wanted).into(),
+                room: ticket.room,
+            }
+        };
+        ticket.buffer.unmap();
+        self.free.push(ticket.buffer);
+        Ok(arrived)
+    }
+}
+
+fn short() -> Error {
+    Error::device("GPU: a frame without its end")
+}

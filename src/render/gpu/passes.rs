@@ -1,0 +1,221 @@
+//! All passes of one renderer on a GPU: what its maps hold, and frames on their way back.
+
+use super::engine::Commands;
+use super::exposure::{Exposure, Shown};
+use super::frames::{Arrived, Frames, Ticket};
+use super::glare::Glare;
+use super::looks::Looks;
+use super::sampled::Sampler;
+use super::scene::Scene;
+use super::sensor::SensorPass;
+use super::{Engine, Gpu, PassTime, bounce, geometry, optics, skin};
+use crate::aperture::Aperture;
+use crate::sensor::{FixedPattern, Sensor};
+use crate::shade::Optics;
+use crate::worlds::Worlds;
+use crate::{Options, Plan, Term};
+use glam::DVec2;
+use phasmid_core::error::{Error, Result};
+use phasmid_profile::Profile;
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+/// The passes of one renderer.
+pub(crate) struct Passes {
+    engine: Engine,
+    frames: Frames,
+    made: Option<Made>,
+    exposure: Exposure,
+    /// Passes of the last instant's light, which go to the GPU with what follows them.
+    open: Option<Commands>,
+    /// The revision of scene and plan that the maps hold.
+    holds: Option<u64>,
+}
+
+/// What renderers have at hand for their passes.
+pub(crate) struct View<'a> {
+    pub(crate) profile: &'a Profile,
+    pub(crate) worlds: &'a Worlds,
+    pub(crate) optics: &'a Optics,
+    /// Ideal image points of the pixels, where the lens is distorted.
+    pub(crate) rays: Option<&'a [DVec2]>,
+    pub(crate) plan: &'a Plan,
+    pub(crate) options: Options,
+    pub(crate) fixed: Option<&'a FixedPattern>,
+    /// Counts states of scene and plan.
+    pub(crate) revision: u64,
+}
+
+/// What one plan needs.
+struct Made {
+    plan: Plan,
+    scene: Scene,
+    looks: Looks,
+    sampler: Sampler,
+    glare: Option<Glare>,
+    sensor: SensorPass,
+}
+
+impl View<'_> {
+    fn size(&self) -> [usize; 2] {
+        let camera = &self.profile.camera;
+        [camera.width_px, camera.height_px].map(|side| side as usize)
+    }
+}
+
+impl Made {
+    fn new(engine: &mut Engine, view: &View<'_>) -> Self {
+        let camera = &view.profile.camera;
+        let [width, height] = view.size();
+        optics::write(engine, view.optics);
+        geometry::write_rays(engine, view.rays);
+        if view.plan.has(Term::Subsurface) {
+            skin::write(engine, &view.optics.skins);
+        }
+        let aperture = Aperture::new(camera);
+        let glare = camera.glare.filter(|_| view.plan.has(Term::Glare));
+        let bloom = camera.sensor.blooming_percent;
+        Self {
+            plan: *view.plan,
+            scene: Scene::default(),
+            looks: Looks::default(),
+            sampler: Sampler::new(
+                engine,
+                view.worlds,
+                view.optics,
+                view.plan,
+                view.options,
+                aperture,
+            ),
+            glare: glare.and_then(|glare| Glare::new(engine, &glare, [width, height])),
+            sensor: SensorPass::new(engine, view.plan, (width, height), bloom, view.fixed),
+        }
+    }
+}
+
+impl Passes {
+    pub(crate) fn new(gpu: Arc<Gpu>) -> Self {
+        Self {
+            engine: Engine::new(gpu),
+            frames: Frames::default(),
+            made: None,
+            exposure: Exposure::default(),
+            open: None,
+            holds: None,
+        }
+    }
+
+    pub(crate) fn gpu(&self) -> &Gpu {
+        self.engine.gpu()
+    }
+
+    /// Forgets what it holds of the scene, which is another one now; pipelines stay.
+    pub(crate) fn forget(&mut self) {
+        self.made = None;
+        self.holds = None;
+    }
+
+    /// Runs the geometry pass if its result is not at hand.
+    ///
+    /// # Errors
+    /// A GPU that has failed.
+    pub(crate) fn look(&mut self, view: &View<'_>) -> Result<()> {
+        let engine = &mut self.engine;
+        // A plan that changes is another revision too.
+        if self.holds == Some(view.revision) {
+            return engine.gpu().check();
+        }
+        // What the open passes look at is about to change.
+        if let Some(open) = self.open.take() {
+            engine.submit(open);
+        }
+        let made = match self.made.take() {
+            Some(made) if made.plan == *view.plan => made,
+            _ => Made::new(engine, view),
+        };
+        let made = self.made.insert(made);
+        made.scene.update(engine, view.worlds, view.size()[1]);
+        made.looks.update(engine, view.optics, view.worlds);
+        made.sampler.see(engine, view.worlds);
+        let mut commands = engine.commands();
+        geometry::run(engine, &mut commands, view.plan, &view.optics.camera.lens)?;
+        made.sampler.run(engine, &mut commands, view.plan)?;
+        let size = view.size();
+        if view.plan.has(Term::Subsurface) {
+            skin::run(engine, &mut commands, view.plan, size[0] * size[1])?;
+        }
+        engine.submit(commands);
+        let interreflection = view.optics.interreflection;
+        if let Some(wanted) = interreflection.filter(|_| view.plan.has(Term::Interreflection)) {
+            bounce::run(engine, wanted, view.plan, size)?;
+        }
+        self.holds = Some(view.revision);
+        engine.gpu().check()
+    }
+
+    /// Adds the light of a shot, or of an instant of it, that [`Self::look`] was at.
+    ///
+    /// # Errors
+    /// A GPU that has failed.
+    pub(crate) fn expose(&mut self, shown: &Shown<'_>) -> Result<()> {
+        // Its schedule is about to be written over.
+        if let Some(open) = self.open.take() {
+            self.engine.submit(open);
+        }
+        let mut commands = self.engine.commands();
+        self.exposure.run(&mut self.engine, &mut commands, shown)?;
+        self.open = Some(commands);
+        Ok(())
+    }
+
+    /// Reads the light out, into a frame that comes back: one submission with the light.
+    ///
+    /// # Errors
+    /// A GPU that has failed.
+    pub(crate) fn read(&mut self, sensor: &Sensor<'_>) -> Result<Ticket> {
+        let engine = &mut self.engine;
+        let (Some(made), Some(mut commands)) = (&self.made, self.open.take()) else {
+            return Err(Error::device("GPU: a frame of nothing"));
+        };
+        if let Some(glare) = &made.glare {
+            glare.run(engine, &mut commands, &made.plan)?;
+        }
+        made.sensor.read(engine, &mut commands, sensor)?;
+        let bytes = made.sensor.frame_bytes(sensor);
+        self.frames
+            .submit(engine, commands, bytes, made.sampler.room())
+    }
+
+    /// Waits for a frame; `None` where there was no room for all the samples of mixed pixels. There
+    /// is more then, and it has to be made again.
+    ///
+    /// # Errors
+    /// A GPU that has failed, or that has too little memory for the samples.
+    pub(crate) fn take(&mut self, ticket: Ticket) -> Result<Option<Vec<u8>>> {
+        let Arrived { data, wanted, room } = self.frames.take(self.engine.gpu(), ticket)?;
+        if wanted <= room {
+            return Ok(Some(data));
+        }
+        if let Some(made) = &mut self.made {
+            made.sampler.has_grown(&mut self.engine, wanted)?;
+        }
+        self.holds = None;
+        Ok(None)
+    }
+
+    /// Asks for memory, as passes do.
+    #[cfg(test)]
+    pub(crate) fn reserve(&mut self, name: &'static str, bytes: u64) {
+        self.engine.reserve(name, bytes);
+    }
+
+    /// Times passes from now on.
+    pub(crate) fn time_passes(&mut self) {
+        self.engine.time_passes();
+    }
+
+    /// What passes have taken since they are timed, by shader and entry point.
+    pub(crate) fn times(&mut self) -> BTreeMap<String, PassTime> {
+        self.engine.times()
+    }
+}

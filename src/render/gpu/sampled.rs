@@ -1,0 +1,179 @@
+//! The passes that see pixels by several rays: those that are mixed, or all of them.
+
+use super::engine::Commands;
+use super::mixed::{self, Room};
+use super::{Engine, Stage, aperture, grid};
+use crate::aperture::Aperture;
+use crate::look::Looks;
+use crate::shade::Optics;
+use crate::worlds::Worlds;
+use crate::{Options, Plan, Term};
+use bytemuck::{Pod, Zeroable};
+use phasmid_core::error::Result;
+
+/// Twin of `Sampling` in `sampling.wgsl`, its tables aside.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+struct SamplingData {
+    size: [u32; 2],
+    rows: u32,
+    room: u32,
+    pixel_slope: f32,
+    focus: f32,
+    spread: f32,
+    turns: u32,
+    varies: u32,
+    spare: [u32; 3],
+}
+
+/// Sees pixels by several rays.
+pub(crate) struct Sampler {
+    aperture: Aperture,
+    /// Samples on a side of a pixel.
+    side: usize,
+    room: Room,
+    data: SamplingData,
+    /// A bit for each object whose albedo varies over its surface.
+    varies: Vec<[u32; 2]>,
+}
+
+impl Sampler {
+    /// Takes what the passes need beside maps, optics and world to the GPU.
+    pub(crate) fn new(
+        engine: &mut Engine,
+        worlds: &Worlds,
+        optics: &Optics,
+        plan: &Plan,
+        options: Options,
+        aperture: Aperture,
+    ) -> Self {
+        let lens = &optics.camera.lens;
+        let depth_of_field = plan.has(Term::DepthOfField) && aperture.radius_mm > 0.0;
+        let side = options.side(depth_of_field);
+        let pixels = u64::from(lens.width_px) * u64::from(lens.height_px);
+        // What scenes mostly take: all that is on edges, a part of what may be out of focus.
+        let heads = match side {
+            1 | 2 => pixels / 16,
+            _ => pixels / 4,
+        };
+        let data = SamplingData {
+            size: [lens.width_px, lens.height_px],
+            pixel_slope: (1.0 / lens.focal_px.min_element()) as f32,
+            focus: aperture.focus as f32,
+            spread: (aperture.focal_px * aperture.radius_mm) as f32,
+            turns: (side * side) as u32,
+            ..SamplingData::zeroed()
+        };
+        engine.reserve("candidates", pixels * 4);
+        engine.reserve("candidate_count", 16);
+        for name in ["mixed_skin", "skin_of"] {
+            engine.provide(name);
+        }
+        let mut sampler = Self {
+            aperture,
+            side,
+            room: Room::new(engine, heads, plan.has(Term::Subsurface)),
+            data,
+            varies: varies(&worlds.any().looks),
+        };
+        sampler.room.reserve(engine);
+        // What was wanted under another plan is not now.
+        mixed::forget(engine);
+        sampler.see(engine, worlds);
+        sampler
+    }
+
+    /// Takes note of a scene that may be seen otherwise than before: by all rows at once, or by each
+    /// at its own time.
+    pub(crate) fn see(&mut self, engine: &mut Engine, worlds: &Worlds) {
+        let rows = worlds.rows_together() as u32;
+        if self.data.rows != rows {
+            self.data.rows = rows;
+            self.write(engine);
+        }
+    }
+
+    /// Groups of sixteen samples that there is room for.
+    pub(super) fn room(&self) -> u64 {
+        self.room.heads
+    }
+
+    fn write(&mut self, engine: &mut Engine) {
+        let size = self.data.size.map(|n| n as usize);
+        let turns = aperture::turns(size.into(), self.data.rows as usize);
+        let points = aperture::points(&self.aperture, self.side);
+        let pairs: Vec<[f32; 2]> = points.chain(turns).collect();
+        self.data.varies = pairs.len() as u32;
+        self.data.room = self.room.heads as u32;
+        let parts: [&[u8]; 3] = [
+            bytemuck::bytes_of(&self.data),
+            bytemuck::cast_slice(&pairs),
+            bytemuck::cast_slice(&self.varies),
+        ];
+        engine.write("sampling", &parts.concat());
+    }
+
+    /// Adds the passes that follow the one over pixels' centres, to be submitted with it.
+    ///
+    /// # Errors
+    /// A GPU that has failed.
+    pub(crate) fn run(
+        &self,
+        engine: &mut Engine,
+        commands: &mut Commands,
+        plan: &Plan,
+    ) -> Result<()> {
+        let pixels = (self.data.size[0] * self.data.size[1]) as usize;
+        let samples = pixels * self.side * self.side;
+        let through_pupil = self.aperture.radius_mm > 0.0;
+        let sampled = |entry| {
+            Stage::new("sampled", entry, plan)
+                .with("side", self.side as f64)
+                .with("through_pupil", u8::from(through_pupil).into())
+        };
+        let mixed = |entry| Stage::new("mixed", entry, plan);
+        engine.run(commands, &mixed("clear"), [1; 3])?;
+        match self.side {
+            1 => {}
+            2 => engine.run(commands, &sampled("mark"), grid(samples))?,
+            _ => engine.run(commands, &sampled("gather"), grid(samples))?,
+        }
+        if self.side < 4 {
+            engine.run(commands, &mixed("find"), grid(pixels))?;
+            engine.run(commands, &mixed("ready"), [1; 3])?;
+            let sample = Stage::new("mixed_sample", "main", plan);
+            engine.run_indirect(commands, &sample, "candidate_count", 4)?;
+        }
+        engine.run(commands, &mixed("close"), [1; 3])?;
+        if plan.has(Term::DepthOfField) {
+            engine.run(commands, &Stage::new("widen", "main", plan), grid(pixels))?;
+        }
+        Ok(())
+    }
+
+    /// Makes room where there was too little for the groups that mixed pixels wanted, the last word of
+    /// `mixed_count`; tells whether there was: then the pass over the centres and these have to be
+    /// run again.
+    ///
+    /// # Errors
+    /// More mixed pixels than the adapter can hold.
+    pub(crate) fn has_grown(&mut self, engine: &mut Engine, wanted: u64) -> Result<bool> {
+        let grown = self.room.grow(wanted)?;
+        if grown {
+            self.room.reserve(engine);
+            self.write(engine);
+        }
+        Ok(grown)
+    }
+}
+
+fn varies(looks: &Looks) -> Vec<[u32; 2]> {
+    let mut varies = vec![[0u32; 2]; looks.len().div_ceil(64)];
+    for object in (0..looks.len()).filter(|&object| looks.vary(object as u16)) {
+        varies[object / 64][object / 32 % 2] |= 1 << (object % 32);
+    }
+    varies
+}
+
+#[cfg(test)]
+mod tests;

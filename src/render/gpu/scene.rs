@@ -1,0 +1,278 @@
+//! The scene as shaders read it: `bvh.wgsl` and `world.wgsl`.
+//!
+//! What stands still and what moves as a rigid body is taken to the GPU once; each instant brings the
+//! poses alone. A mesh that deforms brings its corners and boxes too, some 4 MB for 65,536 triangles:
+//! the CPU refits its hierarchy rather than build it anew. On two cores busy with other work the least
+//! was 1.0 ms for the refit (fifteen runs), 0.1 ms for blending and 1.1 ms for the normals in f64,
+//! against 122 ms for building (four runs): too rough for a ratio, plain enough for the choice. A
+//! refit by shaders has not been measured; the CPU's own would remain, for the looks.
+
+use super::Engine;
+use crate::path::Blend;
+use crate::tree::{Frame, Tree};
+use crate::world::{Placed, World};
+use crate::worlds::Worlds;
+use bytemuck::{Pod, Zeroable};
+use glam::DVec3;
+use phasmid_geometry::{Pose, Solid};
+use rayon::prelude::*;
+
+/// Two vectors of `nodes` in `bvh.wgsl`.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+struct NodeData {
+    min: [f32; 3],
+    first: u32,
+    max: [f32; 3],
+    count: u32,
+}
+
+/// Three vectors of `triangles` in `bvh.wgsl`: a corner and a component of the normal each.
+type TriangleData = [[f32; 4]; 3];
+
+/// Twin of `Tree` in `bvh.wgsl`.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+struct TreeData {
+    tree_from_rig: [[f32; 4]; 3],
+    nodes: u32,
+    triangles: u32,
+    first: u32,
+    count: u32,
+    shape: u32,
+    spare: [u32; 3],
+}
+
+/// Twin of `Solid` in `solid.wgsl`.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+struct SolidData {
+    solid_from_rig: [[f32; 4]; 3],
+    size: [f32; 4],
+    kind: u32,
+    object: u32,
+    around_camera: u32,
+    spare: u32,
+}
+
+/// Twin of `World` in `world.wgsl`.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+struct WorldData {
+    trees: u32,
+    solids: u32,
+    triangles: u32,
+    by_row: u32,
+}
+
+/// Where a hierarchy's nodes and triangles begin, of each of the shapes that it is kept in.
+struct Place {
+    nodes: Vec<u32>,
+    triangles: Vec<u32>,
+    /// The shapes that are there; none of what does not deform.
+    blends: Vec<Option<Blend>>,
+}
+
+/// What the GPU has of a scene.
+#[derive(Default)]
+pub(crate) struct Scene {
+    /// Of each hierarchy, that of what stands still first.
+    places: Vec<Place>,
+    /// Shapes that meshes which deform are kept in; 0 before anything is there.
+    shapes: usize,
+}
+
+/// The largest number that WGSL's tests take for a size without end.
+const ENDLESS: f64 = 3e38;
+
+fn rows(pose: &Pose) -> [[f32; 4]; 3] {
+    std::array::from_fn(|i| {
+        let row = pose.rotation.row(i).extend(pose.translation_mm[i]);
+        row.as_vec4().to_array()
+    })
+}
+
+impl SolidData {
+    fn new(placed: &Placed) -> Self {
+        let (kind, size) = match placed.solid {
+            Solid::Plane { half } => (0, [half.x, half.y, 0.0, 0.0]),
+            Solid::Sphere { radius } => (1, [radius, 0.0, 0.0, 0.0]),
+            Solid::Cylinder {
+                radius,
+                half_length,
+            } => (2, [radius, half_length, 0.0, 0.0]),
+            Solid::Frustum { faces } => {
+                let (side, offset) = faces[2];
+                (3, [side.x, side.z, offset, faces[0].1])
+            }
+        };
+        Self {
+            solid_from_rig: rows(&placed.solid_from_rig),
+            size: size.map(|s| s.min(ENDLESS) as f32),
+            kind,
+            object: placed.object.into(),
+            around_camera: placed.around_camera.into(),
+            spare: 0,
+        }
+    }
+}
+
+fn nodes<F>(tree: &Tree<'_, F>) -> Vec<NodeData> {
+    let node = |n: &phasmid_geometry::raycast::Node| NodeData {
+        min: n.min.to_array(),
+        first: n.first,
+        max: n.max.to_array(),
+        count: n.count,
+    };
+    tree.bvh.nodes().iter().map(node).collect()
+}
+
+/// Corners as the hierarchy has them; unit normals in f64, so that small triangles far away have
+/// theirs too, and zero where there is no area.
+fn triangles<F: Frame + Sync>(tree: &Tree<'_, F>) -> Vec<TriangleData> {
+    tree.bvh
+        .corners()
+        .par_iter()
+        .with_min_len(1024)
+        .map(|leaf| {
+            let [a, b, c] = tree.triangles[leaf.id as usize].map(|i| tree.vertices[i as usize]);
+            let normal: DVec3 = (b - a).cross(c - a).normalize_or_zero();
+            std::array::from_fn(|i| leaf.v[i].extend(normal[i] as f32).to_array())
+        })
+        .collect()
+}
+
+impl Scene {
+    /// Takes the scene there as it is now; of what is there already, only what has changed.
+    pub(crate) fn update(&mut self, engine: &mut Engine, worlds: &Worlds, height: usize) {
+        let steps = worlds.steps();
+        if self.shapes == steps.len() {
+            self.reshape(engine, steps);
+        } else {
+            self.begin(engine, steps);
+        }
+        self.place(engine, worlds, height);
+    }
+
+    /// Everything that poses do not tell.
+    fn begin(&mut self, engine: &mut Engine, steps: &[World]) {
+        self.shapes = steps.len();
+        self.places.clear();
+        let mut all = Parts::default();
+        let world = &steps[0];
+        if let Some(still) = world.still() {
+            self.places.push(all.add(&still, None));
+        }
+        for (i, body) in world.bodies.iter().enumerate() {
+            let mut place = all.add(&body.tree(), body.blend());
+            if body.deforming_triangles() > 0 {
+                for step in &steps[1..] {
+                    let body = &step.bodies[i];
+                    place.extend(all.add(&body.tree(), body.blend()));
+                }
+            }
+            self.places.push(place);
+        }
+        let owner: Vec<u32> = world.owners().iter().map(|&o| o.into()).collect();
+        engine.write("nodes", bytemuck::cast_slice(&all.nodes));
+        engine.write("triangles", bytemuck::cast_slice(&all.triangles));
+        engine.write("triangle_ids", bytemuck::cast_slice(&all.ids));
+        engine.write("owner", bytemuck::cast_slice(&owner));
+    }
+
+    /// The meshes that have deformed since.
+    fn reshape(&mut self, engine: &mut Engine, steps: &[World]) {
+        let still = usize::from(steps[0].still().is_some());
+        for (s, step) in steps.iter().enumerate() {
+            for (body, place) in step.bodies.iter().zip(&mut self.places[still..]) {
+                let now = body.blend();
+                if body.deforming_triangles() == 0 || place.blends[s] == now {
+                    continue;
+                }
+                place.blends[s] = now;
+                let tree = body.tree();
+                let at = u64::from(place.nodes[s]) * size_of::<NodeData>() as u64;
+                engine.write_at("nodes", at, bytemuck::cast_slice(&nodes(&tree)));
+                let at = u64::from(place.triangles[s]) * size_of::<TriangleData>() as u64;
+                engine.write_at("triangles", at, bytemuck::cast_slice(&triangles(&tree)));
+            }
+        }
+    }
+
+    /// Where everything is: for all rows, or for each.
+    fn place(&self, engine: &mut Engine, worlds: &Worlds, height: usize) {
+        let by_row = worlds.rows_together() == 1;
+        let (mut trees, mut solids) = (Vec::new(), Vec::new());
+        for row in 0..if by_row { height } else { 1 } {
+            let world = worlds.at(row);
+            let shape = worlds.step(row);
+            let mut places = &self.places[..];
+            if let (Some(still), [place, others @ ..]) = (world.still(), places) {
+                trees.push(place.header(&still, &Pose::IDENTITY, shape));
+                places = others;
+            }
+            for (body, place) in world.bodies.iter().zip(places) {
+                let tree = body.tree();
+                trees.push(place.header(&tree, &tree.frame.tree_from_rig, shape));
+            }
+            solids.extend(world.solids.iter().map(SolidData::new));
+        }
+        // No binding may be shorter than what it is an array of.
+        trees.resize(trees.len().max(1), TreeData::zeroed());
+        solids.resize(solids.len().max(1), SolidData::zeroed());
+        let world = worlds.any();
+        let data = WorldData {
+            trees: self.places.len() as u32,
+            solids: world.solids.len() as u32,
+            triangles: world.triangle_count() as u32,
+            by_row: by_row.into(),
+        };
+        engine.write("world", bytemuck::bytes_of(&data));
+        engine.write("trees", bytemuck::cast_slice(&trees));
+        engine.write("solids", bytemuck::cast_slice(&solids));
+    }
+}
+
+/// Buffers that are being filled.
+#[derive(Default)]
+struct Parts {
+    nodes: Vec<NodeData>,
+    triangles: Vec<TriangleData>,
+    ids: Vec<u32>,
+}
+
+impl Parts {
+    fn add<F: Frame + Sync>(&mut self, tree: &Tree<'_, F>, blend: Option<Blend>) -> Place {
+        let place = Place {
+            nodes: vec![self.nodes.len() as u32],
+            triangles: vec![self.triangles.len() as u32],
+            blends: vec![blend],
+        };
+        self.nodes.extend(nodes(tree));
+        self.triangles.extend(triangles(tree));
+        self.ids
+            .extend(tree.bvh.corners().iter().map(|leaf| leaf.id));
+        place
+    }
+}
+
+impl Place {
+    fn extend(&mut self, other: Self) {
+        self.nodes.extend(other.nodes);
+        self.triangles.extend(other.triangles);
+        self.blends.extend(other.blends);
+    }
+
+    fn header<F>(&self, tree: &Tree<'_, F>, tree_from_rig: &Pose, shape: usize) -> TreeData {
+        let kept = shape.min(self.nodes.len() - 1);
+        TreeData {
+            tree_from_rig: rows(tree_from_rig),
+            nodes: self.nodes[kept],
+            triangles: self.triangles[kept],
+            first: tree.first,
+            count: tree.triangles.len() as u32,
+            shape: shape as u32,
+            spare: [0; 3],
+        }
+    }
+}

@@ -1,0 +1,248 @@
+//! Slides' tables in the GPU's memory: all in one buffer, each where there was room.
+//!
+//! The CPU makes them (`light`) and keeps those that were used last; the same are kept here, in less
+//! memory. When they no longer fit, all go and those in use come back: a sequence that fits is taken
+//! there once.
+
+use super::Engine;
+use crate::light::{HeldRow, PictureTable, RowTable, Table};
+use phasmid_core::error::{Error, Result};
+use phasmid_pattern::Axis;
+use std::sync::{Arc, Weak};
+
+/// The buffer in `slides.wgsl`.
+const NAME: &str = "slide_cells";
+/// Bytes of a cell.
+const CELL: u64 = 16;
+/// Memory for tables in bytes, where the GPU's buffers may be as large.
+const MOST_BYTES: u64 = 256 << 20;
+/// Cells that there is room for at least.
+const LEAST: u64 = 1 << 16;
+
+const UNIFORM: u32 = 0;
+const ALONG_X: u32 = 1;
+const ALONG_Y: u32 = 2;
+const PICTURE: u32 = 3;
+
+/// What a shader is told of a table: twin of `Table` in `slides.wgsl`.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Head {
+    kind: u32,
+    first: u32,
+    size: [u32; 2],
+    scale: f32,
+    long: bool,
+    held: u32,
+}
+
+impl Head {
+    /// As `schedule.wgsl` has it.
+    pub(super) fn words(self) -> [[u32; 4]; 2] {
+        let [width, height] = self.size;
+        let long = u32::from(self.long);
+        [
+            [self.kind, self.first, width, height],
+            [self.scale.to_bits(), long, self.held, 0],
+        ]
+    }
+
+    pub(super) fn is_row(self) -> bool {
+        [ALONG_X, ALONG_Y].contains(&self.kind)
+    }
+
+    pub(super) fn is_picture(self) -> bool {
+        self.kind == PICTURE
+    }
+}
+
+/// Which tables are in the GPU's memory, and where.
+pub(super) struct Tables {
+    placed: Vec<(Weak<Table>, Head)>,
+    /// Cells in use, and cells that there is room for.
+    used: u64,
+    room: u64,
+    /// Bytes that they may take.
+    most: u64,
+}
+
+impl Default for Tables {
+    fn default() -> Self {
+        Self::within(MOST_BYTES)
+    }
+}
+
+impl Tables {
+    /// Tables that take so many bytes at most.
+    pub(super) fn within(most: u64) -> Self {
+        Self {
+            placed: Vec::new(),
+            used: 0,
+            room: 0,
+            most,
+        }
+    }
+
+    /// Takes the tables of one exposure there, as far as they are not.
+    ///
+    /// # Errors
+    /// Tables that together do not fit.
+    pub(super) fn place(
+        &mut self,
+        engine: &mut Engine,
+        tables: &[Arc<Table>],
+    ) -> Result<Vec<Head>> {
+        self.placed.retain(|(table, _)| table.strong_count() > 0);
+        let missing = |placed: &Self| -> u64 {
+            let mut cells = 0;
+            for (i, table) in tables.iter().enumerate() {
+                let is_first = !tables[..i].iter().any(|t| Arc::ptr_eq(t, table));
+                if is_first && placed.find(table).is_none() {
+                    cells += cells_of(table);
+                }
+            }
+            cells
+        };
+        if self.used + missing(self) > self.room {
+            let all = self.used + missing(self);
+            (self.placed, self.used) = (Vec::new(), 0);
+            let (most, needed) = (
+                engine.gpu().largest_buffer().min(self.most) / CELL,
+                missing(self),
+            );
+            if needed > most {
+                let (needed, most) = (needed * CELL, most * CELL);
+                return Err(Error::device(format!(
+                    "the slides of one exposure take {needed} bytes of the GPU's memory, of {most}"
+                )));
+            }
+            let wanted = if all <= most { all } else { needed };
+            if wanted > self.room {
+                self.room = wanted.next_power_of_two().max(LEAST).min(most);
+            }
+        }
+        // Stays as it is where there is room.
+        engine.reserve(NAME, self.room.max(1) * CELL);
+        tables
+            .iter()
+            .map(|table| Ok(self.put(engine, table)))
+            .collect()
+    }
+
+    fn find(&self, table: &Arc<Table>) -> Option<Head> {
+        let same = |(placed, _): &&(Weak<Table>, Head)| placed.as_ptr() == Arc::as_ptr(table);
+        self.placed.iter().find(same).map(|(_, head)| *head)
+    }
+
+    fn put(&mut self, engine: &mut Engine, table: &Arc<Table>) -> Head {
+        if let Some(head) = self.find(table) {
+            return head;
+        }
+        let (cells, mut head) = packed(table);
+        (head.first, head.held) = (self.used as u32, head.held + self.used as u32);
+        engine.write_at(NAME, self.used * CELL, bytemuck::cast_slice(&cells));
+        self.used += cells.len() as u64;
+        self.placed.push((Arc::downgrade(table), head));
+        head
+    }
+}
+
+/// How many cells a table takes.
+fn cells_of(table: &Table) -> u64 {
+    match table {
+        Table::Uniform(_) => 0,
+        Table::Row(_, row, held) => {
+            (row.words().len()
+                + held
+                    .as_ref()
+                    .map_or(0, |held| held_words(held).len().div_ceil(4))) as u64
+        }
+        Table::Picture(picture) => {
+            let words = picture.sums().len() * if is_long(picture) { 2 } else { 1 };
+            words.div_ceil(4) as u64
+        }
+    }
+}
+
+/// A table's cells; places in its head are from the first of them.
+fn packed(table: &Table) -> (Vec<[u32; 4]>, Head) {
+    match table {
+        Table::Uniform(level) => (
+            Vec::new(),
+            Head {
+                kind: UNIFORM,
+                scale: *level,
+                ..Head::default()
+            },
+        ),
+        Table::Row(axis, row, held) => {
+            let (mut cells, mut head) = packed_row(row);
+            head.kind = match axis {
+                Axis::X => ALONG_X,
+                Axis::Y => ALONG_Y,
+            };
+            head.held = cells.len() as u32;
+            if let Some(held) = held {
+                cells.extend(in_cells(&held_words(held)));
+            }
+            (cells, head)
+        }
+        Table::Picture(picture) => packed_picture(picture),
+    }
+}
+
+fn packed_row(row: &RowTable) -> (Vec<[u32; 4]>, Head) {
+    let cells: Vec<_> = row.words().collect();
+    let head = Head {
+        size: [cells.len() as u32, 1],
+        scale: row.scale(),
+        long: row.is_long(),
+        ..Head::default()
+    };
+    (cells, head)
+}
+
+/// Light of each pixel, then of each group of 2, 4 and so on; before them the word at which each
+/// starts.
+fn held_words(held: &HeldRow) -> Vec<u32> {
+    let groupings = held.groupings();
+    let mut words = Vec::new();
+    let mut start = groupings.len();
+    for grouping in groupings {
+        words.push(start as u32);
+        start += grouping.len();
+    }
+    words.extend(groupings.iter().flatten().map(|light| light.to_bits()));
+    words
+}
+
+/// Whether sums of the picture take more than a word.
+fn is_long(picture: &PictureTable) -> bool {
+    picture
+        .sums()
+        .last()
+        .is_some_and(|&all| all > f64::from(u32::MAX))
+}
+
+fn packed_picture(picture: &PictureTable) -> (Vec<[u32; 4]>, Head) {
+    let long = is_long(picture);
+    let words: Vec<u32> = match long {
+        true => {
+            let both = |&sum: &f64| [sum as u64 as u32, (sum as u64 >> 32) as u32];
+            picture.sums().iter().flat_map(both).collect()
+        }
+        false => picture.sums().iter().map(|&sum| sum as u32).collect(),
+    };
+    let head = Head {
+        kind: PICTURE,
+        size: picture.size().map(|side| side as u32),
+        scale: picture.scale(),
+        long,
+        ..Head::default()
+    };
+    (in_cells(&words), head)
+}
+
+fn in_cells(words: &[u32]) -> Vec<[u32; 4]> {
+    let cell = |words: &[u32]| std::array::from_fn(|k| words.get(k).copied().unwrap_or(0));
+    words.chunks(4).map(cell).collect()
+}

@@ -1,0 +1,91 @@
+//! Maps of the CPU's geometry pass, taken to the GPU, and back, for tests of one pass alone.
+
+use super::Engine;
+use super::maps::{reserve_maps, words};
+use crate::buffer::GeometryBuffer;
+use crate::{Plan, Term};
+
+/// Takes the maps there. What is nowhere is 0 rather than NaN.
+pub(crate) fn maps(engine: &mut Engine, map: &GeometryBuffer) {
+    reserve_maps(engine, map.x.len());
+    let real = |v: f32| if v.is_finite() { v } else { 0.0 };
+    let pixels = 0..map.x.len();
+    let place: Vec<[f32; 2]> = pixels
+        .clone()
+        .map(|i| [map.x[i], map.y[i]].map(real))
+        .collect();
+    let slope = |slopes: &[[f32; 2]], i: usize| slopes.get(i).copied().unwrap_or_default();
+    let slopes: Vec<[f32; 4]> = pixels
+        .clone()
+        .map(|i| {
+            let ([a, b], [c, d]) = (slope(&map.x_slope, i), slope(&map.y_slope, i));
+            [a, b, c, d].map(real)
+        })
+        .collect();
+    let light: Vec<[f32; 2]> = pixels
+        .clone()
+        .map(|i| [map.projected[i], map.ambient[i]])
+        .collect();
+    let seen: Vec<[f32; 4]> = pixels
+        .map(|i| {
+            let [x, y, z] = map.normal[i];
+            [x, y, z, map.depth[i]].map(real)
+        })
+        .collect();
+    let marks: Vec<u32> = map.flags.iter().map(|&f| u32::from(f)).collect();
+    engine.write("place", bytemuck::cast_slice(&place));
+    engine.write("slopes", bytemuck::cast_slice(&slopes));
+    engine.write("light", bytemuck::cast_slice(&light));
+    engine.write("seen", bytemuck::cast_slice(&seen));
+    engine.write("surface", bytemuck::cast_slice(&map.surface));
+    engine.write("marks", bytemuck::cast_slice(&marks));
+    engine.write("lamp_bits", bytemuck::cast_slice(&map.lamps));
+    engine.write("flickering", bytemuck::cast_slice(&map.flickering));
+    engine.write("blur", bytemuck::cast_slice(&map.blur));
+    engine.write("evenly", bytemuck::cast_slice(&map.evenly));
+}
+
+/// The maps of the GPU's geometry pass as the CPU's has them; the samples of mixed pixels stay.
+pub(crate) fn maps_back(
+    engine: &Engine,
+    (width, height): (usize, usize),
+    plan: &Plan,
+) -> phasmid_core::error::Result<GeometryBuffer> {
+    let n = (width * height) as u64;
+    let mut map = GeometryBuffer::default();
+    map.resize(width, height, plan);
+    let place: Vec<[f32; 2]> = words(engine, "place", n)?;
+    let slopes: Vec<[f32; 4]> = words(engine, "slopes", n)?;
+    let light: Vec<[f32; 2]> = words(engine, "light", n)?;
+    let seen: Vec<[f32; 4]> = words(engine, "seen", n)?;
+    map.surface = words(engine, "surface", n)?;
+    let marks: Vec<u32> = words(engine, "marks", n)?;
+    for i in 0..width * height {
+        map.flags[i] = marks[i] as u8;
+        let none = map.surface[i] == u32::MAX;
+        let there = |v: f32| if none { f32::NAN } else { v };
+        (map.x[i], map.y[i]) = (there(place[i][0]), there(place[i][1]));
+        if let Some(slope) = map.x_slope.get_mut(i) {
+            *slope = [slopes[i][0], slopes[i][1]];
+        }
+        if let Some(slope) = map.y_slope.get_mut(i) {
+            *slope = [slopes[i][2], slopes[i][3]];
+        }
+        [map.projected[i], map.ambient[i]] = light[i];
+        let [x, y, z, depth] = seen[i];
+        (map.normal[i], map.depth[i]) = ([x, y, z], there(depth));
+    }
+    if plan.has(Term::Lights) {
+        map.lamps = words(engine, "lamp_bits", n)?;
+    }
+    if plan.has(Term::Flicker) {
+        map.flickering = words(engine, "flickering", n)?;
+    }
+    if plan.has(Term::ProjectorDefocus) {
+        map.blur = words(engine, "blur", n)?;
+    }
+    if plan.has(Term::Interreflection) {
+        map.evenly = words(engine, "evenly", n)?;
+    }
+    Ok(map)
+}

@@ -1,0 +1,131 @@
+//! Lamps: light that no slide changes, so the geometry pass sums it into the ambient light.
+
+use super::Term;
+use super::look::{Local, Rays};
+use super::shade::Shaded;
+use super::world::{Surface, World};
+use glam::DVec3;
+use phasmid_geometry::Pose;
+use phasmid_geometry::raycast::{LANES, Scratch};
+use phasmid_profile::{self as profile, Scene};
+
+/// A lamp of the scene, in the rig's frame.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Lamp {
+    pub(super) shape: LampShape,
+    /// Amplitude of its flicker relative to its mean.
+    pub(super) depth: f64,
+}
+
+#[derive(Debug, Clone, Copy)]
+pub(super) enum LampShape {
+    Point {
+        at: DVec3,
+        intensity_w_sr: f64,
+    },
+    Directional {
+        towards: DVec3,
+        irradiance_w_m2: f64,
+    },
+}
+
+impl Lamp {
+    pub(super) fn all(scene: &Scene) -> Vec<Self> {
+        let rig_from_scene = scene.rig_from_scene();
+        let lamp = |light| Self::new(light, rig_from_scene);
+        let lit = scene.light.iter().filter(|light| light.is_on());
+        lit.map(lamp).collect()
+    }
+
+    fn new(light: &profile::Light, rig_from_scene: Pose) -> Self {
+        Self {
+            shape: match *light {
+                profile::Light::Point {
+                    position_mm,
+                    intensity_w_sr,
+                    ..
+                } => LampShape::Point {
+                    at: rig_from_scene.point(DVec3::from_array(position_mm)),
+                    intensity_w_sr,
+                },
+                profile::Light::Directional {
+                    direction,
+                    irradiance_w_m2,
+                    ..
+                } => LampShape::Directional {
+                    towards: -rig_from_scene.direction(DVec3::from_array(direction).normalize()),
+                    irradiance_w_m2,
+                },
+            },
+            depth: light.flicker().map_or(0.0, |flicker| flicker.depth),
+        }
+    }
+
+    /// Direction to the lamp from a point, and irradiance in W/m^2 there of what faces it.
+    pub(super) fn seen_from(&self, point: DVec3) -> (DVec3, f64) {
+        match self.shape {
+            LampShape::Point { at, intensity_w_sr } => {
+                let way = at - point;
+                // Inverse-square law, millimetres to metres. At the lamp itself there is no
+                // direction and, rather than no end, no light.
+                let distance2 = way.length_squared();
+                let towards = way.try_normalize().unwrap_or(DVec3::ZERO);
+                (towards, intensity_w_sr * 1e6 / distance2)
+            }
+            LampShape::Directional {
+                towards,
+                irradiance_w_m2,
+            } => (towards, irradiance_w_m2),
+        }
+    }
+
+    /// Whether something stands between it and each point.
+    pub(super) fn blocked(
+        &self,
+        world: &World,
+        points: &[Option<(DVec3, Surface)>; LANES],
+        scratch: &mut Scratch,
+    ) -> [bool; LANES] {
+        match self.shape {
+            LampShape::Point { at, .. } => world.blocked(at, points, scratch),
+            LampShape::Directional { towards, .. } => world.blocked_along(towards, points, scratch),
+        }
+    }
+}
+
+/// Adds the light of all lamps; sets a bit in `Shaded::lamps` for each that lights a lane.
+pub(super) fn add(
+    rays: &Rays<'_>,
+    locals: &[Option<Local<'_>>; LANES],
+    shaded: &mut Shaded,
+    scratch: &mut Scratch,
+) {
+    let scale = rays.optics.electrons_per_irradiance;
+    for (i, lamp) in rays.optics.lamps.iter().enumerate() {
+        let mut reflected = [0.0; LANES];
+        let mut points = [None; LANES];
+        for lane in 0..LANES {
+            let Some(local) = &locals[lane] else { continue };
+            let (towards, irradiance) = lamp.seen_from(local.point);
+            let light = scale * irradiance * local.reflected(towards);
+            if light > 0.0 {
+                reflected[lane] = light;
+                points[lane] = Some((local.point, rays.hits.surface[lane]));
+            }
+        }
+        if points.iter().all(Option::is_none) {
+            continue;
+        }
+        if rays.plan.has(Term::Shadows) {
+            let blocked = lamp.blocked(rays.world, &points, scratch);
+            for lane in (0..LANES).filter(|&lane| blocked[lane]) {
+                points[lane] = None;
+            }
+        }
+        for lane in (0..LANES).filter(|&lane| points[lane].is_some()) {
+            shaded.ambient[lane] += reflected[lane];
+            shaded.flickering[lane] += lamp.depth * reflected[lane];
+            shaded.lamps[lane] |= 1 << i;
+        }
+    }
+}

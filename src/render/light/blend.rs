@@ -1,0 +1,138 @@
+//! A footprint's trapezoid under one Gaussian blur, or under several that share the light.
+
+use super::super::skin::{MOST, Mixture};
+use super::bell::Bell;
+use super::soft::Soft;
+
+/// How light spreads under skin, along one axis of the slide.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Spread<'a> {
+    pub(crate) mixture: &'a Mixture,
+    /// Slide pixels a millimetre of the surface.
+    pub(crate) px_per_mm: f32,
+}
+
+/// Kernels reach this many standard deviations beyond the footprint; the rest, 6e-5, is the last
+/// pixel's.
+const REACH: f64 = 4.0;
+/// Beyond this many nothing is left.
+const END: f64 = 6.0;
+/// A Gaussian this many times as wide as the wider box, convolved with both, is a Gaussian of their
+/// variances' sum: to 8e-5 of its light left of a border, from the boxes' fourth cumulant.
+const SMOOTH: f64 = 1.25;
+
+/// The convolution of two boxes with a mixture of Gaussians, along one axis of the slide.
+pub(super) struct Blend<'a> {
+    bell: &'a Bell,
+    parts: [Part<'a>; MOST],
+    len: usize,
+}
+
+#[derive(Clone, Copy)]
+struct Part<'a> {
+    weight: f64,
+    soft: Soft<'a>,
+    sigma: f64,
+    reach: f64,
+    /// Distance from which all its light lies on one side.
+    end: f64,
+    /// One over the standard deviation where it counts as a Gaussian, boxes and all; else 0.
+    smooth: f64,
+}
+
+impl<'a> Blend<'a> {
+    /// Of boxes as wide as the sizes of `slope`, a blur of standard deviation `sigma` and the
+    /// spread under skin, all in slide pixels but the spread; no Gaussian is narrower than `least`.
+    pub(super) fn new(
+        bell: &'a Bell,
+        slope: [f64; 2],
+        sigma: f64,
+        spread: Option<Spread<'_>>,
+        least: f64,
+    ) -> Self {
+        let part = |weight, sigma: f64, reach| {
+            let soft = Soft::new(bell, slope, sigma);
+            let end = soft.outer() + END * sigma;
+            Part {
+                weight,
+                soft,
+                sigma,
+                reach,
+                end,
+                smooth: 0.0,
+            }
+        };
+        let Some(spread) = spread else {
+            return Self {
+                bell,
+                parts: [part(1.0, sigma, REACH); MOST],
+                len: 1,
+            };
+        };
+        let boxes = slope.map(|s| s * s / 12.0);
+        let widest = slope[0].abs().max(slope[1].abs());
+        let components = spread.mixture.components();
+        let scale = f64::from(spread.px_per_mm);
+        Self {
+            bell,
+            parts: std::array::from_fn(|i| {
+                let c = components[i.min(components.len() - 1)];
+                let sigma = (c.sigma_mm * scale).hypot(sigma).max(least);
+                let mut part = part(c.weight, sigma, c.reach);
+                part.end = part.soft.outer() + c.reach * sigma;
+                if sigma >= SMOOTH * widest {
+                    part.smooth = (sigma * sigma + boxes[0] + boxes[1]).sqrt().recip();
+                }
+                part
+            }),
+            len: components.len(),
+        }
+    }
+
+    fn parts(&self) -> &[Part<'a>] {
+        &self.parts[..self.len]
+    }
+
+    /// Half of the width of the trapezoid's foot, and how far blur reaches beyond it.
+    pub(super) fn reach(&self) -> (f64, f64) {
+        let reach = |part: &Part<'_>| part.reach * part.sigma;
+        let outer = |part: &Part<'_>| part.soft.outer();
+        (
+            self.parts().iter().map(outer).fold(0.0, f64::max),
+            self.parts().iter().map(reach).fold(0.0, f64::max),
+        )
+    }
+
+    /// Standard deviation of the widest part.
+    pub(super) fn widest(&self) -> f64 {
+        self.parts()
+            .iter()
+            .map(|part| part.sigma)
+            .fold(0.0, f64::max)
+    }
+
+    /// Standard deviation of the sharpest part.
+    pub(super) fn narrowest(&self) -> f64 {
+        let sigmas = self.parts().iter().map(|part| part.sigma);
+        sigmas.fold(f64::INFINITY, f64::min)
+    }
+
+    /// The part of the light that lies left of a border at distance e from the middle.
+    pub(super) fn left_of(&self, e: f64) -> f64 {
+        self.parts()
+            .iter()
+            .map(|part| {
+                let left = if e > part.end {
+                    1.0
+                } else if e < -part.end {
+                    0.0
+                } else if part.smooth > 0.0 {
+                    self.bell.second(e * part.smooth)
+                } else {
+                    part.soft.left_of(e)
+                };
+                part.weight * left
+            })
+            .sum()
+    }
+}

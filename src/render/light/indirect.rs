@@ -1,0 +1,125 @@
+//! The exposure pass of what surfaces throw on each other: a slide averaged over the places that
+//! light bounces from, and spread over the pixels.
+
+use super::super::bounce::{BLOCK, Bounce};
+use super::exposure::Table;
+use super::picture_table::PictureTable;
+use super::row_table::RowTable;
+use phasmid_core::simd::widest;
+use phasmid_pattern::Axis;
+use rayon::prelude::*;
+
+/// Points of one task.
+const TASK: usize = 256;
+
+/// A slide's light at the points where it is gathered.
+pub(crate) struct Indirect {
+    /// Irradiance in W/m^2; empty where no light bounces.
+    points: Vec<f32>,
+}
+
+impl Indirect {
+    /// Averages a slide, shown in full light.
+    pub(crate) fn new(bounce: &Bounce, table: &Table) -> Self {
+        let mut points = Vec::new();
+        if !bounce.weight.is_empty() {
+            points.resize(bounce.padded(), 0.0);
+            points[..bounce.ends.len()]
+                .par_chunks_mut(TASK)
+                .enumerate()
+                .for_each(|(i, points)| average(bounce, table, i * TASK, points));
+        }
+        Self { points }
+    }
+
+    /// Adds the electrons of the pixels from `first` on. `seconds` is the exposure times the
+    /// projector's light relative to full.
+    pub(crate) fn add(&self, bounce: &Bounce, first: usize, seconds: f32, electrons: &mut [f32]) {
+        if !self.points.is_empty() {
+            spread(bounce, &self.points, first, seconds, electrons);
+        }
+    }
+}
+
+/// The light of the points from `first` on.
+fn average(bounce: &Bounce, table: &Table, first: usize, points: &mut [f32]) {
+    match table {
+        Table::Uniform(level) => {
+            for (point, white) in points.iter_mut().zip(&bounce.white[first..]) {
+                *point = level * white;
+            }
+        }
+        Table::Row(Axis::X, row, _) => {
+            along_row(bounce, row, (&bounce.x, &bounce.x_slope), first, points);
+        }
+        Table::Row(Axis::Y, row, _) => {
+            along_row(bounce, row, (&bounce.y, &bounce.y_slope), first, points);
+        }
+        Table::Picture(picture) => {
+            for (k, point) in points.iter_mut().enumerate() {
+                *point = blocks(bounce, first + k)
+                    .map(|block| of_picture(bounce, picture, block))
+                    .sum();
+            }
+        }
+    }
+}
+
+/// The blocks of rays of a point.
+#[inline(always)]
+fn blocks(bounce: &Bounce, point: usize) -> std::ops::Range<usize> {
+    let end = |point: usize| bounce.ends[point] as usize;
+    point.checked_sub(1).map_or(0, end)..end(point)
+}
+
+fn of_picture(bounce: &Bounce, picture: &PictureTable, block: usize) -> f32 {
+    (0..BLOCK)
+        .filter(|&lane| bounce.weight[block][lane] > 0.0)
+        .map(|lane| {
+            let at = [bounce.x[block][lane], bounce.y[block][lane]];
+            let slopes = (bounce.x_slope[block][lane], bounce.y_slope[block][lane]);
+            bounce.weight[block][lane] * picture.average(at, slopes.0, slopes.1, [0.0; 2])
+        })
+        .sum()
+}
+
+widest! {
+    fn along_row(
+        bounce: &Bounce, row: &RowTable, rays: (&[[f32; BLOCK]], &[[[f32; 2]; BLOCK]]),
+        first: usize, points: &mut [f32],
+    ) => along_row_body
+}
+widest! {
+    fn spread(
+        bounce: &Bounce, points: &[f32], first: usize, seconds: f32, electrons: &mut [f32],
+    ) => spread_body
+}
+
+#[inline(always)]
+fn along_row_body(
+    bounce: &Bounce,
+    row: &RowTable,
+    (x, slope): (&[[f32; BLOCK]], &[[[f32; 2]; BLOCK]]),
+    first: usize,
+    points: &mut [f32],
+) {
+    for (k, point) in points.iter_mut().enumerate() {
+        let mut sums = [0.0f32; BLOCK];
+        for block in blocks(bounce, first + k) {
+            let level = row.average(&x[block], &slope[block]);
+            let weight = &bounce.weight[block];
+            for lane in 0..BLOCK {
+                sums[lane] += weight[lane] * level[lane];
+            }
+        }
+        let [a, b, c, d, e, f, g, h] = sums;
+        *point = ((a + e) + (b + f)) + ((c + g) + (d + h));
+    }
+}
+
+#[inline(always)]
+fn spread_body(bounce: &Bounce, points: &[f32], first: usize, seconds: f32, electrons: &mut [f32]) {
+    for (k, e) in electrons.iter_mut().enumerate() {
+        *e += seconds * bounce.at(first + k, points);
+    }
+}

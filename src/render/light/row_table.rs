@@ -1,0 +1,445 @@
+//! A slide that varies along one axis, prepared for averaging over footprints.
+//!
+//! A footprint is a parallelogram on the slide. Seen along the axis of a pattern its weight is the
+//! convolution of two boxes, as wide as the derivatives a and b of the projector coordinate by the
+//! camera's column and row: a trapezoid. A slide is a row of held pixels, so its average under the
+//! trapezoid is exact:
+//!
+//! ```text
+//! (S(x + (a+b)/2) - S(x + (a-b)/2) - S(x - (a-b)/2) + S(x - (a+b)/2)) / (a b)
+//! ```
+//!
+//! with S the second antiderivative of the levels, a quadratic on each held pixel. Levels are
+//! integers, of 8 bits as a slide has them or of 16 where a response curve bends them, so the sums
+//! are kept in wrapping integers relative to the middle, exact however far from the slide's
+//! origin. Only the levels' departure from one under the footprint is summed: nothing where the
+//! footprint lies on one held pixel.
+//!
+//! The difference of S over b cancels where b is small. Where b is less than a held pixel, at most
+//! one border lies in each flank of the trapezoid, and the mean of the first antiderivative P over
+//! a flank is that of a straight line plus the border's kink:
+//!
+//! ```text
+//! P(middle of the flank) + (level after the border - level before) t^2 / (2 b)
+//! ```
+//!
+//! with t the flank's part beyond the border: nothing cancels, down to b = 0 and to footprints
+//! that are small against a held pixel.
+
+use phasmid_core::simd::widest;
+
+/// Widest footprint along one axis, in slide pixels; wider ones (surfaces seen edge-on) count as
+/// this wide. Doubled sums of 255 over 2000 pixels to either side stay below 2^31.
+pub(crate) const WIDEST: f32 = 2000.0;
+/// The narrower box is kept at least this fraction of the wider one, to divide by.
+const NARROWEST: f32 = 1.0 / 65536.0;
+/// Footprints are kept at least this wide, in slide pixels: less blurs nothing, and the rounding of
+/// positions stays small against it.
+const SMALLEST: f32 = 1.0 / 512.0;
+
+/// Beyond the largest slide.
+const LAST_PIXEL: f32 = 65536.0;
+
+/// Pixels averaged side by side.
+pub(super) const LANES: usize = 8;
+pub(super) type Lanes = [f32; LANES];
+
+/// A row of held pixels with its running sums.
+pub(crate) struct RowTable {
+    cells: Vec<Cell>,
+    /// 1 / full level.
+    scale: f32,
+    /// Whether second sums under a footprint may pass 2^31: levels of more than 8 bits.
+    long: bool,
+}
+
+/// A held pixel: its level, and at its left border the first and second antiderivative, the
+/// second doubled.
+#[derive(Clone, Copy)]
+#[repr(C, align(16))]
+struct Cell {
+    level: u32,
+    sum: u32,
+    sum_of_sums: u64,
+}
+
+/// Where eight trapezoids stand on the row.
+struct Footprints {
+    wide: Lanes,
+    narrow: Lanes,
+    /// Held pixels at the middles.
+    middle: [i32; LANES],
+    /// Held pixels at the trapezoids' corners, from the lowest to the highest.
+    index: [[i32; LANES]; 4],
+    /// How far each corner is from its held pixel's left border.
+    t: [[f32; LANES]; 4],
+}
+
+/// What eight footprints find at their corners.
+struct Corners {
+    level: [[u32; LANES]; 4],
+    sum: [[u32; LANES]; 4],
+}
+
+impl RowTable {
+    /// Levels that stand for `scale` each, in order along the axis.
+    pub(super) fn new(levels: &[u16], scale: f32) -> Self {
+        let (mut sum, mut sum_of_sums) = (0u32, 0u64);
+        // The second antiderivative gains sum + level / 2 a pixel; it is kept doubled.
+        let cells = levels
+            .iter()
+            .map(|&level| {
+                let level = u32::from(level);
+                let cell = Cell {
+                    level,
+                    sum,
+                    sum_of_sums,
+                };
+                sum_of_sums += 2 * u64::from(sum) + u64::from(level);
+                sum = sum.wrapping_add(level);
+                cell
+            })
+            .collect();
+        Self {
+            cells,
+            scale,
+            long: levels.iter().any(|&level| level > 255),
+        }
+    }
+
+    /// Average levels, 0 to 1, under the trapezoids about `x` whose widths are the sizes of
+    /// `slope`. Beyond its ends the slide goes on with its last level: whether light falls there
+    /// is the geometry's to say.
+    ///
+    /// Written lane by lane in stages, so that all but the lookups runs in SIMD registers; without
+    /// closures over lanes, which are not inlined into them.
+    #[inline(always)]
+    pub(super) fn average(&self, x: &Lanes, slope: &[[f32; 2]; LANES]) -> Lanes {
+        let at = self.place(x, slope);
+        let found = self.corners(&at.index);
+        let mut level = thin(&at, &found);
+        if at.narrow.iter().any(|&b| b >= 1.0) {
+            let thick = if self.long {
+                self.thick::<true>(&at, &found)
+            } else {
+                self.thick::<false>(&at, &found)
+            };
+            for lane in 0..LANES {
+                if at.narrow[lane] >= 1.0 {
+                    level[lane] = thick[lane];
+                }
+            }
+        }
+        for level in &mut level {
+            *level *= self.scale;
+        }
+        level
+    }
+
+    #[inline(always)]
+    fn corners(&self, index: &[[i32; LANES]; 4]) -> Corners {
+        let mut found = Corners {
+            level: [[0; LANES]; 4],
+            sum: [[0; LANES]; 4],
+        };
+        for k in 0..4 {
+            for lane in 0..LANES {
+                let cell = &self.cells[index[k][lane] as usize];
+                found.level[k][lane] = cell.level;
+                found.sum[k][lane] = cell.sum;
+            }
+        }
+        found
+    }
+
+    #[inline(always)]
+    fn place(&self, x: &Lanes, slope: &[[f32; 2]; LANES]) -> Footprints {
+        let last = self.cells.len() as i32 - 1;
+        let mut at = Footprints {
+            wide: [0.0; LANES],
+            narrow: [0.0; LANES],
+            middle: [0; LANES],
+            index: [[0; LANES]; 4],
+            t: [[0.0; LANES]; 4],
+        };
+        for lane in 0..LANES {
+            let a = least(greatest(slope[lane][0].abs(), SMALLEST), WIDEST);
+            let b = least(greatest(slope[lane][1].abs(), 0.0), WIDEST);
+            let wide = greatest(a, b);
+            let narrow = greatest(least(a, b), wide * NARROWEST);
+            (at.wide[lane], at.narrow[lane]) = (wide, narrow);
+            let (outer, inner) = ((wide + narrow) * 0.5, (wide - narrow) * 0.5);
+            // Positions are kept relative to the held pixel at x, so that they round like the
+            // footprint and not like the coordinate.
+            let here = floor(least(greatest(x[lane], -0.5), LAST_PIXEL) + 0.5);
+            at.middle[lane] = here.clamp(0, last);
+            let inside = x[lane] - here as f32;
+            let corners = [-outer, -inner, inner, outer];
+            for k in 0..4 {
+                // From the left border of the held pixel at x.
+                let offset = inside + corners[k] + 0.5;
+                let index = (here + floor(offset)).clamp(0, last);
+                at.index[k][lane] = index;
+                at.t[k][lane] = offset - (index - here) as f32;
+            }
+        }
+        at
+    }
+
+    /// Levels by second differences, relative to the middle's; `LONG` where the sums need 64 bits.
+    #[inline(always)]
+    fn thick<const LONG: bool>(&self, at: &Footprints, found: &Corners) -> Lanes {
+        let mut average = [0.0; LANES];
+        for lane in 0..LANES {
+            let here = self.cells[at.middle[lane] as usize];
+            // S of the departure from the middle's level, from the middle pixel's left border.
+            let s = |k: usize| {
+                let t = at.t[k][lane];
+                let steps = (at.index[k][lane] - at.middle[lane]) as u32;
+                let sum = found.sum[k][lane].wrapping_sub(here.sum);
+                let rise = sum.wrapping_sub(here.level.wrapping_mul(steps)) as i32 as f32;
+                let sums = self.cells[at.index[k][lane] as usize].sum_of_sums;
+                let offset = if LONG {
+                    let steps = i64::from(steps as i32) as u64;
+                    sums.wrapping_sub(here.sum_of_sums)
+                        .wrapping_sub((2 * u64::from(here.sum)).wrapping_mul(steps))
+                        .wrapping_sub(u64::from(here.level).wrapping_mul(steps.wrapping_mul(steps)))
+                        as i64 as f32
+                } else {
+                    let difference = (sums as u32).wrapping_sub(here.sum_of_sums as u32);
+                    difference
+                        .wrapping_sub(here.sum.wrapping_mul(2).wrapping_mul(steps))
+                        .wrapping_sub(here.level.wrapping_mul(steps).wrapping_mul(steps))
+                        as i32 as f32
+                };
+                let level = found.level[k][lane].wrapping_sub(here.level) as i32 as f32;
+                0.5 * offset + t * (rise + 0.5 * level * t)
+            };
+            let area = at.wide[lane] * at.narrow[lane];
+            let departure = ((s(3) - s(2)) - (s(1) - s(0))) / area;
+            average[lane] = here.level as i32 as f32 + departure;
+        }
+        average
+    }
+
+    /// The averages of a mixed pixel's samples.
+    pub(super) fn average_mixed(&self, x: &[f32; 16], slope: &[[f32; 2]; 16]) -> [f32; 16] {
+        along_mixed(self, x, slope)
+    }
+
+    /// Memory that the table takes, in bytes.
+    pub(super) fn bytes(&self) -> usize {
+        size_of_val(self.cells.as_slice())
+    }
+
+    /// Each held pixel as four words: its level, its sum, and its sum of sums, the low word first.
+    pub(crate) fn words(&self) -> impl ExactSizeIterator<Item = [u32; 4]> {
+        let low = |sums: u64| sums as u32;
+        self.cells.iter().map(move |cell| {
+            let sums = cell.sum_of_sums;
+            [cell.level, cell.sum, low(sums), low(sums >> 32)]
+        })
+    }
+
+    /// What one unit of the levels stands for.
+    pub(crate) fn scale(&self) -> f32 {
+        self.scale
+    }
+
+    /// Whether second sums under a footprint may take more than a word.
+    pub(crate) fn is_long(&self) -> bool {
+        self.long
+    }
+}
+
+widest! {
+    fn along_mixed(row: &RowTable, x: &[f32; 16], slope: &[[f32; 2]; 16]) -> [f32; 16]
+        => along_mixed_body
+}
+#[inline(always)]
+fn along_mixed_body(row: &RowTable, x: &[f32; 16], slope: &[[f32; 2]; 16]) -> [f32; 16] {
+    let mut levels = [0.0; 16];
+    for half in 0..2 {
+        let from = half * LANES;
+        let x: Lanes = std::array::from_fn(|i| x[from + i]);
+        let slope: [[f32; 2]; LANES] = std::array::from_fn(|i| slope[from + i]);
+        levels[from..from + LANES].copy_from_slice(&row.average(&x, &slope));
+    }
+    levels
+}
+
+/// Levels where the narrower boxes are less than a held pixel, relative to the lowest corner's.
+#[inline(always)]
+fn thin(at: &Footprints, found: &Corners) -> Lanes {
+    let mut average = [0.0; LANES];
+    for lane in 0..LANES {
+        let (from, to) = (found.level[0][lane], found.level[2][lane]);
+        let narrow = at.narrow[lane];
+        let steps = (at.index[2][lane] - at.index[0][lane]) as u32;
+        let rise = found.sum[2][lane].wrapping_sub(found.sum[0][lane]);
+        let rise = rise.wrapping_sub(from.wrapping_mul(steps)) as i32 as f32;
+        let step = to.wrapping_sub(from) as i32 as f32;
+        // What the borders within the flanks add to the mean of P.
+        let low = found.level[1][lane].wrapping_sub(from) as i32 as f32;
+        let high = found.level[3][lane].wrapping_sub(to) as i32 as f32;
+        let (below, above) = (at.t[1][lane], at.t[3][lane]);
+        let kinks = (high * (above * above) - low * (below * below)) * (0.5 / narrow);
+        let departure = rise + step * (at.t[2][lane] + 0.5 * narrow) + kinks;
+        average[lane] = from as i32 as f32 + departure / at.wide[lane];
+    }
+    average
+}
+
+/// The whole number below; |x| less than 2^22. A cast would saturate, at several instructions.
+#[inline(always)]
+fn floor(x: f32) -> i32 {
+    /// Adding it rounds to whole numbers, in the low bits.
+    const WHOLE: f32 = 1.5 * (1u32 << 23) as f32;
+    let rounded = x + WHOLE;
+    rounded.to_bits().wrapping_sub(WHOLE.to_bits()) as i32 - i32::from(rounded - WHOLE > x)
+}
+
+/// The lesser, the bound if NaN; one instruction.
+#[inline(always)]
+fn least(x: f32, bound: f32) -> f32 {
+    if x < bound { x } else { bound }
+}
+
+/// The greater, the bound if NaN; one instruction.
+#[inline(always)]
+fn greatest(x: f32, bound: f32) -> f32 {
+    if x > bound { x } else { bound }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn average(row: &RowTable, x: f32, slope: [f32; 2]) -> f64 {
+        let all = row.average(&[x; LANES], &[slope; LANES]);
+        assert!(all.iter().all(|&a| a == all[0]));
+        f64::from(all[0]) * 255.0
+    }
+
+    /// The trapezoid against held pixels, by exact clipping of each in f64.
+    fn exact(levels: &[f64], x: f64, a: f64, b: f64) -> f64 {
+        let (wide, narrow) = (a.max(b), a.min(b).max(1e-7 * a.max(b)));
+        // The weight's own antiderivative, from -infinity.
+        let ramp = |e: f64| e.max(0.0).powi(2) / 2.0;
+        let (outer, inner) = ((wide + narrow) / 2.0, (wide - narrow) / 2.0);
+        let weight = |e: f64| {
+            let e = e.clamp(-outer, outer);
+            (ramp(e + outer) - ramp(e + inner) - ramp(e - inner) + ramp(e - outer))
+                / (wide * narrow)
+        };
+        let last = levels.len() - 1;
+        levels
+            .iter()
+            .enumerate()
+            .map(|(i, &level)| {
+                let low = if i == 0 { -1e9 } else { i as f64 - 0.5 };
+                let high = if i == last { 1e9 } else { i as f64 + 0.5 };
+                level * (weight(high - x) - weight(low - x))
+            })
+            .sum()
+    }
+
+    fn random_row() -> Vec<u16> {
+        (0..1920u32)
+            .map(|i| (i.wrapping_mul(2_654_435_761) >> 24) as u16)
+            .collect()
+    }
+
+    /// Black and white in turn, the hardest row, and a random one of 8 and of 16 bits.
+    #[test]
+    fn footprints_of_all_sizes_are_averaged_exactly() {
+        let stripes: Vec<u16> = (0..1920).map(|i| 255 * (i % 2)).collect();
+        let fine: Vec<u16> = (0..1920u32)
+            .map(|i| (i.wrapping_mul(2_654_435_761) >> 16) as u16)
+            .collect();
+        for (levels, full) in [(stripes, 255.0), (random_row(), 255.0), (fine, 65535.0)] {
+            let row = RowTable::new(&levels, (1.0 / full) as f32);
+            let levels: Vec<f64> = levels
+                .iter()
+                .map(|&level| f64::from(level) * 255.0 / full)
+                .collect();
+            for (a, b) in [
+                (0.002, 0.002),
+                (0.02, 0.0),
+                (0.02, 0.02),
+                (0.1, 0.03),
+                (0.5, 0.4),
+                (0.99, 0.99),
+                (1.0, 1.0),
+                (1.0, 1e-5),
+                (1.37, 0.999),
+                (4.35, 0.0),
+                (4.35, 1e-4),
+                (4.35, 0.3),
+                (4.35, 4.35),
+                (37.0, 0.01),
+                (37.0, 2.0),
+                (300.0, 0.7),
+                (300.0, 300.0),
+                (1500.0, 1.01),
+            ] {
+                for i in 0..400 {
+                    // Every other middle is close to a border, where errors are largest.
+                    let near = if i % 2 == 0 { 0.0 } else { 0.5 * a };
+                    let x = (3.0 + i as f32 * 4.77).round() + 0.5 + near + i as f32 * 1e-4;
+                    let error = (average(&row, x, [a, -b])
+                        - exact(&levels, x.into(), a.into(), b.into()))
+                    .abs();
+                    assert!(error < 0.05, "{a} x {b} at {x}, of {full}: {error}");
+                }
+            }
+        }
+    }
+
+    /// On a machine with AVX2 this compares it with the code for any x86-64.
+    #[test]
+    fn every_instruction_set_gives_the_same_bits() {
+        let row = RowTable::new(&random_row(), 1.0 / 255.0);
+        for k in 0..200 {
+            let x: [f32; 16] = std::array::from_fn(|i| (k * 16 + i) as f32 * 0.61);
+            let slope = std::array::from_fn(|i| [0.3 * i as f32, 0.11 * k as f32]);
+            let (wide, narrow) = (
+                along_mixed(&row, &x, &slope),
+                along_mixed_body(&row, &x, &slope),
+            );
+            assert_eq!(wide.map(f32::to_bits), narrow.map(f32::to_bits));
+        }
+    }
+
+    #[test]
+    fn one_held_pixel_gives_its_own_level_for_any_footprint_on_it() {
+        let levels = random_row();
+        let row = RowTable::new(&levels, 1.0 / 255.0);
+        for size in [0.0, 1e-30, 1e-4, 0.01, 0.1, 0.3] {
+            for x in [0, 7, 1000, 1919] {
+                let level = average(&row, x as f32 + 0.1, [size, size]);
+                assert!(
+                    (level - f64::from(levels[x])).abs() < 1e-3,
+                    "{size} {level}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn white_is_white_under_the_widest_footprints_and_beyond_the_ends() {
+        let row = RowTable::new(&[255; 1920], 1.0 / 255.0);
+        for (a, b) in [
+            (1400.0, 1400.0),
+            (1460.0, 1460.0),
+            (2000.0, 1000.0),
+            (1e9, 1e9),
+            (f32::NAN, 3.0),
+        ] {
+            for x in [-300.0, 0.0, 960.0, 1919.0, 2500.0] {
+                let level = average(&row, x, [a, b]);
+                assert!((level - 255.0).abs() < 0.01, "{a} x {b} at {x}: {level}");
+            }
+        }
+    }
+}

@@ -1,0 +1,75 @@
+//! The fall of light from a lens's axis outwards: factors on what the geometry pass finds.
+
+use super::super::shade::Shaded;
+use glam::{DVec2, DVec3};
+use phasmid_geometry::Lens;
+use phasmid_geometry::raycast::LANES;
+use phasmid_profile::vignetting::half_diagonal;
+use phasmid_profile::{Camera, Projector, Vignetting};
+
+/// One lens's factor over its field.
+pub(crate) struct Falloff {
+    pub(crate) vignetting: Vignetting,
+    /// Half of the image's diagonal in ideal image coordinates.
+    pub(crate) unit: f64,
+    /// How many cosines of the natural fall are the factor's.
+    pub(crate) cosines: i32,
+    lens: Lens,
+}
+
+impl Falloff {
+    pub(crate) fn of_camera(camera: &Camera) -> Self {
+        Self::new(camera.vignetting, camera.view().lens, 4)
+    }
+
+    /// Intensity that is constant over the field gives three of the four cosines on a screen; the
+    /// fourth is the pupil's, seen at an angle.
+    pub(crate) fn of_projector(projector: &Projector) -> Self {
+        Self::new(projector.vignetting, projector.view().lens, 1)
+    }
+
+    fn new(vignetting: Vignetting, lens: Lens, cosines: i32) -> Self {
+        Self {
+            vignetting,
+            unit: half_diagonal(&lens),
+            cosines,
+            lens,
+        }
+    }
+
+    /// The factor at an ideal image point, whose length is the tangent of the angle to the axis.
+    pub(crate) fn at(&self, ideal: DVec2) -> f64 {
+        let tangent2 = ideal.length_squared();
+        let natural = if self.vignetting.natural {
+            (1.0 / (1.0 + tangent2)).sqrt().powi(self.cosines)
+        } else {
+            1.0
+        };
+        // Below 0 only where no pixel is.
+        natural
+            * self
+                .vignetting
+                .falloff_at(tangent2.sqrt() / self.unit)
+                .max(0.0)
+    }
+
+    /// Dims all light on its way to the camera; `directions` with z = 1.
+    pub(crate) fn dim_seen(&self, directions: &[DVec3; LANES], shaded: &mut Shaded) {
+        for lane in 0..LANES {
+            let factor = self.at(directions[lane].truncate());
+            shaded.projected[lane] *= factor;
+            shaded.ambient[lane] *= factor;
+            shaded.flickering[lane] *= factor;
+            shaded.evenly[lane] *= factor;
+        }
+    }
+
+    /// Dims the projector's light; `shaded` holds coordinates before the lens's distortion.
+    pub(crate) fn dim_projected(&self, shaded: &mut Shaded) {
+        for lane in 0..LANES {
+            let px = DVec2::new(shaded.px[0][lane], shaded.px[1][lane]);
+            let ideal = (px - self.lens.principal_px) / self.lens.focal_px;
+            shaded.projected[lane] *= self.at(ideal);
+        }
+    }
+}

@@ -1,0 +1,53 @@
+//! What a surface throws back of a light, counted as if it went evenly in all directions.
+
+use super::Looks;
+use super::ggx::Ggx;
+use crate::world::{Surface, World};
+use crate::{Plan, Term};
+use glam::DVec3;
+
+/// A place of a surface, and the sides of a patch about it.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Patch {
+    /// In the rig's frame in millimetres.
+    pub(crate) point: DVec3,
+    /// Unit normal of the facet.
+    pub(crate) normal: DVec3,
+    pub(crate) surface: Surface,
+    pub(crate) sides: [DVec3; 2],
+}
+
+/// The material of a patch.
+pub(crate) struct Evenly<'a> {
+    albedo: f64,
+    specular: Option<&'a Ggx>,
+}
+
+impl Evenly<'_> {
+    /// Share of light from a direction at this cosine to the normal that is thrown back: that of
+    /// the body and that of the lobe together, so that no energy is lost or won.
+    pub(crate) fn share(&self, cos: f64) -> f64 {
+        match self.specular {
+            Some(ggx) => ggx.under_even_light(self.albedo, cos),
+            None => self.albedo,
+        }
+    }
+}
+
+impl Looks {
+    /// The material of a patch, its albedo averaged over it.
+    pub(crate) fn evenly(&self, plan: &Plan, world: &World, patch: &Patch) -> Evenly<'_> {
+        let look = &self.of[usize::from(world.object(patch.surface))];
+        let mut albedo = look.albedo;
+        if plan.has(Term::AlbedoMaps) && look.varies() {
+            albedo *= look.factor(world, patch.surface, patch.point, patch.normal, patch.sides);
+        }
+        Evenly {
+            albedo,
+            specular: look
+                .specular
+                .as_deref()
+                .filter(|_| plan.has(Term::Specular)),
+        }
+    }
+}

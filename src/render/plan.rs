@@ -1,0 +1,87 @@
+//! The plan: which terms of image formation a scene and its slides need, and why. What it leaves
+//! out changes no byte.
+
+use super::term::{Needs, Pass, Term};
+use crate::slide::Slide;
+use phasmid_pattern::Axis;
+use serde::Serialize;
+
+/// The terms that are computed.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Plan {
+    /// A bit for each of [`Term::ALL`].
+    terms: u64,
+}
+
+/// What the plan says of one term.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct Decision {
+    /// The pass that the term belongs to.
+    pub pass: Pass,
+    /// The term.
+    pub term: Term,
+    /// Whether it is computed.
+    pub included: bool,
+    /// Why, or why not.
+    pub why: &'static str,
+}
+
+impl Plan {
+    /// The terms that profile and scene need, before any slide is known.
+    pub(super) fn new(needs: &Needs<'_>) -> Self {
+        let mut plan = Self::default();
+        for term in Term::ALL {
+            plan.set(term, needs.decide(term).0);
+        }
+        plan
+    }
+
+    /// Whether a term is computed.
+    pub const fn has(&self, term: Term) -> bool {
+        self.terms >> term as u32 & 1 != 0
+    }
+
+    pub(super) fn set(&mut self, term: Term, included: bool) {
+        let bit = 1 << term as u32;
+        self.terms = if included {
+            self.terms | bit
+        } else {
+            self.terms & !bit
+        };
+    }
+
+    /// Adds what a slide needs; tells whether that is more than before.
+    pub(super) fn include(&mut self, slide: &Slide) -> bool {
+        let before = *self;
+        match slide {
+            Slide::Uniform(_) => {}
+            Slide::Row(Axis::X, _) => self.set(Term::FootprintX, true),
+            Slide::Row(Axis::Y, _) => self.set(Term::FootprintY, true),
+            Slide::Picture { .. } => {
+                self.set(Term::FootprintX, true);
+                self.set(Term::FootprintY, true);
+            }
+        }
+        *self != before
+    }
+
+    /// What the plan says of every term, in the order of the passes.
+    pub(super) fn decisions(&self, needs: &Needs<'_>) -> Vec<Decision> {
+        let decision = |term: Term| {
+            let (needed, why) = needs.decide(term);
+            let included = self.has(term);
+            let why = match (needed, included) {
+                (false, true) => term.why_added(),
+                (true, false) => "left out on request",
+                _ => why,
+            };
+            Decision {
+                pass: term.pass(),
+                term,
+                included,
+                why,
+            }
+        };
+        Term::ALL.into_iter().map(decision).collect()
+    }
+}

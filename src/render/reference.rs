@@ -1,0 +1,373 @@
+//! The reference path: slow, in f64, and without any shortcut of the fast path. Tests hold the
+//! passes against it.
+//!
+//! Every ray is tested against every triangle (Moller and Trumbore 1997) and every solid by a
+//! second method (a frustum as twelve triangles, quadrics by the plain quadratic formula). A
+//! pixel's signal is the mean over rays through its whole area, each of which looks up one held
+//! pixel of the slide: no footprints, no derivatives, no sums of the slide. With a focus they also
+//! go through its whole pupil. Surfaces have one texel, one blend of vertex colours and one value of
+//! the microfacet formula for each ray; facets shine by their own normals.
+
+mod look;
+mod microfacets;
+mod primitive;
+
+use crate::slide::Slide;
+use glam::{DVec2, DVec3};
+use look::Look;
+use phasmid_core::error::Result;
+use phasmid_geometry::{Pose, View};
+use phasmid_pattern::Axis;
+use phasmid_profile::{Light, Profile, Response, Scene, Shape, Vignetting};
+use primitive::{Crossing, Primitive, frustum};
+
+/// A scene as the reference path sees it: lamps at their mean, everything where it rests, no light
+/// between surfaces, no skin.
+pub struct Reference {
+    camera: View,
+    projector: View,
+    profile: Profile,
+    ambient_w_m2: f64,
+    lights: Vec<Light>,
+    rig_from_scene: Pose,
+    parts: Vec<Part>,
+}
+
+struct Part {
+    surface: Primitive,
+    rig_from_part: Pose,
+    look: Look,
+}
+
+/// What one ray of the camera finds.
+#[derive(Debug, Clone, Copy)]
+pub struct Found {
+    /// Point in the rig's frame in millimetres.
+    pub point: DVec3,
+    /// Unit normal on the camera's side.
+    pub normal: DVec3,
+    /// Projector pixel that the point lies on the ray of.
+    pub projector_px: DVec2,
+    /// In the projector's field, facing it, and with nothing between.
+    pub lit: bool,
+    /// Unit vector back along the ray.
+    view: DVec3,
+    /// Which of the scene's objects, and its albedo there.
+    part: usize,
+    albedo: f64,
+}
+
+impl Reference {
+    /// Takes a scene; meshes are those that the fast path would load.
+    ///
+    /// # Errors
+    /// Mesh files and textures that cannot be read.
+    pub fn new(profile: &Profile, scene: &Scene) -> Result<Self> {
+        let parts = scene
+            .object
+            .iter()
+            .map(|object| {
+                let scale = object.scale;
+                let mut look = Look::new(object, &scene.folder)?;
+                let surface = match &object.shape {
+                    Shape::Plane { size_mm } => Primitive::Plane(
+                        size_mm.map_or(DVec2::INFINITY, |s| DVec2::from(s) * scale / 2.0),
+                    ),
+                    Shape::Board { board, .. } => Primitive::Plane(board.sheet_mm() * scale / 2.0),
+                    Shape::Sphere { radius_mm } => Primitive::Sphere(radius_mm * scale),
+                    Shape::Cylinder {
+                        radius_mm,
+                        length_mm,
+                    } => Primitive::Cylinder(radius_mm * scale, length_mm * scale / 2.0),
+                    Shape::Frustum {
+                        base_mm,
+                        top_mm,
+                        height_mm,
+                    } => Primitive::Triangles(frustum(
+                        base_mm * scale / 2.0,
+                        top_mm * scale / 2.0,
+                        height_mm * scale,
+                    )),
+                    other => {
+                        let mesh = super::shape::mesh(other, &scene.folder)?;
+                        look.take(object, &mesh);
+                        let corner = |i: u32| mesh.vertices[i as usize] * scale;
+                        Primitive::Triangles(mesh.triangles.iter().map(|t| t.map(corner)).collect())
+                    }
+                };
+                Ok(Part {
+                    surface,
+                    rig_from_part: scene.rig_from_object(object),
+                    look,
+                })
+            })
+            .collect::<Result<_>>()?;
+        Ok(Self {
+            camera: profile.camera.view(),
+            projector: profile.projector.view(),
+            profile: profile.clone(),
+            ambient_w_m2: scene.ambient.irradiance_w_m2,
+            lights: scene.light.clone(),
+            rig_from_scene: scene.rig_from_scene(),
+            parts,
+        })
+    }
+
+    /// What the ray through a point of the image finds; `None` if it leaves the scene.
+    pub fn look(&self, px: DVec2) -> Option<Found> {
+        self.follow(self.camera.center(), self.camera.ray(px).normalize())
+    }
+
+    /// What a ray with a unit direction finds.
+    fn follow(&self, origin: DVec3, direction: DVec3) -> Option<Found> {
+        let (
+            part,
+            Crossing {
+                t,
+                triangle,
+                normal,
+            },
+        ) = self.first(origin, direction, 0.0)?;
+        let point = origin + direction * t;
+        let Part {
+            surface,
+            rig_from_part,
+            look,
+        } = &self.parts[part];
+        let normal = if normal.dot(direction) > 0.0 {
+            -normal
+        } else {
+            normal
+        };
+        let local = rig_from_part.inverse();
+        let albedo = look.albedo(
+            surface,
+            triangle,
+            local.point(point),
+            local.direction(normal),
+        );
+        let pupil = self.projector.center();
+        let way = point - pupil;
+        let projected = self.projector.project(point);
+        let in_field = projected.is_some_and(|px| self.projector.lens.contains(px));
+        let facing = normal.dot(way) < 0.0;
+        let clear = || match self.first(pupil, way.normalize(), 0.0) {
+            Some((_, Crossing { t, .. })) => t > way.length() * (1.0 - 1e-9),
+            None => true,
+        };
+        Some(Found {
+            point,
+            normal,
+            projector_px: projected.unwrap_or(DVec2::NAN),
+            lit: in_field && facing && clear(),
+            view: -direction,
+            part,
+            albedo,
+        })
+    }
+
+    /// Noise-free signal of a pixel in digital numbers, not rounded: the mean over `rays` rays
+    /// through its area, a Hammersley set: even along every direction, and with no period that a number
+    /// of rays could meet.
+    pub fn signal_dn(&self, px: DVec2, slide: &Slide, exposure_s: f64, rays: u32) -> f64 {
+        let mean = (0..rays)
+            .map(|i| {
+                let u = (f64::from(i) + 0.5) / f64::from(rays) - 0.5;
+                let v = mirrored(i, 2) + 0.5 / f64::from(rays) - 0.5;
+                let (blur, pupil) = (
+                    [3, 5].map(|b| mirrored(i, b)),
+                    [7, 11].map(|b| mirrored(i, b)),
+                );
+                self.irradiance(px + DVec2::new(u, v), pupil, slide, blur)
+            })
+            .sum::<f64>()
+            / f64::from(rays);
+        let camera = &self.profile.camera;
+        let sensor = &camera.sensor;
+        // E = rho E_surface / (4 N^2); photons by h c / lambda.
+        let photon_j =
+            6.626_070_15e-34 * 299_792_458.0 / (self.profile.projector.wavelength_nm * 1e-9);
+        let area_m2 = (camera.sensor_width_mm / f64::from(camera.width_px) * 1e-3).powi(2);
+        let on_sensor = mean / (4.0 * camera.f_number * camera.f_number);
+        let electrons = sensor.quantum_efficiency * on_sensor * area_m2 * exposure_s / photon_j;
+        let dn = electrons.min(sensor.full_well_e) * sensor.gain_dn_per_e + sensor.black_level_dn;
+        dn.min(f64::from((1u32 << sensor.bits) - 1))
+    }
+
+    /// The ray through a point of the image and a place of the pupil, two numbers from 0 to 1: with
+    /// a focus it leaves that place for the point that the pinhole's ray has in the plane in focus.
+    fn sight(&self, px: DVec2, [share, turn]: [f64; 2]) -> (DVec3, DVec3) {
+        let (center, ray) = (self.camera.center(), self.camera.ray(px));
+        let camera = &self.profile.camera;
+        let Some(focus) = camera.focus_mm else {
+            return (center, ray.normalize());
+        };
+        let radius = camera.focal_length_mm / camera.f_number / 2.0;
+        // Areas, not radii, are even.
+        let place = DVec2::from_angle(turn * std::f64::consts::TAU) * radius * share.sqrt();
+        let from = center + place.extend(0.0);
+        (from, (center + ray * focus - from).normalize())
+    }
+
+    /// What the surface throws back at a point of the image seen from a place of the
+    /// pupil, as the irradiance in W/m^2 of a white Lambertian one; the slide is looked up at one place of the blur about the point, which two
+    /// numbers of 0 to 1 choose.
+    fn irradiance(&self, px: DVec2, pupil: [f64; 2], slide: &Slide, blur: [f64; 2]) -> f64 {
+        let (origin, direction) = self.sight(px, pupil);
+        let Some(found) = self.follow(origin, direction) else {
+            return 0.0;
+        };
+        let projector = &self.profile.projector;
+        let look = &self.parts[found.part].look;
+        let thrown_back = |towards: DVec3| {
+            look.reflectance(found.albedo, found.normal, towards, found.view)
+                * found.normal.dot(towards)
+        };
+        let cos_view = found.normal.dot(found.view);
+        let mut irradiance = self.ambient_w_m2 * look.under_even_light(found.albedo, cos_view);
+        if found.lit {
+            let way = self.projector.center() - found.point;
+            let px = found.projector_px + self.blur(found.point, blur);
+            let on_slide = self.projector.lens.contains(px);
+            let level = level(slide, px) / f64::from((1u32 << projector.bits) - 1);
+            let shown = match &projector.response {
+                None => level,
+                Some(Response::Gamma(gamma)) => level.powf(*gamma),
+                Some(Response::Table(table)) => {
+                    let steps = (table.len() - 1) as f64;
+                    // Each value holds under a triangle as wide as two steps.
+                    let under = |(i, light): (usize, &f64)| {
+                        light * (1.0 - (level * steps - i as f64).abs()).max(0.0)
+                    };
+                    table.iter().enumerate().map(under).sum()
+                }
+            };
+            let ratio = projector.contrast_ratio.unwrap_or(f64::INFINITY);
+            let light = if on_slide {
+                (1.0 - 1.0 / ratio).mul_add(shown, 1.0 / ratio)
+            } else {
+                0.0
+            };
+            let axis = self.projector.rig_from_view.direction(DVec3::Z);
+            let off_axis = -axis.dot(way.normalize());
+            let falloff = falloff(&projector.vignetting, &self.projector, off_axis, 1);
+            irradiance +=
+                light * falloff * projector.radiant_intensity_w_sr * thrown_back(way.normalize())
+                    / (way.length_squared() * 1e-6);
+        }
+        for light in &self.lights {
+            let (towards, facing) = self.lamp(light, &found);
+            if facing > 0.0 {
+                irradiance += facing * thrown_back(towards);
+            }
+        }
+        let off_axis = self.camera.lens.ray(px).normalize().z;
+        let camera = &self.profile.camera;
+        irradiance * falloff(&camera.vignetting, &self.camera, off_axis, 4)
+    }
+
+    /// A draw of the projector's blur about a point, in slide pixels. The cone of light from the
+    /// aperture to a point of the focused plane is cut by the plane through the given point; what
+    /// it covers there, measured in the slide's pixels, is the blur's disc, of which a Gaussian of
+    /// a quarter of its diameter is drawn (Box and Muller 1958).
+    fn blur(&self, point: DVec3, [u, v]: [f64; 2]) -> DVec2 {
+        let Some(focus) = self.profile.projector.focus else {
+            return DVec2::ZERO;
+        };
+        let z = self.projector.rig_from_view.inverse().point(point).z;
+        let covered_mm = focus.aperture_mm * (z - focus.distance_mm).abs() / focus.distance_mm;
+        let pixel_mm = z / self.projector.lens.focal_px.x;
+        let radius = (-2.0 * (1.0 - u).ln()).sqrt() * covered_mm / pixel_mm / 4.0;
+        DVec2::from_angle(v * std::f64::consts::TAU) * radius
+    }
+
+    /// Direction of a lamp from a point, and the irradiance in W/m^2 there of what faces it; 0 where
+    /// it does not shine.
+    fn lamp(&self, light: &Light, found: &Found) -> (DVec3, f64) {
+        let (way, facing) = match *light {
+            Light::Point {
+                position_mm,
+                intensity_w_sr,
+                ..
+            } => {
+                let at = self.rig_from_scene.point(DVec3::from(position_mm));
+                let way = at - found.point;
+                (way, intensity_w_sr / (way.length_squared() * 1e-6))
+            }
+            Light::Directional {
+                direction,
+                irradiance_w_m2,
+                ..
+            } => {
+                let along = self.rig_from_scene.direction(DVec3::from(direction));
+                (along.normalize() * -1e12, irradiance_w_m2)
+            }
+        };
+        let towards = way.normalize();
+        let near = found.point.length() * 1e-5;
+        let shaded = self
+            .first(found.point, towards, near)
+            .is_some_and(|(_, Crossing { t, .. })| t < way.length());
+        let shines = found.normal.dot(towards) > 0.0 && !shaded;
+        (towards, if shines { facing } else { 0.0 })
+    }
+
+    /// The object that is nearest along a ray with a unit direction, and where it is met.
+    fn first(&self, origin: DVec3, direction: DVec3, t_min: f64) -> Option<(usize, Crossing)> {
+        let mut nearest: Option<(usize, Crossing)> = None;
+        for (i, part) in self.parts.iter().enumerate() {
+            let inverse = part.rig_from_part.inverse();
+            let (o, d) = (inverse.point(origin), inverse.direction(direction));
+            for met in part.surface.crossings(o, d) {
+                if met.t > t_min && nearest.is_none_or(|(_, n)| met.t < n.t) {
+                    let normal = part.rig_from_part.direction(met.normal);
+                    nearest = Some((i, Crossing { normal, ..met }));
+                }
+            }
+        }
+        nearest
+    }
+}
+
+/// What vignetting leaves at an angle of this cosine to the axis, `cosines` of the natural fall.
+fn falloff(vignetting: &Vignetting, view: &View, cos: f64, cosines: i32) -> f64 {
+    let lens = &view.lens;
+    let diagonal = f64::from(lens.width_px).hypot(f64::from(lens.height_px));
+    let r = cos.acos().tan() * lens.focal_px.x / (diagonal / 2.0);
+    let [a2, a4, a6] = vignetting.falloff;
+    let natural = if vignetting.natural {
+        cos.powi(cosines)
+    } else {
+        1.0
+    };
+    natural * (1.0 + a2 * r.powi(2) + a4 * r.powi(4) + a6 * r.powi(6))
+}
+
+/// Level of the held pixel that a projector coordinate lies in.
+fn level(slide: &Slide, px: DVec2) -> f64 {
+    let index = |x: f64, len: usize| ((x + 0.5).floor().max(0.0) as usize).min(len - 1);
+    f64::from(match slide {
+        Slide::Uniform(level) => *level,
+        Slide::Row(Axis::X, row) => row[index(px.x, row.len())],
+        Slide::Row(Axis::Y, row) => row[index(px.y, row.len())],
+        Slide::Picture {
+            width,
+            height,
+            levels,
+        } => {
+            let (x, y) = (index(px.x, *width as usize), index(px.y, *height as usize));
+            levels[y * *width as usize + x]
+        }
+    })
+}
+
+/// A number's digits to a base, mirrored at the point: from 0 to 1 (van der Corput).
+fn mirrored(mut number: u32, base: u32) -> f64 {
+    let (mut digit, mut sum) = (1.0, 0.0);
+    while number > 0 {
+        digit /= f64::from(base);
+        sum += digit * f64::from(number % base);
+        number /= base;
+    }
+    sum
+}

@@ -1,0 +1,205 @@
+//! What surfaces of the reference path look like: one texel, one blend of vertex colours, one value
+//! of the microfacet formula at a time.
+
+use super::super::look::texels;
+use super::microfacets::Microfacets;
+use super::primitive::Primitive;
+use glam::{DVec2, DVec3};
+use phasmid_core::error::Result;
+use phasmid_geometry::{Board, Mesh};
+use phasmid_profile::{Object, Shape};
+use std::f64::consts::FRAC_PI_2;
+use std::path::Path;
+
+/// A surface.
+pub(super) struct Look {
+    albedo: f64,
+    specular: Option<Microfacets>,
+    picture: Option<Picture>,
+    printed: Option<Printed>,
+    /// Reflectances at the corners of triangles, where they are wanted.
+    colours: Vec<[f64; 3]>,
+}
+
+/// A board.
+struct Printed {
+    board: Board,
+    ink: f64,
+    /// Of the object.
+    scale: f64,
+}
+
+struct Picture {
+    columns: usize,
+    texels: Vec<f64>,
+    /// Width and height in millimetres, where it is laid over the shape.
+    size_mm: Option<DVec2>,
+    /// Places in the picture of triangles' corners, down from its top left, where it is not.
+    corners: Vec<[DVec2; 3]>,
+}
+
+impl Look {
+    /// # Errors
+    /// Textures that cannot be read.
+    pub(super) fn new(object: &Object, folder: &Path) -> Result<Self> {
+        let picture = match &object.texture {
+            None => None,
+            Some(file) => {
+                let (columns, _, texels) = texels(&folder.join(file))?;
+                Some(Picture {
+                    columns,
+                    texels,
+                    size_mm: object.texture_size_mm.map(DVec2::from),
+                    corners: Vec::new(),
+                })
+            }
+        };
+        let printed = match object.shape {
+            Shape::Board { board, ink } => Some(Printed {
+                board,
+                ink,
+                scale: object.scale,
+            }),
+            _ => None,
+        };
+        Ok(Self {
+            printed,
+            albedo: object.albedo,
+            specular: object.lobe().map(|s| Microfacets::new(s.f0, s.roughness)),
+            picture,
+            colours: Vec::new(),
+        })
+    }
+
+    /// Takes what a mesh says of itself, as far as the object wants it.
+    pub(super) fn take(&mut self, object: &Object, mesh: &Mesh) {
+        if object.vertex_colours {
+            let of = |t: &[u32; 3]| t.map(|i| f64::from(mesh.colours[i as usize]));
+            self.colours = mesh.triangles.iter().map(of).collect();
+        }
+        if let Some(picture) = &mut self.picture {
+            let place = |[u, v]: [f32; 2]| DVec2::new(f64::from(u), 1.0 - f64::from(v));
+            picture.corners = mesh.uv.iter().map(|uv| uv.map(place)).collect();
+        }
+    }
+
+    /// Albedo at a point with a unit normal on the camera's side, both in the shape's own frame.
+    pub(super) fn albedo(
+        &self,
+        surface: &Primitive,
+        triangle: usize,
+        point: DVec3,
+        normal: DVec3,
+    ) -> f64 {
+        let weights = || match surface {
+            Primitive::Triangles(triangles) => weights(triangles[triangle], point),
+            _ => [1.0, 0.0, 0.0],
+        };
+        let mut albedo = self.albedo;
+        if let Some(colours) = self.colours.get(triangle) {
+            albedo *= colours
+                .iter()
+                .zip(weights())
+                .map(|(c, w)| c * w)
+                .sum::<f64>();
+        }
+        if let Some(picture) = &self.picture {
+            let at = match (picture.size_mm, picture.corners.get(triangle)) {
+                (Some(size), _) => laid(surface, point, normal) / size + 0.5,
+                (None, Some(corners)) => corners.iter().zip(weights()).map(|(c, w)| *c * w).sum(),
+                (None, None) => DVec2::ZERO,
+            };
+            albedo *= picture.texel(at);
+        }
+        if let Some(printed) = &self.printed
+            && normal.z < 0.0
+            && printed.is_ink(point.truncate() / printed.scale)
+        {
+            albedo *= printed.ink;
+        }
+        albedo
+    }
+
+    /// What is thrown back to `view` of light from a direction, relative to a white Lambertian
+    /// surface: pi times the BRDF.
+    pub(super) fn reflectance(&self, albedo: f64, normal: DVec3, light: DVec3, view: DVec3) -> f64 {
+        match &self.specular {
+            Some(facets) => facets.reflectance(albedo, normal, light, view),
+            None => albedo,
+        }
+    }
+
+    /// The same of light that is alike from everywhere.
+    pub(super) fn under_even_light(&self, albedo: f64, cos_view: f64) -> f64 {
+        match &self.specular {
+            Some(facets) => {
+                let share = facets.share(cos_view);
+                share + albedo * (1.0 - share)
+            }
+            None => albedo,
+        }
+    }
+}
+
+impl Printed {
+    /// Tries all dots, or looks where among the squares a place lies.
+    fn is_ink(&self, at: DVec2) -> bool {
+        let board = &self.board;
+        match *board {
+            Board::Dots { .. } => board
+                .indices()
+                .any(|i| at.distance(board.point(i)) <= board.radius_mm(i)),
+            Board::Chess {
+                columns,
+                rows,
+                pitch_mm,
+            } => {
+                let square = at / pitch_mm + DVec2::new(columns.into(), rows.into()) / 2.0;
+                let [column, row] = [square.x, square.y].map(|s| (s + 0.5).floor());
+                (0.0..=columns.into()).contains(&column)
+                    && (0.0..=rows.into()).contains(&row)
+                    && (column + row) % 2.0 == 0.0
+            }
+        }
+    }
+}
+
+impl Picture {
+    /// The texel at a place of the plane that the picture's copies fill, in units of the picture.
+    fn texel(&self, at: DVec2) -> f64 {
+        let rows = self.texels.len() / self.columns;
+        let of = |at: f64, count: usize| (at.rem_euclid(1.0) * count as f64) as usize % count;
+        self.texels[of(at.y, rows) * self.columns + of(at.x, self.columns)]
+    }
+}
+
+/// Where on the picture's plane a point of a shape lies, in millimetres: about a sphere by longitude
+/// from -z towards x and by latitude towards y, about a cylinder by its angle and y, else along two
+/// axes.
+fn laid(surface: &Primitive, p: DVec3, normal: DVec3) -> DVec2 {
+    let longitude = |ring: f64| (p.x / ring).asin();
+    // Behind, the arc sine counts down again.
+    let around = |ring: f64| {
+        if p.z <= 0.0 {
+            longitude(ring)
+        } else {
+            (2.0 * FRAC_PI_2).copysign(p.x) - longitude(ring)
+        }
+    };
+    let ring = p.x.hypot(p.z);
+    match surface {
+        Primitive::Sphere(radius) => {
+            DVec2::new(around(ring), FRAC_PI_2 - (p.y / radius).acos()) * *radius
+        }
+        Primitive::Cylinder(..) if normal.y.abs() > 0.5 => DVec2::new(p.x, p.z),
+        Primitive::Cylinder(radius, _) => DVec2::new(around(ring) * radius, p.y),
+        _ => DVec2::new(p.x, p.y),
+    }
+}
+
+/// Weights of a triangle's corners at a point of it: the areas across from them.
+fn weights([a, b, c]: [DVec3; 3], p: DVec3) -> [f64; 3] {
+    let area = |u: DVec3, v: DVec3, w: DVec3| (v - u).cross(w - u).length();
+    let whole = area(a, b, c);
+    [area(p, b, c), area(a, p, c), area(a, b, p)].map(|part| part / whole)
+}

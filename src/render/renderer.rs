@@ -1,0 +1,491 @@
+//! One camera before one scene: runs the passes that a shot needs.
+
+mod place;
+mod time;
+mod truth;
+mod under_way;
+
+pub use under_way::Pending;
+
+use super::aperture::Aperture;
+use super::buffer::GeometryBuffer;
+use super::geometry::{self, Rays};
+use super::gpu::{self, Passes};
+use super::light::{self, Table};
+use super::schedule::Schedule;
+use super::sensor::{FixedPattern, Sensor, bloom};
+use super::shade::Optics;
+use super::term::Needs;
+use super::timetable::Timetable;
+use super::world::World;
+use super::worlds::{Moment, Worlds};
+use super::{Decision, Options, Plan, Term, glare};
+use crate::{shot::Shot, slide::Slide};
+use glam::DVec2;
+use phasmid_core::error::Result;
+use phasmid_pattern::manifest::MAX_FRAMES;
+use phasmid_profile::{Profile, Scene};
+use phasmid_protocol::Frame;
+use rayon::prelude::*;
+use std::sync::Arc;
+use time::Light;
+use under_way::News;
+
+/// Pixels that go through exposure and sensor together: they stay in the first-level cache, and
+/// are whole blocks of random numbers.
+const CHUNK: usize = 2048;
+
+/// Renders the frames of one camera in front of one scene.
+pub struct Renderer {
+    profile: Profile,
+    /// What the worlds are made of.
+    scene: Scene,
+    worlds: Worlds,
+    optics: Optics,
+    /// When the worlds are; `None` at power-on.
+    moment: Option<Moment>,
+    plan: Plan,
+    options: Options,
+    seed: u64,
+    /// Ideal image points of the pixels, where the lens is distorted.
+    rays: Option<Vec<DVec2>>,
+    buffer: GeometryBuffer,
+    /// Whether the buffer holds this state of the scene under this plan.
+    geometry_done: bool,
+    /// Sensitivities and offsets of the pixels, where the plan has them.
+    fixed: Option<FixedPattern>,
+    /// Tables of the slides seen so far.
+    tables: Vec<(Arc<Slide>, Arc<Table>)>,
+    /// Counts states of scene and plan.
+    revision: u64,
+    /// The passes on a GPU, where one runs them.
+    gpu: Option<Box<Passes>>,
+    news: News,
+}
+
+/// Memory for tables of slides: hundreds of fringes, or a dozen pictures. The oldest go first.
+const TABLE_BYTES: usize = 256 << 20;
+
+impl Renderer {
+    /// Prepares a scene, to be rendered by one ray a pixel. `seed` keys the sensor's noise.
+    ///
+    /// # Errors
+    /// Mesh files that cannot be read, or too many triangles.
+    pub fn new(profile: &Profile, scene: &Scene, seed: u64) -> Result<Self> {
+        Self::with_options(profile, scene, seed, Options::default())
+    }
+
+    /// The same with as many rays a pixel as the options say.
+    ///
+    /// # Errors
+    /// What [`Self::new`] and [`Options::checked`] refuse.
+    pub fn with_options(
+        profile: &Profile,
+        scene: &Scene,
+        seed: u64,
+        options: Options,
+    ) -> Result<Self> {
+        let options = options.checked()?;
+        let optics = Optics::new(profile, scene);
+        let world = World::new(scene, &optics.skins)?;
+        let plan = Plan::new(&Needs {
+            profile,
+            optics: &optics,
+            world: &world,
+        });
+        let rays = plan
+            .has(Term::CameraDistortion)
+            .then(|| ideal_points(&optics));
+        let fixed = fixed_pattern(&plan, profile);
+        let camera = &profile.camera;
+        let pixels = u64::from(camera.width_px) * u64::from(camera.height_px);
+        let (gpu, news) = under_way::open(
+            options.backend,
+            || gpu::fits(&world, &optics),
+            (pixels, u64::from(options.samples)),
+        )?;
+        Ok(Self {
+            profile: profile.clone(),
+            scene: scene.clone(),
+            worlds: Worlds::new(world),
+            optics,
+            moment: None,
+            plan,
+            options,
+            seed,
+            rays,
+            buffer: GeometryBuffer::default(),
+            geometry_done: false,
+            fixed,
+            tables: Vec::new(),
+            revision: 0,
+            gpu,
+            news,
+        })
+    }
+
+    /// Which terms are computed for the slides seen so far.
+    pub fn plan(&self) -> Plan {
+        self.plan
+    }
+
+    /// What the plan says of every term, and why.
+    pub fn decisions(&self) -> Vec<Decision> {
+        self.plan.decisions(&Needs {
+            profile: &self.profile,
+            optics: &self.optics,
+            world: self.worlds.any(),
+        })
+    }
+
+    /// Computes a term, or leaves it out, whatever the scene needs: for tests and for costs. A
+    /// term that is not needed changes no byte.
+    pub fn force(&mut self, term: Term, included: bool) {
+        let mut plan = self.plan;
+        plan.set(term, included);
+        self.go_by(plan);
+    }
+
+    /// Takes another plan, and what follows from it.
+    fn go_by(&mut self, plan: Plan) {
+        self.plan = plan;
+        // Rays are bent by the lens itself where no table is, so it must be straight without the term.
+        self.optics.camera.lens.distortion = match plan.has(Term::CameraDistortion) {
+            true => self.profile.camera.distortion,
+            false => [0.0; 5],
+        };
+        let table = || ideal_points(&self.optics);
+        self.rays = self.plan.has(Term::CameraDistortion).then(table);
+        self.fixed = fixed_pattern(&self.plan, &self.profile);
+        self.outdate();
+        self.tables.clear();
+    }
+
+    /// Triangles in the scene.
+    pub fn triangle_count(&self) -> usize {
+        self.worlds.any().triangle_count()
+    }
+
+    /// Pixels in a frame.
+    pub fn pixel_count(&self) -> usize {
+        let camera = &self.profile.camera;
+        camera.width_px as usize * camera.height_px as usize
+    }
+
+    /// Adds what slides need to the plan, so that one geometry pass serves them all.
+    pub fn expect_slides<'a>(&mut self, slides: impl IntoIterator<Item = &'a Slide>) {
+        for slide in slides {
+            if self.plan.include(slide) {
+                self.outdate();
+            }
+        }
+    }
+
+    /// Runs the geometry pass if its result is not at hand, for a scene that moves at the instant
+    /// that was looked at last; tells whether it ran.
+    pub fn prepare(&mut self) -> bool {
+        if self.geometry_done {
+            return false;
+        }
+        let rays = Rays {
+            optics: &self.optics,
+            table: self.rays.as_deref(),
+            width: self.profile.camera.width_px as usize,
+        };
+        geometry::run(
+            &self.worlds,
+            &self.optics,
+            &rays,
+            &self.plan,
+            self.options,
+            Aperture::new(&self.profile.camera),
+            &mut self.buffer,
+        );
+        self.geometry_done = true;
+        true
+    }
+
+    /// Forgets the geometry pass's result, as a scene that has moved does.
+    pub fn invalidate(&mut self) {
+        self.outdate();
+    }
+
+    /// Scene or plan are others than they were.
+    fn outdate(&mut self) {
+        self.geometry_done = false;
+        self.revision += 1;
+    }
+
+    /// The frame of one exposure, made by the processor.
+    fn expose_here(&mut self, shot: &Shot) -> Frame {
+        let light = self.light(shot);
+        let sensor = self.sensor(shot);
+        let bytes = self.profile.camera.sensor.native_format().bytes_per_pixel();
+        let mut data = vec![0; self.buffer.x.len() * bytes];
+        self.pixels(
+            light,
+            &sensor,
+            |first, electrons, out| sensor.read(first, electrons, out),
+            &mut data,
+            bytes,
+        );
+        self.frame(shot, data)
+    }
+
+    fn frame(&self, shot: &Shot, data: Vec<u8>) -> Frame {
+        let camera = &self.profile.camera;
+        Frame {
+            id: shot.id,
+            pattern_index: shot.pattern_index,
+            width: camera.width_px,
+            height: camera.height_px,
+            format: camera.sensor.native_format(),
+            exposure_start_ns: shot.start_ns,
+            exposure_end_ns: shot.end_ns(),
+            data,
+        }
+    }
+
+    /// Noise-free signal in digital numbers, before rounding: what the sensor would mean to say.
+    pub fn expected_dn(&mut self, shot: &Shot) -> Vec<f32> {
+        let light = self.light(shot);
+        self.expected(shot, light)
+    }
+
+    fn expected(&self, shot: &Shot, light: Light) -> Vec<f32> {
+        let sensor = self.sensor(shot);
+        let mut out = vec![0.0f32; self.buffer.x.len()];
+        self.pixels(
+            light,
+            &sensor,
+            |first, electrons, out| sensor.expect(first, electrons, out),
+            &mut out,
+            1,
+        );
+        out
+    }
+
+    /// Prepares all that shots need before they are exposed: the geometry, and tables of slides.
+    pub fn make_ready(&mut self, shots: &[Shot]) {
+        for shot in shots {
+            self.schedule(shot);
+        }
+    }
+
+    /// Prepares what a shot needs: the geometry, and tables of the slides that it sees.
+    fn schedule(&mut self, shot: &Shot) -> Schedule {
+        let (when, tables) = self.slides(shot);
+        self.prepare();
+        Schedule::new(when, tables, &self.plan, &self.buffer)
+    }
+
+    /// When a shot sees which slides, and their tables; the plan has what they need.
+    fn slides(&mut self, shot: &Shot) -> (Timetable, Vec<Arc<Table>>) {
+        let camera = &self.profile.camera;
+        let size = [camera.width_px, camera.height_px].map(|side| side as usize);
+        let when = Timetable::new(shot, &self.plan, self.optics.flicker, size);
+        let slides: Vec<_> = when
+            .places
+            .iter()
+            .map(|&place| match place {
+                0 => &shot.slide,
+                _ => &shot.then[place - 1].slide,
+            })
+            .collect();
+        self.expect_slides(slides.iter().filter_map(|slide| slide.as_deref()));
+        let tables = slides.into_iter().map(|slide| self.table(slide.as_ref()));
+        let tables = tables.collect();
+        (when, tables)
+    }
+
+    fn sensor(&self, shot: &Shot) -> Sensor<'_> {
+        Sensor::new(
+            &self.profile.camera.sensor,
+            &self.plan,
+            (shot.gain_db, shot.exposure_ns as f64 * 1e-9),
+            (self.seed, shot.noise_id),
+            self.fixed.as_ref(),
+        )
+    }
+
+    /// Exposes and gathers the electrons of chunks of pixels in parallel and reads each out, into
+    /// the `per_pixel` elements of `out` that belong to each pixel. A term that carries light or
+    /// charge from pixel to pixel needs the whole frame between its stages, and light summed over
+    /// instants is one; without either, a chunk goes through all of them while it is in the cache.
+    fn pixels<T: Send>(
+        &self,
+        light: Light,
+        sensor: &Sensor<'_>,
+        read: impl Fn(usize, &mut [f32], &mut [T]) + Sync,
+        out: &mut [T],
+        per_pixel: usize,
+    ) {
+        let gather = |first, electrons: &mut [f32], out: &mut [T]| {
+            sensor.gather(first, electrons);
+            read(first, electrons, out);
+        };
+        let fused = !self.plan.has(Term::Glare) && !self.plan.has(Term::Blooming);
+        let mut frame = match light {
+            Light::Scheduled(schedule) if fused => {
+                self.electrons(&schedule, gather, out, per_pixel);
+                return;
+            }
+            Light::Scheduled(schedule) => {
+                let mut frame = vec![0.0; self.buffer.x.len()];
+                let keep =
+                    |_, electrons: &mut [f32], out: &mut [f32]| out.copy_from_slice(electrons);
+                self.electrons(&schedule, keep, &mut frame, 1);
+                frame
+            }
+            Light::Summed(frame) => frame,
+        };
+        let camera = &self.profile.camera;
+        if self.plan.has(Term::Glare)
+            && let Some(glare) = &camera.glare
+        {
+            glare::spread(&mut frame, self.buffer.width, glare);
+        }
+        frame
+            .par_chunks_mut(CHUNK)
+            .enumerate()
+            .for_each(|(i, electrons)| sensor.gather(i * CHUNK, electrons));
+        if self.plan.has(Term::Blooming) {
+            let share = camera.sensor.blooming_percent / 100.0;
+            bloom::spill(
+                &mut frame,
+                self.buffer.width,
+                sensor.full_well_e(),
+                share as f32,
+            );
+        }
+        frame
+            .par_chunks_mut(CHUNK)
+            .zip(out.par_chunks_mut(CHUNK * per_pixel))
+            .enumerate()
+            .for_each(|(i, (electrons, out))| read(i * CHUNK, electrons, out));
+    }
+
+    /// Runs the exposure pass over chunks of pixels in parallel and hands each chunk's electrons
+    /// on, with the `per_pixel` elements of `out` that belong to each pixel.
+    fn electrons<T: Send>(
+        &self,
+        schedule: &Schedule,
+        then: impl Fn(usize, &mut [f32], &mut [T]) + Sync,
+        out: &mut [T],
+        per_pixel: usize,
+    ) {
+        out.par_chunks_mut(CHUNK * per_pixel)
+            .enumerate()
+            .for_each_init(
+                || vec![0.0; CHUNK],
+                |electrons, (i, out)| {
+                    let first = i * CHUNK;
+                    let electrons = &mut electrons[..out.len() / per_pixel];
+                    schedule.run(&self.buffer, first, electrons);
+                    then(first, electrons, out);
+                },
+            );
+    }
+
+    /// The prepared table of a slide; of darkness without one.
+    fn table(&mut self, slide: Option<&Arc<Slide>>) -> Arc<Table> {
+        let Some(slide) = slide else {
+            return Arc::new(Table::Uniform(0.0));
+        };
+        if let Some((_, table)) = self.tables.iter().find(|(s, _)| Arc::ptr_eq(s, slide)) {
+            return table.clone();
+        }
+        let table = Arc::new(Table::new(slide, &self.profile.projector, &self.plan));
+        self.tables.push((slide.clone(), table.clone()));
+        let mut bytes: usize = self.tables.iter().map(|(_, table)| table.bytes()).sum();
+        while bytes > TABLE_BYTES || self.tables.len() > MAX_FRAMES {
+            bytes -= self.tables.remove(0).1.bytes();
+        }
+        table
+    }
+}
+
+/// The pattern of the profile's sensor, if the plan has it.
+fn fixed_pattern(plan: &Plan, profile: &Profile) -> Option<FixedPattern> {
+    let camera = &profile.camera;
+    let pixels = camera.width_px as usize * camera.height_px as usize;
+    plan.has(Term::FixedPattern)
+        .then(|| FixedPattern::new(&camera.sensor, pixels))
+}
+
+pub(super) fn ideal_points(optics: &Optics) -> Vec<DVec2> {
+    let lens = optics.camera.lens;
+    (0..lens.height_px)
+        .into_par_iter()
+        .flat_map_iter(|v| {
+            (0..lens.width_px)
+                .map(move |u| lens.ray(DVec2::new(f64::from(u), f64::from(v))).truncate())
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A lens whose distortion is left out is a straight one, in every byte, and bends again after.
+    #[test]
+    fn a_lens_without_its_distortion_is_straight() {
+        let straight = Profile::load("webcam-grey").unwrap();
+        let mut bent = straight.clone();
+        bent.camera.distortion = [-0.2, 0.05, 1e-3, -2e-3, 0.0];
+        let scene = Scene::load("sphere").unwrap();
+        let row = (0..854).map(|x| (x % 16 * 16) as u16).collect();
+        let shot = Shot {
+            slide: Some(Arc::new(Slide::Row(phasmid_pattern::Axis::X, row))),
+            light: 1.0,
+            exposure_ns: 8_000_000,
+            ..Shot::default()
+        };
+        let mut wanted = Renderer::new(&straight, &scene, 1).unwrap();
+        let mut renderer = Renderer::new(&bent, &scene, 1).unwrap();
+        let own = renderer.expose(&shot);
+        renderer.force(Term::CameraDistortion, false);
+        assert_eq!(renderer.expose(&shot), wanted.expose(&shot));
+        let decisions = renderer.decisions();
+        let said = decisions.iter().find(|d| d.term == Term::CameraDistortion);
+        assert_eq!(said.map(|d| d.why), Some("left out on request"));
+        renderer.force(Term::CameraDistortion, true);
+        assert_eq!(renderer.expose(&shot), own);
+        assert_ne!(own, wanted.expose(&shot));
+    }
+
+    #[test]
+    fn pictures_without_end_do_not_fill_the_memory() {
+        let profile = Profile::load("webcam-grey").unwrap();
+        let scene = Scene::load("plane").unwrap();
+        let mut renderer = Renderer::new(&profile, &scene, 1).unwrap();
+        let (width, height) = (profile.projector.width_px, profile.projector.height_px);
+        let one = (width as usize + 1) * (height as usize + 1) * size_of::<f64>();
+        for level in 0..(TABLE_BYTES / one + 5) as u16 {
+            let slide = Slide::Picture {
+                width,
+                height,
+                levels: vec![level; (width * height) as usize],
+            };
+            let shot = Shot {
+                id: 0,
+                noise_id: 0,
+                pattern_index: None,
+                slide: Some(Arc::new(slide)),
+                light: 1.0,
+                start_ns: 0,
+                exposure_ns: 1000,
+                ..Shot::default()
+            };
+            renderer.table(shot.slide.as_ref());
+            let newest = renderer.tables.last().map(|(slide, _)| slide.clone());
+            assert!(shot.slide == newest, "the table in use stays");
+        }
+        let bytes: usize = renderer.tables.iter().map(|(_, t)| t.bytes()).sum();
+        assert!(
+            bytes <= TABLE_BYTES && bytes > TABLE_BYTES - 2 * one,
+            "{bytes}"
+        );
+    }
+}

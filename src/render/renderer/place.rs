@@ -1,0 +1,165 @@
+//! Objects at another place than the scene says.
+
+use super::Renderer;
+use crate::term::Needs;
+use crate::world::World;
+use crate::worlds::Worlds;
+use crate::{Backend, Plan, Term, gpu};
+use phasmid_core::error::{Error, Result};
+
+impl Renderer {
+    /// Takes an object, counted from 0 in the order of the scene, to another place, as if the scene
+    /// said so: position in millimetres and rotation in degrees as in a scene file. The plan is made
+    /// anew, what was forced is forgotten, and frames that are under way have to be finished before.
+    /// A GPU that works stays open.
+    ///
+    /// # Errors
+    /// What [`phasmid_profile::Scene::place`] refuses, files of meshes and pictures that have gone,
+    /// and a scene that a GPU which was asked for in so many words cannot hold; nothing has changed
+    /// then.
+    pub fn place(
+        &mut self,
+        object: usize,
+        position_mm: [f64; 3],
+        rotation_deg: [f64; 3],
+    ) -> Result<()> {
+        let mut scene = self.scene.clone();
+        scene.place(object, position_mm, rotation_deg)?;
+        let world = World::new(&scene, &self.optics.skins)?;
+        let fits = match &self.gpu {
+            Some(_) => gpu::fits(&world, &self.optics),
+            None => Ok(()),
+        };
+        match fits {
+            Err(why) if self.options.backend == Backend::Gpu => {
+                return Err(Error::input("place", why, "a place that the GPU can hold"));
+            }
+            Err(why) => self.give_up(&Error::device(why)),
+            Ok(()) => {}
+        }
+        let mut plan = Plan::new(&Needs {
+            profile: &self.profile,
+            optics: &self.optics,
+            world: &world,
+        });
+        // What the slides have asked for.
+        for term in [Term::FootprintX, Term::FootprintY] {
+            plan.set(term, plan.has(term) || self.plan.has(term));
+        }
+        self.scene = scene;
+        self.worlds = Worlds::new(world);
+        self.moment = None;
+        match plan == self.plan {
+            true => self.outdate(),
+            false => self.go_by(plan),
+        }
+        if let Some(gpu) = &mut self.gpu {
+            gpu.forget();
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Options;
+    use crate::{shot::Shot, slide::Slide};
+    use phasmid_pattern::{Axis, Pattern};
+    use phasmid_profile::{Profile, Scene};
+    use std::sync::Arc;
+
+    const SCENE: &str = "name = \"s\"\ndescription = \"\"\n\
+        [ambient]\nirradiance_w_m2 = 0.02\n\
+        [[object]]\nshape = { kind = \"plane\" }\nposition_mm = [0.0, 0.0, 1000.0]\nalbedo = 0.6\n";
+    const SPHERE: &str = "[[object]]\nshape = { kind = \"sphere\", radius_mm = 60.0 }\n\
+        position_mm = [0.0, 0.0, 900.0]\nalbedo = 0.8\n";
+    const TORSO: &str = "[[object]]\nshape = { kind = \"torso\", triangles = 2000 }\n\
+        position_mm = [0.0, 0.0, 950.0]\nalbedo = 0.7\n";
+
+    fn shot(noise_id: u64) -> Shot {
+        let row = (0..854).map(|x| (x % 16 * 16) as u16).collect();
+        Shot {
+            noise_id,
+            slide: Some(Arc::new(Slide::Row(Axis::X, row))),
+            light: 1.0,
+            exposure_ns: 8_000_000,
+            ..Shot::default()
+        }
+    }
+
+    fn renderer(scene: &Scene, backend: Backend) -> Renderer {
+        let profile = Profile::load("webcam-grey").unwrap();
+        let options = Options {
+            backend,
+            ..Options::default()
+        };
+        Renderer::with_options(&profile, scene, 3, options).unwrap()
+    }
+
+    /// Frames after objects were placed are those of a device that was started so.
+    fn frames_equal(text: &str, object: usize, backend: Backend) {
+        let mut scene = Scene::parse(text, "test").unwrap();
+        let mut placed = renderer(&scene, backend);
+        let before = placed.expose(&shot(0));
+        let (position, rotation) = ([15.0, -8.0, 870.0], [4.0, 21.0, -30.0]);
+        placed.place(object, position, rotation).unwrap();
+        scene.place(object, position, rotation).unwrap();
+        let mut started = renderer(&scene, backend);
+        for id in [1, 0, 2] {
+            assert_eq!(placed.expose(&shot(id)), started.expose(&shot(id)));
+        }
+        assert_ne!(placed.expose(&shot(0)), before);
+    }
+
+    #[test]
+    fn frames_are_those_of_a_scene_that_says_so() {
+        for (text, object) in [
+            (SCENE.to_owned(), 0),
+            (format!("{SCENE}{SPHERE}"), 1),
+            (format!("{SCENE}{TORSO}"), 0),
+            (format!("{SCENE}{TORSO}"), 1),
+        ] {
+            frames_equal(&text, object, Backend::Cpu);
+        }
+    }
+
+    #[test]
+    #[ignore = "needs a Vulkan adapter"]
+    fn a_gpu_sees_what_was_placed() {
+        for (text, object) in [
+            (SCENE.to_owned(), 0),
+            (format!("{SCENE}{SPHERE}"), 1),
+            (format!("{SCENE}{TORSO}"), 1),
+        ] {
+            frames_equal(&text, object, Backend::Gpu);
+        }
+    }
+
+    #[test]
+    fn a_plane_moved_by_100_mm_is_there_in_truth() {
+        let scene = Scene::parse(SCENE, "test").unwrap();
+        let mut renderer = renderer(&scene, Backend::Cpu);
+        let sequence = [(Pattern::White {}, shot(0))];
+        let depth = |renderer: &mut Renderer| renderer.truth(&sequence).depth_mm;
+        assert!(depth(&mut renderer).iter().all(|z| *z == 1000.0));
+        renderer.place(0, [0.0, 0.0, 900.0], [0.0; 3]).unwrap();
+        assert!(depth(&mut renderer).iter().all(|z| *z == 900.0));
+        // A refusal leaves it where it is.
+        assert!(renderer.place(1, [0.0; 3], [0.0; 3]).is_err());
+        assert!(depth(&mut renderer).iter().all(|z| *z == 900.0));
+    }
+
+    #[test]
+    fn the_plan_follows_the_place() {
+        let text = format!("{SCENE}{SPHERE}").replace(
+            "shape = { kind = \"plane\" }",
+            "shape = { kind = \"plane\", size_mm = [1.0, 1.0] }",
+        );
+        let mut renderer = renderer(&Scene::parse(&text, "test").unwrap(), Backend::Cpu);
+        renderer.expose(&shot(0));
+        renderer.force(Term::Shadows, false);
+        renderer.place(1, [0.0, 0.0, 0.0], [0.0; 3]).unwrap();
+        assert!(renderer.plan().has(Term::Shadows) && renderer.plan().has(Term::FootprintX));
+    }
+}

@@ -1,0 +1,104 @@
+//! The truth behind frames.
+
+use super::time::{Light, middle_ns};
+use super::{Renderer, light};
+use crate::Term;
+use crate::world::Surface;
+use crate::{shot::Shot, truth, truth::Truth};
+use phasmid_pattern::{Axis, Pattern, finest_fringe};
+
+impl Renderer {
+    /// The truth behind the frames of a sequence: geometry, and the mean and modulation that its
+    /// finest fringes have before noise and rounding. Of a scene that moves it is the truth half way
+    /// from the start of the first exposure to the end of the last one.
+    pub fn truth(&mut self, sequence: &[(Pattern, Shot)]) -> Truth {
+        let middle = middle_ns(sequence.iter().map(|(_, shot)| shot));
+        self.truth_at(sequence, middle)
+    }
+
+    /// The same at a device time in nanoseconds: the fringes are those of a scene that stands still
+    /// as it is then.
+    pub fn truth_at(&mut self, sequence: &[(Pattern, Shot)], time_ns: u64) -> Truth {
+        self.expect_slides(sequence.iter().filter_map(|(_, s)| s.slide.as_deref()));
+        self.go_to_time(time_ns);
+        self.prepare();
+        let fringes = finest_fringes(sequence);
+        let signals: Vec<_> = fringes
+            .iter()
+            .map(|(_, shot)| {
+                let light = Light::Scheduled(self.schedule(shot));
+                self.expected(shot, light)
+            })
+            .collect();
+        let phases: Vec<_> = fringes.iter().map(|(phase, _)| *phase).collect();
+        let mut flags = self.flags(sequence);
+        for ((_, shot), signal) in fringes.iter().zip(&signals) {
+            let exposure_s = shot.exposure_ns as f64 * 1e-9;
+            let sensor = &self.profile.camera.sensor;
+            let full = sensor.noise_model(shot.gain_db, exposure_s).saturation_dn;
+            truth::flag_saturated(&mut flags, signal, full);
+        }
+        let map = &self.buffer;
+        let (mean_dn, modulation_dn) = truth::harmonic(&phases, &signals, map.x.len());
+        Truth {
+            width: map.width as u32,
+            height: map.height as u32,
+            depth_mm: map.depth.clone(),
+            projector_x: map.x.clone(),
+            projector_y: map.y.clone(),
+            flags,
+            mean_dn,
+            modulation_dn,
+        }
+    }
+
+    /// The map's flags, and where the sequence's finest fringes are too fine.
+    fn flags(&self, sequence: &[(Pattern, Shot)]) -> Vec<u8> {
+        let map = &self.buffer;
+        let mut flags = map.flags.clone();
+        if self.plan.has(Term::Motion) {
+            for (flags, &surface) in flags.iter_mut().zip(&map.surface) {
+                if *flags & Truth::SEEN != 0 && self.worlds.any().moving(Surface(surface)) {
+                    *flags |= Truth::MOVING;
+                }
+            }
+        }
+        let Some((axis, period)) = finest_fringe(sequence.iter().map(|(pattern, _)| pattern))
+        else {
+            return flags;
+        };
+        let slope = match axis {
+            Axis::X => &map.x_slope,
+            Axis::Y => &map.y_slope,
+        };
+        let lit = |flags: u8| flags & Truth::LIT != 0;
+        for (i, flags) in flags.iter_mut().enumerate().filter(|(_, f)| lit(**f)) {
+            let blur = map.blur.get(i).copied().unwrap_or(0.0);
+            let skin = map.skin.as_ref();
+            let under = skin.map_or(1.0, |skin| skin.contrast(i, axis as usize, period));
+            let resolved = slope
+                .get(i)
+                .is_none_or(|slope| light::is_resolved(*slope, blur, under, period));
+            if !resolved {
+                *flags |= Truth::UNRESOLVED;
+            }
+        }
+        flags
+    }
+}
+
+/// Phases and shots of the finest fringes.
+fn finest_fringes(sequence: &[(Pattern, Shot)]) -> Vec<(f64, &Shot)> {
+    let finest = finest_fringe(sequence.iter().map(|(pattern, _)| pattern));
+    sequence
+        .iter()
+        .filter_map(|(pattern, shot)| match *pattern {
+            Pattern::Fringe {
+                axis,
+                period_px,
+                phase_rad,
+            } if finest == Some((axis, period_px)) => Some((phase_rad, shot)),
+            _ => None,
+        })
+        .collect()
+}

@@ -1,0 +1,237 @@
+//! The sensor pass: mean electrons to digital numbers, by the linear model of EMVA 1288 release
+//! 4.0 (section 2): sensitivity of the pixel, dark current, shot noise, full well, read noise,
+//! offset of the pixel, system gain, black level, converter; and the response, where it is bent.
+
+mod alone;
+pub(super) mod bloom;
+mod elementary;
+mod fixed;
+mod noise;
+mod normal;
+mod numbers;
+mod philox;
+mod poisson;
+mod response;
+
+pub use alone::read_out;
+pub(super) use fixed::FixedPattern;
+
+use super::{Plan, Term};
+use noise::Noise;
+use phasmid_core::simd::widest;
+use phasmid_profile::Sensor as Parameters;
+use phasmid_protocol::PixelFormat;
+use response::Response;
+
+/// The sensor at one gain and exposure, for one frame: the terms that the plan has.
+#[derive(Clone, Copy)]
+pub(super) struct Sensor<'a> {
+    linear: Linear,
+    /// Words of two bytes.
+    wide: bool,
+    dark_e: Option<f32>,
+    fixed: Option<&'a FixedPattern>,
+    noise: Option<Noise>,
+    response: Option<Response>,
+}
+
+/// From electrons to linear digital numbers.
+#[derive(Debug, Clone, Copy)]
+struct Linear {
+    full_well_e: f32,
+    gain_dn_per_e: f32,
+    black_dn: f32,
+    full_scale_dn: f32,
+}
+
+impl<'a> Sensor<'a> {
+    /// `noise` is the seed and the shot's noise id: shot and read noise are drawn if the plan has
+    /// them. `fixed` is the pattern, if the plan has that.
+    pub(super) fn new(
+        sensor: &Parameters,
+        plan: &Plan,
+        (gain_db, exposure_s): (f64, f64),
+        noise: (u64, u64),
+        fixed: Option<&'a FixedPattern>,
+    ) -> Self {
+        let gain = sensor.gain_at(gain_db);
+        let full_scale = sensor.full_scale_dn();
+        let (full_well_e, read_noise_e) = (sensor.full_well_e, sensor.read_noise_e);
+        // Whether a full well reads the converter's last number whatever the read noise and offset.
+        let far = f64::from(noise::FARTHEST);
+        let least = full_well_e - far * (read_noise_e + sensor.dsnu_e);
+        let hidden = least * gain + sensor.black_level_dn >= full_scale - 0.5;
+        let noise = plan.has(Term::Noise).then(|| {
+            let key = [noise.0, noise.1];
+            Noise::new(key, read_noise_e as f32, full_well_e as f32, hidden)
+        });
+        Self {
+            linear: Linear {
+                full_well_e: full_well_e as f32,
+                gain_dn_per_e: gain as f32,
+                black_dn: sensor.black_level_dn as f32,
+                full_scale_dn: full_scale as f32,
+            },
+            wide: sensor.native_format() == PixelFormat::Y16,
+            dark_e: plan
+                .has(Term::DarkCurrent)
+                .then(|| sensor.dark_e(exposure_s) as f32),
+            fixed,
+            noise,
+            response: plan
+                .has(Term::CameraResponse)
+                .then(|| Response::new(&sensor.response, full_scale)),
+        }
+    }
+
+    /// Electrons that a pixel holds.
+    pub(super) fn full_well_e(&self) -> f32 {
+        self.linear.full_well_e
+    }
+
+    /// Mean electrons of light of the pixels from `first` on, to all that a pixel gathers.
+    pub(super) fn gather(&self, first: usize, electrons: &mut [f32]) {
+        if let Some(fixed) = self.fixed {
+            fixed.scale(first, electrons);
+        }
+        if let Some(dark_e) = self.dark_e {
+            for e in electrons.iter_mut() {
+                *e += dark_e;
+            }
+        }
+    }
+
+    /// Digital numbers of the pixels from `first` on, a multiple of the random numbers' block of
+    /// 32. `electrons` holds the means that they have gathered, and is used as scratch.
+    pub(super) fn read(&self, first: usize, electrons: &mut [f32], out: &mut [u8]) {
+        match &self.noise {
+            Some(noise) => noise::draw(noise, first, electrons),
+            None => clip(self.linear.full_well_e, electrons),
+        }
+        if let Some(fixed) = self.fixed {
+            fixed.offset(first, electrons);
+        }
+        match (&self.response, self.wide) {
+            (None, false) => quantise_bytes(&self.linear, electrons, out),
+            (None, true) => quantise_words(&self.linear, electrons, out),
+            (Some(response), wide) => {
+                bend(response, &self.linear, electrons);
+                let bent = Linear {
+                    gain_dn_per_e: 1.0,
+                    black_dn: 0.0,
+                    ..self.linear
+                };
+                if wide {
+                    quantise_words(&bent, electrons, out);
+                } else {
+                    quantise_bytes(&bent, electrons, out);
+                }
+            }
+        }
+    }
+
+    /// Digital numbers, not rounded, without shot and read noise, of the pixels from `first` on.
+    /// `electrons` holds the means that they have gathered, and is used as scratch.
+    pub(super) fn expect(&self, first: usize, electrons: &mut [f32], out: &mut [f32]) {
+        clip(self.linear.full_well_e, electrons);
+        if let Some(fixed) = self.fixed {
+            fixed.offset(first, electrons);
+        }
+        if let Some(response) = &self.response {
+            bend(response, &self.linear, electrons);
+            out.copy_from_slice(electrons);
+        } else {
+            for (dn, &e) in out.iter_mut().zip(electrons.iter()) {
+                *dn = self.linear.dn(e);
+            }
+        }
+    }
+}
+
+impl Linear {
+    /// Gain, black level and the converter's range; not a number reads as none.
+    #[inline(always)]
+    fn dn(&self, electrons: f32) -> f32 {
+        let dn = electrons * self.gain_dn_per_e + self.black_dn;
+        let dn = if dn > 0.0 { dn } else { 0.0 };
+        if dn < self.full_scale_dn {
+            dn
+        } else {
+            self.full_scale_dn
+        }
+    }
+
+    /// The nearest whole number, in the low bits of a word.
+    #[inline(always)]
+    fn word(&self, electrons: f32) -> u32 {
+        /// Adding it leaves whole numbers in the low bits.
+        const WHOLE: f32 = (1u32 << 23) as f32;
+        (self.dn(electrons) + WHOLE).to_bits()
+    }
+}
+
+widest! {
+    fn clip(full_well_e: f32, electrons: &mut [f32]) => clip_body
+}
+widest! {
+    fn bend(response: &Response, linear: &Linear, electrons: &mut [f32]) => bend_body
+}
+widest! {
+    fn quantise_bytes(linear: &Linear, electrons: &[f32], out: &mut [u8]) => quantise_bytes_body
+}
+widest! {
+    fn quantise_words(linear: &Linear, electrons: &[f32], out: &mut [u8]) => quantise_words_body
+}
+
+#[inline(always)]
+fn clip_body(full_well_e: f32, electrons: &mut [f32]) {
+    for e in electrons {
+        *e = if *e < full_well_e { *e } else { full_well_e };
+    }
+}
+
+/// Electrons to the numbers in the frame, not rounded.
+#[inline(always)]
+fn bend_body(response: &Response, linear: &Linear, electrons: &mut [f32]) {
+    for e in electrons {
+        *e = response.bend(linear.dn(*e));
+    }
+}
+
+#[inline(always)]
+fn quantise_bytes_body(linear: &Linear, electrons: &[f32], out: &mut [u8]) {
+    for (byte, &e) in out.iter_mut().zip(electrons) {
+        *byte = linear.word(e) as u8;
+    }
+}
+
+#[inline(always)]
+fn quantise_words_body(linear: &Linear, electrons: &[f32], out: &mut [u8]) {
+    let (pairs, _) = out.as_chunks_mut();
+    for (pair, &e) in pairs.iter_mut().zip(electrons) {
+        *pair = (linear.word(e) as u16).to_le_bytes();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn saturation_and_black_clip_at_the_converters_ends() {
+        let mut linear = Linear {
+            full_well_e: 1e6,
+            gain_dn_per_e: 1.0,
+            black_dn: 4.0,
+            full_scale_dn: 255.0,
+        };
+        let mut out = [0; 5];
+        let electrons = [-9.0, 0.0, 100.4, 1e9, f32::NAN];
+        quantise_bytes(&linear, &electrons, &mut out);
+        assert_eq!(out, [0, 4, 104, 255, 0]);
+        linear.full_scale_dn = 65535.0;
+        let mut out = [0; 8];
+        quantise_words(&linear, &[-9.0, 0.4, 1000.6, 1e9], &mut out);
+        assert_eq!(out, [0, 0, 4, 0, 0xed, 0x03, 0xff, 0xff]);
+    }
+}

@@ -1,0 +1,292 @@
+//! Shading sixteen samples at once: where the projector's light for each comes from, and how much
+//! of it arrives. Structure of arrays in f64, so that the loops fill SIMD registers.
+
+use super::lamps::Lamp;
+use super::light::{Defocus, Falloff, Flicker};
+use super::skin::Skins;
+use super::world::{Hits, World};
+use super::{Plan, Term};
+use glam::{DMat2, DVec2, DVec3};
+use phasmid_core::simd::widest;
+use phasmid_geometry::raycast::LANES;
+use phasmid_geometry::{Lens, View};
+use phasmid_profile::{self as profile, Interreflection, Profile, Scene};
+
+/// Planck's constant times the speed of light, in J m (CODATA 2018, exact).
+const HC: f64 = 6.626_070_15e-34 * 299_792_458.0;
+/// Cosine of 80 degrees.
+const COS_80: f64 = 0.173_648_177_666_930_33;
+
+/// One f64 a lane.
+pub(super) type Wide = [f64; LANES];
+
+/// What turns geometry into electrons, the same for all samples.
+pub(super) struct Optics {
+    pub(super) camera: View,
+    pub(super) projector: View,
+    /// Electrons per second of a pixel that looks at a white surface under 1 W/m^2.
+    pub(super) electrons_per_irradiance: f64,
+    /// Radiant intensity of the projector's white in W/sr.
+    pub(super) intensity_w_sr: f64,
+    pub(super) ambient_w_m2: f64,
+    pub(super) seen: Falloff,
+    pub(super) shown: Falloff,
+    pub(super) defocus: Defocus,
+    /// What objects are skin, and how light spreads in it.
+    pub(super) skins: Skins,
+    /// Amplitude of the ambient light's flicker relative to its mean.
+    pub(super) ambient_depth: f64,
+    pub(super) lamps: Vec<Lamp>,
+    /// How to gather the light that surfaces throw on each other, where the scene wants it.
+    pub(super) interreflection: Option<Interreflection>,
+    /// The pulse of all light that flickers.
+    pub(super) flicker: Option<Flicker>,
+}
+
+/// Samples of the surfaces that sixteen rays meet; lanes that meet none hold NaN and false.
+pub(super) struct Shaded {
+    /// Points from the rays' origin along the rig's axes in millimetres, an array a component.
+    pub(super) point: [Wide; 3],
+    /// Projector pixel that lights the point.
+    pub(super) px: [Wide; 2],
+    /// Derivatives of the projector pixel by the camera's: `[projector axis][camera axis]`.
+    pub(super) footprint: [[Wide; 2]; 2],
+    /// Electrons per second under full white, shadow aside.
+    pub(super) projected: Wide,
+    /// Electrons per second of ambient light.
+    pub(super) ambient: Wide,
+    /// Electrons per second by which ambient light and lamps swing about their mean.
+    pub(super) flickering: Wide,
+    /// Electrons per second for 1 W/m^2 of light that is the same from everywhere; 0 where the plan
+    /// has no interreflection.
+    pub(super) evenly: Wide,
+    /// A bit for each lamp that lights it.
+    pub(super) lamps: [u32; LANES],
+    /// The projector can light it, shadow aside: in its field and on its side.
+    pub(super) reachable: [bool; LANES],
+    /// Both rays strike within 80 degrees of the normal.
+    pub(super) square: [bool; LANES],
+}
+
+impl Optics {
+    /// Irradiance on the sensor is E = rho E_surface / (4 N^2) for a Lambertian surface under a
+    /// lens of working f-number N (the camera equation, e.g. Ray: "Applied Photographic Optics");
+    /// electrons follow from it by pixel area, photon energy and quantum efficiency (EMVA 1288
+    /// release 4.0, equations 1 to 3).
+    pub(super) fn new(profile: &Profile, scene: &Scene) -> Self {
+        let camera = &profile.camera;
+        let pixel_m2 = (camera.pixel_pitch_mm() * 1e-3).powi(2);
+        let of_lamps = scene.light.iter().find_map(profile::Light::pulse);
+        let mains = scene.ambient.pulse().or(of_lamps);
+        let photon_j = HC / (profile.projector.wavelength_nm * 1e-9);
+        Self {
+            camera: camera.view(),
+            projector: profile.projector.view(),
+            electrons_per_irradiance: pixel_m2 * camera.sensor.quantum_efficiency
+                / (4.0 * camera.f_number.powi(2) * photon_j),
+            intensity_w_sr: profile.projector.radiant_intensity_w_sr,
+            ambient_w_m2: scene.ambient.irradiance_w_m2,
+            seen: Falloff::of_camera(camera),
+            shown: Falloff::of_projector(&profile.projector),
+            defocus: Defocus::new(&profile.projector),
+            skins: Skins::new(profile, scene),
+            ambient_depth: scene.ambient.flicker.map_or(0.0, |f| f.depth),
+            lamps: Lamp::all(scene),
+            interreflection: scene.interreflection,
+            flicker: mains.as_ref().map(Flicker::new),
+        }
+    }
+
+    /// Irradiance in W/m^2 by the projector's white of what it strikes at an angle of this cosine to
+    /// the normal, a squared distance in mm^2 away.
+    pub(super) fn irradiance_w_m2(&self, cos: f64, distance2: f64) -> f64 {
+        self.intensity_w_sr * 1e6 * cos / distance2
+    }
+
+    /// Standard deviation of the projector's blur at a point in the rig's frame, in slide pixels.
+    pub(super) fn blur_px(&self, point: DVec3) -> f32 {
+        self.defocus.sigma_px(point) as f32
+    }
+
+    /// Dims what has been shaded, and lit by lamps, on its way to the camera's sensor.
+    pub(super) fn dim_seen(&self, directions: &[DVec3; LANES], shaded: &mut Shaded) {
+        self.seen.dim_seen(directions, shaded);
+    }
+
+    /// Shades what rays of the camera, `directions` with z = 1, have met. They start at `origin`, a
+    /// point of the camera's pupil, which is also where `Shaded::point` is measured from.
+    pub(super) fn shade(
+        &self,
+        plan: &Plan,
+        origin: DVec3,
+        directions: &[DVec3; LANES],
+        hits: &Hits,
+        world: &World,
+    ) -> Shaded {
+        let mut albedo = [0.0; LANES];
+        for lane in 0..LANES {
+            if hits.is_hit(lane) {
+                albedo[lane] = world
+                    .looks
+                    .first_albedo(plan, world.object(hits.surface[lane]));
+            }
+        }
+        let slope = self.ray_slopes(plan, directions);
+        let mut shaded = Shaded {
+            point: [[0.0; LANES]; 3],
+            px: [[0.0; LANES]; 2],
+            footprint: [[[0.0; LANES]; 2]; 2],
+            projected: [0.0; LANES],
+            ambient: [0.0; LANES],
+            flickering: [0.0; LANES],
+            evenly: [0.0; LANES],
+            lamps: [0; LANES],
+            reachable: [false; LANES],
+            square: [false; LANES],
+        };
+        pinhole(
+            self,
+            self.projector.center() - origin,
+            &transpose(directions),
+            hits,
+            &albedo,
+            &slope,
+            &mut shaded,
+        );
+        if plan.has(Term::Interreflection) {
+            shaded.evenly = albedo.map(|albedo| albedo * self.electrons_per_irradiance);
+        }
+        if plan.has(Term::ProjectorVignetting) {
+            self.shown.dim_projected(&mut shaded);
+        }
+        if plan.has(Term::ProjectorDistortion) {
+            distort(&self.projector.lens, &mut shaded);
+        }
+        self.in_field(&mut shaded);
+        if plan.has(Term::ProjectorDefocus) {
+            self.defocus.dim_border(&mut shaded);
+        }
+        shaded
+    }
+
+    /// Derivatives of the rays (z = 1) by the camera's pixel, `[component][camera axis]`.
+    pub(super) fn ray_slopes(&self, plan: &Plan, directions: &[DVec3; LANES]) -> [[Wide; 2]; 2] {
+        let lens = &self.camera.lens;
+        let scale = DMat2::from_diagonal(1.0 / lens.focal_px);
+        let mut slopes = [
+            [[scale.x_axis.x; LANES], [0.0; LANES]],
+            [[0.0; LANES], [scale.y_axis.y; LANES]],
+        ];
+        if plan.has(Term::CameraDistortion) {
+            for lane in 0..LANES {
+                let ideal = directions[lane].truncate();
+                let m = lens.distort_jacobian(ideal).inverse() * scale;
+                for (component, row) in slopes.iter_mut().enumerate() {
+                    row[0][lane] = m.x_axis[component];
+                    row[1][lane] = m.y_axis[component];
+                }
+            }
+        }
+        slopes
+    }
+
+    fn in_field(&self, shaded: &mut Shaded) {
+        let lens = &self.projector.lens;
+        for lane in 0..LANES {
+            let px = DVec2::new(shaded.px[0][lane], shaded.px[1][lane]);
+            shaded.reachable[lane] &= lens.contains(px);
+        }
+    }
+}
+
+fn transpose(directions: &[DVec3; LANES]) -> [Wide; 3] {
+    std::array::from_fn(|axis| directions.map(|d| d[axis]))
+}
+
+widest! {
+    fn pinhole(
+        optics: &Optics, pupil: DVec3, direction: &[Wide; 3], hits: &Hits, albedo: &Wide,
+        slope: &[[Wide; 2]; 2], out: &mut Shaded,
+    ) => pinhole_body
+}
+
+/// Everything but the distortion of the projector's lens; lanes without a hit compute nonsense.
+#[inline(always)]
+fn pinhole_body(
+    optics: &Optics,
+    pupil: DVec3,
+    direction: &[Wide; 3],
+    hits: &Hits,
+    albedo: &Wide,
+    slope: &[[Wide; 2]; 2],
+    out: &mut Shaded,
+) {
+    // Rows of projector_from_rig are the columns of its inverse.
+    let rotation = optics.projector.rig_from_view.rotation;
+    let lens = &optics.projector.lens;
+    let (focal, principal) = (lens.focal_px, lens.principal_px);
+    let scale = optics.electrons_per_irradiance;
+    let light = optics.intensity_w_sr * 1e6;
+    for lane in 0..LANES {
+        let d = DVec3::new(direction[0][lane], direction[1][lane], direction[2][lane]);
+        let n = DVec3::new(
+            hits.normal[0][lane],
+            hits.normal[1][lane],
+            hits.normal[2][lane],
+        );
+        let t = hits.t[lane];
+        let p = d * t;
+        let way = p - pupil;
+        let distance2 = way.dot(way);
+        let facing = n.dot(d);
+        let cos_light = -n.dot(way) / distance2.sqrt();
+        let cos_view = -facing / d.dot(d).sqrt();
+        let local = DVec3::new(
+            rotation.x_axis.dot(way),
+            rotation.y_axis.dot(way),
+            rotation.z_axis.dot(way),
+        );
+        let (x, y) = (local.x / local.z, local.y / local.z);
+        out.point[0][lane] = p.x;
+        out.point[1][lane] = p.y;
+        out.point[2][lane] = p.z;
+        out.px[0][lane] = x * focal.x + principal.x;
+        out.px[1][lane] = y * focal.y + principal.y;
+        // Inverse-square law, distances in millimetres.
+        let cos = if cos_light > 0.0 { cos_light } else { 0.0 };
+        out.projected[lane] = albedo[lane] * scale * light * cos / distance2;
+        out.ambient[lane] = albedo[lane] * scale * optics.ambient_w_m2;
+        out.reachable[lane] = (local.z > 0.0) & (cos_light > 0.0);
+        out.square[lane] = (cos_light > COS_80) & (cos_view > COS_80);
+        // Chain rule: camera pixel, ray, point on the tangent plane n . p = const, projector's
+        // frame, slide.
+        for by in 0..2 {
+            let (du, dv) = (slope[0][by][lane], slope[1][by][lane]);
+            let dt = -t * (n.x * du + n.y * dv) / facing;
+            let dp = DVec3::new(du * t + d.x * dt, dv * t + d.y * dt, d.z * dt);
+            let dz = rotation.z_axis.dot(dp);
+            out.footprint[0][by][lane] = focal.x * (rotation.x_axis.dot(dp) - x * dz) / local.z;
+            out.footprint[1][by][lane] = focal.y * (rotation.y_axis.dot(dp) - y * dz) / local.z;
+        }
+    }
+}
+
+/// Takes pinhole coordinates and footprints of the projector to those of its distorted lens.
+fn distort(lens: &Lens, shaded: &mut Shaded) {
+    for lane in 0..LANES {
+        let px = DVec2::new(shaded.px[0][lane], shaded.px[1][lane]);
+        let ideal = (px - lens.principal_px) / lens.focal_px;
+        // A coordinate that has folded back is nowhere: NaN is in no field.
+        let distorted = lens.place(ideal).unwrap_or(DVec2::NAN);
+        let scale = DMat2::from_diagonal(lens.focal_px);
+        let jacobian = scale * lens.distort_jacobian(ideal) * scale.inverse();
+        shaded.px[0][lane] = distorted.x;
+        shaded.px[1][lane] = distorted.y;
+        for by in 0..2 {
+            let column =
+                jacobian * DVec2::new(shaded.footprint[0][by][lane], shaded.footprint[1][by][lane]);
+            shaded.footprint[0][by][lane] = column.x;
+            shaded.footprint[1][by][lane] = column.y;
+        }
+    }
+}

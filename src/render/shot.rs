@@ -1,0 +1,170 @@
+//! A shot: one exposure that the firmware asks of the optics.
+
+use crate::led::Emission;
+use crate::slide::Slide;
+use std::ops::Range;
+use std::sync::Arc;
+
+/// What the camera exposes to, and when, in device time.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Shot {
+    /// The frame's identity, never repeated in a device's life.
+    pub id: u64,
+    /// Keys the noise. Triggered and free-running exposures are counted apart, so that a sequence
+    /// looks the same however long the camera ran free before it.
+    pub noise_id: u64,
+    /// Position of the slide in the selected sequence; `None` when running free.
+    pub pattern_index: Option<u32>,
+    /// What the projector shows; `None` with its light off.
+    pub slide: Option<Arc<Slide>>,
+    /// Projector light relative to full current, 0 to 1.
+    pub light: f64,
+    /// What the projector shows after that, each from its time on, in the order of time. It takes
+    /// [`Term::RollingShutter`](crate::Term), with which only rows that still expose then
+    /// see it, or [`Term::PatternTiming`](crate::Term).
+    pub then: Vec<Showing>,
+    /// The light source's light in device time, in place of every `light`, while a slide is shown.
+    /// It takes [`Term::PatternTiming`](crate::Term).
+    pub emission: Option<Arc<Emission>>,
+    /// Start of the exposure, of its first row, in nanoseconds of device time.
+    pub start_ns: u64,
+    /// Length of the exposure, of each row, in nanoseconds.
+    pub exposure_ns: u64,
+    /// How the rows follow each other; by default they do not.
+    pub shutter: Shutter,
+    /// Gain in decibels above the sensor's base gain.
+    pub gain_db: f64,
+}
+
+/// What the projector shows from a time on.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Showing {
+    /// Nanoseconds of device time.
+    pub from_ns: u64,
+    /// `None` with its light off.
+    pub slide: Option<Arc<Slide>>,
+    /// Light relative to full current, 0 to 1.
+    pub light: f64,
+}
+
+/// The electronic shutter: row r of those that are read out starts r line times after the first.
+/// The default is a global one.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Shutter {
+    /// Nanoseconds from the start of one row to that of the next; 0 for a global shutter.
+    pub line_time_ns: u64,
+    /// First row that is read out, counted on the sensor.
+    pub first_row: u32,
+    /// Rows that are read out.
+    pub rows: u32,
+}
+
+impl Shutter {
+    /// How long after the first row a row of the sensor starts, in nanoseconds. Rows that are not
+    /// read out start with the nearest one that is.
+    pub fn delay_ns(&self, row: u32) -> u64 {
+        let line = row
+            .saturating_sub(self.first_row)
+            .min(self.rows.saturating_sub(1));
+        u64::from(line).saturating_mul(self.line_time_ns)
+    }
+
+    /// How long after the first row the last one starts, in nanoseconds.
+    pub fn skew_ns(&self) -> u64 {
+        self.delay_ns(u32::MAX)
+    }
+
+    /// How long the rows take to be read, in nanoseconds: no row can be exposed again before.
+    pub fn readout_ns(&self) -> u64 {
+        u64::from(self.rows).saturating_mul(self.line_time_ns)
+    }
+}
+
+impl Shot {
+    /// When the exposure of a row of the sensor starts, in nanoseconds of device time.
+    pub fn row_start_ns(&self, row: u32) -> u64 {
+        self.start_ns.saturating_add(self.shutter.delay_ns(row))
+    }
+
+    /// When the exposure of the last row ends, in nanoseconds of device time.
+    pub fn end_ns(&self) -> u64 {
+        self.row_start_ns(u32::MAX).saturating_add(self.exposure_ns)
+    }
+
+    /// For what part of an exposure that starts at a time each of the slides is shown: its place
+    /// (0 is `slide`, the others are those of `then`) and nanoseconds of device time. At least one;
+    /// none is empty unless the exposure is.
+    pub fn seen(&self, start_ns: u64) -> impl Iterator<Item = (usize, Range<u64>)> {
+        let end_ns = start_ns.saturating_add(self.exposure_ns);
+        // A moment sees what is shown at it.
+        let moment = u64::from(self.exposure_ns == 0);
+        (0..=self.then.len()).filter_map(move |place| {
+            let from = match place {
+                0 => 0,
+                _ => self.then[place - 1].from_ns,
+            };
+            let to = self.then.get(place).map_or(u64::MAX, |next| next.from_ns);
+            let (from, to) = (from.max(start_ns), to.min(end_ns.saturating_add(moment)));
+            (from < to).then(|| (place, from..to - moment))
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn shot() -> Shot {
+        let showing = |from_ns| Showing {
+            from_ns,
+            slide: None,
+            light: 1.0,
+        };
+        Shot {
+            then: vec![showing(1100), showing(1130)],
+            start_ns: 1000,
+            exposure_ns: 60,
+            shutter: Shutter {
+                line_time_ns: 10,
+                first_row: 5,
+                rows: 12,
+            },
+            ..Shot::default()
+        }
+    }
+
+    #[test]
+    fn rows_follow_each_other_inside_the_region() {
+        let shot = shot();
+        let starts = [0, 5, 6, 16, 17, 4000].map(|row| shot.row_start_ns(row));
+        assert_eq!(starts, [1000, 1000, 1010, 1110, 1110, 1110]);
+        assert_eq!((shot.end_ns(), shot.shutter.readout_ns()), (1170, 120));
+        let global = Shot {
+            shutter: Shutter::default(),
+            ..shot
+        };
+        assert_eq!((global.row_start_ns(7), global.end_ns()), (1000, 1060));
+    }
+
+    #[test]
+    fn an_exposure_is_divided_among_what_is_shown() {
+        let shot = shot();
+        let seen = |start| shot.seen(start).collect::<Vec<_>>();
+        assert_eq!(seen(1000), [(0, 1000..1060)]);
+        assert_eq!(seen(1040), [(0, 1040..1100)]);
+        assert_eq!(seen(1041), [(0, 1041..1100), (1, 1100..1101)]);
+        let three = [(0, 1090..1100), (1, 1100..1130), (2, 1130..1150)];
+        assert_eq!(seen(1090), three);
+        assert_eq!(seen(1100), [(1, 1100..1130), (2, 1130..1160)]);
+        assert_eq!(seen(1130), [(2, 1130..1190)]);
+        let moment = Shot {
+            exposure_ns: 0,
+            ..shot
+        };
+        let seen = |start| moment.seen(start).collect::<Vec<_>>();
+        assert_eq!(
+            (seen(1099), seen(1100)),
+            (vec![(0, 1099..1099)], vec![(1, 1100..1100)])
+        );
+    }
+}

@@ -1,0 +1,309 @@
+//! The terms of image formation, each with the pass that computes it and what makes it needed.
+
+use super::shade::Optics;
+use super::world::World;
+use phasmid_profile::Profile;
+use serde::Serialize;
+use std::fmt;
+
+/// The passes of a rendering, in order.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Pass {
+    /// Once per state of the scene.
+    Geometry,
+    /// Per frame: light to electrons.
+    Exposure,
+    /// Per frame: electrons to digital numbers.
+    Sensor,
+}
+
+/// A term that a scene may not need. Left out it is not computed at all: no factor of one, no
+/// branch a pixel.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Term {
+    /// The camera's rays are undistorted, from a table.
+    CameraDistortion,
+    /// Projector coordinates are distorted.
+    ProjectorDistortion,
+    /// The camera's image darkens towards its edge.
+    CameraVignetting,
+    /// The projector's light falls towards the edge of its field.
+    ProjectorVignetting,
+    /// The projector is sharp at one distance: its slide is blurred over depth.
+    ProjectorDefocus,
+    /// Shadow rays: some object may stand in another's light, or its own.
+    Shadows,
+    /// The camera's pupil is a disc: what is out of focus is blurred.
+    DepthOfField,
+    /// Vertex colours, textures and boards.
+    AlbedoMaps,
+    /// Specular lobes: highlights.
+    Specular,
+    /// Lamps beside the projector.
+    Lights,
+    /// Light travels under skin: fringes lose contrast, oblique light emerges shifted.
+    Subsurface,
+    /// Light that surfaces throw on each other: one diffuse bounce.
+    Interreflection,
+    /// Footprints along x, over which slides that vary along x are averaged.
+    FootprintX,
+    /// Footprints along y.
+    FootprintY,
+    /// Light follows the slide's levels by a curve.
+    ProjectorResponse,
+    /// The projector's black is not dark.
+    ContrastRatio,
+    /// Objects move: an exposure is the mean over instants.
+    Motion,
+    /// Mains flicker of ambient light and lamps.
+    Flicker,
+    /// Rows start one after the other: each has its own place in the mains' period and in the
+    /// sequence of slides.
+    RollingShutter,
+    /// Patterns are shown for a part of an exposure, and their light rises and fades: an exposure
+    /// sees what is shown while it lasts.
+    PatternTiming,
+    /// Veiling glare: light scattered over the whole image.
+    Glare,
+    /// Electrons that gather without light.
+    DarkCurrent,
+    /// PRNU and DSNU: a sensitivity and an offset of each pixel.
+    FixedPattern,
+    /// Charge beyond the full well spills along the column.
+    Blooming,
+    /// Shot and read noise: random numbers are drawn.
+    Noise,
+    /// The response bends the converter's numbers.
+    CameraResponse,
+}
+
+impl fmt::Display for Term {
+    /// As it is written in files and tables.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.serialize(f)
+    }
+}
+
+/// What decides whether a term is needed.
+pub(super) struct Needs<'a> {
+    pub(super) profile: &'a Profile,
+    pub(super) optics: &'a Optics,
+    pub(super) world: &'a World,
+}
+
+impl Term {
+    /// All terms in the order of the passes.
+    pub const ALL: [Self; 26] = [
+        Self::CameraDistortion,
+        Self::ProjectorDistortion,
+        Self::CameraVignetting,
+        Self::ProjectorVignetting,
+        Self::ProjectorDefocus,
+        Self::Shadows,
+        Self::DepthOfField,
+        Self::AlbedoMaps,
+        Self::Specular,
+        Self::Lights,
+        Self::Subsurface,
+        Self::Interreflection,
+        Self::FootprintX,
+        Self::FootprintY,
+        Self::ProjectorResponse,
+        Self::ContrastRatio,
+        Self::Motion,
+        Self::Flicker,
+        Self::RollingShutter,
+        Self::PatternTiming,
+        Self::Glare,
+        Self::DarkCurrent,
+        Self::FixedPattern,
+        Self::Blooming,
+        Self::Noise,
+        Self::CameraResponse,
+    ];
+
+    /// The pass that computes it.
+    pub const fn pass(self) -> Pass {
+        match self {
+            Self::CameraDistortion
+            | Self::ProjectorDistortion
+            | Self::CameraVignetting
+            | Self::ProjectorVignetting
+            | Self::ProjectorDefocus
+            | Self::Shadows
+            | Self::DepthOfField
+            | Self::AlbedoMaps
+            | Self::Specular
+            | Self::Lights
+            | Self::Subsurface
+            | Self::Interreflection
+            | Self::FootprintX
+            | Self::FootprintY => Pass::Geometry,
+            Self::ProjectorResponse
+            | Self::ContrastRatio
+            | Self::Motion
+            | Self::Flicker
+            | Self::RollingShutter
+            | Self::PatternTiming
+            | Self::Glare => Pass::Exposure,
+            Self::DarkCurrent
+            | Self::FixedPattern
+            | Self::Blooming
+            | Self::Noise
+            | Self::CameraResponse => Pass::Sensor,
+        }
+    }
+
+    /// Why a term that profile and scene do not need is there.
+    pub(super) const fn why_added(self) -> &'static str {
+        match self {
+            Self::FootprintX => "some slide varies along x",
+            Self::FootprintY => "some slide varies along y",
+            _ => "asked for",
+        }
+    }
+}
+
+impl Needs<'_> {
+    /// Whether profile and scene need a term, and why or why not.
+    pub(super) fn decide(&self, term: Term) -> (bool, &'static str) {
+        let choose = |needed, why, why_not| (needed, if needed { why } else { why_not });
+        let sensor = &self.profile.camera.sensor;
+        match term {
+            Term::CameraDistortion => choose(
+                self.profile.camera.view().lens.is_distorted(),
+                "camera.distortion is not zero",
+                "camera.distortion is zero",
+            ),
+            Term::ProjectorDistortion => choose(
+                self.optics.projector.lens.is_distorted(),
+                "projector.distortion is not zero",
+                "projector.distortion is zero",
+            ),
+            Term::CameraVignetting => choose(
+                !self.profile.camera.vignetting.is_none(),
+                "camera.vignetting is set",
+                "camera.vignetting is not set",
+            ),
+            Term::ProjectorVignetting => choose(
+                !self.profile.projector.vignetting.is_none(),
+                "projector.vignetting is set",
+                "projector.vignetting is not set",
+            ),
+            Term::ProjectorDefocus => choose(
+                self.profile
+                    .projector
+                    .focus
+                    .is_some_and(|focus| focus.aperture_mm > 0.0),
+                "projector.focus has an aperture",
+                "projector.focus is absent, or a pinhole's",
+            ),
+            Term::Shadows => choose(
+                self.world.casts_shadows(),
+                "some surface may stand in another's light",
+                "one convex solid at most: it shades itself by facing away",
+            ),
+            Term::DepthOfField => choose(
+                self.profile.camera.focus_mm.is_some(),
+                "camera.focus_mm is given",
+                "camera.focus_mm is absent: all is in focus",
+            ),
+            Term::AlbedoMaps => choose(
+                self.world.looks.any_map(),
+                "some object has vertex colours or a texture, or is a board",
+                "each object has one albedo",
+            ),
+            Term::Specular => choose(
+                self.world.looks.any_specular(),
+                "some object has a specular lobe",
+                "no object has a specular lobe",
+            ),
+            Term::Lights => choose(
+                !self.optics.lamps.is_empty(),
+                "the scene has lamps",
+                "the scene has no [[light]] that is on",
+            ),
+            Term::Subsurface => choose(
+                self.optics.skins.any(),
+                "some object is skin",
+                "no object is skin",
+            ),
+            Term::Interreflection => match self.optics.interreflection {
+                None => (false, "the scene has no [interreflection]"),
+                Some(_) => choose(
+                    self.world.casts_shadows(),
+                    "the scene has [interreflection]",
+                    "one convex solid at most: it sees no other surface",
+                ),
+            },
+            Term::FootprintX => (false, "no slide varies along x"),
+            Term::FootprintY => (false, "no slide varies along y"),
+            Term::ProjectorResponse => choose(
+                self.profile
+                    .projector
+                    .response
+                    .as_ref()
+                    .is_some_and(|response| !response.is_straight()),
+                "projector.response is not straight",
+                "projector.response is absent or straight: light follows the levels",
+            ),
+            Term::ContrastRatio => choose(
+                self.profile.projector.contrast_ratio.is_some(),
+                "projector.contrast_ratio is set",
+                "projector.contrast_ratio is absent: black is dark",
+            ),
+            Term::Motion => choose(
+                self.world.moves(),
+                "some object moves or deforms",
+                "no object moves",
+            ),
+            Term::Flicker => choose(
+                self.optics.flicker.is_some(),
+                "some light flickers with the mains",
+                "all light is steady",
+            ),
+            Term::RollingShutter => choose(
+                self.profile.camera.line_time_ns() > 0,
+                "camera.line_time_us is above 0",
+                "camera.line_time_us is 0: the shutter is global",
+            ),
+            Term::PatternTiming => choose(
+                self.profile.projector.timing.is_some() || self.profile.projector.led.is_some(),
+                "projector.timing or projector.led is given",
+                "neither projector.timing nor projector.led: patterns are shown at once, evenly",
+            ),
+            Term::Glare => choose(
+                self.profile.camera.glare.is_some_and(|g| g.percent > 0.0),
+                "camera.glare scatters light",
+                "no camera.glare",
+            ),
+            Term::DarkCurrent => choose(
+                sensor.dark_current_e_s > 0.0,
+                "camera.sensor.dark_current_e_s is above 0",
+                "camera.sensor.dark_current_e_s is 0",
+            ),
+            Term::FixedPattern => choose(
+                sensor.prnu_percent > 0.0 || sensor.dsnu_e > 0.0,
+                "camera.sensor has PRNU or DSNU",
+                "camera.sensor has neither PRNU nor DSNU",
+            ),
+            Term::Blooming => choose(
+                sensor.blooming_percent > 0.0,
+                "camera.sensor.blooming_percent is above 0",
+                "camera.sensor.blooming_percent is 0",
+            ),
+            Term::CameraResponse => choose(
+                sensor.response.is_bent(),
+                "camera.sensor.response is bent",
+                "camera.sensor.response is linear",
+            ),
+            Term::Noise => choose(
+                !sensor.noiseless,
+                "the sensor has shot and read noise",
+                "left out by --no-noise",
+            ),
+        }
+    }
+}

@@ -1,0 +1,275 @@
+//! The timetable of an exposure: which slides each row of the sensor sees, for how long, in how much
+//! light, and where in the mains' period it lies. With a global shutter all rows are as one.
+//!
+//! A row of a rolling shutter integrates from its own start, so a slide that follows before the last
+//! row has ended leaks into the lower rows, in proportion to the time that they share with it. Where
+//! patterns have a time of their own, every row sees them so. Darkness beside a slide needs no pass
+//! of its own: ambient light is the same in it, so its seconds join those of the slide at as much
+//! less light.
+
+use super::light::Flicker;
+use super::{Plan, Term};
+use crate::shot::Shot;
+use std::ops::Range;
+
+/// Which of a shot's slides each pixel sees, and for how long.
+pub(super) struct Timetable {
+    /// Pixels that are exposed alike: a row of them, or all.
+    pub(super) width: usize,
+    pub(super) lines: Vec<Line>,
+    pub(super) parts: Vec<Part>,
+    /// The slides that are seen, by their place in the shot: 0 is its slide, the others are those
+    /// that follow.
+    pub(super) places: Vec<usize>,
+}
+
+/// Pixels that are exposed alike.
+pub(super) struct Line {
+    pub(super) parts: Range<usize>,
+    /// The exposure in seconds times the mean over it of the pulse of what flickers, where
+    /// something does.
+    pub(super) swing: Option<f32>,
+}
+
+/// One slide in the exposure of a line.
+pub(super) struct Part {
+    /// Of those that are seen.
+    pub(super) table: usize,
+    /// Seconds that it is shown, and the projector's light relative to full.
+    pub(super) exposure: [f32; 2],
+}
+
+/// A slide's place in the shot, for how many nanoseconds it is seen, and its mean light meanwhile.
+type Share = (usize, u64, f64);
+
+impl Timetable {
+    /// Of a shot and an image of so many columns and rows.
+    pub(super) fn new(
+        shot: &Shot,
+        plan: &Plan,
+        flicker: Option<Flicker>,
+        [columns, rows]: [usize; 2],
+    ) -> Self {
+        let seconds = |ns: u64| (ns as f64 * 1e-9) as f32;
+        // Forced in where nothing flickers, it swings by nothing.
+        let swing = |start_ns: u64| {
+            plan.has(Term::Flicker).then(|| {
+                let swing = flicker.map_or(0.0, |f| f.swing(start_ns, shot.exposure_ns));
+                swing as f32 * seconds(shot.exposure_ns)
+            })
+        };
+        let rolling = plan.has(Term::RollingShutter);
+        let (width, lines) = match rolling {
+            true => (columns, rows),
+            false => (columns * rows, 1),
+        };
+        let mut when = Self {
+            width,
+            lines: Vec::new(),
+            parts: Vec::new(),
+            places: Vec::new(),
+        };
+        for row in 0..lines {
+            let start_ns = match rolling {
+                true => shot.row_start_ns(row as u32),
+                false => shot.start_ns,
+            };
+            let first = when.parts.len();
+            for (place, ns, light) in shares(shot, plan, start_ns) {
+                let table = when.table(place);
+                when.parts.push(Part {
+                    table,
+                    exposure: [seconds(ns), light as f32],
+                });
+            }
+            when.lines.push(Line {
+                parts: first..when.parts.len(),
+                swing: swing(start_ns),
+            });
+        }
+        when
+    }
+
+    /// The number of the slide at a place among those that are seen.
+    fn table(&mut self, place: usize) -> usize {
+        let known = self.places.iter().position(|p| *p == place);
+        known.unwrap_or_else(|| {
+            self.places.push(place);
+            self.places.len() - 1
+        })
+    }
+}
+
+/// What a row sees that starts at a time.
+fn shares(shot: &Shot, plan: &Plan, start_ns: u64) -> Vec<Share> {
+    let timed = plan.has(Term::PatternTiming);
+    if !timed && !plan.has(Term::RollingShutter) {
+        return vec![(0, shot.exposure_ns, light(shot, 0))];
+    }
+    let seen = shot.seen(start_ns).map(|(place, time)| {
+        let light = match &shot.emission {
+            Some(emission) if timed && slide(shot, place) => emission.mean(time.start, time.end),
+            _ => light(shot, place),
+        };
+        (place, time.end - time.start, light)
+    });
+    match timed {
+        true => without_darkness(seen.collect()),
+        false => seen.collect(),
+    }
+}
+
+/// Whether there is a slide at a place.
+fn slide(shot: &Shot, place: usize) -> bool {
+    match place {
+        0 => shot.slide.is_some(),
+        _ => shot.then[place - 1].slide.is_some(),
+    }
+}
+
+/// Light at a place as the shot has it.
+fn light(shot: &Shot, place: usize) -> f64 {
+    match (slide(shot, place), place) {
+        (false, _) => 0.0,
+        (true, 0) => shot.light,
+        (true, _) => shot.then[place - 1].light,
+    }
+}
+
+/// Gives the time of darkness to a slide that is lit; to darkness where none is.
+fn without_darkness(mut shares: Vec<Share>) -> Vec<Share> {
+    let dark_ns: u64 = shares.iter().filter(|s| s.2 == 0.0).map(|s| s.1).sum();
+    if shares.iter().any(|(.., light)| *light != 0.0) {
+        shares.retain(|(.., light)| *light != 0.0);
+    } else {
+        shares.truncate(1);
+        shares[0].1 = 0;
+    }
+    if dark_ns > 0 {
+        let (_, ns, light) = &mut shares[0];
+        *light *= *ns as f64 / (*ns + dark_ns) as f64;
+        *ns += dark_ns;
+    }
+    shares
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::led::{Model, Source};
+    use crate::{shot::Showing, slide::Slide};
+    use phasmid_profile::{Droop, Led};
+    use std::sync::Arc;
+
+    const MS: u64 = 1_000_000;
+
+    fn plan(terms: &[Term]) -> Plan {
+        let mut plan = Plan::default();
+        terms.iter().for_each(|term| plan.set(*term, true));
+        plan
+    }
+
+    fn white(lit: bool) -> Option<Arc<Slide>> {
+        lit.then(|| Arc::new(Slide::Uniform(255)))
+    }
+
+    /// Dark for 2 ms, a pattern for 5 ms, dark, and after 8 ms as is said; exposed for 10 ms.
+    fn shot(again: bool) -> Shot {
+        let show = |from_ms, lit| Showing {
+            from_ns: from_ms * MS,
+            slide: white(lit),
+            light: 0.8,
+        };
+        Shot {
+            light: 1.0,
+            then: vec![show(102, true), show(107, false), show(108, again)],
+            start_ns: 100 * MS,
+            exposure_ns: 10 * MS,
+            ..Shot::default()
+        }
+    }
+
+    fn table(shot: &Shot, terms: &[Term]) -> (Vec<usize>, Vec<(usize, f32, f32)>) {
+        let when = Timetable::new(shot, &plan(terms), None, [4, 3]);
+        let parts = when.parts.iter();
+        let parts = parts.map(|p| (p.table, p.exposure[0], p.exposure[1]));
+        let parts = parts.collect();
+        (when.places, parts)
+    }
+
+    #[test]
+    fn darkness_costs_no_pass() {
+        let timed = [Term::PatternTiming];
+        assert_eq!(
+            table(&shot(false), &timed),
+            (vec![1], vec![(0, 0.010, 0.4)])
+        );
+        let twice = (vec![1, 3], vec![(0, 0.008, 0.5), (1, 0.002, 0.8)]);
+        assert_eq!(table(&shot(true), &timed), twice);
+        // Darkness alone is one pass; so is a single slide, as it was.
+        let mut dark = shot(false);
+        dark.then[0].slide = None;
+        assert_eq!(table(&dark, &timed), (vec![0], vec![(0, 0.010, 0.0)]));
+        let single = Shot {
+            slide: white(true),
+            then: Vec::new(),
+            ..shot(false)
+        };
+        for terms in [
+            &timed[..],
+            &[],
+            &[Term::RollingShutter, Term::PatternTiming],
+        ] {
+            let (places, parts) = table(&single, terms);
+            assert_eq!(places, [0]);
+            assert!(parts.iter().all(|part| *part == (0, 0.010, 1.0)));
+        }
+        // Without the term nothing else is looked at.
+        assert_eq!(table(&shot(true), &[]), (vec![0], vec![(0, 0.010, 0.0)]));
+    }
+
+    #[test]
+    fn each_row_sees_the_source_in_its_own_time() {
+        let model = Model::new(&Led {
+            rise_us: 700.0,
+            droop: vec![Droop {
+                time_constant_s: 0.02,
+                fraction: 0.4,
+            }],
+        });
+        let mut source = Source::new(model);
+        source.drive(101 * MS, 1.0);
+        source.drive(106 * MS, 0.5);
+        let emission = source.emission(100 * MS);
+        let mut shot = Shot {
+            emission: Some(emission.clone()),
+            ..shot(false)
+        };
+        shot.shutter.line_time_ns = MS;
+        shot.shutter.rows = 3;
+        let both = plan(&[Term::RollingShutter, Term::PatternTiming]);
+        let when = Timetable::new(&shot, &both, None, [4, 3]);
+        assert_eq!((when.width, when.lines.len(), when.parts.len()), (4, 3, 3));
+        for part in &when.parts {
+            // The pattern is over before the first row ends, and begins as the last one does.
+            let lit = emission.mean(102 * MS, 107 * MS) * 0.5;
+            assert_eq!((part.table, part.exposure), (0, [0.010, lit as f32]));
+        }
+        shot.shutter.line_time_ns = 3 * MS;
+        let when = Timetable::new(&shot, &both, None, [4, 3]);
+        let last = emission.mean(106 * MS, 107 * MS) * 0.1;
+        assert_eq!(when.parts[2].exposure, [0.010, last as f32]);
+        // A moment sees the light of that moment, and none in the dark.
+        let moment = |start_ms| {
+            let shot = Shot {
+                start_ns: start_ms * MS,
+                exposure_ns: 0,
+                ..shot.clone()
+            };
+            table(&shot, &[Term::PatternTiming]).1[0].2
+        };
+        let light = emission.mean(105 * MS, 105 * MS) as f32;
+        assert_eq!((moment(101), moment(105)), (0.0, light));
+        assert!(light > 0.8);
+    }
+}

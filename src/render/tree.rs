@@ -1,0 +1,190 @@
+//! Rays against the triangles of one hierarchy: f32 finds candidates, f64 puts them in order. The
+//! hierarchy may have a frame of its own that moves in the rig's: whole packets are taken there.
+
+use super::triangle::Triangle;
+use super::world::{Hits, OFF_POINT, Surface};
+use glam::{DVec3, Vec3};
+use phasmid_geometry::Pose;
+use phasmid_geometry::raycast::{Bvh, LANES, NO_TRIANGLE, Packet, Parallel, Scratch};
+
+/// The points of surfaces that are asked about, a lane each.
+pub(super) type Points = [Option<(DVec3, Surface)>; LANES];
+
+/// Where a hierarchy stands in the rig's frame.
+pub(super) trait Frame {
+    /// A point or direction of the rig's in the hierarchy's frame.
+    fn point(&self, p: DVec3) -> DVec3;
+    fn direction(&self, d: DVec3) -> DVec3;
+    /// A vertex in the rig's frame.
+    fn vertex(&self, v: DVec3) -> DVec3;
+}
+
+/// The hierarchy is in the rig's frame.
+pub(super) struct Here;
+
+impl Frame for Here {
+    #[inline(always)]
+    fn point(&self, p: DVec3) -> DVec3 {
+        p
+    }
+    #[inline(always)]
+    fn direction(&self, d: DVec3) -> DVec3 {
+        d
+    }
+    #[inline(always)]
+    fn vertex(&self, v: DVec3) -> DVec3 {
+        v
+    }
+}
+
+/// The hierarchy is elsewhere.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Elsewhere {
+    pub(super) rig_from_tree: Pose,
+    pub(super) tree_from_rig: Pose,
+}
+
+impl Frame for Elsewhere {
+    fn point(&self, p: DVec3) -> DVec3 {
+        self.tree_from_rig.point(p)
+    }
+    fn direction(&self, d: DVec3) -> DVec3 {
+        self.tree_from_rig.direction(d)
+    }
+    fn vertex(&self, v: DVec3) -> DVec3 {
+        self.rig_from_tree.point(v)
+    }
+}
+
+/// A hierarchy and what it was built over.
+pub(super) struct Tree<'a, F> {
+    pub(super) bvh: &'a Bvh,
+    pub(super) vertices: &'a [DVec3],
+    pub(super) triangles: &'a [[u32; 3]],
+    /// Number of its first triangle among the world's surfaces.
+    pub(super) first: u32,
+    pub(super) frame: F,
+}
+
+impl<F: Frame> Tree<'_, F> {
+    /// The corners of one of its triangles, numbered from 0, in the rig's frame.
+    pub(super) fn corners(&self, id: u32) -> [DVec3; 3] {
+        self.triangles[id as usize].map(|i| self.frame.vertex(self.vertices[i as usize]))
+    }
+
+    fn triangle(&self, id: u32, origin: DVec3) -> Triangle {
+        Triangle {
+            id: self.first + id,
+            corners: self.corners(id).map(|corner| corner - origin),
+        }
+    }
+
+    /// Its triangle's own number; [`NO_TRIANGLE`] for surfaces of others.
+    fn own(&self, surface: Surface) -> u32 {
+        let id = surface.0.wrapping_sub(self.first);
+        if (id as usize) < self.triangles.len() {
+            id
+        } else {
+            NO_TRIANGLE
+        }
+    }
+
+    /// The nearest triangle along each ray; what lies beyond `ends` need not be found.
+    pub(super) fn nearest(
+        &self,
+        origin: DVec3,
+        directions: &[DVec3; LANES],
+        ends: &[f32; LANES],
+        scratch: &mut Scratch,
+    ) -> Hits {
+        let mut hits = Hits::none();
+        let rounded = directions.map(|d| self.frame.direction(d).as_vec3());
+        let mut packet = Packet::new(self.frame.point(origin).as_vec3(), &rounded, ends);
+        self.bvh.nearest(&mut packet, scratch);
+        for lane in 0..LANES {
+            if packet.triangle[lane] != NO_TRIANGLE {
+                let triangle = self.triangle(packet.triangle[lane], origin);
+                triangle.take(directions[lane], lane, &mut hits);
+            }
+        }
+        for &(lane, id) in &scratch.rivals {
+            let found = self.triangle(hits.surface[lane].0 - self.first, origin);
+            let rival = self.triangle(id, origin);
+            rival.take_from(&found, directions[lane], lane, &mut hits);
+        }
+        hits
+    }
+
+    /// The nearest triangle along each ray from a point of some surface, that surface's plane
+    /// excepted; directions are of unit length.
+    pub(super) fn leaving(
+        &self,
+        point: DVec3,
+        directions: &[DVec3; LANES],
+        scratch: &mut Scratch,
+    ) -> Hits {
+        let mut hits = Hits::none();
+        let rounded = directions.map(|d| self.frame.direction(d).as_vec3());
+        let from = self.frame.point(point).as_vec3();
+        let mut packet = Packet::new(from, &rounded, &[f32::INFINITY; LANES]);
+        self.bvh.leaving(&mut packet, scratch);
+        for lane in 0..LANES {
+            if packet.triangle[lane] != NO_TRIANGLE {
+                let near = f64::from(packet.t[lane]);
+                let triangle = self.triangle(packet.triangle[lane], point);
+                triangle.take_near(near, directions[lane], lane, &mut hits);
+            }
+        }
+        hits
+    }
+
+    /// Adds the points that its triangles keep from the light of a pupil; of those that are blocked
+    /// already nothing is asked.
+    pub(super) fn blocked(
+        &self,
+        pupil: DVec3,
+        points: &Points,
+        blocked: &mut [bool; LANES],
+        scratch: &mut Scratch,
+    ) {
+        let asked: Points = std::array::from_fn(|lane| points[lane].filter(|_| !blocked[lane]));
+        let towards = asked.map(|p| {
+            p.map_or(Vec3::ZERO, |(p, _)| {
+                self.frame.direction(p - pupil).as_vec3()
+            })
+        });
+        let ends = asked.map(|p| if p.is_some() { 1.0 } else { -1.0 });
+        let mut packet = Packet::new(self.frame.point(pupil).as_vec3(), &towards, &ends);
+        packet.triangle = asked.map(|p| p.map_or(NO_TRIANGLE, |(_, surface)| self.own(surface)));
+        self.bvh.blocked(&mut packet, scratch);
+        for lane in 0..LANES {
+            blocked[lane] |= asked[lane].is_some() && packet.t[lane] < 0.0;
+        }
+        for &(lane, id) in &scratch.rivals {
+            if let (Some((point, _)), false) = (asked[lane], blocked[lane]) {
+                blocked[lane] = self.triangle(id, pupil).stands_before(point - pupil);
+            }
+        }
+    }
+
+    /// The same for light from far away, towards which a unit vector points.
+    pub(super) fn blocked_along(
+        &self,
+        towards: DVec3,
+        points: &Points,
+        blocked: &mut [bool; LANES],
+        scratch: &mut Scratch,
+    ) {
+        let rays = std::array::from_fn(|lane| {
+            let (point, surface) = points[lane].filter(|_| !blocked[lane])?;
+            let start = point.length() as f32 * OFF_POINT;
+            let from = self.frame.point(point).as_vec3();
+            Some((from, start, self.own(surface)))
+        });
+        let rays = Parallel::new(self.frame.direction(towards).as_vec3(), &rays);
+        let found = self.bvh.blocked_along(rays, scratch);
+        for (blocked, found) in blocked.iter_mut().zip(found) {
+            *blocked |= found;
+        }
+    }
+}

@@ -1,0 +1,99 @@
+//! Ground truth as the service channel carries it.
+
+use crate::truth::Truth;
+use phasmid_core::error::{Error, Result};
+use phasmid_protocol::service::Maps;
+
+/// Maps that hang on the device's settings and not on the scene alone.
+const LEVELS: [&str; 2] = ["mean_dn", "modulation_dn"];
+
+impl Truth {
+    /// The maps for the service channel.
+    pub fn to_maps(&self) -> Maps {
+        self.maps_but(&[])
+    }
+
+    /// Those of them that are the same whatever the device's settings.
+    pub fn to_maps_of_geometry(&self) -> Maps {
+        self.maps_but(&LEVELS)
+    }
+
+    fn maps_but(&self, left_out: &[&str]) -> Maps {
+        Maps {
+            width: self.width,
+            height: self.height,
+            maps: self
+                .maps()
+                .into_iter()
+                .filter(|(name, _)| !left_out.contains(name))
+                .map(|(name, map)| (name.to_owned(), map.to_vec()))
+                .collect(),
+            flags: self.flags.clone(),
+            render_us: 0,
+        }
+    }
+
+    /// The truth that came over the service channel; maps of other names are left aside.
+    ///
+    /// # Errors
+    /// A map that is missing or has not width * height values.
+    pub fn from_maps(maps: Maps) -> Result<Self> {
+        let pixels = maps.width as usize * maps.height as usize;
+        let mut named = maps.maps;
+        let mut take = |name: &str| {
+            named
+                .iter_mut()
+                .find(|(other, map)| other == name && map.len() == pixels)
+                .map(|(_, map)| std::mem::take(map))
+                .ok_or_else(|| Error::device(format!("truth: no map {name} of {pixels} pixels")))
+        };
+        let truth = Self {
+            width: maps.width,
+            height: maps.height,
+            depth_mm: take("depth_mm")?,
+            projector_x: take("projector_x")?,
+            projector_y: take("projector_y")?,
+            mean_dn: take("mean_dn")?,
+            modulation_dn: take("modulation_dn")?,
+            flags: maps.flags,
+        };
+        if truth.flags.len() != pixels {
+            return Err(Error::device(format!(
+                "truth: {} flags, want {pixels}",
+                truth.flags.len()
+            )));
+        }
+        Ok(truth)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn goes_round_and_misses_what_is_missing() {
+        let truth = Truth {
+            width: 2,
+            height: 1,
+            depth_mm: vec![1.0, 2.0],
+            projector_x: vec![3.0, 4.0],
+            projector_y: vec![5.0, 6.0],
+            flags: vec![1, 3],
+            mean_dn: vec![7.0, 8.0],
+            modulation_dn: vec![9.0, 10.0],
+        };
+        assert_eq!(Truth::from_maps(truth.to_maps()).unwrap(), truth);
+        let geometry = truth.to_maps_of_geometry();
+        let names: Vec<_> = geometry
+            .maps
+            .iter()
+            .map(|(name, _)| name.as_str())
+            .collect();
+        assert_eq!(names, ["depth_mm", "projector_x", "projector_y"]);
+        let mut maps = truth.to_maps();
+        maps.maps.remove(1);
+        let message = Truth::from_maps(maps).unwrap_err().to_string();
+        assert!(message.contains("projector_x"), "{message}");
+    }
+}

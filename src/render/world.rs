@@ -1,0 +1,396 @@
+//! A scene made ready for rays at one instant: closed-form solids, all meshes that stand still in
+//! one hierarchy in the rig's frame, and each that moves in one of its own.
+
+mod build;
+mod extent;
+mod leaving;
+mod moving;
+
+use super::body::Body;
+use super::look::{Looks, Spot};
+use super::path::{Part, Path, State};
+use super::shade::Wide;
+use super::tree::{Here, Points, Tree};
+use glam::DVec3;
+use phasmid_geometry::raycast::{Bvh, LANES, Scratch};
+use phasmid_geometry::{Pose, Solid};
+use std::sync::Arc;
+
+/// What stands this fraction before a point's end of a shadow ray touches the point rather than
+/// shades it: 1 nm at 1 m, far above the error of f64.
+pub(super) const SHADOW_END: f64 = 1.0 - 1e-9;
+/// Where parallel rays start, relative to their point's distance from the rig, so that the f32
+/// error of a neighbouring triangle (some 1e-7 of it) does not shade the point: 10 um at 1 m.
+pub(super) const OFF_POINT: f32 = 1e-5;
+/// Facets that a solid may have.
+const FACETS: u32 = 8;
+
+/// A smooth piece of surface: a triangle, or a facet of a solid. All of the world's are numbered.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Surface(pub(super) u32);
+
+impl Surface {
+    /// No surface.
+    pub(super) const NONE: Self = Self(u32::MAX);
+}
+
+/// Where sixteen rays from the camera meet the world.
+pub(super) struct Hits {
+    /// Ray parameter, with directions of z = 1 the depth; infinite where there is no surface.
+    pub(super) t: Wide,
+    /// Unit normals on the rays' side, an array a component.
+    pub(super) normal: [Wide; 3],
+    pub(super) surface: [Surface; LANES],
+}
+
+impl Hits {
+    pub(super) fn none() -> Self {
+        Self {
+            t: [f64::INFINITY; LANES],
+            normal: [[0.0; LANES]; 3],
+            surface: [Surface::NONE; LANES],
+        }
+    }
+
+    pub(super) fn is_hit(&self, lane: usize) -> bool {
+        self.surface[lane] != Surface::NONE
+    }
+
+    pub(super) fn normal(&self, lane: usize) -> DVec3 {
+        DVec3::from_array(std::array::from_fn(|axis| self.normal[axis][lane]))
+    }
+
+    /// Takes a hit, with its normal turned to the ray's side.
+    pub(super) fn set(
+        &mut self,
+        lane: usize,
+        t: f64,
+        normal: DVec3,
+        direction: DVec3,
+        surface: Surface,
+    ) {
+        let normal = if normal.dot(direction) > 0.0 {
+            -normal
+        } else {
+            normal
+        };
+        self.t[lane] = t;
+        for axis in 0..3 {
+            self.normal[axis][lane] = normal[axis];
+        }
+        self.surface[lane] = surface;
+    }
+
+    /// Takes the hits of another that are nearer.
+    fn take_nearer(&mut self, other: &Self) {
+        for lane in 0..LANES {
+            if other.t[lane] < self.t[lane] {
+                self.t[lane] = other.t[lane];
+                self.surface[lane] = other.surface[lane];
+                for axis in 0..3 {
+                    self.normal[axis][lane] = other.normal[axis][lane];
+                }
+            }
+        }
+    }
+}
+
+#[derive(Clone)]
+pub(super) struct Placed {
+    pub(super) solid: Solid,
+    rig_from_solid: Pose,
+    pub(super) solid_from_rig: Pose,
+    pub(super) object: u16,
+    /// The camera is inside and sees the inner wall, which the outer one shades.
+    pub(super) around_camera: bool,
+}
+
+impl Placed {
+    fn new(solid: Solid, rig_from_solid: Pose, object: u16) -> Self {
+        let solid_from_rig = rig_from_solid.inverse();
+        Self {
+            solid,
+            rig_from_solid,
+            solid_from_rig,
+            object,
+            around_camera: solid.contains(solid_from_rig.translation_mm),
+        }
+    }
+}
+
+/// What no instant changes.
+#[derive(Default)]
+struct Fixed {
+    /// Of the meshes that stand still.
+    vertices: Vec<DVec3>,
+    triangles: Vec<[u32; 3]>,
+    bvh: Bvh,
+    /// Object of each triangle, those of meshes that move behind those of meshes that do not.
+    owner: Vec<u16>,
+    /// What moves, in the order of the objects.
+    paths: Vec<Path>,
+}
+
+/// All surfaces, as they are at one instant.
+#[derive(Clone)]
+pub(super) struct World {
+    fixed: Arc<Fixed>,
+    pub(super) solids: Vec<Placed>,
+    /// Meshes that move.
+    pub(super) bodies: Vec<Body>,
+    /// What the objects' surfaces look like.
+    pub(super) looks: Arc<Looks>,
+}
+
+impl World {
+    pub(super) fn triangle_count(&self) -> usize {
+        self.fixed.owner.len()
+    }
+
+    /// Object of each triangle.
+    pub(super) fn owners(&self) -> &[u16] {
+        &self.fixed.owner
+    }
+
+    /// Whether anything moves.
+    pub(super) fn moves(&self) -> bool {
+        !self.fixed.paths.is_empty()
+    }
+
+    /// Whether the object of a surface does.
+    pub(super) fn moving(&self, surface: Surface) -> bool {
+        self.object_moves(self.object(surface))
+    }
+
+    pub(super) fn object_moves(&self, object: u16) -> bool {
+        let paths = &self.fixed.paths;
+        paths.binary_search_by_key(&object, |p| p.object).is_ok()
+    }
+
+    /// Triangles of the meshes that deform.
+    pub(super) fn deforming_triangles(&self) -> usize {
+        self.bodies.iter().map(Body::deforming_triangles).sum()
+    }
+
+    /// Where everything is at a device time in nanoseconds.
+    pub(super) fn state(&self, time_ns: f64) -> State {
+        State(
+            self.fixed
+                .paths
+                .iter()
+                .map(|path| path.at(time_ns))
+                .collect(),
+        )
+    }
+
+    /// Takes everything there, in the shape that it has there.
+    pub(super) fn set(&mut self, state: &State) {
+        for (path, placement) in self.fixed.paths.iter().zip(&state.0) {
+            if let (Part::Body(i), Some(blend)) = (path.part, placement.blend) {
+                self.bodies[i].deform(blend);
+            }
+        }
+        self.carry(state);
+    }
+
+    /// Takes everything there in the shape that it has.
+    pub(super) fn carry(&mut self, state: &State) {
+        for (path, placement) in self.fixed.paths.iter().zip(&state.0) {
+            match path.part {
+                Part::Body(i) => self.bodies[i].carry(placement.rig_from_object),
+                Part::Solid(i) => {
+                    let Placed { solid, object, .. } = self.solids[i];
+                    self.solids[i] = Placed::new(solid, placement.rig_from_object, object);
+                }
+            }
+        }
+    }
+
+    /// Whether some surface may stand in the light of another, or of itself: one convex solid, seen
+    /// from outside, shades itself only by facing away. One that moves may come around the camera.
+    pub(super) fn casts_shadows(&self) -> bool {
+        let may_surround = |s: &Placed| {
+            let hollow = !matches!(s.solid, Solid::Plane { .. });
+            s.around_camera || hollow && self.object_moves(s.object)
+        };
+        self.triangle_count() > 0 || self.solids.len() > 1 || self.solids.iter().any(may_surround)
+    }
+
+    /// Whether a surface belongs to a mesh: neighbours of one mesh may form one smooth surface.
+    pub(super) fn is_triangle(&self, surface: Surface) -> bool {
+        (surface.0 as usize) < self.triangle_count()
+    }
+
+    /// The object that a surface belongs to.
+    pub(super) fn object(&self, surface: Surface) -> u16 {
+        match self.fixed.owner.get(surface.0 as usize) {
+            Some(&object) => object,
+            None => self.solids[self.solid_of(surface)].object,
+        }
+    }
+
+    /// The corners of a surface that is a triangle.
+    pub(super) fn corners(&self, surface: Surface) -> Option<[DVec3; 3]> {
+        match self.fixed.triangles.get(surface.0 as usize) {
+            Some(triangle) => Some(triangle.map(|i| self.fixed.vertices[i as usize])),
+            None => Some(self.body(surface)?.corners(surface)),
+        }
+    }
+
+    /// The moving mesh that a surface belongs to.
+    fn body(&self, surface: Surface) -> Option<&Body> {
+        let after = self.bodies.partition_point(|b| b.first() <= surface.0);
+        let body = self.bodies.get(after.checked_sub(1)?)?;
+        body.holds(surface).then_some(body)
+    }
+
+    /// An object that is a moving mesh.
+    pub(super) fn body_of(&self, object: u16) -> Option<&Body> {
+        let is_its = |body: &&Body| self.object(Surface(body.first())) == object;
+        self.bodies.iter().find(is_its)
+    }
+
+    /// Smooth normals at the corners of a triangle now, of those that it has at rest.
+    pub(super) fn smooth(&self, surface: Surface, rest: [DVec3; 3]) -> [DVec3; 3] {
+        match self.body(surface) {
+            Some(body) => body.smooth(surface, rest),
+            None => rest,
+        }
+    }
+
+    /// Takes a spot on a surface to where it rests, which is where looks are laid on.
+    pub(super) fn at_rest(&self, surface: Surface, spot: Spot) -> Spot {
+        if let Some(body) = self.body(surface) {
+            return body.at_rest(surface, spot);
+        }
+        let object = self.object(surface);
+        let paths = &self.fixed.paths;
+        match paths.binary_search_by_key(&object, |p| p.object) {
+            Ok(i) => {
+                let now = &self.solids[self.solid_of(surface)];
+                spot.moved(&(paths[i].rig_from_rest * now.solid_from_rig))
+            }
+            Err(_) => spot,
+        }
+    }
+
+    fn solid_of(&self, surface: Surface) -> usize {
+        (surface.0 as usize - self.triangle_count()) / FACETS as usize
+    }
+
+    /// The hierarchy of all that stands still; `None` where there is none.
+    pub(super) fn still(&self) -> Option<Tree<'_, Here>> {
+        let fixed = &self.fixed;
+        (!fixed.bvh.is_empty()).then_some(Tree {
+            bvh: &fixed.bvh,
+            vertices: &fixed.vertices,
+            triangles: &fixed.triangles,
+            first: 0,
+            frame: Here,
+        })
+    }
+
+    /// The nearest surface along each ray from a point of the camera's pupil, which lies about the
+    /// rig's origin; directions have z = 1.
+    pub(super) fn nearest(
+        &self,
+        origin: DVec3,
+        directions: &[DVec3; LANES],
+        used: &[bool; LANES],
+        scratch: &mut Scratch,
+    ) -> Hits {
+        let ends = used.map(|u| if u { f32::INFINITY } else { -1.0 });
+        let mut hits = match self.still() {
+            Some(tree) => tree.nearest(origin, directions, &ends, scratch),
+            None => Hits::none(),
+        };
+        for body in &self.bodies {
+            let found = body.tree().nearest(origin, directions, &ends, scratch);
+            hits.take_nearer(&found);
+        }
+        for (i, placed) in self.solids.iter().enumerate() {
+            let origin = placed.solid_from_rig.point(origin);
+            let first = self.triangle_count() as u32 + i as u32 * FACETS;
+            for lane in (0..LANES).filter(|&lane| used[lane]) {
+                let direction = directions[lane];
+                let local = placed.solid_from_rig.direction(direction);
+                if let Some(found) = placed.solid.intersect(origin, local, 0.0)
+                    && found.t < hits.t[lane]
+                {
+                    let normal = placed.rig_from_solid.direction(found.normal);
+                    let surface = Surface(first + found.facet);
+                    hits.set(lane, found.t, normal, direction, surface);
+                }
+            }
+        }
+        hits
+    }
+
+    /// Whether something stands between the projector's pupil and each point; lanes with no point
+    /// are not asked.
+    pub(super) fn blocked(
+        &self,
+        pupil: DVec3,
+        points: &Points,
+        scratch: &mut Scratch,
+    ) -> [bool; LANES] {
+        let mut blocked = [false; LANES];
+        if let Some(tree) = self.still() {
+            tree.blocked(pupil, points, &mut blocked, scratch);
+        }
+        for body in &self.bodies {
+            body.tree().blocked(pupil, points, &mut blocked, scratch);
+        }
+        self.solids_between(points, &mut blocked, |placed, point| {
+            let origin = placed.solid_from_rig.point(pupil);
+            let direction = placed.solid_from_rig.direction(point - pupil);
+            let hit = placed.solid.intersect(origin, direction, 0.0);
+            hit.is_some_and(|hit| hit.t < SHADOW_END)
+        });
+        blocked
+    }
+
+    /// Adds the points that solids shade, where `shades` tells it of one solid and one point.
+    fn solids_between(
+        &self,
+        points: &Points,
+        blocked: &mut [bool; LANES],
+        shades: impl Fn(&Placed, DVec3) -> bool,
+    ) {
+        for placed in &self.solids {
+            for (blocked, point) in blocked.iter_mut().zip(points) {
+                let Some((point, surface)) = *point else {
+                    continue;
+                };
+                // Seen from outside, a convex solid shades itself only by facing away.
+                let own = self.object(surface) == placed.object && !placed.around_camera;
+                *blocked = *blocked || !own && shades(placed, point);
+            }
+        }
+    }
+
+    /// Whether something stands between each point and a light far away; lanes with no point are
+    /// not asked. What stands closer than [`OFF_POINT`] touches the point rather than shades it.
+    pub(super) fn blocked_along(
+        &self,
+        towards: DVec3,
+        points: &Points,
+        scratch: &mut Scratch,
+    ) -> [bool; LANES] {
+        let mut blocked = [false; LANES];
+        if let Some(tree) = self.still() {
+            tree.blocked_along(towards, points, &mut blocked, scratch);
+        }
+        for body in &self.bodies {
+            let tree = body.tree();
+            tree.blocked_along(towards, points, &mut blocked, scratch);
+        }
+        self.solids_between(points, &mut blocked, |placed, point| {
+            let origin = placed.solid_from_rig.point(point);
+            let direction = placed.solid_from_rig.direction(towards);
+            let start = point.length() * (1.0 - SHADOW_END);
+            placed.solid.intersect(origin, direction, start).is_some()
+        });
+        blocked
+    }
+}

@@ -1,0 +1,151 @@
+//! Putting a scene's objects together.
+
+use super::{Fixed, Placed, World};
+use crate::body::{Body, Model};
+use crate::look::{Looks, Smoother};
+use crate::path::{self, Part, Path};
+use crate::shape::{mesh, solid};
+use crate::skin::Skins;
+use glam::DVec3;
+use phasmid_core::error::{Error, Result};
+use phasmid_geometry::raycast::Bvh;
+use phasmid_geometry::{Mesh, Solid};
+use phasmid_profile::{Object, Scene};
+use std::sync::Arc;
+
+/// Most triangles of a scene: some 10 GiB with their hierarchy.
+const MAX_TRIANGLES: usize = 50_000_000;
+
+/// A world that is being put together.
+struct Builder<'a> {
+    scene: &'a Scene,
+    fixed: Fixed,
+    solids: Vec<Placed>,
+    bodies: Vec<Body>,
+    looks: Looks,
+}
+
+impl Builder<'_> {
+    /// Adds a solid and says which it is.
+    fn solid(&mut self, solid: Solid, object: &Object, index: u16) -> Part {
+        let pose = self.scene.rig_from_object(object);
+        self.solids.push(Placed::new(solid, pose, index));
+        Part::Solid(self.solids.len() - 1)
+    }
+
+    fn read(&self, object: &Object, index: u16) -> Result<Mesh> {
+        let place = || format!("scene, object[{index}].shape");
+        let mesh = mesh(&object.shape, &self.scene.folder).map_err(|e| e.at(place()))?;
+        let total = self.fixed.owner.len() + mesh.triangles.len();
+        if total > MAX_TRIANGLES {
+            return Err(Error::input(
+                place(),
+                format!("{total} triangles with those before it"),
+                format!("up to {MAX_TRIANGLES} triangles in a scene"),
+            ));
+        }
+        Ok(mesh)
+    }
+
+    /// Adds a mesh that stands still.
+    fn mesh(&mut self, object: &Object, index: u16) -> Result<()> {
+        let mesh = self.read(object, index)?;
+        let pose = self.scene.rig_from_object(object);
+        let fixed = &mut self.fixed;
+        let first = fixed.vertices.len() as u32;
+        let placed = mesh.vertices.iter().map(|&v| pose.point(v * object.scale));
+        fixed.vertices.extend(placed);
+        let shifted = mesh.triangles.iter().map(|t| t.map(|i| i + first));
+        fixed.triangles.extend(shifted);
+        let of = fixed.owner.len();
+        self.looks
+            .mesh(index, of, &mesh, &fixed.vertices, &fixed.triangles[of..])
+            .map_err(|e| e.at(format!("scene, object[{index}]")))?;
+        fixed.owner.resize(fixed.triangles.len(), index);
+        Ok(())
+    }
+
+    /// Adds a mesh that moves and says which it is.
+    fn body(&mut self, object: &Object, index: u16) -> Result<Part> {
+        let mesh = self.read(object, index)?;
+        let place = || format!("scene, object[{index}]");
+        let rig_from_rest = self.scene.rig_from_object(object);
+        let scaled: Vec<DVec3> = mesh.vertices.iter().map(|&v| v * object.scale).collect();
+        let placed: Vec<DVec3> = scaled.iter().map(|&v| rig_from_rest.point(v)).collect();
+        let first = self.fixed.owner.len();
+        self.looks
+            .mesh(index, first, &mesh, &placed, &mesh.triangles)
+            .map_err(|e| e.at(place()))?;
+        let keys = path::keys(self.scene, object, &mesh).map_err(|e| e.at(place()))?;
+        let shines = object.lobe().is_some() && !keys.is_empty();
+        let smoother = shines.then(|| Smoother::new(&scaled, &mesh.triangles));
+        self.fixed.owner.resize(first + mesh.triangles.len(), index);
+        let farthest = |way: &mut dyn Iterator<Item = f64>| way.fold(0.0, f64::max);
+        let shapes = std::iter::once(&scaled).chain(&keys);
+        let reach = |key: &Vec<DVec3>| {
+            let pairs = key.iter().zip(&scaled);
+            farthest(&mut pairs.map(|(there, rest)| there.distance(*rest)))
+        };
+        self.bodies.push(Body::new(Model {
+            first: first as u32,
+            radius_mm: farthest(&mut shapes.flatten().map(|v| v.length())),
+            key_reach_mm: keys.iter().map(reach).collect(),
+            triangles: mesh.triangles,
+            vertices: scaled,
+            rig_from_rest,
+            keys,
+            smoother,
+        }));
+        Ok(Part::Body(self.bodies.len() - 1))
+    }
+
+    fn path(&mut self, object: &Object, index: u16, part: Part) -> Result<()> {
+        if path::moves(object) {
+            let path = Path::new(self.scene, object, index, part)?;
+            self.fixed.paths.push(path);
+        }
+        Ok(())
+    }
+}
+
+impl World {
+    /// The scene at power-on.
+    pub(crate) fn new(scene: &Scene, skins: &Skins) -> Result<Self> {
+        let mut builder = Builder {
+            scene,
+            fixed: Fixed::default(),
+            solids: Vec::new(),
+            bodies: Vec::new(),
+            looks: Looks::new(scene, skins)?,
+        };
+        let objects = || scene.object.iter().zip(0u16..);
+        for (object, index) in objects() {
+            match solid(&object.shape, object.scale) {
+                Some(solid) => {
+                    let part = builder.solid(solid, object, index);
+                    builder.path(object, index, part)?;
+                }
+                None if path::moves(object) => {}
+                None => builder.mesh(object, index)?,
+            }
+        }
+        // Their triangles are numbered behind those of all that stand still.
+        for (object, index) in objects() {
+            if path::moves(object) && solid(&object.shape, object.scale).is_none() {
+                let part = builder.body(object, index)?;
+                builder.path(object, index, part)?;
+            }
+        }
+        let mut fixed = builder.fixed;
+        fixed.bvh = Bvh::build(&fixed.vertices, &fixed.triangles);
+        fixed.paths.sort_by_key(|path| path.object);
+        let mut world = Self {
+            fixed: Arc::new(fixed),
+            solids: builder.solids,
+            bodies: builder.bodies,
+            looks: Arc::new(builder.looks),
+        };
+        world.set(&world.state(0.0));
+        Ok(world)
+    }
+}

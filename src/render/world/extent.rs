@@ -1,0 +1,65 @@
+//! How far a scene reaches.
+
+use super::World;
+use phasmid_geometry::Solid;
+use phasmid_geometry::raycast::Bvh;
+
+/// By how much a spline may swing beyond its keyframes.
+const SWING: f64 = 1.25;
+
+/// Distance from its own origin that a solid reaches; endless planes none.
+pub(super) fn radius(solid: &Solid) -> f64 {
+    match *solid {
+        Solid::Plane { half } if half.is_finite() => half.length(),
+        Solid::Plane { .. } => 0.0,
+        Solid::Sphere { radius } => radius,
+        Solid::Cylinder {
+            radius,
+            half_length,
+        } => radius.hypot(half_length),
+        Solid::Frustum { faces } => {
+            // The top's offset is the height; a side's is half of the base, leant.
+            let (side, offset) = faces[2];
+            let half_base = offset / side.x;
+            half_base.mul_add(std::f64::consts::SQRT_2, faces[0].1)
+        }
+    }
+}
+
+impl World {
+    /// The farthest from the rig's origin in millimetres that anything may be, now or when it has
+    /// moved; planes without end aside.
+    pub(crate) fn farthest_mm(&self) -> f64 {
+        let root = self.fixed.bvh.nodes().first();
+        let still = root.map_or(0.0, |root| {
+            root.min.abs().max(root.max.abs()).as_dvec3().length()
+        });
+        let solids = self.solids.iter().map(|s| {
+            let way = self.way_mm(s.object);
+            s.solid_from_rig.translation_mm.length() + way + radius(&s.solid)
+        });
+        let bodies = self.bodies.iter().map(|body| {
+            let model = body.model();
+            let shapes = std::iter::once(&model.vertices).chain(&model.keys);
+            let radius = shapes.flatten().map(|v| v.length()).fold(0.0, f64::max);
+            let object = self.fixed.owner[model.first as usize];
+            model.rig_from_rest.translation_mm.length() + self.way_mm(object) + radius
+        });
+        solids.chain(bodies).fold(still, f64::max)
+    }
+
+    /// How far an object may move from where it rests.
+    fn way_mm(&self, object: u16) -> f64 {
+        let paths = &self.fixed.paths;
+        match paths.binary_search_by_key(&object, |p| p.object) {
+            Ok(i) => paths[i].reach_mm() * SWING,
+            Err(_) => 0.0,
+        }
+    }
+
+    /// All hierarchies.
+    pub(crate) fn hierarchies(&self) -> impl Iterator<Item = &Bvh> {
+        let bodies = self.bodies.iter().map(|body| body.tree().bvh);
+        std::iter::once(&self.fixed.bvh).chain(bodies)
+    }
+}

@@ -1,0 +1,49 @@
+//! Rays that leave a surface for other surfaces.
+
+use super::{FACETS, Hits, Surface, World};
+use glam::DVec3;
+use phasmid_geometry::raycast::{LANES, Scratch};
+
+/// What is closer to a point than this part of its distance from the rig touches it: 1 um at 1 m,
+/// far above the error of a depth in f32.
+const OFF_POINT: f64 = 1e-6;
+
+impl World {
+    /// The nearest surface along each ray from a point of a surface `own`, given in the rig's frame;
+    /// directions are of unit length, on the side of the surface that the camera sees.
+    pub(crate) fn leaving(
+        &self,
+        point: DVec3,
+        own: Surface,
+        directions: &[DVec3; LANES],
+        scratch: &mut Scratch,
+    ) -> Hits {
+        let mut hits = match self.still() {
+            Some(tree) => tree.leaving(point, directions, scratch),
+            None => Hits::none(),
+        };
+        for body in &self.bodies {
+            hits.take_nearer(&body.tree().leaving(point, directions, scratch));
+        }
+        let start = point.length() * OFF_POINT;
+        for (i, placed) in self.solids.iter().enumerate() {
+            // A convex solid that is seen from outside cannot be met by rays that leave it.
+            if self.object(own) == placed.object && !placed.around_camera {
+                continue;
+            }
+            let origin = placed.solid_from_rig.point(point);
+            let first = self.triangle_count() as u32 + i as u32 * FACETS;
+            for (lane, &direction) in directions.iter().enumerate() {
+                let local = placed.solid_from_rig.direction(direction);
+                if let Some(found) = placed.solid.intersect(origin, local, start)
+                    && found.t < hits.t[lane]
+                {
+                    let normal = placed.rig_from_solid.direction(found.normal);
+                    let surface = Surface(first + found.facet);
+                    hits.set(lane, found.t, normal, direction, surface);
+                }
+            }
+        }
+        hits
+    }
+}

@@ -1,0 +1,60 @@
+//! How far things go in the camera's image.
+
+use super::World;
+use super::extent::radius;
+use crate::path::{Blend, Part, Placement, State};
+use phasmid_geometry::Pose;
+
+impl World {
+    /// At most how far, in radians as the camera sees it, anything goes between two states: infinite
+    /// where something is as near to the camera as it is large.
+    ///
+    /// A point at a distance r from its object's origin goes by at most the origin's way, r times the
+    /// angle of the turn, and for each keyframe the change of its weight times the farthest that the
+    /// keyframe takes a vertex from rest: weights add up to 1.
+    pub(crate) fn way_rad(&self, from: &State, to: &State) -> f64 {
+        let ends = from.0.iter().zip(&to.0);
+        let ways = self.fixed.paths.iter().zip(ends).map(|(path, (from, to))| {
+            let (radius, shape) = match path.part {
+                Part::Solid(i) => (radius(&self.solids[i].solid), 0.0),
+                Part::Body(i) => {
+                    let model = self.bodies[i].model();
+                    (model.radius_mm, reshaped_mm(from, to, &model.key_reach_mm))
+                }
+            };
+            // A plane without end has no radius, and is met anywhere.
+            let distance = from.rig_from_object.translation_mm.length() - radius;
+            let way = carried_mm(&from.rig_from_object, &to.rig_from_object, radius) + shape;
+            match (way == 0.0, distance > radius && radius > 0.0) {
+                (true, _) => 0.0,
+                (false, true) => way / distance,
+                (false, false) => f64::INFINITY,
+            }
+        });
+        ways.fold(0.0, f64::max)
+    }
+}
+
+/// Of a point within a radius of the origin of what goes from one pose to another.
+fn carried_mm(from: &Pose, to: &Pose, radius_mm: f64) -> f64 {
+    let turn = |axis: usize| (to.rotation.col(axis) - from.rotation.col(axis)).length_squared();
+    // The Frobenius norm of the difference, which no vector is stretched by more than.
+    let stretch = (0..3).map(turn).sum::<f64>().sqrt();
+    (to.translation_mm - from.translation_mm).length() + radius_mm * stretch
+}
+
+/// Of a vertex of a mesh that is blended otherwise.
+fn reshaped_mm(from: &Placement, to: &Placement, key_reach_mm: &[f64]) -> f64 {
+    let weight = |blend: &Option<Blend>, key: usize| {
+        let Some((keys, weights)) = blend else {
+            return 0.0;
+        };
+        let its = keys.iter().zip(weights).filter(|(k, _)| **k == key);
+        its.map(|(_, w)| *w).sum::<f64>()
+    };
+    let ways = key_reach_mm.iter().enumerate().map(|(key, reach)| {
+        let change = weight(&to.blend, key) - weight(&from.blend, key);
+        reach * change.abs()
+    });
+    ways.sum()
+}

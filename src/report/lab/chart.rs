@@ -1,0 +1,148 @@
+//! Charts of several series on two axes, with a legend.
+
+use super::labels;
+use crate::plot::{Anchor, Axis, Panel, ROOM, Sheet, curve, dots, spans};
+use glam::DVec2;
+
+/// Width and height of a chart's panel.
+const SIZE: DVec2 = DVec2::new(560.0, 330.0);
+const HEADING: f64 = 28.0;
+const LEGEND: f64 = 250.0;
+
+/// How a series is drawn.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Look {
+    /// A line through its points.
+    Line,
+    /// A dashed line: bounds and published figures.
+    Dashed,
+    /// Its points.
+    Dots,
+    /// Its points, and a line through them.
+    Both,
+}
+
+/// One series.
+#[derive(Debug, Clone)]
+pub struct Series {
+    /// Its name in the legend.
+    pub name: String,
+    /// How it is drawn.
+    pub look: Look,
+    /// Values along x and y; those that are not finite are left out.
+    pub points: Vec<DVec2>,
+    /// What is shown where the pointer rests on a point, if anything.
+    pub tips: Vec<String>,
+    /// Whether the tips are written beside the points too, where there is room.
+    pub labelled: bool,
+    /// Error bars: x, low, high.
+    pub spans: Vec<[f64; 3]>,
+}
+
+impl Series {
+    /// A series without tips and bars.
+    pub fn new(name: &str, look: Look, points: impl IntoIterator<Item = (f64, f64)>) -> Self {
+        Self {
+            name: name.to_owned(),
+            look,
+            points: points.into_iter().map(DVec2::from).collect(),
+            tips: Vec::new(),
+            labelled: false,
+            spans: Vec::new(),
+        }
+    }
+}
+
+/// A chart.
+#[derive(Debug, Clone)]
+pub struct Chart {
+    /// Above it.
+    pub heading: String,
+    /// Name of the axis to the right, with the unit.
+    pub x: String,
+    /// Name of the axis upwards, with the unit.
+    pub y: String,
+    /// Whether x and y go by their logarithms.
+    pub log: [bool; 2],
+    /// Drawn in this order.
+    pub series: Vec<Series>,
+}
+
+impl Chart {
+    /// The drawing. Colours repeat after eight series; one that has nothing in the panel is not in the
+    /// legend.
+    pub fn sheet(&self) -> Sheet {
+        let rows = self.series.len() as f64;
+        let height = (HEADING + SIZE.y + ROOM.y).max(HEADING + 20.0 * rows);
+        let mut sheet = Sheet::new(ROOM.x + SIZE.x + LEGEND, height);
+        let panel = Panel {
+            corner: DVec2::new(ROOM.x, HEADING),
+            size: SIZE,
+            x: self.axis(&self.x, 0),
+            y: self.axis(&self.y, 1),
+        };
+        panel.draw(&mut sheet);
+        panel.head(&mut sheet, &self.heading);
+        let mut named = 0.0;
+        for (i, series) in self.series.iter().enumerate() {
+            if !series.points.iter().any(|p| panel.inside(*p).is_some()) {
+                continue;
+            }
+            let colour = format!("c{}", i % 8);
+            let dash = if series.look == Look::Dashed {
+                " dash"
+            } else {
+                ""
+            };
+            let class = format!("{colour}{dash}");
+            if series.look != Look::Dots {
+                curve(&mut sheet, &panel, &class, &series.points);
+            }
+            if matches!(series.look, Look::Dots | Look::Both) {
+                dots(
+                    &mut sheet,
+                    &panel,
+                    &colour,
+                    3.0,
+                    &series.points,
+                    &series.tips,
+                );
+            }
+            spans(&mut sheet, &panel, &colour, &series.spans);
+            let at = DVec2::new(ROOM.x + SIZE.x + 14.0, HEADING + 10.0 + 20.0 * named);
+            named += 1.0;
+            let end = at + DVec2::new(22.0, 0.0);
+            if series.look != Look::Dots {
+                sheet.polyline(&format!("line {class}"), &[at, end], false, None);
+            }
+            if matches!(series.look, Look::Dots | Look::Both) {
+                sheet.disc(&format!("fill {colour}"), (at + end) / 2.0, 3.0, None);
+            }
+            let words = end + DVec2::new(6.0, 4.0);
+            sheet.text("", words, Anchor::Start, &series.name);
+        }
+        let named = self.series.iter().filter(|series| series.labelled);
+        let named = named.flat_map(|series| {
+            let tips = series.tips.iter().map(String::as_str);
+            series.points.iter().copied().zip(tips)
+        });
+        labels::draw(&mut sheet, &panel, &named.collect::<Vec<_>>());
+        sheet
+    }
+
+    fn axis(&self, label: &str, which: usize) -> Axis {
+        let points = self.series.iter().flat_map(|series| &series.points);
+        let values = points.map(|point| point[which]);
+        let of_spans = self.series.iter().flat_map(|series| &series.spans);
+        let ends = of_spans.flat_map(|&[x, low, high]| match which {
+            0 => [x, x],
+            _ => [low, high],
+        });
+        let all = values.chain(ends);
+        if self.log[which] {
+            Axis::logarithmic(label, all)
+        } else {
+            Axis::around(label, all)
+        }
+    }
+}

@@ -1,0 +1,316 @@
+//! A study's folder: `study.json` says what it is, `rows.csv` is appended trial by trial, `files/`
+//! holds what trials leave for the document.
+
+use super::csv;
+use super::row::{Row, Rows};
+use super::settings::Settings;
+use super::trial::Trial;
+use phasmid_core::error::{Error, Result};
+use phasmid_core::file;
+use phasmid_core::new_file::{is_unfinished, replace};
+use serde::{Deserialize, Serialize};
+use std::fs::{self, File, OpenOptions, TryLockError};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+const ABOUT: &str = "study.json";
+const ROWS: &str = "rows.csv";
+const FILES: &str = "files";
+/// More than any study writes.
+const MOST_BYTES: u64 = 256 << 20;
+
+/// What `study.json` holds.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub(super) struct About {
+    /// `phasma study` and its version.
+    pub(super) made_by: String,
+    pub(super) study: String,
+    #[serde(flatten)]
+    pub(super) settings: Settings,
+    /// Which source the program was built from.
+    pub(super) revision: String,
+}
+
+/// The folder of one study.
+pub struct Folder {
+    path: PathBuf,
+    /// Held while a study runs in it.
+    _lock: Option<File>,
+}
+
+impl Folder {
+    /// A folder for a study: an empty or new one, or one in which the same study was begun with the
+    /// same settings by the same program.
+    ///
+    /// # Errors
+    /// A folder with anything else in it; what the system refuses.
+    pub(super) fn begin(path: &Path, about: &About) -> Result<Self> {
+        let place = || format!("--out {}", path.display());
+        if path.exists() && !path.is_dir() {
+            let allowed = "a folder, or a path where one can be made";
+            return Err(Error::input(place(), "a file", allowed));
+        }
+        fs::create_dir_all(path).map_err(|e| Error::io(path, e))?;
+        let mut folder = Self {
+            path: path.to_owned(),
+            _lock: None,
+        };
+        let known = path.join(ABOUT);
+        if known.exists() {
+            let found = folder.about()?;
+            if !found.is_of(about) {
+                return Err(Error::input(
+                    place(),
+                    described(&found),
+                    format!("{}, to go on with it, or another folder", described(about)),
+                ));
+            }
+            folder.lock()?;
+            return Ok(folder);
+        }
+        for entry in fs::read_dir(path).map_err(|e| Error::io(path, e))? {
+            let entry = entry.map_err(|e| Error::io(path, e))?;
+            // What a study that was killed in its first moment has left.
+            if is_unfinished(&entry.file_name()) {
+                continue;
+            }
+            return Err(Error::input(
+                place(),
+                format!("{}, which no study has made", entry.file_name().display()),
+                "an empty or new folder, or one in which this study was begun",
+            ));
+        }
+        let json = serde_json::to_string_pretty(about).expect("words and numbers");
+        folder.replace(ABOUT, format!("{json}\n").as_bytes())?;
+        folder.lock()?;
+        Ok(folder)
+    }
+
+    /// Keeps others out until it is dropped, or the program ends however it ends.
+    fn lock(&mut self) -> Result<()> {
+        let path = self.path.join(ABOUT);
+        let file = File::open(&path).map_err(|e| Error::io(&path, e))?;
+        match file.try_lock() {
+            Ok(()) => {
+                self._lock = Some(file);
+                Ok(())
+            }
+            Err(TryLockError::WouldBlock) => Err(Error::input(
+                format!("--out {}", self.path.display()),
+                "a folder in which this study runs now",
+                "another folder, or this one when that is over",
+            )),
+            Err(TryLockError::Error(e)) => Err(Error::io(&path, e)),
+        }
+    }
+
+    /// A folder in which a study was run.
+    ///
+    /// # Errors
+    /// No folder, or one without a study.
+    pub(super) fn open(path: &Path) -> Result<(Self, About)> {
+        let folder = Self {
+            path: path.to_owned(),
+            _lock: None,
+        };
+        if !path.join(ABOUT).is_file() {
+            return Err(Error::input(
+                path.display(),
+                format!("no {ABOUT}"),
+                "the --out folder of a phasma study",
+            ));
+        }
+        let about = folder.about()?;
+        Ok((folder, about))
+    }
+
+    /// Where it is.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    fn about(&self) -> Result<About> {
+        let path = self.path.join(ABOUT);
+        let bytes = file::read(&path, 1 << 16)?;
+        serde_json::from_slice(&bytes)
+            .map_err(|e| Error::input(path.display(), e.to_string(), "what phasma study wrote"))
+    }
+
+    /// The rows of the trials that were done, trial by trial in the order asked for; a trial is done
+    /// when all its rows are there. A last line without an end is of a run that was killed.
+    ///
+    /// # Errors
+    /// A file that holds anything else than rows with these columns.
+    pub(super) fn rows(&self, columns: &[&str]) -> Result<Vec<Row>> {
+        let path = self.path.join(ROWS);
+        if !path.exists() {
+            return Ok(Vec::new());
+        }
+        let bytes = file::read(&path, MOST_BYTES)?;
+        let text = String::from_utf8(bytes)
+            .map_err(|_| Error::input(path.display(), "bytes that are no UTF-8", "rows"))?;
+        let mut rows = Vec::new();
+        let whole = text
+            .split_inclusive('\n')
+            .filter(|line| line.ends_with('\n'));
+        for (i, line) in whole.enumerate() {
+            let line = line.trim_end_matches('\n');
+            let refuse = |allowed: String| {
+                let place = format!("{}, line {}", path.display(), i + 1);
+                Error::input(place, line.chars().take(80).collect::<String>(), allowed)
+            };
+            if i == 0 {
+                if csv::cells(line).is_none_or(|cells| cells != columns) {
+                    return Err(refuse(columns.join(",")));
+                }
+                continue;
+            }
+            let row = csv::row_of(line, columns);
+            rows.push(row.ok_or_else(|| refuse(format!("{} cells", columns.len())))?);
+        }
+        Ok(rows)
+    }
+
+    /// The file of rows, to be appended to, with what a killed run left of a line or of a trial cut
+    /// off.
+    pub(super) fn writer(&self, columns: &[&str], done: &[Row]) -> Result<Writer> {
+        let mut text = csv::line(columns.iter().copied());
+        for row in done {
+            text += &csv::row_line(row, columns);
+        }
+        self.replace(ROWS, text.as_bytes())?;
+        let path = self.path.join(ROWS);
+        let file = OpenOptions::new().append(true).open(&path);
+        let file = file.map_err(|e| Error::io(&path, e))?;
+        Ok(Writer { path, file })
+    }
+
+    /// Writes a file so that it is never there in part.
+    pub(super) fn replace(&self, name: &str, bytes: &[u8]) -> Result<()> {
+        replace(&self.path.join(name), |out| out.write_all(bytes))
+    }
+
+    /// Where trials leave files.
+    pub fn files(&self) -> PathBuf {
+        self.path.join(FILES)
+    }
+
+    /// Where a trial may put a file for itself or for the document; `name` has no folders.
+    ///
+    /// # Errors
+    /// What the system refuses.
+    pub fn place(&self, name: &str) -> Result<PathBuf> {
+        let folder = self.files();
+        fs::create_dir_all(&folder).map_err(|e| Error::io(&folder, e))?;
+        Ok(folder.join(name))
+    }
+
+    /// Leaves a file for the document; `name` has no folders.
+    ///
+    /// # Errors
+    /// What the system refuses.
+    pub fn leave(&self, name: &str, bytes: &[u8]) -> Result<()> {
+        replace(&self.place(name)?, |out| out.write_all(bytes))
+    }
+
+    /// A file that a trial left.
+    ///
+    /// # Errors
+    /// A file that is not there or cannot be read.
+    pub fn left(&self, name: &str) -> Result<Vec<u8>> {
+        file::read(&self.files().join(name), MOST_BYTES)
+    }
+}
+
+/// Appends rows.
+pub(super) struct Writer {
+    path: PathBuf,
+    file: File,
+}
+
+impl Writer {
+    /// Writes the rows of a trial at once.
+    pub(super) fn append(&mut self, rows: &[Row], columns: &[&str]) -> Result<()> {
+        let text: String = rows.iter().map(|row| csv::row_line(row, columns)).collect();
+        let written = self.file.write_all(text.as_bytes());
+        written.map_err(|e| Error::io(&self.path, e))
+    }
+}
+
+/// The rows of whole trials, in the order of the trials.
+pub(super) fn whole(rows: Vec<Row>, trials: &[Trial]) -> Rows {
+    let mut all = Vec::new();
+    for trial in trials {
+        let of: Vec<&Row> = rows
+            .iter()
+            .filter(|row| row.get("trial") == trial.key)
+            .collect();
+        let parts = of.first().map_or(0, |row| row.value("parts") as usize);
+        if parts > 0 && of.len() == parts {
+            all.extend(of.into_iter().cloned());
+        }
+    }
+    Rows { all }
+}
+
+impl About {
+    /// Whether rows of one may stand beside rows of the other. The same program is the same whatever the
+    /// commit that is told of it: a copy of it, or another user, may know none.
+    fn is_of(&self, other: &Self) -> bool {
+        let program = |about: &Self| {
+            let sum = about.revision.rsplit_once("program ");
+            sum.map(|(_, sum)| sum.to_owned())
+        };
+        let same = program(self).is_some() && program(self) == program(other);
+        let revision = match same {
+            true => other.revision.clone(),
+            false => self.revision.clone(),
+        };
+        Self {
+            revision,
+            ..self.clone()
+        } == *other
+    }
+}
+
+fn described(about: &About) -> String {
+    let only = about.settings.only.as_ref();
+    format!(
+        "study {}{}{}, seed {}, by {} at revision {}",
+        about.study,
+        if about.settings.quick { " --quick" } else { "" },
+        only.map_or_else(String::new, |part| format!(" --only {part}")),
+        about.settings.seed,
+        about.made_by,
+        about.revision
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_program_is_the_same_whatever_commit_is_told_of_it() {
+        let at = |revision: &str| About {
+            made_by: "phasma 0".to_owned(),
+            study: "noise".to_owned(),
+            settings: Settings {
+                quick: true,
+                seed: 1,
+                only: None,
+            },
+            revision: revision.to_owned(),
+        };
+        let begun = at("0123456789ab program 3cc4da00");
+        assert!(begun.is_of(&begun));
+        assert!(begun.is_of(&at("program 3cc4da00")));
+        assert!(!begun.is_of(&at("0123456789ab program 3cc4da01")));
+        let mut other = at("program 3cc4da00");
+        other.settings.seed = 2;
+        assert!(!begun.is_of(&other));
+        // Where neither knows its program, the revision has to be the same.
+        assert!(at("unknown").is_of(&at("unknown")));
+        assert!(!at("unknown").is_of(&at("0123456789ab")));
+    }
+}

@@ -1,0 +1,100 @@
+//! Tables as text that is Markdown and reads well on a terminal.
+
+use super::check::Check;
+use super::document::{Block, Document, Table};
+use crate::plot::figures;
+
+impl Table {
+    /// The table in Markdown, its columns aligned.
+    pub fn markdown(&self) -> String {
+        let all = || std::iter::once(&self.header).chain(&self.rows);
+        let width = |i: usize| {
+            let cells = all().filter_map(|row| row.get(i));
+            cells
+                .map(|cell| cell.chars().count())
+                .max()
+                .unwrap_or(0)
+                .max(3)
+        };
+        let widths: Vec<usize> = (0..self.header.len()).map(width).collect();
+        let line = |row: &Vec<String>| {
+            let cells = widths.iter().enumerate().map(|(i, &width)| {
+                let cell = row.get(i).map_or("", String::as_str).replace('|', "/");
+                if i == 0 {
+                    format!("{cell:<width$}")
+                } else {
+                    format!("{cell:>width$}")
+                }
+            });
+            format!("| {} |\n", cells.collect::<Vec<_>>().join(" | "))
+        };
+        let rule = widths.iter().enumerate().map(|(i, &width)| {
+            let dashes = "-".repeat(width - 1);
+            if i == 0 {
+                format!("{dashes}-")
+            } else {
+                format!("{dashes}:")
+            }
+        });
+        let rule = format!("| {} |\n", rule.collect::<Vec<_>>().join(" | "));
+        let mut out = line(&self.header) + &rule;
+        out.extend(self.rows.iter().map(line));
+        out
+    }
+}
+
+impl Document {
+    /// Tables and checks in Markdown; without times where a second run shall give the same text.
+    pub fn markdown(&self, times: bool) -> String {
+        let mut out = format!("# {}\n", self.title);
+        for section in &self.sections {
+            let mut body = String::new();
+            for block in &section.blocks {
+                match block {
+                    Block::Table(table) if times || !table.timed => {
+                        body += &format!("\n{}\n\n{}", table.caption, table.markdown());
+                    }
+                    Block::Checks(checks) if times && !checks.is_empty() => {
+                        body += &format!("\n{}", checks_table(checks).markdown());
+                    }
+                    _ => {}
+                }
+            }
+            if !body.is_empty() {
+                out += &format!("\n## {}\n{body}", section.title);
+            }
+        }
+        out
+    }
+
+    /// What a terminal shows: tables but for details, the checks that failed and how many passed.
+    pub fn screen(&self) -> String {
+        let mut out = format!("# {}\n", self.title);
+        for table in self.tables().filter(|table| !table.detail) {
+            out += &format!("\n{}\n\n{}", table.caption, table.markdown());
+        }
+        let (passed, failed): (Vec<&Check>, Vec<&Check>) =
+            self.checks().partition(|check| check.passed());
+        if !failed.is_empty() {
+            let failed: Vec<Check> = failed.into_iter().cloned().collect();
+            out += &format!("\n{}", checks_table(&failed).markdown());
+        }
+        let all = self.checks().count();
+        out + &format!("\n{} of {all} checks passed\n", passed.len())
+    }
+}
+
+/// Checks as a table.
+pub(super) fn checks_table(checks: &[Check]) -> Table {
+    let mut table = Table::new("", "", &["check", "found", "at most", ""]);
+    for check in checks {
+        let verdict = if check.passed() { "passed" } else { "FAILED" };
+        table.row([
+            check.what.clone(),
+            figures(check.found, 4),
+            figures(check.allowed, 4),
+            verdict.to_owned(),
+        ]);
+    }
+    table
+}

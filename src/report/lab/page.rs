@@ -1,0 +1,127 @@
+//! One self-contained page: no script, nothing from elsewhere.
+
+use super::document::{Block, Document, Picture, Table};
+use super::folder::Folder;
+use super::markdown::checks_table;
+use crate::plot::{PAGE_STYLE, STYLE, escaped};
+use phasmid_core::error::{Error, Result};
+
+/// A page of one study, or of several with a list of them at its head. Each comes with the folder
+/// that its pictures are in and a line that says how it was made.
+///
+/// # Errors
+/// Pictures that cannot be read.
+pub fn page(title: &str, parts: &[(Document, &Folder, String)]) -> Result<String> {
+    let heading = escaped(title);
+    let mut out = format!(
+        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\"/>\n\
+         <meta name=\"viewport\" content=\"width=device-width\"/>\n<title>{heading}</title>\n\
+         <style>{PAGE_STYLE}{STYLE}</style>\n</head>\n<body>\n<h1>{heading}</h1>\n"
+    );
+    if parts.len() > 1 {
+        let entries = parts.iter().enumerate().map(|(i, (document, ..))| {
+            format!(
+                "<li><a href=\"#part{i}\">{}</a></li>\n",
+                escaped(&document.title)
+            )
+        });
+        out += &format!("<ul>\n{}</ul>\n", entries.collect::<String>());
+    }
+    for (i, (document, folder, made)) in parts.iter().enumerate() {
+        if parts.len() > 1 {
+            out += &format!("<h1 id=\"part{i}\">{}</h1>\n", escaped(&document.title));
+        }
+        out += &format!("<p class=\"note\">{}</p>\n", escaped(made));
+        for section in &document.sections {
+            out += &format!("<section>\n<h2>{}</h2>\n", escaped(&section.title));
+            for block in &section.blocks {
+                out += &html(block, folder)?;
+            }
+            out += "</section>\n";
+        }
+    }
+    Ok(out + "</body>\n</html>\n")
+}
+
+fn html(block: &Block, folder: &Folder) -> Result<String> {
+    Ok(match block {
+        Block::Words(words) => format!("<p>{}</p>\n", escaped(words)),
+        Block::Table(table) => of_table(table),
+        Block::Checks(checks) => of_table(&checks_table(checks)),
+        Block::Figure(figure) => {
+            let element = figure.sheet.clone().into_element(&figure.caption);
+            let caption = escaped(&figure.caption);
+            format!("<div class=\"wide\">{element}</div>\n<p class=\"note\">{caption}</p>\n")
+        }
+        Block::Picture(picture) => of_picture(picture, folder)?,
+    })
+}
+
+fn of_table(table: &Table) -> String {
+    let row = |cells: &[String], tag: &str| {
+        let cells = cells
+            .iter()
+            .map(|cell| format!("<{tag}>{}</{tag}>", escaped(cell)));
+        format!("<tr>{}</tr>\n", cells.collect::<String>())
+    };
+    let body: String = table.rows.iter().map(|cells| row(cells, "td")).collect();
+    let caption = if table.caption.is_empty() {
+        String::new()
+    } else {
+        format!("<p>{}</p>\n", escaped(&table.caption))
+    };
+    let head = row(&table.header, "th");
+    format!("{caption}<div class=\"wide\"><table>\n{head}{body}</table></div>\n")
+}
+
+fn of_picture(picture: &Picture, folder: &Folder) -> Result<String> {
+    let bytes = folder.left(&picture.file)?;
+    if let Err(e) = image::load_from_memory_with_format(&bytes, image::ImageFormat::Png) {
+        let place = folder.files().join(&picture.file);
+        return Err(Error::input(
+            place.display(),
+            e,
+            "the PNG that a trial has left",
+        ));
+    }
+    let data = base64(&bytes);
+    let caption = escaped(&picture.caption);
+    Ok(format!(
+        "<figure class=\"large\"><img alt=\"{caption}\" src=\"data:image/png;base64,{data}\"/>\
+         <figcaption class=\"note\">{caption}</figcaption></figure>\n"
+    ))
+}
+
+/// RFC 4648, section 4.
+fn base64(bytes: &[u8]) -> String {
+    const LETTERS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+    let mut out = String::with_capacity(bytes.len().div_ceil(3) * 4);
+    for three in bytes.chunks(3) {
+        let at = |i: usize| u32::from(three.get(i).copied().unwrap_or(0));
+        let word = at(0) << 16 | at(1) << 8 | at(2);
+        for i in 0..4 {
+            let letter = LETTERS[(word >> (18 - 6 * i) & 63) as usize];
+            out.push(if i <= three.len() {
+                char::from(letter)
+            } else {
+                '='
+            });
+        }
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::base64;
+
+    /// RFC 4648, section 10.
+    #[test]
+    fn pictures_become_text() {
+        let words = ["", "f", "fo", "foo", "foob", "fooba", "foobar"];
+        let texts = [
+            "", "Zg==", "Zm8=", "Zm9v", "Zm9vYg==", "Zm9vYmE=", "Zm9vYmFy",
+        ];
+        assert_eq!(words.map(|word| base64(word.as_bytes())), texts);
+    }
+}

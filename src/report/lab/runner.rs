@@ -1,0 +1,248 @@
+//! Runs the trials of a study that were not run yet, and makes files of its document.
+
+use super::Study;
+use super::document::{Block, Document};
+use super::folder::{About, Folder, Writer, whole};
+use super::page::page;
+use super::row::Row;
+use super::settings::{Settings, Surroundings};
+use super::trial::{Context, Trial};
+use phasmid_core::error::{Error, Result};
+use std::collections::HashSet;
+use std::path::Path;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+/// Told of every trial that has ended: how many are done, of how many, and which it was.
+pub type Progress<'a> = &'a (dyn Fn(usize, usize, &str) + Sync);
+
+/// Runs a study in a folder; what was run there before is not run again.
+///
+/// # Errors
+/// A folder of another study, trials that fail, what the system refuses.
+pub fn run(
+    study: &dyn Study,
+    path: &Path,
+    settings: &Settings,
+    around: &Surroundings<'_>,
+    progress: Progress<'_>,
+) -> Result<Document> {
+    let trials = trials(study, settings)?;
+    let folder = Folder::begin(path, &about(study, settings, around.revision))?;
+    distinct(&trials);
+    let columns = columns(study);
+    let done = whole(folder.rows(&columns)?, &trials);
+    let known: HashSet<&str> = done.all.iter().map(|row| row.get("trial")).collect();
+    let left: Vec<&Trial> = trials
+        .iter()
+        .filter(|t| !known.contains(t.key.as_str()))
+        .collect();
+    let writer = folder.writer(&columns, &done.all)?;
+    let runner = Runner {
+        settings,
+        around,
+        folder: &folder,
+        columns: &columns,
+        writer: Mutex::new(writer),
+        done: AtomicUsize::new(known.len()),
+        all: trials.len(),
+        progress,
+    };
+    runner.run(&left)?;
+    let rows = whole(folder.rows(&columns)?, &trials);
+    let document = study.document(&rows, &folder, settings)?;
+    let made = made(&about(study, settings, around.revision));
+    write(&document, &folder, &made)?;
+    Ok(document)
+}
+
+/// The document of a folder in which a study was run to its end, and a line that says how.
+///
+/// # Errors
+/// A folder without a study, of an unknown one, or with trials to be done.
+pub fn read(studies: &[&dyn Study], path: &Path) -> Result<(Document, Folder, String)> {
+    let (folder, about) = Folder::open(path)?;
+    let known = studies.iter().find(|study| study.name() == about.study);
+    let study = known.ok_or_else(|| {
+        let names: Vec<&str> = studies.iter().map(|study| study.name()).collect();
+        let place = format!("{}: study", path.display());
+        Error::input(place, &about.study, names.join(", "))
+    })?;
+    let trials = trials(*study, &about.settings)?;
+    let rows = whole(folder.rows(&columns(*study))?, &trials);
+    let found: HashSet<&str> = rows.all.iter().map(|row| row.get("trial")).collect();
+    if found.len() < trials.len() {
+        return Err(Error::input(
+            path.display(),
+            format!("{} of {} trials", found.len(), trials.len()),
+            "a study that has run to its end: run it again, and it goes on where it was",
+        ));
+    }
+    let document = study.document(&rows, &folder, &about.settings)?;
+    Ok((document, folder, made(&about)))
+}
+
+/// Writes `tables.md`, `report.html` and a `.svg` for each figure.
+///
+/// # Errors
+/// What the system refuses.
+pub fn write(document: &Document, folder: &Folder, made: &str) -> Result<()> {
+    folder.replace("tables.md", document.markdown(true).as_bytes())?;
+    for block in document.blocks() {
+        if let Block::Figure(figure) = block {
+            let drawing = figure.sheet.clone().into_file(&figure.caption);
+            folder.replace(&format!("{}.svg", figure.name), drawing.as_bytes())?;
+        }
+    }
+    let parts = [(document.clone(), folder, made.to_owned())];
+    let html = page(&document.title, &parts)?;
+    folder.replace("report.html", html.as_bytes())
+}
+
+struct Runner<'a> {
+    settings: &'a Settings,
+    around: &'a Surroundings<'a>,
+    folder: &'a Folder,
+    columns: &'a [&'static str],
+    writer: Mutex<Writer>,
+    done: AtomicUsize,
+    all: usize,
+    progress: Progress<'a>,
+}
+
+impl Runner<'_> {
+    /// Those that may have company first, then the others one by one.
+    fn run(&self, trials: &[&Trial]) -> Result<()> {
+        let (alone, together): (Vec<&Trial>, Vec<&Trial>) =
+            trials.iter().copied().partition(|trial| trial.alone);
+        let jobs = self.around.jobs.clamp(1, together.len().max(1));
+        if jobs == 1 {
+            together.iter().try_for_each(|trial| self.one(trial))?;
+        } else {
+            self.side_by_side(&together, jobs)?;
+        }
+        alone.iter().try_for_each(|trial| self.one(trial))
+    }
+
+    /// Each job has its own threads, so that no trial waits for a piece of another's work.
+    fn side_by_side(&self, trials: &[&Trial], jobs: usize) -> Result<()> {
+        let threads = (rayon::current_num_threads() / jobs).max(1);
+        let next = AtomicUsize::new(0);
+        let failed = Mutex::new(None);
+        std::thread::scope(|scope| {
+            for _ in 0..jobs {
+                scope.spawn(|| {
+                    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+                    let fail = |e: Error| {
+                        let mut failed = failed.lock().unwrap_or_else(|e| e.into_inner());
+                        failed.get_or_insert(e);
+                        next.store(trials.len(), Ordering::Relaxed);
+                    };
+                    let pool = match pool {
+                        Ok(pool) => pool,
+                        Err(e) => return fail(Error::device(format!("threads: {e}"))),
+                    };
+                    while let Some(trial) = trials.get(next.fetch_add(1, Ordering::Relaxed)) {
+                        if let Err(e) = pool.install(|| self.one(trial)) {
+                            return fail(e);
+                        }
+                    }
+                });
+            }
+        });
+        let failed = failed.into_inner().unwrap_or_else(|e| e.into_inner());
+        failed.map_or(Ok(()), Err)
+    }
+
+    /// Runs one trial and writes its rows down.
+    fn one(&self, trial: &Trial) -> Result<()> {
+        let context = Context {
+            settings: self.settings,
+            seed: trial.seed,
+            folder: self.folder,
+            clock: self.around.clock,
+        };
+        let (rows, seconds) = context.timed(|| (trial.work)(&context));
+        let rows = rows.map_err(|e| Error::device(format!("trial {}: {e}", trial.key)))?;
+        let parts = rows.len();
+        let rows: Vec<Row> = rows
+            .into_iter()
+            .enumerate()
+            .map(|(part, row)| self.complete(row, trial, (part, parts), seconds))
+            .collect();
+        let mut writer = self.writer.lock().unwrap_or_else(|e| e.into_inner());
+        writer.append(&rows, self.columns)?;
+        drop(writer);
+        let done = self.done.fetch_add(1, Ordering::Relaxed) + 1;
+        (self.progress)(done, self.all, &trial.key);
+        Ok(())
+    }
+
+    /// A row with what all rows have.
+    fn complete(&self, row: Row, trial: &Trial, of: (usize, usize), seconds: f64) -> Row {
+        for name in row.names() {
+            assert!(self.columns.contains(&name), "no column {name}");
+        }
+        let backend = match row.get("backend") {
+            "" => "cpu".to_owned(),
+            known => known.to_owned(),
+        };
+        row.text("trial", &trial.key)
+            .number("part", of.0 as f64)
+            .number("parts", of.1 as f64)
+            .text("seed", &trial.seed.to_string())
+            .text("backend", &backend)
+            .text("revision", self.around.revision)
+            .number("threads", rayon::current_num_threads() as f64)
+            .number("seconds", (seconds * 1e6).round() * 1e-6)
+    }
+}
+
+/// All of them, or those of the part that is wanted.
+fn trials(study: &dyn Study, settings: &Settings) -> Result<Vec<Trial>> {
+    let mut trials = study.trials(settings)?;
+    if let Some(only) = &settings.only {
+        let parts = study.parts();
+        if !parts.contains(&only.as_str()) {
+            let allowed = match parts {
+                [] => format!("nothing: {} has no parts to be run alone", study.name()),
+                _ => parts.join(", "),
+            };
+            return Err(Error::input("--only", only, allowed));
+        }
+        let prefix = format!("{only}/");
+        trials.retain(|trial| trial.key.starts_with(&prefix));
+    }
+    Ok(trials)
+}
+
+fn columns(study: &dyn Study) -> Vec<&'static str> {
+    Row::COMMON.iter().chain(study.columns()).copied().collect()
+}
+
+/// Two trials of one name would be taken for one.
+fn distinct(trials: &[Trial]) {
+    let mut keys = HashSet::new();
+    for trial in trials {
+        assert!(keys.insert(&trial.key), "two trials {}", trial.key);
+    }
+}
+
+fn about(study: &dyn Study, settings: &Settings, revision: &str) -> About {
+    About {
+        made_by: concat!("phasma study ", env!("CARGO_PKG_VERSION")).to_owned(),
+        study: study.name().to_owned(),
+        settings: settings.clone(),
+        revision: revision.to_owned(),
+    }
+}
+
+fn made(about: &About) -> String {
+    let quick = if about.settings.quick { " --quick" } else { "" };
+    let only = about.settings.only.as_ref();
+    let only = only.map_or_else(String::new, |part| format!(" --only {part}"));
+    format!(
+        "phasma study {}{quick}{only} --seed {} ({}, revision {})",
+        about.study, about.settings.seed, about.made_by, about.revision
+    )
+}

@@ -1,0 +1,89 @@
+//! Curves, dots, and spans (error bars).
+
+use super::{Panel, Sheet};
+use glam::DVec2;
+
+/// A line through points. It breaks where a point has no place or lies outside the panel.
+pub fn curve(sheet: &mut Sheet, panel: &Panel, class: &str, points: &[DVec2]) {
+    let places: Vec<Option<DVec2>> = points.iter().map(|p| panel.inside(*p)).collect();
+    for run in places.split(Option::is_none) {
+        let run: Vec<DVec2> = run.iter().flatten().copied().collect();
+        if run.len() > 1 {
+            sheet.polyline(&format!("line {class}"), &run, false, None);
+        }
+    }
+}
+
+/// A disc at every point in the panel, each with a tip where `tips` has one.
+pub fn dots(
+    sheet: &mut Sheet,
+    panel: &Panel,
+    class: &str,
+    radius: f64,
+    points: &[DVec2],
+    tips: &[String],
+) {
+    for (i, point) in points.iter().enumerate() {
+        if let Some(at) = panel.inside(*point) {
+            let tip = tips.get(i).map(String::as_str);
+            sheet.disc(&format!("fill {class}"), at, radius, tip);
+        }
+    }
+}
+
+/// Upright lines from `low` to `high` at each x, `[x, low, high]`: error bars; cut to the panel.
+pub fn spans(sheet: &mut Sheet, panel: &Panel, class: &str, spans: &[[f64; 3]]) {
+    let (floor, ceiling) = panel.y.range();
+    let lines = spans.iter().filter_map(|[x, low, high]| {
+        let from = panel.inside(DVec2::new(*x, low.max(floor)))?;
+        let to = panel.inside(DVec2::new(*x, high.min(ceiling)))?;
+        Some([from, to])
+    });
+    sheet.lines(&format!("line {class}"), lines);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::plot::Axis;
+
+    fn panel() -> Panel {
+        Panel {
+            corner: DVec2::ZERO,
+            size: DVec2::splat(100.0),
+            x: Axis::between("", 0.0, 10.0),
+            y: Axis::between("", 0.0, 10.0),
+        }
+    }
+
+    #[test]
+    fn a_curve_breaks_where_it_leaves() {
+        let mut sheet = Sheet::new(100.0, 100.0);
+        let points: Vec<DVec2> = [1.0, 2.0, f64::NAN, 4.0, 99.0, 6.0, 7.0, 8.0]
+            .iter()
+            .enumerate()
+            .map(|(i, y)| DVec2::new(i as f64, *y))
+            .collect();
+        curve(&mut sheet, &panel(), "c0", &points);
+        let text = sheet.into_element("");
+        assert_eq!(text.matches("<polyline").count(), 2, "{text}");
+        assert!(text.contains("points=\"50,40 60,30 70,20\""), "{text}");
+    }
+
+    #[test]
+    fn dots_and_spans_stay_inside() {
+        let mut sheet = Sheet::new(100.0, 100.0);
+        let points = [DVec2::splat(5.0), DVec2::splat(50.0)];
+        dots(&mut sheet, &panel(), "c1", 2.0, &points, &["mid".into()]);
+        spans(
+            &mut sheet,
+            &panel(),
+            "c1",
+            &[[5.0, -3.0, 2.0], [5.0, f64::NAN, f64::NAN]],
+        );
+        let text = sheet.into_element("");
+        assert_eq!(text.matches("<circle").count(), 1);
+        assert!(text.contains("<title>mid</title>"));
+        assert!(text.contains("M50 100L50 80"), "{text}");
+    }
+}

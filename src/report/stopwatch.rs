@@ -1,0 +1,136 @@
+//! Times of work, by a clock that is passed in.
+
+use crate::spread::Spread;
+use std::hint::black_box;
+use std::time::Duration;
+
+/// Time since some moment.
+pub type Clock<'a> = &'a (dyn Fn() -> Duration + Sync);
+
+/// A round of frames has no more of them than come in so many seconds.
+pub const ROUND_S: f64 = 1.0;
+/// Rounds of frames, of which the fastest counts: what else runs here only ever adds.
+const ROUNDS: usize = 3;
+/// Copies, of which the fastest counts.
+const COPIES: usize = 200;
+/// Copies beside each round of a work.
+const BESIDE: usize = 3;
+
+/// Takes times.
+#[derive(Clone, Copy)]
+pub struct Stopwatch<'a> {
+    clock: Clock<'a>,
+}
+
+impl<'a> Stopwatch<'a> {
+    /// By a clock.
+    pub fn new(clock: Clock<'a>) -> Self {
+        Self { clock }
+    }
+
+    /// What work gives, and the seconds that it takes.
+    pub fn timed<T>(self, work: impl FnOnce() -> T) -> (T, f64) {
+        let begin = (self.clock)();
+        let done = work();
+        (done, (self.clock)().saturating_sub(begin).as_secs_f64())
+    }
+
+    /// Seconds since some moment.
+    pub fn now_s(self) -> f64 {
+        (self.clock)().as_secs_f64()
+    }
+
+    /// The seconds that work takes.
+    pub fn seconds(self, work: impl FnOnce()) -> f64 {
+        self.timed(work).1
+    }
+
+    /// The rounds of one figure: `most`, of which none but the first begins after `enough_s` seconds.
+    pub fn rounds(self, most: usize, enough_s: f64) -> impl Iterator<Item = usize> + use<'a> {
+        let begin = (self.clock)();
+        let passed = move || (self.clock)().saturating_sub(begin).as_secs_f64();
+        (0..most).take_while(move |&i| i == 0 || passed() < enough_s)
+    }
+
+    /// The seconds that work takes, round by round.
+    pub fn spread(self, most: usize, enough_s: f64, mut work: impl FnMut()) -> Spread {
+        let rounds = self.rounds(most, enough_s);
+        Spread::new(rounds.map(|_| self.seconds(&mut work)).collect())
+    }
+
+    /// Seconds that a frame takes where `run` makes so many of them, one after the other; at most
+    /// `frames` in a round.
+    pub fn seconds_a_frame(self, frames: usize, mut run: impl FnMut(usize)) -> f64 {
+        // Makes what is made once, and tells how many fit.
+        run(1);
+        let one = self.seconds(|| run(1));
+        let count = ((ROUND_S / one) as usize).clamp(1, frames.max(1));
+        let rounds = (0..ROUNDS).map(|_| self.seconds(|| run(count)) / count as f64);
+        rounds.fold(f64::INFINITY, f64::min)
+    }
+
+    /// Seconds that a memory copy of so many bytes takes on one thread, the fastest of many.
+    pub fn seconds_a_copy(self, bytes: usize) -> f64 {
+        let from = vec![1u8; bytes];
+        let mut to = vec![0u8; bytes];
+        let copies = (0..COPIES)
+            .map(|_| self.seconds(|| black_box(&mut to).copy_from_slice(black_box(&from))));
+        copies.fold(f64::INFINITY, f64::min)
+    }
+
+    /// Seconds of work and of a memory copy of so many bytes, in turns for `enough_s` seconds, so
+    /// that a machine whose speed wanders is as fast for the one as for the other; the fastest of
+    /// each.
+    pub fn beside_a_copy(self, bytes: usize, enough_s: f64, mut work: impl FnMut()) -> [f64; 2] {
+        let from = vec![1u8; bytes];
+        // Not of zeros: the system gives memory for those when they are first written, which takes longer
+        // than the copy.
+        let mut to = vec![2u8; bytes];
+        work();
+        let mut fastest = [f64::INFINITY; 2];
+        for _ in self.rounds(usize::MAX, enough_s) {
+            fastest[0] = fastest[0].min(self.seconds(&mut work));
+            for _ in 0..BESIDE {
+                let copy = || black_box(&mut to).copy_from_slice(black_box(&from));
+                fastest[1] = fastest[1].min(self.seconds(copy));
+            }
+        }
+        fastest
+    }
+
+    /// Seconds of two works in turns for `enough_s` seconds, each once before: the fastest of each.
+    pub fn in_turns(self, enough_s: f64, works: &mut [Box<dyn FnMut()>; 2]) -> [f64; 2] {
+        works.iter_mut().for_each(|work| work());
+        let mut fastest = [f64::INFINITY; 2];
+        for _ in self.rounds(usize::MAX, enough_s) {
+            for (fastest, work) in fastest.iter_mut().zip(works.iter_mut()) {
+                *fastest = fastest.min(self.seconds(work));
+            }
+        }
+        fastest
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::sync::atomic::{AtomicU64, Ordering};
+
+    #[test]
+    fn rounds_end_when_time_is_up() {
+        let ticks = AtomicU64::new(0);
+        let clock = || Duration::from_millis(ticks.load(Ordering::Relaxed));
+        let watch = Stopwatch::new(&clock);
+        let work = || {
+            ticks.fetch_add(300, Ordering::Relaxed);
+        };
+        assert_eq!(watch.rounds(9, 1.0).map(|_| work()).count(), 4);
+        assert_eq!(watch.rounds(2, 1.0).map(|_| work()).count(), 2);
+        assert_eq!(watch.rounds(5, 0.0).map(|_| work()).count(), 1);
+        assert!((watch.spread(3, 9.0, work).median - 0.3).abs() < 1e-12);
+        let a_frame = watch.seconds_a_frame(10, |count| (0..count).for_each(|_| work()));
+        assert!((a_frame - 0.3).abs() < 1e-12);
+        assert_eq!(watch.beside_a_copy(8, 1.0, work), [0.3, 0.0]);
+        assert_eq!(watch.seconds_a_copy(8), 0.0);
+    }
+}

@@ -1,0 +1,222 @@
+//! Six degrees of freedom of measured points against a reference surface.
+//!
+//! Each step minimises the robust sum over points of the squared distance to the tangent plane at the
+//! foot (Y. Chen and G. Medioni, "Object Modelling by Registration of Multiple Range Images", 1992)
+//! over its deviation, by Gauss and Newton on shift and turn about the isocentre. Residuals weigh by
+//! Tukey's biweight; feet on a border of the surface or outside the region do not count, so no
+//! measured skin beyond the region pulls.
+//!
+//! Motions that the shape does not determine ([`modes`]) are left as the start has them, and reported.
+//!
+//! Noise lifts points off a bent surface by a little that is the same in every scan, 2.5 um for 0.5 mm
+//! on a sphere of 100 mm. What it is on average follows from the surface's curvature and each point's
+//! deviation, and is taken off.
+
+mod freedom;
+mod judge;
+mod modes;
+mod options;
+mod rows;
+mod search;
+mod step;
+mod sums;
+#[cfg(test)]
+mod tests;
+
+pub use freedom::Freedom;
+pub(super) use freedom::shape;
+pub use options::RigidOptions;
+pub use search::Start;
+
+use super::measured::Measured;
+use super::robust::Spread;
+use super::six::SixDof;
+use super::surface::Reference;
+use super::warning::{Lost, Warning};
+use glam::DVec3;
+use judge::{judged, lost};
+use nalgebra::Matrix6;
+use phasmid_geometry::Pose;
+use rows::{Limits, update};
+use search::{disagreement, starts};
+use step::advance;
+
+/// While steps are longer than this, in millimetres, scales are [wide](Spread::Wide).
+const COARSE_MM: f64 = 0.3;
+/// A pose that disagrees by at most this factor more than the best is another answer.
+const RIVAL: f64 = 1.15;
+/// Poses closer than this, in millimetres, are one.
+const SAME_MM: f64 = 2.0;
+
+/// A tracked pose, and how far to trust it.
+#[derive(Debug, Clone)]
+pub struct RigidFit {
+    /// Takes the reference's coordinates to the room's.
+    pub room_from_reference: Pose,
+    /// The same as six numbers.
+    pub six: SixDof,
+    /// Covariance of the isocentre's place (mm) and of the rotation vector (rad), both along the
+    /// room's axes. Undetermined motions have the deviation [`RigidOptions::range_mm`].
+    pub covariance: Matrix6<f64>,
+    /// How many of the six motions are determined.
+    pub determined: usize,
+    /// Reasons to doubt the answer; empty for none.
+    pub warnings: Vec<Warning>,
+    /// Points that have had a say.
+    pub points: usize,
+    /// Share of the region's area that is measured.
+    pub coverage: f64,
+    /// RMS distance to the tangent planes of the points that have had a say, in millimetres.
+    pub rms_mm: f64,
+    /// Spread of the residuals in units of their deviations.
+    pub spread: f64,
+    /// Steps made.
+    pub iterations: usize,
+}
+
+impl RigidFit {
+    /// Standard deviations of the six numbers, in the order of [`super::six::NAMES`], in millimetres
+    /// and degrees.
+    pub fn deviations(&self) -> [f64; 6] {
+        self.six.deviations(&self.covariance)
+    }
+}
+
+/// Finds the pose of the reference in the room from a scan.
+///
+/// # Errors
+/// A scan of which nothing lies over the region.
+pub fn track_rigid(
+    measured: &Measured,
+    reference: &Reference,
+    start: &Start,
+    options: &RigidOptions,
+) -> Result<RigidFit, Lost> {
+    let (around, range_mm) = match start {
+        Start::Near(pose) => {
+            return refine(measured, reference, *pose, options).map(|(fit, _)| fit);
+        }
+        Start::Within { around, range_mm } => (around, *range_mm),
+    };
+    let mut best: Option<(RigidFit, f64)> = None;
+    let mut rivals = Vec::new();
+    let mut lost = None;
+    for pose in starts(measured, reference, options, around, range_mm) {
+        match refine(measured, reference, pose, options) {
+            Ok((fit, cost)) => {
+                rivals.push((fit.room_from_reference, cost));
+                if best.as_ref().is_none_or(|(_, least)| cost < *least) {
+                    best = Some((fit, cost));
+                }
+            }
+            Err(why) => lost = Some(why),
+        }
+    }
+    let Some((mut fit, cost)) = best else {
+        return Err(lost.unwrap_or(Lost::Points {
+            found: 0,
+            wanted: options.least_points,
+        }));
+    };
+    // Poses that differ along free motions are one answer, which has its warning already.
+    if fit.determined == 6 {
+        let apart = rivals
+            .iter()
+            .filter(|(_, other)| *other <= RIVAL * cost)
+            .map(|(pose, _)| apart_mm(pose, &fit.room_from_reference, reference))
+            .fold(0.0, f64::max);
+        if apart > SAME_MM {
+            fit.warnings.push(Warning::Ambiguous { apart_mm: apart });
+        }
+    }
+    Ok(fit)
+}
+
+/// RMS distance between where two poses take some vertices of the region.
+fn apart_mm(a: &Pose, b: &Pose, reference: &Reference) -> f64 {
+    let chosen: Vec<DVec3> = (0..reference.triangles().len() as u32)
+        .filter(|&t| reference.is_inside(t))
+        .step_by(37)
+        .map(|t| reference.vertices()[reference.triangles()[t as usize][0] as usize])
+        .collect();
+    let squares = chosen
+        .iter()
+        .map(|&v| (a.point(v) - b.point(v)).length_squared());
+    (squares.sum::<f64>() / chosen.len().max(1) as f64).sqrt()
+}
+
+/// Steps to the nearest solution; the fit and how much the points disagree with it.
+fn refine(
+    measured: &Measured,
+    reference: &Reference,
+    start: Pose,
+    options: &RigidOptions,
+) -> Result<(RigidFit, f64), Lost> {
+    let mut least_free = 0;
+    loop {
+        let (fit, cost, moved) = descend(measured, reference, start, least_free, options)?;
+        let free = 6 - fit.determined;
+        if free <= moved {
+            return Ok((fit, cost));
+        }
+        // Steps have moved along what turned out not to be determined: once more without that.
+        least_free = free;
+    }
+}
+
+/// One descent in which at least `least_free` modes are left alone; and how many were in every step.
+fn descend(
+    measured: &Measured,
+    reference: &Reference,
+    start: Pose,
+    least_free: usize,
+    options: &RigidOptions,
+) -> Result<(RigidFit, f64, usize), Lost> {
+    let mut left_alone = 6;
+    let limits = Limits {
+        capture_mm: options.capture_mm,
+        anywhere: false,
+    };
+    let pods = measured.eyes.len();
+    let mut rows = Vec::new();
+    let (mut pose, mut spread, mut afresh) = (start, Spread::Wide, true);
+    let mut step_mm = f64::INFINITY;
+    let mut iterations = 0;
+    let some = measured.some();
+    while iterations < options.max_iterations && step_mm > options.step_mm {
+        let looked_at = match (&some, spread) {
+            (Some(some), Spread::Wide) => some,
+            _ => measured,
+        };
+        update(&mut rows, looked_at, reference, &pose, limits, afresh);
+        let step = advance(&rows, pods, spread, least_free, reference, options)
+            .ok_or_else(|| lost(&rows, options))?;
+        left_alone = left_alone.min(step.free);
+        pose = step.applied(&pose);
+        iterations += 1;
+        // The first look is at all of the surface; one more when the pose is nearly right.
+        afresh = spread == Spread::Wide && step.size_mm <= COARSE_MM;
+        step_mm = step.size_mm;
+        if spread == Spread::Wide {
+            if step.size_mm <= COARSE_MM || iterations >= options.max_iterations / 2 {
+                spread = Spread::Narrow;
+            }
+            step_mm = f64::INFINITY;
+        }
+    }
+    update(&mut rows, measured, reference, &pose, limits, false);
+    let last = advance(&rows, pods, Spread::Narrow, least_free, reference, options)
+        .ok_or_else(|| lost(&rows, options))?;
+    if last.sums.count < options.least_points {
+        return Err(lost(&rows, options));
+    }
+    let cost = disagreement(&rows);
+    let mut fit = judged(&last, &rows, reference, &pose, options);
+    fit.iterations = iterations;
+    if step_mm > options.step_mm {
+        fit.warnings.push(Warning::NotConverged {
+            step_mm: last.size_mm,
+        });
+    }
+    Ok((fit, cost, left_alone))
+}

@@ -1,0 +1,108 @@
+//! A start from far away: many starts with few points, of which the best go on.
+
+use super::super::measured::Measured;
+use super::super::robust::Spread;
+use super::super::six::turn;
+use super::super::surface::Reference;
+use super::RigidOptions;
+use super::rows::{Limits, Row, update};
+use super::step::advance;
+use glam::DVec3;
+use phasmid_geometry::Pose;
+
+/// Points of a trial.
+const POINTS: usize = 800;
+/// Steps of a trial.
+const STEPS: usize = 16;
+/// Points as near to the surface as this agree with a pose, in millimetres.
+const AGREE_MM: f64 = 4.0;
+/// Trials that go on.
+const KEPT: usize = 3;
+
+/// Where to look for a pose.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Start {
+    /// Near this `room_from_reference`, as the last scan has left it.
+    Near(Pose),
+    /// Up to `range_mm` from this one along each axis, and turned by up to some 15 degrees.
+    Within {
+        /// The `room_from_reference` in the middle.
+        around: Pose,
+        /// How far to look, in millimetres.
+        range_mm: f64,
+    },
+}
+
+/// Poses worth refining, the best first. Trials use all of the surface, not the region alone: what
+/// lies around it tells as well where a patient is.
+pub(super) fn starts(
+    measured: &Measured,
+    reference: &Reference,
+    options: &RigidOptions,
+    around: &Pose,
+    range_mm: f64,
+) -> Vec<Pose> {
+    let few = measured.thinned(POINTS);
+    let limits = Limits {
+        capture_mm: options.capture_mm.max(2.0 * range_mm),
+        anywhere: true,
+    };
+    let mut trials: Vec<(f64, Pose)> = offsets(range_mm)
+        .into_iter()
+        .map(|(shift, tilt)| {
+            let mut pose = Pose {
+                rotation: turn(tilt) * around.rotation,
+                translation_mm: around.translation_mm + shift,
+            };
+            let mut rows = Vec::new();
+            for step in 0..STEPS {
+                update(&mut rows, &few, reference, &pose, limits, step % 4 == 0);
+                let spread = if step < 3 * STEPS / 4 {
+                    Spread::Wide
+                } else {
+                    Spread::Narrow
+                };
+                match advance(&rows, few.eyes.len(), spread, 0, reference, options) {
+                    Some(step) => pose = step.applied(&pose),
+                    None => break,
+                }
+            }
+            update(&mut rows, &few, reference, &pose, limits, true);
+            (disagreement(&rows), pose)
+        })
+        .collect();
+    trials.sort_by(|a, b| a.0.total_cmp(&b.0));
+    trials.truncate(KEPT);
+    trials.into_iter().map(|(_, pose)| pose).collect()
+}
+
+/// Mean over all points of the squared distance in units of [`AGREE_MM`], 1 where it is larger or
+/// the point has no foot.
+pub(super) fn disagreement(rows: &[Row]) -> f64 {
+    let cost = |row: &Row| {
+        if row.counts() {
+            (row.distance_mm / AGREE_MM).powi(2).min(1.0)
+        } else {
+            1.0
+        }
+    };
+    rows.iter().map(cost).sum::<f64>() / rows.len().max(1) as f64
+}
+
+/// The middle, the points two thirds out on each axis and the corners, and turns either way about
+/// each axis.
+fn offsets(range_mm: f64) -> Vec<(DVec3, DVec3)> {
+    let out = range_mm * 2.0 / 3.0;
+    let mut found = vec![(DVec3::ZERO, DVec3::ZERO)];
+    for axis in DVec3::AXES {
+        for side in [-1.0, 1.0] {
+            found.push((axis * side * out, DVec3::ZERO));
+            found.push((DVec3::ZERO, axis * side * 0.14));
+        }
+    }
+    for corner in 0..8 {
+        let side = |bit: u32| if corner >> bit & 1 == 1 { out } else { -out };
+        found.push((DVec3::new(side(0), side(1), side(2)), DVec3::ZERO));
+    }
+    found
+}

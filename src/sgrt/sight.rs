@@ -1,0 +1,94 @@
+//! A pod's frames looked at: held against their sequence, decoded, put into the room.
+
+use super::measured::Measured;
+use super::practice::PIXELS;
+use phasmid_core::error::{Error, Result};
+use phasmid_decode::{Decoded, Options, SparseDecoder};
+use phasmid_geometry::Pose;
+use phasmid_host::{Captured, check_identified_sequence, check_sequence};
+
+/// What looks at the scans of one pod, one after the other.
+pub struct Sight {
+    name: String,
+    room_from_rig: Pose,
+    /// Of the sequence and calibration of the first scan.
+    decoder: Option<SparseDecoder>,
+    decoded: Decoded,
+    points: Vec<[f32; 3]>,
+}
+
+impl Sight {
+    /// Of a pod of a name, which errors have, whose camera stands at a place in the room.
+    pub fn new(name: &str, room_from_rig: Pose) -> Self {
+        Self {
+            name: name.to_owned(),
+            room_from_rig,
+            decoder: None,
+            decoded: Decoded::default(),
+            points: Vec::new(),
+        }
+    }
+
+    /// Decodes as many pixels of a scan as tracking needs ([`PIXELS`]) and adds at most `most` of its
+    /// points. Frames that do not follow their sequence add none; what is wrong with them is given, or why
+    /// those that do should be doubted ([`Decoded::doubt_of_orders`]).
+    /// `identified` are those of a link that says which frame each is. All scans are of the first one's
+    /// sequence and calibration.
+    ///
+    /// # Errors
+    /// Frames that cannot be decoded, and a device without a calibration.
+    pub fn measure(
+        &mut self,
+        captured: &Captured,
+        identified: bool,
+        measured: &mut Measured,
+        most: usize,
+    ) -> Result<Option<String>> {
+        if captured.calibration.is_none() {
+            return Err(Error::device(format!(
+                "{}: the device has no calibration to give",
+                self.name
+            )));
+        }
+        let check = match identified {
+            true => check_identified_sequence,
+            false => check_sequence,
+        };
+        let (checked, depths) = rayon::join(
+            || check(&captured.manifest, &captured.frames),
+            || self.depths(captured),
+        );
+        depths?;
+        if let Err(why) = checked {
+            return Ok(Some(format!("{}: {why}", self.name)));
+        }
+        if let Some(decoder) = &self.decoder {
+            decoder
+                .decoder()
+                .points_into(&self.decoded, &mut self.points);
+        }
+        let depths = self.decoded.depth.iter().zip(&self.decoded.depth_sigma);
+        let known = depths.filter(|(depth, _)| !depth.is_nan());
+        let sigma: Vec<f32> = known.map(|(_, sigma)| *sigma).collect();
+        measured.push_pod(&self.points, &sigma, &self.room_from_rig, most);
+        // What hides the patient may be bright: pixels that are saturated say so by not being there.
+        let doubt = self.decoded.doubt_of_orders();
+        Ok(doubt.map(|why| format!("{}: {why}", self.name)))
+    }
+
+    fn depths(&mut self, captured: &Captured) -> Result<()> {
+        captured.with_stack(|stack| {
+            let decoder = match &self.decoder {
+                Some(decoder) => decoder,
+                None => self.decoder.insert(SparseDecoder::new(
+                    &captured.manifest,
+                    [stack.width(), stack.height()],
+                    captured.calibration.as_ref(),
+                    Options::default(),
+                    PIXELS,
+                )?),
+            };
+            decoder.decode_into(stack, &mut self.decoded)
+        })
+    }
+}

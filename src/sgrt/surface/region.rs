@@ -1,0 +1,114 @@
+//! Which part of a reference surface is tracked.
+
+use glam::{DVec2, DVec3};
+use phasmid_core::error::{Error, Result};
+
+/// A region of interest, in the reference surface's frame: the room frame with its origin at the
+/// isocentre, in millimetres.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Region {
+    /// All of the surface.
+    All,
+    /// Inside a box along the axes.
+    Box {
+        /// Lowest corner.
+        lo: DVec3,
+        /// Highest corner.
+        hi: DVec3,
+    },
+    /// Inside a sphere.
+    Sphere {
+        /// Its centre.
+        centre: DVec3,
+        /// Its radius in millimetres.
+        radius_mm: f64,
+    },
+    /// Above a simple polygon on the couch (x, y; either sense of winding), where the surface looks
+    /// up: of a closed body the back does not belong to it.
+    Polygon(Vec<DVec2>),
+    /// These vertices of the mesh, counted from 0: what a user has painted.
+    Vertices(Vec<u32>),
+}
+
+impl Region {
+    /// Whether the numbers describe a region; `count` is the number of the mesh's vertices.
+    ///
+    /// # Errors
+    /// The first that does not.
+    pub fn check(&self, count: usize) -> Result<()> {
+        let bad = |found: String, allowed: &str| Err(Error::input("region", found, allowed));
+        match self {
+            Self::All => Ok(()),
+            Self::Box { lo, hi } => {
+                if lo.is_finite() && hi.is_finite() && lo.cmplt(*hi).all() {
+                    return Ok(());
+                }
+                bad(
+                    format!("a box from {lo} to {hi}"),
+                    "lo below hi on every axis",
+                )
+            }
+            Self::Sphere { centre, radius_mm } => {
+                if centre.is_finite() && radius_mm.is_finite() && *radius_mm > 0.0 {
+                    return Ok(());
+                }
+                bad(
+                    format!("a sphere of {radius_mm} mm about {centre}"),
+                    "a positive radius about a finite centre",
+                )
+            }
+            Self::Polygon(corners) => {
+                if corners.len() >= 3 && corners.iter().all(|c| c.is_finite()) {
+                    return Ok(());
+                }
+                bad(
+                    format!("a polygon of {} corners", corners.len()),
+                    "three finite corners or more",
+                )
+            }
+            Self::Vertices(vertices) => match vertices.iter().find(|&&v| v as usize >= count) {
+                None => Ok(()),
+                Some(v) => bad(
+                    format!("vertex {v}"),
+                    &format!("vertices 0 to {}", count as i64 - 1),
+                ),
+            },
+        }
+    }
+
+    /// Which vertices belong to it, by their places and outward normals.
+    pub(super) fn mask(&self, vertices: &[DVec3], normals: &[DVec3]) -> Vec<bool> {
+        if let Self::Vertices(listed) = self {
+            let mut mask = vec![false; vertices.len()];
+            for &v in listed {
+                mask[v as usize] = true;
+            }
+            return mask;
+        }
+        let holds = |p: &DVec3, n: &DVec3| match self {
+            Self::All | Self::Vertices(_) => true,
+            Self::Box { lo, hi } => p.cmpge(*lo).all() && p.cmple(*hi).all(),
+            Self::Sphere { centre, radius_mm } => (*p - *centre).length() <= *radius_mm,
+            Self::Polygon(corners) => n.z > 0.0 && encloses(corners, p.truncate()),
+        };
+        vertices
+            .iter()
+            .zip(normals)
+            .map(|(p, n)| holds(p, n))
+            .collect()
+    }
+}
+
+/// Whether a polygon encloses a point, by the parity of the edges to its right.
+fn encloses(corners: &[DVec2], p: DVec2) -> bool {
+    let mut inside = false;
+    let mut from = corners[corners.len() - 1];
+    for &to in corners {
+        if (from.y > p.y) != (to.y > p.y) {
+            let x = from.x + (to.x - from.x) * (p.y - from.y) / (to.y - from.y);
+            inside ^= p.x < x;
+        }
+        from = to;
+    }
+    inside
+}
