@@ -1,6 +1,6 @@
 """Decodes our frames with numpy, and holds our decoder's coordinates against the result.
 
-    cargo test --release --test zoo -- --ignored writes_devices
+    cargo test --release --test studies -- --ignored writes_devices
     python tests/numpy_decoder.py target/release/phasma target/tmp/zoo
 
 Needs Python 3.11 and `pip install numpy pillow`. For each folder with a profile.toml and a scene.toml it

@@ -10,7 +10,6 @@ mod fold;
 mod lens;
 mod mesh;
 mod neighbours;
-#[cfg(any(test, feature = "testing"))]
 pub mod nominal;
 mod obj;
 pub mod ply;

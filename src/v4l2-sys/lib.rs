@@ -2,7 +2,7 @@
 //! libclang.
 //!
 //! bindgen gives the same text for x86-64, AArch64 and i386: pointers, `long` and `timeval` are
-//! named by their C types, so the layout follows the target. `tests/v4l2_layout.rs` compares
+//! named by their C types, so the layout follows the target. `tests/host/v4l2_layout.rs` compares
 //! sizes, offsets and request codes with the kernel's.
 
 #![allow(

@@ -2,7 +2,9 @@
 //! what they said before.
 
 mod common;
+mod faults_matrix;
 mod links;
+mod zoo;
 
 use common::{quick, whole};
 

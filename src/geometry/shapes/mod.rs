@@ -39,9 +39,8 @@ fn clamped(value: f64, allowed: std::ops::RangeInclusive<f64>) -> f64 {
     value.max(*allowed.start()).min(*allowed.end())
 }
 
-#[cfg(any(test, feature = "testing"))]
 pub mod check {
-    //! What every generated mesh must be.
+    //! Assertions on generated meshes, for the tests of those who generate them.
 
     use crate::Mesh;
     use glam::DVec3;

@@ -7,7 +7,7 @@
 //! damaged capture are sound. Bits that are flipped, rows that have moved up and frames that are torn
 //! leave pixels beyond [`SIGMAS`] of it, of which noise makes 6 in 100,000.
 //!
-//! No sound capture of `tests/consistency.rs` has more than [`SHARE`] of them: the middles of three
+//! No sound capture of `tests/host/consistency.rs` has more than [`SHARE`] of them: the middles of three
 //! built-in profiles' cameras before sphere, torso and couch, in light of a tenth to twice the usual, with
 //! ambient light, and by response curves of 0.6 to 2.2. A row
 //! that a fringe frame lacks is found where surfaces differ from row to row by as much as would move

@@ -8,7 +8,7 @@ use std::path::PathBuf;
 /// names say; in fields (i / 2, -j / 4, k + 1/8).
 fn itk(name: &str) -> PathBuf {
     PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../.."))
-        .join("tests/metaimage")
+        .join("tests/data/metaimage")
         .join(name)
 }
 

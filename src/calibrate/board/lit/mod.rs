@@ -12,7 +12,7 @@
 //!   that no pixel counts for two points and the errors of different points are independent.
 //! - The decoder smooths nothing, so neighbouring pixels' noise is independent, and the
 //!   covariance is that of weighted least squares. What the projector's held pixels leave in the phase (some 0.01 px, see
-//!   `tests/accuracy.rs`) alternates from pixel to pixel and nearly averages out.
+//!   `tests/host/accuracy.rs`) alternates from pixel to pixel and nearly averages out.
 
 mod axis;
 mod cell;

@@ -17,7 +17,7 @@ fn series_of_pydicom_are_read_as_it_meant_them() {
     // the pixels stand sequences of defined and undefined length and private elements.
     for (folder, lost) in [("explicit", 0.0), ("implicit", 0.25)] {
         let folder = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../.."))
-            .join("tests/dicom")
+            .join("tests/data/dicom")
             .join(folder);
         let volume = read_series(&folder).unwrap();
         let grid = volume.grid();

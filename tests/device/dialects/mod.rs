@@ -1,0 +1,164 @@
+//! Whole scans over the shipped dialects, host and device in memory: the host has nothing but the
+//! dialect's file, and gets what it gets over SCPI.
+
+mod scpi_files;
+
+use phasma::emulator::faults::Faults;
+use phasma::emulator::port::Port;
+use phasma::emulator::{Bench, Firmware, FrameSink, Machine, Renderer, SerialLine};
+use phasma::host::{Captured, MemoryCamera, MemoryPort, Progress, ScanOptions, Scanner};
+use phasma::pattern::Manifest;
+use phasma::profile::{Profile, Scene};
+use phasma::protocol::Frame;
+use phasma::protocol::dialect::Dialect;
+use std::sync::{Arc, Mutex};
+use std::time::Duration;
+
+struct Sink(MemoryCamera);
+
+impl FrameSink for Sink {
+    fn attended(&self) -> bool {
+        true
+    }
+
+    fn put(&mut self, frame: Arc<Frame>) {
+        self.0.put((*frame).clone());
+    }
+}
+
+/// A scan, and the device time that it took.
+fn scan(dialect: &str, baud: Option<u32>) -> (Captured, u64) {
+    let scanned = scan_in(Dialect::load(dialect).unwrap(), baud, None);
+    let (captured, now_ns, retries) = scanned.unwrap();
+    assert_eq!(retries, [""; 0], "{dialect}");
+    (captured, now_ns)
+}
+
+/// [`scan`] in a dialect, which may need a manifest; with the reasons for runs that were repeated.
+fn scan_in(
+    dialect: Dialect,
+    baud: Option<u32>,
+    manifest: Option<Manifest>,
+) -> phasma::Result<(Captured, u64, Vec<String>)> {
+    let mut profile = Profile::load("webcam-grey").unwrap();
+    (profile.camera.width_px, profile.camera.height_px) = (64, 48);
+    profile.control.baud = baud;
+    let machine = Machine::new(
+        Firmware::new(&profile, &[]).unwrap(),
+        Port::new(Arc::new(dialect.clone())).unwrap(),
+        SerialLine::new(&profile.control),
+        Faults::default(),
+    );
+    let camera = MemoryCamera::default();
+    let renderer = Renderer::new(&profile, &Scene::load("plane").unwrap(), 1).unwrap();
+    let bench = Bench::of(machine, renderer, Sink(camera.clone()));
+    let bench = Arc::new(Mutex::new(bench));
+    let device = bench.clone();
+    let port = MemoryPort::new(move |bytes: &[u8]| device.lock().unwrap().control(bytes));
+    let timeout = Duration::from_millis(20);
+    let mut scanner = Scanner::with_dialect(port, Some(dialect), timeout, || Ok(camera))?;
+    let options = ScanOptions {
+        sequence: None,
+        manifest,
+        frame_timeout: timeout,
+    };
+    let mut retries = Vec::new();
+    let captured = scanner.scan(&options, &mut |progress| {
+        if let Progress::Retry(why) = progress {
+            retries.push(why.to_owned());
+        }
+    })?;
+    scanner.finish()?;
+    let now_ns = bench.lock().unwrap().now_ns();
+    Ok((captured, now_ns, retries))
+}
+
+/// The guide's example, as a reader would copy it.
+fn gspark() -> String {
+    let guide = include_str!("../../../src/protocol/dialect/guide.md");
+    let (_, rest) = guide.split_once("```toml\n").unwrap();
+    rest.split_once("```").unwrap().0.to_owned()
+}
+
+#[test]
+fn the_guide_s_example_scans() {
+    let (plain, _) = scan("scpi", None);
+    let identify = "identify = { steps = [{ command = \"firmware\" }], ";
+    let result = "result = \"{maker},{model},{serial},{version}\" }\n";
+    let without = gspark().replace(&format!("{identify}{result}"), "");
+    assert_ne!(without, gspark());
+    for (text, idn) in [
+        (gspark(), &plain.idn[..]),
+        (without, "a device that speaks gspark"),
+    ] {
+        let dialect = Dialect::parse(&text, "guide.md").unwrap();
+        let (captured, _, retries) = scan_in(dialect, None, Some(plain.manifest.clone())).unwrap();
+        assert_eq!(retries, [""; 0]);
+        assert_eq!(captured.idn, idn);
+        assert_eq!(captured.frames.len(), plain.frames.len());
+        for (frame, expected) in captured.frames.iter().zip(&plain.frames) {
+            assert_eq!(frame.pattern_index, expected.pattern_index);
+            assert!(frame.data == expected.data, "other pixels");
+        }
+    }
+}
+
+#[test]
+fn a_dialect_without_a_trigger_is_refused_at_once() {
+    let trigger = "trigger = { steps = [{ command = \"scan\" }] }\n";
+    let text = gspark().replace(trigger, "");
+    let dialect = Dialect::parse(&text, "mine").unwrap();
+    assert!(dialect.host().needed().eq(["trigger"]));
+    let port = MemoryPort::new(|bytes: &[u8]| panic!("nothing is sent: {bytes:?}"));
+    let timeout = Duration::from_millis(20);
+    let camera = || Ok(MemoryCamera::default());
+    let error = Scanner::with_dialect(port, Some(dialect), timeout, camera).err();
+    let error = error.unwrap();
+    assert_eq!(error.exit_code(), 2, "{error}");
+    let words = error.to_string();
+    assert!(
+        words.contains("gspark") && words.contains("no trigger"),
+        "{words}"
+    );
+    // One without a manifest wants one from a file.
+    let gspark = Dialect::parse(&gspark(), "guide.md").unwrap();
+    let error = scan_in(gspark, None, None).err().unwrap();
+    assert_eq!(error.exit_code(), 2, "{error}");
+    assert!(error.to_string().starts_with("--manifest"), "{error}");
+}
+
+#[test]
+fn every_dialect_gives_the_same_scan() {
+    let (plain, _) = scan("scpi", None);
+    assert_eq!(plain.frames.len(), 13);
+    for dialect in ["okline", "dlpc350"] {
+        let (captured, _) = scan(dialect, None);
+        assert_eq!(captured.idn, plain.idn, "{dialect}");
+        assert_eq!(captured.manifest, plain.manifest, "{dialect}");
+        assert_eq!(captured.calibration, plain.calibration, "{dialect}");
+        assert_eq!(captured.frames.len(), 13, "{dialect}");
+        for (frame, expected) in captured.frames.iter().zip(&plain.frames) {
+            assert_eq!(frame.pattern_index, expected.pattern_index, "{dialect}");
+            assert!(frame.data == expected.data, "{dialect}: other pixels");
+        }
+    }
+}
+
+#[test]
+fn a_slow_line_takes_its_time_and_changes_nothing() {
+    for dialect in ["scpi", "okline", "dlpc350"] {
+        let (fast, fast_ns) = scan(dialect, None);
+        let (slow, slow_ns) = scan(dialect, Some(115_200));
+        assert!(
+            fast.frames
+                .iter()
+                .zip(&slow.frames)
+                .all(|(a, b)| a.data == b.data)
+        );
+        // The manifest alone has well over a thousand bytes.
+        assert!(
+            slow_ns > fast_ns + 100_000_000,
+            "{dialect}: {fast_ns} {slow_ns}"
+        );
+    }
+}

@@ -1,0 +1,81 @@
+//! Energy: inside of a sphere, with highlights and pictures.
+
+use crate::interreflection::*;
+use crate::photometry::{dn_per_irradiance, scene};
+use phasma::emulator::render::Renderer;
+use phasma::profile::Profile;
+use std::path::Path;
+
+/// Inside of a sphere every place sees every other in proportion to its area, whatever the angles
+/// (e.g. Howell, Menguc, Siegel, "Thermal Radiation Heat Transfer"): one bounce brings everywhere
+/// the albedo times the mean irradiance, that of the lamp's whole power.
+#[test]
+fn inside_of_a_sphere_all_power_comes_back_evenly() {
+    let profile = Profile::load("pmp-bench").unwrap();
+    let (radius, albedo, intensity) = (500.0, 0.7, 0.05);
+    for (samples, bar) in [(64, 0.03), (256, 0.01)] {
+        let text = format!(
+            "{}[[light]]\nkind = \"point\"\nposition_mm = [120, -60, 90]\n\
+             intensity_w_sr = {intensity}\n[[object]]\n\
+             shape = {{ kind = \"sphere\", radius_mm = {radius} }}\nalbedo = {albedo}\n",
+            wanted(samples, 8)
+        );
+        let mut renderer = Renderer::new(&profile, &scene(&text, Path::new("")), 1).unwrap();
+        let found = bounced(&profile, &mut renderer, &shot(None));
+        let exact = albedo * albedo * intensity * 1e6 / (radius * radius);
+        let errors: Vec<f64> = found.iter().map(|f| f / exact - 1.0).collect();
+        let mean = errors.iter().sum::<f64>() / errors.len() as f64;
+        assert!(rms(&errors) < bar && mean.abs() < bar / 5.0);
+    }
+}
+
+/// The same with surfaces that absorb nothing, whatever their highlights take of it, and with a
+/// fine chequered picture, of which each place has its own share.
+#[test]
+fn highlights_and_pictures_keep_the_energy() {
+    let profile = Profile::load("pmp-bench").unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let chequered =
+        image::GrayImage::from_fn(2, 2, |x, y| image::Luma([255 * ((x + y) % 2) as u8]));
+    chequered.save(folder.path().join("chequered.png")).unwrap();
+    let (radius, intensity) = (500.0, 0.02);
+    for (look, mean_share, bar) in [
+        ("specular = { f0 = 0.3, roughness = 0.5 }", 1.0, 0.01),
+        (
+            "texture = \"chequered.png\"\ntexture_size_mm = [4, 4]",
+            0.5,
+            0.03,
+        ),
+    ] {
+        let inside = |light: &str| {
+            let text = format!(
+                "{}{light}[[object]]\nshape = {{ kind = \"sphere\", radius_mm = {radius} }}\n\
+                 albedo = 1.0\n{look}\n",
+                wanted(256, 8)
+            );
+            Renderer::new(&profile, &scene(&text, folder.path()), 1).unwrap()
+        };
+        let lamp = format!(
+            "[[light]]\nkind = \"point\"\nposition_mm = [120, -60, 90]\n\
+             intensity_w_sr = {intensity}\n"
+        );
+        let found = bounced(&profile, &mut inside(&lamp), &shot(None));
+        // What each pixel makes of 0.5 W/m^2 from everywhere.
+        let even = inside("ambient = { irradiance_w_m2 = 0.5 }\n").expected_dn(&shot(None));
+        let (black, scale) = (4.0, dn_per_irradiance(&profile, 8e-3));
+        let exact = mean_share * intensity * 1e6 / (radius * radius);
+        let errors: Vec<f64> = found
+            .iter()
+            .zip(even)
+            .filter(|(_, even)| *even > black + 10.0)
+            .map(|(found, even)| found * 0.5 * scale / f64::from(even - black) / exact - 1.0)
+            .collect();
+        assert!(errors.len() > 200_000, "{}", errors.len());
+        let mean = errors.iter().sum::<f64>() / errors.len() as f64;
+        assert!(
+            rms(&errors) < bar && mean.abs() < bar / 5.0,
+            "{look}: {} {mean}",
+            rms(&errors)
+        );
+    }
+}

@@ -1,0 +1,204 @@
+//! Lengths of exposures, other terms of them, and what is refused.
+
+use crate::motion::still::{room, write_sheet};
+use crate::motion::{MS, bench, fringe, instants, scene, shot};
+use phasma::emulator::render::{Options, Renderer};
+use phasma::emulator::{Shot, Slide};
+use phasma::geometry::{Mesh, ply, shapes};
+use phasma::profile::Scene;
+use std::path::Path;
+use std::sync::Arc;
+
+#[test]
+fn exposures_from_a_microsecond_to_ten_seconds() {
+    let mut profile = bench();
+    profile.projector.radiant_intensity_w_sr = 0.8;
+    let (_, slide) = fringe(&profile, 16.0, 0.4);
+    // Up and down by 20 mm within a second.
+    let object = "shape = { kind = \"sphere\", radius_mm = 60.0 }\nalbedo = 0.5\n\
+                  position_mm = [0, 0, 980]\nmotion = { period_s = 1.0, keyframes = [\n\
+                  { time_s = 0.0 }, { time_s = 0.5, position_mm = [0, 0, -20] } ] }\n";
+    let moving = room(object, Path::new(""));
+    let white = Arc::new(Slide::Uniform(255));
+    for exposure_ns in [1000, 50_000, 8 * MS, 200 * MS, 10_000 * MS] {
+        let mut renderer = instants(&profile, &moving, 5);
+        // Full light all the time would fill the wells.
+        let light = 4e6 / exposure_ns as f64;
+        let exposure = Shot {
+            light: light.min(1.0),
+            ..shot(&white, 77, exposure_ns)
+        };
+        let found = renderer.expected_dn(&exposure);
+        assert!(found.iter().all(|v| v.is_finite()));
+        // The mean over as many renderers that stand still, each a fifth of the time.
+        let middle = (77.0 + exposure_ns as f64 / 2.0) * 1e-9;
+        let bright = found.iter().filter(|v| **v > 8.0).count();
+        if exposure_ns >= 8 * MS {
+            assert!(
+                bright > 5000,
+                "{exposure_ns} ns at {middle} s: {bright} pixels"
+            );
+        }
+        let frame = renderer.expose(&Shot {
+            slide: Some(slide.clone()),
+            ..exposure
+        });
+        assert_eq!(frame.exposure_end_ns - frame.exposure_start_ns, exposure_ns);
+    }
+    // The last moment of device time is a moment like any other.
+    let mut renderer = instants(&profile, &moving, 4);
+    let late = renderer.expected_dn(&shot(&white, u64::MAX - 5, 8 * MS));
+    assert!(late.iter().all(|v| v.is_finite()));
+}
+
+#[test]
+fn flicker_and_glare_go_through_the_instants() {
+    let mut profile = bench();
+    let lit = "ambient = { irradiance_w_m2 = 0.3, \
+               flicker = { frequency_hz = 100, depth = 0.8, phase_deg = 40 } }\n\
+               [[object]]\nshape = { kind = \"plane\" }\nposition_mm = [0, 0, 1100]\nalbedo = 0.4\n";
+    // Behind the camera, where nobody sees it.
+    let behind = "[[object]]\nshape = { kind = \"sphere\", radius_mm = 5.0 }\nalbedo = 0.5\n\
+                  motion = { keyframes = [ { time_s = 0.0, position_mm = [0, 0, -900] }, \
+                  { time_s = 1.0, position_mm = [0, 0, -950] } ] }\n";
+    let (_, slide) = fringe(&profile, 16.0, 0.4);
+    for glare in [
+        None,
+        Some(phasma::profile::Glare {
+            percent: 3.0,
+            sigma_px: 40.0,
+        }),
+    ] {
+        profile.camera.glare = glare;
+        let still = scene(lit, Path::new(""));
+        let moving = scene(&format!("{lit}{behind}"), Path::new(""));
+        for exposure_ns in [1_234_567, 8 * MS] {
+            let exposure = shot(&slide, 3 * MS, exposure_ns);
+            let a = instants(&profile, &still, 1).expected_dn(&exposure);
+            let b = instants(&profile, &moving, 6).expected_dn(&exposure);
+            let off = a
+                .iter()
+                .zip(&b)
+                .map(|(a, b)| (a - b).abs())
+                .fold(0.0, f32::max);
+            assert!(off < 1e-3, "{off}");
+        }
+    }
+}
+
+#[test]
+fn meshes_that_do_not_fit_are_refused() {
+    let dir = tempfile::tempdir().unwrap();
+    write_sheet(&dir.path().join("a.obj"), 10.0);
+    let torso = |triangles| {
+        shapes::torso(&shapes::Torso {
+            triangles,
+            ..shapes::Torso::default()
+        })
+    };
+    let write = |name: &str, mesh: &Mesh| ply::write_mesh(&dir.path().join(name), mesh).unwrap();
+    let mut mesh = torso(2000);
+    write("torso.ply", &mesh);
+    write("few.ply", &torso(900));
+    mesh.triangles[7].swap(0, 1);
+    write("turned.ply", &mesh);
+    for (second, needles) in [
+        (
+            "few.ply",
+            vec![
+                "keyframes[1].file",
+                "few.ply",
+                "vertices and",
+                "as the object's own",
+            ],
+        ),
+        (
+            "turned.ply",
+            vec!["turned.ply: triangle 7", "as in the object's own mesh"],
+        ),
+        (
+            "absent.ply",
+            vec!["keyframes[1].file", "absent.ply", "a file that is there"],
+        ),
+    ] {
+        let text = format!(
+            "[[object]]\nshape = {{ kind = \"mesh\", file = \"torso.ply\" }}\nalbedo = 0.5\n\
+             deform = {{ keyframes = [ {{ time_s = 0, file = \"torso.ply\" }}, \
+             {{ time_s = 1, file = \"{second}\" }} ] }}\n"
+        );
+        let refused = Renderer::new(&bench(), &scene(&text, dir.path()), 1);
+        let error = refused.err().expect(second);
+        assert_eq!(error.exit_code(), 2);
+        let message = error.to_string();
+        assert!(message.contains("scene, object[0]"), "{message}");
+        for needle in needles {
+            assert!(message.contains(needle), "{needle} is not in: {message}");
+        }
+    }
+    for time_samples in [0, 257] {
+        let options = Options {
+            time_samples,
+            ..Options::default()
+        };
+        let scene = Scene::load("plane").unwrap();
+        let refused = Renderer::with_options(&bench(), &scene, 1, options);
+        let message = refused.err().unwrap().to_string();
+        assert!(
+            message.contains("time samples") && message.contains("1 to 256"),
+            "{message}"
+        );
+    }
+}
+
+/// What goes no farther than an eighth of a pixel is looked at once, whatever is asked for, and is a
+/// mean over many parts of the exposure all the same; what goes farther is not. Rows that follow count
+/// too: what rests while the first row is exposed may go while the last one is.
+#[test]
+fn what_hardly_goes_is_looked_at_once() {
+    let profile = bench();
+    let (_, slide) = fringe(&profile, 16.0, 0.4);
+    let mean = |mm: f64, from_s: f64| {
+        let object = format!(
+            "shape = {{ kind = \"sphere\", radius_mm = 60.0 }}\nalbedo = 0.5\nposition_mm = [0, 0, 980]\n\
+             motion = {{ keyframes = [ {{ time_s = 0.0 }}, {{ time_s = {from_s} }},\n\
+             {{ time_s = {}, position_mm = [{mm}, 0, 0] }} ] }}\n",
+            from_s + 0.008
+        );
+        room(&object, Path::new(""))
+    };
+    let exposure = shot(&slide, 0, 8 * MS);
+    let expected = |scene: &Scene, time_samples, shot: &Shot| {
+        instants(&profile, scene, time_samples).expected_dn(shot)
+    };
+    // A pixel sees 1.45 mm there.
+    let slow = mean(0.15, 1e-5);
+    let once = expected(&slow, 1, &exposure);
+    assert_eq!(once, expected(&slow, 8, &exposure), "a tenth of a pixel");
+    let black = profile.camera.sensor.black_level_dn as f32;
+    let mut parts = instants(&profile, &slow, 1);
+    let mut sum = vec![0.0f32; once.len()];
+    for i in 0..16 {
+        let part = shot(&slide, i * MS / 2, MS / 2);
+        let part = parts.expected_dn(&part);
+        sum.iter_mut()
+            .zip(part)
+            .for_each(|(sum, dn)| *sum += dn - black);
+    }
+    let off = once
+        .iter()
+        .zip(&sum)
+        .map(|(once, sum)| (once - black - sum).abs());
+    let far = off.filter(|off| *off > 0.1).count();
+    assert!(far < once.len() / 1000, "{far} of {}", once.len());
+    let quick = mean(3.0, 1e-5);
+    assert_ne!(
+        expected(&quick, 1, &exposure),
+        expected(&quick, 8, &exposure)
+    );
+    // It rests for 20 ms, and the last rows are exposed while it goes.
+    let late = mean(3.0, 0.02);
+    let mut rolling = exposure.clone();
+    rolling.shutter.line_time_ns = 40_000;
+    rolling.shutter.rows = profile.camera.height_px;
+    assert_ne!(expected(&late, 1, &rolling), expected(&late, 8, &rolling));
+}

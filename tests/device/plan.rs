@@ -1,0 +1,91 @@
+//! `phasma plan`: what is computed, why, and what it costs.
+
+use phasma::emulator::render::Term;
+use serde_json::Value;
+use std::process::Command;
+
+fn plan(options: &[&str]) -> std::process::Output {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_phasma"));
+    command.arg("plan").args(options).output().unwrap()
+}
+
+fn json(options: &[&str]) -> Value {
+    let output = plan(&[options, &["--json"]].concat());
+    assert!(output.status.success());
+    assert!(output.stderr.is_empty(), "silent in a pipe");
+    serde_json::from_slice(&output.stdout).unwrap()
+}
+
+fn term<'a>(report: &'a Value, name: &str) -> &'a Value {
+    let terms = report["terms"].as_array().unwrap();
+    let term = terms.iter().find(|term| term["term"] == name);
+    term.unwrap_or_else(|| panic!("no {name} in {report}"))
+}
+
+#[test]
+fn every_term_is_told_with_its_reason_and_its_cost() {
+    let plane = json(&["--profile", "webcam-grey", "--scene", "plane"]);
+    assert_eq!(plane["pixels"], 640 * 480);
+    assert_eq!(plane["triangles"], 0);
+    let names: Vec<&str> = plane["terms"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|term| term["term"].as_str().unwrap())
+        .collect();
+    let all = Term::ALL.map(|term| term.to_string());
+    assert_eq!(
+        names,
+        all.each_ref().map(String::as_str),
+        "each once, in order"
+    );
+    for term in plane["terms"].as_array().unwrap() {
+        assert!(term["why"].as_str().unwrap().len() > 8, "{term}");
+        assert!(term["ns_per_pixel"].as_f64().unwrap().is_finite(), "{term}");
+    }
+    for pass in plane["passes"].as_array().unwrap() {
+        // No machine does a pixel in a picosecond.
+        assert!(pass["ns_per_pixel"].as_f64().unwrap() > 1e-3, "{pass}");
+    }
+    // Drawing random numbers for every pixel is most of a frame: it cannot cost nothing.
+    assert!(term(&plane, "noise")["ns_per_pixel"].as_f64().unwrap() > 0.0);
+    assert_eq!(term(&plane, "shadows")["included"], false);
+    assert_eq!(term(&plane, "footprint-x")["included"], true);
+    assert_eq!(term(&plane, "footprint-y")["included"], false);
+}
+
+#[test]
+fn profile_and_scene_decide() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("bent.toml");
+    let text = include_str!("../../device-profiles/webcam-grey.toml");
+    let bent = text.replace(
+        "f_number",
+        "distortion = [-0.1, 0.0, 0.0, 0.0, 0.0]\nf_number",
+    );
+    std::fs::write(&path, bent).unwrap();
+    let report = json(&["--profile", path.to_str().unwrap(), "--scene", "trapezoid"]);
+    assert_eq!(term(&report, "camera-distortion")["included"], true);
+    assert_eq!(term(&report, "projector-distortion")["included"], false);
+    assert_eq!(term(&report, "shadows")["included"], true);
+}
+
+#[test]
+fn the_table_says_the_same_and_mistakes_are_named() {
+    let output = plan(&["--profile", "webcam-grey", "--scene", "plane"]);
+    let text = String::from_utf8(output.stdout).unwrap();
+    for words in [
+        "geometry",
+        "camera.distortion is zero",
+        "ns/px",
+        "some slide varies along x",
+    ] {
+        assert!(text.contains(words), "{words}: {text}");
+    }
+    let output = plan(&["--samples", "5"]);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(String::from_utf8_lossy(&output.stderr).contains("1, 4, 16 or 64"));
+    let output = plan(&["--scene", "no-such"]);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(String::from_utf8_lossy(&output.stderr).contains("no-such"));
+}

@@ -1,0 +1,19 @@
+//! The command, as users run it: one process or several, and the files that they leave.
+
+#[path = "../support/served.rs"]
+mod served;
+
+mod bad_day;
+mod bench_command;
+mod calibrate_command;
+mod decode_command;
+mod demo;
+mod exit_status;
+mod licences;
+mod nominal_rigs;
+mod outputs;
+mod patient_import;
+mod readme;
+mod serve;
+mod soak;
+mod weighted;

@@ -1,0 +1,128 @@
+//! The README's figures are what a study or a command says.
+
+use serde_json::Value;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+const README: &str = include_str!("../../../README.md");
+
+fn snapshot(name: &str) -> String {
+    let studies = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/studies");
+    let path: PathBuf = studies.join(name);
+    std::fs::read_to_string(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()))
+}
+
+/// The tables below `<!-- study NAME -->`: name and lines.
+fn tables() -> Vec<(&'static str, Vec<&'static str>)> {
+    let one = |rest: &'static str| {
+        let (name, rest) = rest.split_once(" -->\n").unwrap();
+        let lines = rest.lines().take_while(|line| line.starts_with('|'));
+        let lines: Vec<&str> = lines.collect();
+        assert!(lines.len() > 2, "a table of study {name}");
+        (name, lines)
+    };
+    README.split("<!-- study ").skip(1).map(one).collect()
+}
+
+/// Cells of a table's row.
+fn cells(line: &str) -> Vec<&str> {
+    line.trim_matches('|').split('|').map(str::trim).collect()
+}
+
+/// A table below `<!-- study NAME -->` is one that `phasma study NAME` has printed, as
+/// `tests/studies/NAME.md` holds it; a name that ends in `.quick` is of the quick form.
+#[test]
+fn tables_are_those_of_the_studies() {
+    let found = tables();
+    for (name, table) in &found {
+        let table = table.join("\n");
+        let printed = snapshot(&format!("{name}.md"));
+        assert!(printed.contains(&table), "study {name} has no\n{table}");
+    }
+    for name in ["paper", "noise", "work-precision", "sgrt", "acceptance"] {
+        assert!(found.iter().any(|(known, _)| *known == name), "{name}");
+    }
+}
+
+/// The second cell of the row that begins with a name.
+fn figure(name: &str) -> &'static str {
+    let start = format!("| {name} |");
+    let mut rows = README.lines().filter(|line| line.starts_with(&start));
+    let row = rows.next().unwrap_or_else(|| panic!("no row {name}"));
+    assert!(rows.next().is_none(), "two rows {name}");
+    cells(row)[1]
+}
+
+/// What `phasma demo --json` says of the trapezoid.
+fn demo(options: &[&str]) -> Value {
+    let folder = tempfile::tempdir().unwrap();
+    let output = Command::new(env!("CARGO_BIN_EXE_phasma"))
+        .args(["demo", "--scene", "trapezoid", "--json", "--out"])
+        .arg(folder.path().join("demo"))
+        .args(options)
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "{output:?}");
+    serde_json::from_slice(&output.stdout).unwrap()
+}
+
+/// "110,000" of 109,530.
+fn thousands(count: u64) -> String {
+    format!("{},000", (count + 500) / 1000)
+}
+
+#[test]
+fn how_good_it_is() {
+    let said = demo(&[]);
+    let number = |key: &str| said[key].as_f64().unwrap();
+    assert_eq!(
+        figure("mean absolute error"),
+        format!("{:.3} mm", number("mae_mm"))
+    );
+    assert_eq!(number("gross_error_rate"), 0.0);
+    let points = said["points"].as_u64().unwrap();
+    assert_eq!(
+        figure("points more than 1 mm off"),
+        format!("none of {}", thousands(points))
+    );
+    // Downwards: what is not all is not said to be.
+    let coverage = (number("coverage") * 1e4).floor() / 100.0;
+    assert_eq!(
+        figure("lit and seen pixels that are measured"),
+        format!("{coverage:.2} %")
+    );
+    assert_eq!(
+        figure("error over the least-squares noise bound"),
+        format!("{:.2}", number("ratio_to_bound"))
+    );
+    let without = demo(&["--no-noise"])["mae_mm"].as_f64().unwrap();
+    assert_eq!(
+        figure("mean absolute error without noise (rounding to 8 bits is left)"),
+        format!("{without:.3} mm")
+    );
+}
+
+/// What `--weighted` wins in depth, over the scenes before the bench in full light.
+#[test]
+fn weights_win_what_the_study_of_noise_says() {
+    let study = snapshot("noise.md");
+    let mut lines = study
+        .lines()
+        .skip_while(|line| !line.contains("weighted over bound"));
+    let header = cells(lines.next().expect("a table of depth"));
+    let place = |name: &str| header.iter().position(|cell| *cell == name).unwrap();
+    let [plain, weighted] = ["spread over bound", "weighted over bound"].map(place);
+    let rows = lines.take_while(|line| line.starts_with('|')).map(cells);
+    let bench = rows.filter(|row| row[0].starts_with("pmp-bench") && row[0].ends_with(", 1"));
+    let number = |cell: &str| cell.parse::<f64>().unwrap();
+    let won = bench.map(|row| 100.0 * (1.0 - number(row[weighted]) / number(row[plain])));
+    let won: Vec<f64> = won.map(f64::round).collect();
+    assert!(won.len() >= 2);
+    let [least, most] = [f64::min, f64::max].map(|f| won.iter().copied().reduce(f).unwrap());
+    let range = match least == most {
+        true => format!("{least}"),
+        false => format!("{least} to {most}"),
+    };
+    let words = format!("{range} % less depth noise on `pmp-bench`");
+    assert!(README.contains(&words), "{words}");
+}

@@ -1,0 +1,194 @@
+//! The service channel: every request that its documentation shows, and whose it is.
+
+use crate::serve::clock::{ask, refused, service};
+use crate::served::{LONG, Served, serve};
+use phasma::pattern::Pattern;
+use phasma::protocol::service::{Item, MAX_LINE, Placement, Reply, Request, Step, Which, call};
+use rustix::process::Signal;
+use std::fs::{self, Permissions};
+use std::io::{BufRead, BufReader, Read, Write};
+use std::os::unix::fs::PermissionsExt;
+use std::os::unix::net::UnixStream;
+use std::os::unix::process::CommandExt;
+use std::path::Path;
+use std::process::Command;
+
+const DOCUMENTED: &str = include_str!("../../../src/protocol/service/requests.md");
+
+/// A stepped device that has exposed its sequence once.
+fn exposed() -> (Served, UnixStream) {
+    let served = Served::spawn_as_it_is(serve().args(["--clock", "stepped"]));
+    let mut stream = service(&served);
+    expose(&served, &mut stream);
+    (served, stream)
+}
+
+fn expose(served: &Served, stream: &mut UnixStream) {
+    let mut instrument = served.instrument();
+    instrument.order("ABOR;:TRIG:SOUR BUS;:INIT;*TRG").unwrap();
+    ask(stream, Request::Clock(Step::StepNs(300_000_000)));
+}
+
+#[test]
+fn all_that_is_documented_is_answered() {
+    let (served, mut stream) = exposed();
+    let rows = DOCUMENTED
+        .lines()
+        .filter_map(|line| line.strip_prefix("| `"));
+    let lines: Vec<&str> = rows.map(|row| row.split_once("` |").unwrap().0).collect();
+    assert!(lines.len() > 12, "{lines:?}");
+    let mut reader = BufReader::new(stream.try_clone().unwrap());
+    for line in &lines {
+        let request = Request::parse(line.as_bytes()).unwrap();
+        assert!(request.to_line().len() <= MAX_LINE);
+        stream.write_all(format!("{line}\n").as_bytes()).unwrap();
+        let mut answer = Vec::new();
+        reader.read_until(b'\n', &mut answer).unwrap();
+        let reply = Reply::parse(&answer).unwrap();
+        assert_eq!(reply.error, None, "{line}");
+        let told = [
+            reply.clock.is_some(),
+            reply.frame.is_some(),
+            reply.scene.is_some(),
+            reply.device.is_some(),
+            reply.fault.is_some(),
+            reply.faults.is_some(),
+        ];
+        let (what, maps) = match request {
+            Request::Get(Item::Truth) | Request::TruthAt(_) => (None, true),
+            Request::TruthOfFrame(_) => (Some(1), true),
+            Request::Get(Item::Clock) | Request::Clock(_) => (Some(0), false),
+            Request::Get(Item::Objects) => (Some(2), false),
+            Request::Get(Item::Device) => (Some(3), false),
+            Request::Fault(_) => (Some(4), false),
+            Request::Get(Item::Faults) => (Some(5), false),
+            Request::Do(_) | Request::Place(_) | Request::ClearFaults(_) => (None, false),
+        };
+        assert_eq!(told.iter().position(|&told| told), what, "{line}");
+        assert_eq!(reply.bytes > 0, maps, "{line}");
+        let mut payload = vec![0; reply.bytes as usize];
+        reader.read_exact(&mut payload).unwrap();
+    }
+    served.stop(Signal::TERM);
+}
+
+#[test]
+fn a_frame_s_truth_is_that_of_its_time() {
+    let (served, mut stream) = exposed();
+    let depth = |stream: &mut UnixStream, id| {
+        let (reply, maps) = call(stream, &Request::TruthOfFrame(id)).unwrap();
+        // Of geometry alone: levels would be those of settings of another time.
+        let names: Vec<_> = maps.maps.iter().map(|(name, _)| name.as_str()).collect();
+        assert_eq!(names, ["depth_mm", "projector_x", "projector_y"]);
+        (reply.frame.unwrap(), maps.maps[0].1[240 * 640 + 320])
+    };
+    let (before, rest) = depth(&mut stream, 2);
+    assert_eq!((before.id, before.pattern_index), (2, Some(2)));
+    assert_eq!(
+        (before.start_ns, before.exposure_ns),
+        (32_000_000, 12_000_000)
+    );
+    assert_eq!(before.scene.time_ns, 38_000_000);
+    let shown = before.shown.clone().unwrap();
+    assert_eq!(shown.index, Some(2));
+    assert!(
+        matches!(shown.pattern, Some(Pattern::Fringe { .. })),
+        "{shown:?}"
+    );
+    // It is what it was, wherever the wall is now.
+    let place = |z| {
+        Request::Place(Placement {
+            object: 0,
+            position_mm: [0.0, 0.0, z],
+            rotation_deg: [0.0; 3],
+        })
+    };
+    ask(&mut stream, place(700.0));
+    assert_eq!(depth(&mut stream, 2), (before, rest));
+    let fault = r#"{"fault":{"what":"dark","when":{"nth":2}}}"#;
+    let id = ask(&mut stream, Request::parse(fault.as_bytes()).unwrap()).fault;
+    assert_eq!(id, Some(1));
+    expose(&served, &mut stream);
+    let (dark, now) = depth(&mut stream, 14);
+    assert_eq!(
+        (now, dark.scene.objects[0].place.position_mm[2]),
+        (700.0, 700.0)
+    );
+    assert_eq!(dark.faults.len(), 1, "{dark:?}");
+    assert_eq!((dark.faults[0].fault, dark.faults[0].frame), (1, Some(14)));
+    assert!(depth(&mut stream, 13).0.faults.is_empty());
+    let faults = ask(&mut stream, Request::Get(Item::Faults)).faults.unwrap();
+    assert_eq!((faults.standing.len(), faults.struck_in_all), (1, 1));
+    for (request, needle) in [
+        (Request::TruthOfFrame(26), "allowed: 0 to 25"),
+        (Request::ClearFaults(Which::One(7)), "allowed: 1"),
+        (
+            Request::parse(br#"{"fault":{"what":"dark","by_ms":3}}"#).unwrap(),
+            "fault.by_ms",
+        ),
+    ] {
+        let words = refused(&mut stream, request);
+        assert!(words.contains(needle), "{words}");
+    }
+    served.stop(Signal::TERM);
+}
+
+const SOCKET: &str = "PHASMA_TEST_SERVICE_SOCKET";
+
+/// Its mode keeps others out, and so does the device where the mode has been opened.
+#[test]
+fn it_is_its_owner_s_alone() {
+    let served = Served::start(&[]);
+    let mode = |path: &Path| fs::metadata(path).unwrap().permissions().mode() & 0o777;
+    assert_eq!(
+        (mode(&served.at.service), mode(&served.dir)),
+        (0o600, 0o700)
+    );
+    if !rustix::process::geteuid().is_root() {
+        return served.stop(Signal::TERM);
+    }
+    let base = served.dir.parent().unwrap();
+    for (path, mode) in [
+        (base, 0o755),
+        (&served.dir, 0o755),
+        (&served.at.service, 0o666),
+    ] {
+        fs::set_permissions(path, Permissions::from_mode(mode)).unwrap();
+    }
+    // This program again, as another user, where that user can run it.
+    let program = base.join("another");
+    fs::copy(std::env::current_exe().unwrap(), &program).unwrap();
+    fs::set_permissions(&program, Permissions::from_mode(0o755)).unwrap();
+    let output = Command::new(&program)
+        .args(["--ignored", "--exact", "service::another_user_asks"])
+        .env(SOCKET, &served.at.service)
+        .current_dir("/")
+        .uid(65_534)
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "{}", crate::served::text(&output));
+    fs::remove_file(program).unwrap();
+    // The owner is served as before.
+    ask(&mut service(&served), Request::Get(Item::Clock));
+    served.stop(Signal::TERM);
+}
+
+#[test]
+#[ignore = "the other user's part of the test before it"]
+fn another_user_asks() {
+    let Some(socket) = std::env::var_os(SOCKET) else {
+        return;
+    };
+    let mut stream = UnixStream::connect(socket).unwrap();
+    stream.set_read_timeout(Some(LONG)).unwrap();
+    let _ = stream.write_all(b"{\"get\":\"clock\"}\n");
+    let mut answer = Vec::new();
+    // What has not been read resets the connection behind the answer.
+    let _ = stream.read_to_end(&mut answer);
+    let line = answer.split(|&byte| byte == b'\n').next().unwrap();
+    let words = Reply::parse(line).unwrap().error.unwrap();
+    assert!(
+        words.contains("user 65534; allowed: its owner, user 0"),
+        "{words}"
+    );
+}

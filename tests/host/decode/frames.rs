@@ -1,0 +1,110 @@
+//! What frames hold: too much light or none, another number or size, pictures between them.
+
+use crate::decode::patterns::*;
+use crate::decode::scene::*;
+use phasma::decode::{Decoded, Decoder, FrameStack, Options, Samples, Verdict};
+use phasma::pattern::{Axis, Pattern};
+
+#[test]
+fn saturated_and_dark_pixels_are_masked_and_said_so() {
+    let positions = sweep(16);
+    let manifest = manifest([equal(Axis::X, 16.0, 4), gray(Axis::X, 8.0, 0..8, true)].concat());
+    let bright = Scene {
+        floor: 100.0,
+        swing: 220.0,
+        ..Scene::default()
+    };
+    let decoded = bright.decode(&manifest, &positions, bright.options());
+    let saturated = counts(&decoded)[Verdict::Saturated as usize];
+    assert!(
+        saturated > positions.len() * 3 / 4,
+        "{:?}",
+        counts(&decoded)
+    );
+    let dark = Scene {
+        swing: 0.0,
+        ..Scene::default()
+    };
+    let decoded = dark.decode(&manifest, &positions, dark.options());
+    assert_eq!(counts(&decoded)[Verdict::Dim as usize], positions.len());
+}
+
+#[test]
+fn threads_do_not_change_a_bit() {
+    let positions = sweep(100);
+    let scene = Scene::default();
+    let patterns = [
+        equal(Axis::X, 16.0, 4),
+        gray(Axis::X, 8.0, 0..8, true),
+        equal(Axis::Y, 64.0, 4),
+        equal(Axis::Y, 70.0, 4),
+    ];
+    let manifest = manifest(patterns.concat());
+    let [one, two] = [1, 2].map(|threads| {
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .build()
+            .unwrap();
+        pool.install(|| scene.decode(&manifest, &positions, Options::default()))
+    });
+    let bits = |d: &Decoded| -> Vec<u32> {
+        let maps = d
+            .axes()
+            .flat_map(|(_, m)| m.coordinate.iter().chain(&m.sigma));
+        maps.chain(&d.modulation)
+            .chain(&d.intensity)
+            .map(|v| v.to_bits())
+            .collect()
+    };
+    assert_eq!(bits(&one), bits(&two));
+}
+
+#[test]
+fn frames_that_do_not_fit_are_refused() {
+    let list = [equal(Axis::X, 16.0, 4), gray(Axis::X, 8.0, 0..8, true)].concat();
+    let manifest = manifest(list);
+    let decoder = Decoder::new(&manifest, 4, 3, None, Options::default()).unwrap();
+    let frame = [0u8; 12];
+    let stack = |n: usize| FrameStack::new(4, 3, vec![Samples::U8(&frame); n]).unwrap();
+    assert!(decoder.decode(&stack(20)).is_ok());
+    let error = decoder.decode(&stack(19)).unwrap_err().to_string();
+    assert!(
+        error.contains("19 frames") && error.contains("20 frames"),
+        "{error}"
+    );
+    let other = FrameStack::new(3, 4, vec![Samples::U8(&frame); 20]).unwrap();
+    assert!(decoder.decode(&other).is_err());
+    assert!(FrameStack::new(4, 3, vec![Samples::U8(&frame[..11])]).is_err());
+    assert!(FrameStack::new(4, 3, vec![Samples::U8(&frame), Samples::U16(&[0; 12])]).is_err());
+    assert!(FrameStack::new(4, 3, vec![]).is_err());
+    let mut holes = vec![Samples::U8(&frame); 20];
+    holes[7] = Samples::U8(&[]);
+    let error = decoder
+        .decode(&FrameStack::new(4, 3, holes).unwrap())
+        .unwrap_err();
+    assert!(error.to_string().contains("frame 7"));
+}
+
+#[test]
+fn pictures_in_a_sequence_need_no_frame() {
+    let positions = sweep(8);
+    let scene = Scene::default();
+    let list = [equal(Axis::X, 16.0, 4), gray(Axis::X, 8.0, 0..8, true)].concat();
+    let plain = manifest(list.clone());
+    let mut with_picture = list;
+    with_picture.insert(
+        3,
+        Pattern::Image {
+            file: "speckle.png".into(),
+        },
+    );
+    let frames = scene.frames_u8(&plain, &positions);
+    let mut samples: Vec<Samples<'_>> = frames.iter().map(|f| Samples::U8(f)).collect();
+    samples.insert(3, Samples::U8(&[]));
+    let decoder = Decoder::new(&manifest(with_picture), WIDTH, 8, None, scene.options()).unwrap();
+    let decoded = decoder
+        .decode(&FrameStack::new(WIDTH, 8, samples).unwrap())
+        .unwrap();
+    let f = figures(&decoded, Axis::X, &positions, 4.0);
+    assert!(f.gross == 0.0 && f.coverage > 0.99, "{f:?}");
+}

@@ -1,0 +1,134 @@
+//! Every parser over its seeds, over every way to cut it and over cases that are the same in each
+//! run (`PHASMA_FUZZ_CASES=FIRST..END` runs others). `tests/fuzz` runs the same functions for as long as one likes.
+
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use crate::cases;
+#[path = "../fuzz/src/parsers/mod.rs"]
+mod parsers;
+
+use parsers::{PARSERS, Parser};
+
+/// Changed cases of each parser.
+const CASES: u64 = 1500;
+/// Cuts of each file of seeds.
+const CUTS: usize = 200;
+/// No case takes longer, on a machine that does other work too.
+const LONGEST: Duration = Duration::from_secs(5);
+
+fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+}
+
+fn files(folder: &Path) -> Vec<PathBuf> {
+    let mut files: Vec<_> = std::fs::read_dir(folder)
+        .unwrap_or_else(|e| panic!("{}: {e}", folder.display()))
+        .map(|entry| entry.unwrap().path())
+        .filter(|path| path.is_file())
+        .collect();
+    files.sort();
+    files
+}
+
+/// What a parser is known to read: its seeds.
+fn corpus(parser: &Parser) -> Vec<Vec<u8>> {
+    let mut paths = Vec::new();
+    let own = root().join("tests/fuzz/seeds").join(parser.name);
+    if own.is_dir() || parser.shipped.is_none() {
+        paths.extend(files(&own));
+    }
+    if let Some((folder, extension)) = parser.shipped {
+        let shipped = files(&root().join(folder));
+        paths.extend(
+            shipped
+                .into_iter()
+                .filter(|path| path.extension().is_some_and(|e| e == extension)),
+        );
+    }
+    assert!(!paths.is_empty(), "{} has seeds", parser.name);
+    paths
+        .iter()
+        .map(|path| std::fs::read(path).unwrap())
+        .collect()
+}
+
+fn run(parser: &Parser, bytes: &[u8]) -> bool {
+    let begin = Instant::now();
+    let known = (parser.run)(bytes);
+    let took = begin.elapsed();
+    assert!(took < LONGEST, "{}: {took:?} for {bytes:?}", parser.name);
+    known
+}
+
+fn throw_at(name: &str) {
+    let parser = PARSERS.iter().find(|parser| parser.name == name).unwrap();
+    let seeds = corpus(parser);
+    let mut known = 0;
+    for seed in &seeds {
+        known += usize::from(run(parser, seed));
+        for at in (0..seed.len()).step_by(seed.len() / CUTS + 1) {
+            run(parser, &seed[..at]);
+        }
+    }
+    assert!(
+        2 * known >= seeds.len(),
+        "{name}: {known} of {} are read",
+        seeds.len()
+    );
+    cases::each(CASES, &seeds, |bytes| {
+        run(parser, bytes);
+    });
+}
+
+macro_rules! parsers {
+    ($($name:ident),* $(,)?) => {
+        $(#[test]
+        fn $name() {
+            throw_at(stringify!($name));
+        })*
+
+        #[test]
+        fn every_parser_has_a_test_and_a_target() {
+            let tested = [$(stringify!($name)),*];
+            let listed: Vec<_> = PARSERS.iter().map(|parser| parser.name).collect();
+            assert_eq!(tested[..], listed[..]);
+            for name in tested {
+                parsers::run(name, b"");
+                let target = root().join(format!("tests/fuzz/targets/{name}.rs"));
+                let text = std::fs::read_to_string(&target).unwrap();
+                assert!(text.contains(&format!("run(\"{name}\", bytes)")), "{name}");
+                let cargo = std::fs::read_to_string(root().join("tests/fuzz/Cargo.toml")).unwrap();
+                assert!(cargo.contains(&format!("name = \"{name}\"")), "{name}");
+            }
+        }
+    };
+}
+
+parsers!(
+    scpi,
+    firmware,
+    service,
+    frames,
+    data_line,
+    usb_records,
+    recording,
+    usb_address,
+    manifest,
+    rig,
+    endpoints,
+    profile,
+    station,
+    dialect,
+    dialect_wire,
+    faults,
+    scene,
+    patient,
+    stl,
+    obj,
+    ply,
+    picture,
+    metaimage,
+    dicom,
+    planning,
+);

@@ -1,0 +1,104 @@
+//! Hosts that ask for more than any driver does: each queue has its bound, and whoever passes it
+//! has to go or to wait.
+
+use super::Host;
+use crate::usb::fuzz::wire::Wire;
+use phasma::link::usb::Event;
+use phasma::profile::{Speed, Transfer};
+use phasma::protocol::usb::{Setup, cdc, request, uvc};
+
+/// Why the device has ended the connection.
+fn reason(host: Host) -> String {
+    assert!(host.wire.has_ended());
+    host.wire.close().unwrap_err().to_string()
+}
+
+#[test]
+fn transfers_that_wait() {
+    let mut host = Host::new(Speed::High, Transfer::Bulk);
+    for _ in 0..2000 {
+        host.read(3, 64);
+    }
+    let device = host.device.clone();
+    assert!(reason(host).contains("1024 transfers"));
+    let mut next = Host {
+        wire: Wire::new(&device),
+        ledger: Default::default(),
+        device,
+        seqnum: 0,
+    };
+    let (get, kind) = (request::GET_DESCRIPTOR, Setup::STANDARD_IN);
+    assert!(next.control(kind, get, 0x0100, 0, &[]).is_some(), "free");
+}
+
+#[test]
+fn isochronous_packets_that_wait() {
+    let mut host = Host::new(Speed::High, Transfer::Isochronous);
+    for _ in 0..100 {
+        host.read_packets(1024, 0);
+    }
+    assert!(reason(host).contains("65536 isochronous"));
+}
+
+#[test]
+fn bytes_that_the_firmware_does_not_take() {
+    let mut host = Host::new(Speed::High, Transfer::Bulk);
+    let data = vec![b'x'; 16 << 10];
+    for _ in 0..300 {
+        host.submit(3, false, data.len() as u32, Setup::default(), &data);
+    }
+    let received = |event: &Event| match event {
+        Event::Received(bytes) => bytes.len(),
+        _ => 0,
+    };
+    let taken = host.device.take_events();
+    assert_eq!(taken.iter().map(received).sum::<usize>(), 64 << 10);
+    assert!(reason(host).contains("without waiting"));
+}
+
+/// A firmware that takes nothing: settings are replaced, all else has a bound, over any number of
+/// connections.
+#[test]
+fn events_that_the_firmware_does_not_take() {
+    let mut host = Host::new(Speed::High, Transfer::Bulk);
+    let exposure = u16::from(uvc::selector::EXPOSURE_TIME_ABSOLUTE) << 8;
+    let set = uvc::request::SET_CUR;
+    for units in 1..=5000u32 {
+        let data = units.to_le_bytes();
+        host.control(Setup::CLASS_OUT, set, exposure, 0x0100, &data)
+            .unwrap();
+    }
+    let lines = |value| Setup {
+        kind: Setup::CLASS_OUT,
+        request: cdc::request::SET_CONTROL_LINE_STATE,
+        value,
+        index: 2,
+        length: 0,
+    };
+    for value in [3, 1].repeat(2000) {
+        host.submit(0, false, 0, lines(value), &[]);
+    }
+    // The host waits; once the firmware takes what there is, all comes, in order.
+    let device = host.device.clone();
+    let mut events = device.take_events();
+    assert!((1024..1032).contains(&events.len()), "{}", events.len());
+    assert_eq!(events[1], Event::Exposure(500_000_000));
+    for _ in 0..8 {
+        host.wire.poll();
+        let more = device.take_events();
+        assert!(more.len() < 1032, "{}", more.len());
+        events.extend(more);
+    }
+    let toggles = events.iter().filter(|e| matches!(e, Event::Lines(_)));
+    assert_eq!(toggles.count(), 4000);
+    // Hosts that come and go are refused while theirs is too much.
+    host.wire.close().unwrap();
+    let refused = (0..2000).filter_map(|_| Wire::new(&device).close().err());
+    let refused: Vec<_> = refused.collect();
+    assert!(refused.len() > 900, "{}", refused.len());
+    assert!(refused[0].to_string().contains("another host"));
+    let events = device.take_events();
+    assert!(events.len() < 1032, "{}", events.len());
+    assert_eq!(events.last(), Some(&Event::Detached));
+    Wire::new(&device).close().unwrap();
+}

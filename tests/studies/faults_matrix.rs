@@ -1,0 +1,27 @@
+//! Every fault against the host: the table in the documentation is what comes of it, and nowhere is a
+//! cloud wrong without a word.
+
+use phasma::study::faults::{Table, markdown, tables};
+
+fn wrongs(tables: &[Table]) -> Vec<String> {
+    tables.iter().flat_map(Table::wrongs).collect()
+}
+
+#[test]
+fn the_table_is_as_documented_and_no_cell_is_wrong() {
+    let tables = tables(false, &|_| {}).unwrap();
+    assert_eq!(wrongs(&tables), Vec::<String>::new());
+    assert_eq!(
+        markdown(&tables),
+        include_str!("../../src/study/faults/matrix.md"),
+        "`phasma faults matrix --force --out src/study/faults/matrix.md` renews the table"
+    );
+}
+
+#[test]
+#[ignore = "ten thousand scans: minutes"]
+fn at_no_frame_or_message_is_a_cloud_wrong() {
+    let tables = tables(true, &|_| {}).unwrap();
+    println!("{}", markdown(&tables));
+    assert_eq!(wrongs(&tables), Vec::<String>::new());
+}

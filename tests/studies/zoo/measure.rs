@@ -1,0 +1,236 @@
+//! One scan of a device, held against the truth in units of the deviation that the decoder states.
+
+use crate::zoo::device::Device;
+use phasma::decode::{Decoded, Decoder, FrameStack, Options, Samples, Verdict};
+use phasma::emulator::render::Renderer;
+use phasma::emulator::{Shot, Slide, Truth};
+use phasma::pattern::{Axis, finest_fringe};
+use phasma::profile::{Profile, Scene};
+use std::fmt;
+use std::sync::Arc;
+
+/// Deviations beyond which an error is gross.
+pub const FEW: f64 = 5.0;
+/// Parts of each quantity that are held apart.
+const PARTS: usize = 5;
+/// Of the decoder's thresholds for modulation, so that noise decides nowhere what is wanted.
+const ABOVE_THRESHOLD: f64 = 1.5;
+
+/// What a scan is worth.
+pub struct Measured {
+    /// Projector pixels per camera pixel: deciles 1, 5 and 9.
+    pub w: [f64; 3],
+    /// Share of the pixels that are lit and resolved that became points.
+    pub coverage: f64,
+    /// Why the others did not, in pixels.
+    pub dropped: Vec<(&'static str, usize)>,
+    /// RMS of error over stated deviation, of errors within [`FEW`].
+    pub ratio: f64,
+    /// Least and greatest of the same in parts by deviation, by w and by modulation.
+    pub parts: [[f64; 2]; 3],
+    /// Share of points beyond [`FEW`].
+    pub beyond: f64,
+    /// RMS over bins of the mean of error over deviation, by the coordinate modulo one pixel, and
+    /// modulo one period: what is a bias and no noise.
+    pub bias: [f64; 2],
+    /// The decoder's notes.
+    pub notes: Vec<String>,
+}
+
+/// Scans a device's scene with noise, and decodes with its exact calibration.
+pub fn measure(device: &Device, seed: u64) -> Measured {
+    let profile = Profile::parse(&device.profile, "zoo").unwrap_or_else(|e| panic!("{e}"));
+    let scene = Scene::parse(&device.scene, "zoo").unwrap_or_else(|e| panic!("{e}"));
+    let mut renderer = Renderer::new(&profile, &scene, seed).unwrap();
+    let manifest = profile.manifest(&profile.sequence[0]);
+    let patterns = manifest.frame.iter().map(|frame| frame.pattern.clone());
+    let shots: Vec<_> = patterns
+        .enumerate()
+        .map(|(i, pattern)| {
+            let slide = Slide::new(&pattern, &profile.projector, &|_| unreachable!()).unwrap();
+            let shot = Shot {
+                id: i as u64,
+                noise_id: i as u64,
+                pattern_index: Some(i as u32),
+                slide: Some(Arc::new(slide)),
+                light: 1.0,
+                exposure_ns: (profile.camera.exposure_us * 1e3) as u64,
+                ..Shot::default()
+            };
+            (pattern, shot)
+        })
+        .collect();
+    let frames: Vec<_> = shots.iter().map(|(_, s)| renderer.expose(s).data).collect();
+    let truth = renderer.truth(&shots);
+    let rig = profile.nominal_rig();
+    let (w, h) = (truth.width as usize, truth.height as usize);
+    let decoder = Decoder::new(&manifest, w, h, Some(&rig), Options::default()).unwrap();
+    let words: Vec<Vec<u16>> = match profile.camera.sensor.bits {
+        8 => Vec::new(),
+        _ => frames.iter().map(|frame| words(frame)).collect(),
+    };
+    let samples = match words.is_empty() {
+        true => frames.iter().map(|f| Samples::U8(f)).collect(),
+        false => words.iter().map(|f| Samples::U16(f)).collect(),
+    };
+    let stack = FrameStack::new(w, h, samples).unwrap();
+    let decoded = decoder.decode(&stack).unwrap();
+    let fringe = finest_fringe(manifest.frame.iter().map(|f| &f.pattern));
+    let (axis, period) = fringe.unwrap();
+    assert_eq!(axis, Axis::X);
+    let steps = (manifest.frame.iter())
+        .filter(|f| finest_fringe(std::iter::once(&f.pattern)) == fringe)
+        .count();
+    // The least modulation over the deviation of a sample that the default options take.
+    let least = (2.0 / steps as f64).sqrt() / f64::from(Options::default().max_phase_sigma_rad);
+    let noise = rig.noise.unwrap();
+    let is_wanted = |i: usize| {
+        let (mean, b) = (truth.mean_dn[i].into(), f64::from(truth.modulation_dn[i]));
+        let threshold = f64::from(Options::default().min_modulation_dn)
+            .max(least * noise.variance_dn2(mean).sqrt())
+            .max(f64::from(Options::default().min_contrast) * (mean - noise.black_level_dn));
+        let wanted = Truth::SEEN | Truth::LIT | Truth::SQUARE;
+        let not = Truth::CREASE | Truth::SATURATED | Truth::UNRESOLVED;
+        truth.flags[i] & (wanted | not) == wanted && b > ABOVE_THRESHOLD * threshold
+    };
+    tally(&decoded, &truth, period, is_wanted)
+}
+
+fn words(frame: &[u8]) -> Vec<u16> {
+    let (pairs, _) = frame.as_chunks::<2>();
+    pairs.iter().map(|&pair| u16::from_le_bytes(pair)).collect()
+}
+
+/// A point of the scan.
+struct Point {
+    /// Error over deviation.
+    error: f64,
+    /// What the parts go by: deviation in projector pixels, w, modulation.
+    by: [f64; 3],
+    /// True projector coordinate in pixels.
+    x: f64,
+}
+
+fn tally(
+    decoded: &Decoded,
+    truth: &Truth,
+    period: f64,
+    is_wanted: impl Fn(usize) -> bool,
+) -> Measured {
+    let width = decoded.width;
+    let map = decoded.x.as_ref().unwrap();
+    let x = |i: usize| f64::from(truth.projector_x[i]);
+    let (mut wanted, mut found) = (0, 0);
+    let mut dropped = [0; Verdict::ALL.len()];
+    let (mut points, mut beyond, mut all) = (Vec::new(), 0, 0);
+    for i in width..truth.depth_mm.len() - width {
+        let is_point = decoded.depth[i].is_finite();
+        if is_wanted(i) {
+            wanted += 1;
+            found += usize::from(is_point);
+            dropped[map.verdict[i] as usize] += usize::from(!is_point);
+        }
+        if !is_point || truth.flags[i] & Truth::CREASE != 0 {
+            continue;
+        }
+        all += 1;
+        let error =
+            f64::from(decoded.depth[i] - truth.depth_mm[i]) / f64::from(decoded.depth_sigma[i]);
+        // A point without a true one counts as beyond.
+        if !(error.abs() <= FEW) {
+            beyond += 1;
+            continue;
+        }
+        let slope = [x(i + 1) - x(i - 1), x(i + width) - x(i - width)].map(|d| d / 2.0);
+        points.push(Point {
+            error,
+            by: [
+                map.sigma[i].into(),
+                slope[0].hypot(slope[1]),
+                truth.modulation_dn[i].into(),
+            ],
+            x: x(i),
+        });
+    }
+    let ws = sorted(points.iter().map(|p| p.by[1]).filter(|w| w.is_finite()));
+    let decile = |k: usize| ws.get(k * ws.len() / 10).copied().unwrap_or(f64::NAN);
+    Measured {
+        w: [1, 5, 9].map(decile),
+        coverage: found as f64 / f64::from(wanted),
+        dropped: Verdict::ALL
+            .iter()
+            .map(|verdict| (verdict.name(), dropped[*verdict as usize]))
+            .filter(|(_, count)| *count > 0)
+            .collect(),
+        ratio: rms(points.iter().map(|p| p.error)),
+        parts: [0, 1, 2].map(|by| extremes(&points, by)),
+        beyond: f64::from(beyond) / f64::from(all),
+        bias: [
+            bias(&points, |p| (p.x + 0.5).rem_euclid(1.0)),
+            bias(&points, |p| (p.x / period).rem_euclid(1.0)),
+        ],
+        notes: decoded.notes.clone(),
+    }
+}
+
+fn sorted(values: impl Iterator<Item = f64>) -> Vec<f64> {
+    let mut all: Vec<_> = values.collect();
+    all.sort_by(f64::total_cmp);
+    all
+}
+
+fn rms(errors: impl Iterator<Item = f64>) -> f64 {
+    let (mut n, mut sum) = (0.0, 0.0);
+    for error in errors {
+        n += 1.0;
+        sum += error * error;
+    }
+    f64::sqrt(sum / n)
+}
+
+/// The least and the greatest RMS of the points' parts by one of the quantities.
+fn extremes(points: &[Point], by: usize) -> [f64; 2] {
+    let mut order: Vec<_> = points.iter().filter(|p| p.by[by].is_finite()).collect();
+    order.sort_by(|a, b| a.by[by].total_cmp(&b.by[by]));
+    let part = order.len().div_ceil(PARTS).max(1);
+    let parts = order
+        .chunks(part)
+        .map(|part| rms(part.iter().map(|p| p.error)));
+    parts.fold([f64::INFINITY, 0.0], |[least, most], rms| {
+        [least.min(rms), most.max(rms)]
+    })
+}
+
+/// RMS over bins of a coordinate from 0 to 1 of the mean error over deviation.
+fn bias(points: &[Point], of: impl Fn(&Point) -> f64) -> f64 {
+    const BINS: usize = 20;
+    let mut bins = [(0.0, 0.0); BINS];
+    for point in points {
+        let bin = &mut bins[(of(point) * BINS as f64) as usize % BINS];
+        bin.0 += 1.0;
+        bin.1 += point.error;
+    }
+    rms(bins
+        .iter()
+        .filter(|(n, _)| *n > 0.0)
+        .map(|(n, sum)| sum / n))
+}
+
+impl fmt::Display for Measured {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let [a, b, c] = self.w;
+        let ([s0, s1], [w0, w1], [m0, m1]) = (self.parts[0], self.parts[1], self.parts[2]);
+        write!(
+            f,
+            "w {a:.2} {b:.2} {c:.2}  coverage {:.4}  ratio {:.3}  by sigma {s0:.2}..{s1:.2} \
+             w {w0:.2}..{w1:.2} modulation {m0:.2}..{m1:.2}  beyond {:.5}  bias {:.2} {:.2}",
+            self.coverage, self.ratio, self.beyond, self.bias[0], self.bias[1]
+        )?;
+        for (verdict, count) in &self.dropped {
+            write!(f, "  {verdict} {count}")?;
+        }
+        self.notes
+            .iter()
+            .try_for_each(|note| write!(f, "  [{note}]"))
+    }
+}
