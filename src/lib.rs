@@ -1,4 +1,4 @@
-//! Phasma: a structured-light 3D scanner that is not there.
+//! Phasmid: a structured-light 3D scanner that is not there.
 //!
 //! It renders what a real scanner's camera would see, hands the frames out as a camera would, takes
 //! projector and trigger commands on a serial port, and decodes the frames of any such device,

@@ -3,5 +3,5 @@
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    phasma::cli::main()
+    phasmid::cli::main()
 }

@@ -1,6 +1,6 @@
 """Drives a served scanner with foreign clients: pyserial, PyVISA-py, and plain sockets.
 
-    phasma serve --profile webcam-grey --scene plane --run-dir DIR
+    phasmid serve --profile webcam-grey --scene plane --run-dir DIR
     python tests/foreign_client.py DIR
 
 Needs `pip install pyserial pyvisa pyvisa-py`. Exits 0 when everything is as the standards have it.

@@ -1,11 +1,11 @@
 """Decodes our frames with numpy, and holds our decoder's coordinates against the result.
 
     cargo test --release --test studies -- --ignored writes_devices
-    python tests/numpy_decoder.py target/release/phasma target/tmp/zoo
+    python tests/numpy_decoder.py target/release/phasmid target/tmp/zoo
 
 Needs Python 3.11 and `pip install numpy pillow`. For each folder with a profile.toml and a scene.toml it
-lets `phasma demo` scan the scene, decodes the frames by the sequence.toml beside them, and compares with
-`phasma decode`. Exits 0 when the RMS difference is at most 0.001 px. It shares no code with the crate.
+lets `phasmid demo` scan the scene, decodes the frames by the sequence.toml beside them, and compares with
+`phasmid decode`. Exits 0 when the RMS difference is at most 0.001 px. It shares no code with the crate.
 """
 
 import collections
@@ -102,14 +102,14 @@ def decode(frames, columns):
 
 
 def main():
-    phasma, folder = sys.argv[1], pathlib.Path(sys.argv[2])
+    phasmid, folder = sys.argv[1], pathlib.Path(sys.argv[2])
     devices = sorted(profile.parent for profile in folder.glob("*/profile.toml"))
     expect("devices", len(devices) >= 3, [device.name for device in devices])
     for device in devices:
         with tempfile.TemporaryDirectory() as scratch:
             capture, ours = pathlib.Path(scratch) / "capture", pathlib.Path(scratch) / "ours"
             run = lambda *words: subprocess.run(
-                [phasma, *map(str, words)], check=True, stdout=subprocess.DEVNULL
+                [phasmid, *map(str, words)], check=True, stdout=subprocess.DEVNULL
             )
             seen = ("--profile", device / "profile.toml", "--scene", device / "scene.toml")
             run("demo", *seen, "--out", capture)

@@ -1,7 +1,7 @@
 """Holds a calibration of ours against OpenCV.
 
-    phasma calibrate --profile pmp-bench --poses 8 --keep-captures --out DIR
-    python tests/opencv_calibration.py target/release/phasma DIR
+    phasmid calibrate --profile pmp-bench --poses 8 --keep-captures --out DIR
+    python tests/opencv_calibration.py target/release/phasmid DIR
 
 Needs Python 3.11 and `pip install opencv-python-headless numpy`. Exits 0 when OpenCV reads our files
 with the numbers of calibration.toml, calibrates camera and projector from our points to the same
@@ -198,31 +198,31 @@ def write_files(folder, rig):
         yield folder / name, 1e-3 if kind is np.float64 else 0.05
 
 
-def decoded(phasma, capture, calibration, out):
-    command = [phasma, "decode", "--manifest", capture / "sequence.toml", "--calibration", calibration]
+def decoded(phasmid, capture, calibration, out):
+    command = [phasmid, "decode", "--manifest", capture / "sequence.toml", "--calibration", calibration]
     subprocess.run([*map(str, command), "--out", str(out)], check=True, stdout=subprocess.DEVNULL)
     return np.load(out / "depth.npy")
 
 
-def read_back(phasma, capture, folder, rig):
+def read_back(phasmid, capture, folder, rig):
     """Depths with what cv2 has written, against those with calibration.toml."""
     with tempfile.TemporaryDirectory() as scratch:
         scratch = pathlib.Path(scratch)
         # The noise model of the camera is in none of OpenCV's files; without it, it is estimated.
         rig_only = (folder / "calibration.toml").read_text().split("[noise]")[0]
         (scratch / "rig.toml").write_text(rig_only)
-        wanted = decoded(phasma, capture, scratch / "rig.toml", scratch / "toml")
+        wanted = decoded(phasmid, capture, scratch / "rig.toml", scratch / "toml")
         for path, bound in write_files(scratch, rig):
-            depth = decoded(phasma, capture, path, scratch / path.name.replace(".", "-"))
+            depth = decoded(phasmid, capture, path, scratch / path.name.replace(".", "-"))
             same = np.array_equal(np.isnan(depth), np.isnan(wanted))
             # The cut at the worst deviation may fall otherwise for a pixel or two.
             same = same or (np.isnan(depth) != np.isnan(wanted)).sum() < 10
             off = np.nanmax(np.abs(depth - wanted))
-            expect(f"phasma decode --calibration {path.name}", same and off < bound, f"{off:.1e} mm off")
+            expect(f"phasmid decode --calibration {path.name}", same and off < bound, f"{off:.1e} mm off")
 
 
 def main():
-    phasma, folder = sys.argv[1], pathlib.Path(sys.argv[2])
+    phasmid, folder = sys.argv[1], pathlib.Path(sys.argv[2])
     print(f"OpenCV {cv2.__version__}")
     rig = Rig(folder / "calibration.toml")
     read_files(folder, rig)
@@ -233,7 +233,7 @@ def main():
     stereo(board, camera_px, projector_px, rig)
     captures = sorted((folder / "captures").glob("*/sequence.toml"))
     expect("captures", bool(captures), f"{len(captures)} of --keep-captures")
-    read_back(phasma, captures[0].parent, folder, rig)
+    read_back(phasmid, captures[0].parent, folder, rig)
 
 
 main()

@@ -126,7 +126,7 @@ mod tests {
     }
 
     fn board(line: &str, default_scale: f64) -> Result<Board> {
-        let words = std::iter::once("phasma").chain(line.split_whitespace());
+        let words = std::iter::once("phasmid").chain(line.split_whitespace());
         Line::try_parse_from(words)
             .unwrap()
             .board

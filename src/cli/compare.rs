@@ -1,4 +1,4 @@
-//! `phasma compare`: a cloud against a true surface, as a table or as JSON.
+//! `phasmid compare`: a cloud against a true surface, as a table or as JSON.
 
 use phasmid_calibrate::files::read_rig;
 use phasmid_core::error::{Error, Result};

@@ -1,4 +1,4 @@
-//! `phasma decode`: photographs of a sequence to projector coordinates and points.
+//! `phasmid decode`: photographs of a sequence to projector coordinates and points.
 
 use super::method::MethodArgs;
 use phasmid_calibrate::files::{Sizes, read_rig_sized};
@@ -139,7 +139,7 @@ pub(super) fn doubt(
         let allowed = "pictures of this sequence in its order";
         return Err(Error::input(place.display(), why, allowed));
     }
-    eprintln!("phasma: {}: {why}", place.display());
+    eprintln!("phasmid: {}: {why}", place.display());
     Ok(Some(why))
 }
 

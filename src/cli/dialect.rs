@@ -1,4 +1,4 @@
-//! `phasma dialect`: lists the shipped dialects, prints one, checks files.
+//! `phasmid dialect`: lists the shipped dialects, prints one, checks files.
 
 use phasmid_core::error::{Error, Result};
 use phasmid_device::port::Port;

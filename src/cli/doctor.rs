@@ -1,4 +1,4 @@
-//! `phasma doctor`: what this machine has and lacks.
+//! `phasmid doctor`: what this machine has and lacks.
 
 use crate::doctor::{Feature, MODPROBE, MODULES_LOAD, Machine, Shipped, UDEV, User, examine};
 use phasmid_core::error::{Error, Result};
@@ -16,7 +16,7 @@ pub struct Args {
     /// Print the report as JSON
     #[arg(long)]
     json: bool,
-    /// Print one of the files that Phasma ships for the system, and nothing else
+    /// Print one of the files that Phasmid ships for the system, and nothing else
     #[arg(long, value_enum, value_name = "FILE", conflicts_with_all = ["need", "json"])]
     print: Option<Print>,
 }

@@ -1,4 +1,4 @@
-//! `phasma faults`: the kinds of faults, schedules of them, and what the host makes of each.
+//! `phasmid faults`: the kinds of faults, schedules of them, and what the host makes of each.
 
 use phasmid_core::error::{Error, Result};
 use phasmid_core::new_file;
@@ -20,7 +20,7 @@ enum Action {
     List,
     /// Check a schedule and say what it holds.
     Check {
-        /// A TOML file, as `phasma serve --faults` takes it.
+        /// A TOML file, as `phasmid serve --faults` takes it.
         file: PathBuf,
     },
     /// Try every fault on the host, in memory and in virtual time: does it recover, report, or go on

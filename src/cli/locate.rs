@@ -1,4 +1,4 @@
-//! `phasma locate`: where the pods of a station stand in the room, by one board that all of them see.
+//! `phasmid locate`: where the pods of a station stand in the room, by one board that all of them see.
 
 mod report;
 mod station;
@@ -62,7 +62,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     }
     station::write(&measured, &args.out, args.force)?;
     for warning in report::warnings(&all) {
-        eprintln!("phasma: {warning}");
+        eprintln!("phasmid: {warning}");
     }
     match args.json {
         true => report::print_json(&all),

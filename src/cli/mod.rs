@@ -1,6 +1,6 @@
 //! The command line: one file a command, each a `clap` struct and a `run`.
 
-/// Prints, or ends the program quietly when whoever read has had enough, as in `phasma doctor | head`.
+/// Prints, or ends the program quietly when whoever read has had enough, as in `phasmid doctor | head`.
 macro_rules! print {
     ($($arg:tt)*) => {{
         use std::io::Write;
@@ -70,7 +70,7 @@ use std::process::ExitCode;
 
 /// A structured-light 3D scanner that is not there.
 #[derive(Debug, Parser)]
-#[command(name = "phasma", version, about, long_about = None)]
+#[command(name = "phasmid", version, about, long_about = None)]
 struct Cli {
     #[command(subcommand)]
     command: Command,
@@ -108,7 +108,7 @@ fn unheard(e: &std::io::Error) {
     if e.kind() == std::io::ErrorKind::BrokenPipe {
         std::process::exit(0);
     }
-    eprintln!("phasma: standard output: {e}");
+    eprintln!("phasmid: standard output: {e}");
     std::process::exit(1);
 }
 
@@ -127,7 +127,7 @@ pub fn main() -> ExitCode {
     match dispatch(Cli::parse().command) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("phasma: {error}");
+            eprintln!("phasmid: {error}");
             ExitCode::from(error.exit_code())
         }
     }

@@ -1,4 +1,4 @@
-//! `phasma profile`: lists the built-in profiles and checks profile files.
+//! `phasmid profile`: lists the built-in profiles and checks profile files.
 
 use phasmid_core::error::Result;
 use phasmid_core::source::TomlSource;

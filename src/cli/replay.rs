@@ -1,4 +1,4 @@
-//! `phasma replay`: a device that behaves as recorded.
+//! `phasmid replay`: a device that behaves as recorded.
 
 use super::record;
 use super::serve::{Shutdown, default_run_dir, runtime};
@@ -56,7 +56,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
         about,
         fast: args.clock == Pace::Fast,
         tcp: args.tcp,
-        notice: |text| eprintln!("phasma: {text}"),
+        notice: |text| eprintln!("phasmid: {text}"),
     };
     let outcome = runtime()?.block_on(async {
         // Before anything is made that would have to be removed.

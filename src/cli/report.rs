@@ -1,4 +1,4 @@
-//! `phasma report`: studies on one page.
+//! `phasmid report`: studies on one page.
 
 use phasmid_core::error::{Error, Result};
 use phasmid_core::new_file;
@@ -14,7 +14,7 @@ pub struct Args {
     #[arg(required = true, value_name = "DIR")]
     studies: Vec<PathBuf>,
     /// The page
-    #[arg(long, value_name = "FILE", default_value = "phasma-report.html")]
+    #[arg(long, value_name = "FILE", default_value = "phasmid-report.html")]
     out: PathBuf,
     /// Overwrite the page where it is there
     #[arg(long)]
@@ -29,7 +29,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
         .iter()
         .map(|(document, folder, made)| (document.clone(), folder, made.clone()))
         .collect();
-    let html = page("Studies of Phasma", &parts)?;
+    let html = page("Studies of Phasmid", &parts)?;
     new_file::write(&args.out, args.force, |out| out.write_all(html.as_bytes()))?;
     let (mut failed, mut all) = (0, 0);
     for (document, ..) in &parts {

@@ -1,4 +1,4 @@
-//! `phasma scan`: captures a sequence from any device that can be reached, and decodes it.
+//! `phasmid scan`: captures a sequence from any device that can be reached, and decodes it.
 
 use super::dialect;
 use super::interrupt::Interruptible;
@@ -69,7 +69,7 @@ pub(super) struct Args {
     /// Capture only: for sequences that are not meant to be decoded.
     #[arg(long)]
     no_decode: bool,
-    /// Record every byte and frame as they come, with their times, for phasma replay and phasma
+    /// Record every byte and frame as they come, with their times, for phasmid replay and phasmid
     /// record info.
     #[arg(long, value_name = "FILE")]
     record: Option<PathBuf>,
@@ -181,7 +181,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
         .and_then(|decoding| decoding.doubt.clone());
     let doubt = captured.doubt().or(of_maps);
     if let Some(why) = &doubt {
-        eprintln!("phasma: {address}: {why}");
+        eprintln!("phasmid: {address}: {why}");
     }
     report(&captured, args, source, capture_s, decoding.as_ref(), doubt);
     Ok(())
@@ -193,7 +193,7 @@ fn tape(args: &Args, path: &Path, address: &str, start: Instant) -> Result<Tape>
     let now_ns = move || u64::try_from(start.elapsed().as_nanos()).unwrap_or(u64::MAX);
     let about = About {
         side: Side::Host,
-        program: concat!("phasma ", env!("CARGO_PKG_VERSION")).into(),
+        program: concat!("phasmid ", env!("CARGO_PKG_VERSION")).into(),
         started_unix_s: super::record::unix_s(),
         name: if control.is_empty() { address } else { control }.to_owned(),
         control: control.to_owned(),
@@ -205,7 +205,7 @@ fn tape(args: &Args, path: &Path, address: &str, start: Instant) -> Result<Tape>
     };
     let file = stream(path, args.force).map_err(|e| e.at("--record"))?;
     let place = path.display().to_string();
-    let notice = |text: &str| eprintln!("phasma: {text}");
+    let notice = |text: &str| eprintln!("phasmid: {text}");
     let recorder = Recorder::start(file, &place, about, 0, Limits::default(), notice)?;
     Ok(Tape::new(recorder, now_ns))
 }
@@ -283,7 +283,7 @@ fn capture_free(
         ));
     }
     eprintln!(
-        "phasma: no control port: nothing is triggered, the next {} frames are taken as they come",
+        "phasmid: no control port: nothing is triggered, the next {} frames are taken as they come",
         manifest.frame.len()
     );
     let camera = RecordedCamera::new(open_camera(camera, how, timeout)?, tape);
@@ -314,7 +314,7 @@ fn show(bar: &ProgressBar, progress: Progress<'_>) {
             bar.set_length(of as u64);
             bar.set_position(done as u64);
         }
-        Progress::Retry(why) => bar.suspend(|| eprintln!("phasma: {why}; once more")),
+        Progress::Retry(why) => bar.suspend(|| eprintln!("phasmid: {why}; once more")),
     }
 }
 

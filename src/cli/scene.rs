@@ -1,4 +1,4 @@
-//! `phasma scene`: lists the built-in scenes and checks scene files.
+//! `phasmid scene`: lists the built-in scenes and checks scene files.
 
 use phasmid_core::error::Result;
 use phasmid_geometry::Mesh;

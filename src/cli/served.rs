@@ -18,7 +18,7 @@ const PATIENCE: Duration = Duration::from_secs(60);
 const ANSWER: Duration = Duration::from_secs(30);
 const POLL: Duration = Duration::from_millis(5);
 
-/// A running `phasma serve`; it ends with this value.
+/// A running `phasmid serve`; it ends with this value.
 pub(super) struct Served {
     child: Child,
     run_dir: PathBuf,
@@ -28,17 +28,17 @@ pub(super) struct Served {
 }
 
 impl Served {
-    /// Starts `phasma serve` with these arguments for a command and waits until it can be reached.
+    /// Starts `phasmid serve` with these arguments for a command and waits until it can be reached.
     ///
     /// # Errors
     /// A process that cannot be started, ends, or is not ready in time; with its own words.
     pub(super) fn start(command: &str, arguments: &[String]) -> Result<Self> {
-        let program = std::env::current_exe().map_err(|e| Error::io("phasma", e))?;
+        let program = std::env::current_exe().map_err(|e| Error::io("phasmid", e))?;
         // The device makes it, 0700, and removes it even where this process is killed. Its name cannot
         // be foreseen: the keys of a `RandomState` are the system's random numbers. It is short because
         // the path of a socket has room for some hundred bytes.
         let number = RandomState::new().hash_one(std::process::id());
-        let run_dir = std::env::temp_dir().join(format!("phasma-{command}-{number:016x}"));
+        let run_dir = std::env::temp_dir().join(format!("phasmid-{command}-{number:016x}"));
         let child = Command::new(&program)
             .arg("serve")
             .args(arguments)
@@ -76,14 +76,14 @@ impl Served {
             let ended = served
                 .child
                 .try_wait()
-                .map_err(|e| Error::io("phasma serve", e))?;
+                .map_err(|e| Error::io("phasmid serve", e))?;
             if let Some(status) = ended {
                 return Err(served.failure(status.code()));
             }
             if Instant::now() > deadline {
                 end(&mut served.child, &served.run_dir);
                 return Err(Error::device(format!(
-                    "phasma serve was not ready within {} s",
+                    "phasmid serve was not ready within {} s",
                     PATIENCE.as_secs()
                 )));
             }
@@ -104,9 +104,11 @@ impl Served {
         match status {
             Some(0) => Ok(()),
             Some(other) => Err(Error::device(format!(
-                "phasma serve ended with status {other} when asked to stop, want 0"
+                "phasmid serve ended with status {other} when asked to stop, want 0"
             ))),
-            None => Err(Error::device("phasma serve did not end when asked to stop")),
+            None => Err(Error::device(
+                "phasmid serve did not end when asked to stop",
+            )),
         }
     }
 }
@@ -146,16 +148,16 @@ impl Starting {
             // What can be read is shown; nothing more can be done here.
             let _ = stderr.take(1 << 16).read_to_string(&mut words);
         }
-        let words = words.trim().trim_start_matches("phasma: ");
+        let words = words.trim().trim_start_matches("phasmid: ");
         match code {
             Some(status @ 1..=2) if !words.is_empty() => Error::Relayed {
                 words: words.to_owned(),
                 status: status as u8,
             },
             Some(status) => {
-                Error::device(format!("phasma serve ended with status {status}: {words}"))
+                Error::device(format!("phasmid serve ended with status {status}: {words}"))
             }
-            None => Error::device(format!("phasma serve was killed: {words}")),
+            None => Error::device(format!("phasmid serve was killed: {words}")),
         }
     }
 }

@@ -1,4 +1,4 @@
-//! `phasma study`: runs a study, or says which there are.
+//! `phasmid study`: runs a study, or says which there are.
 
 use indicatif::{ProgressBar, ProgressStyle};
 use phasmid_core::error::{Error, Result};
@@ -98,13 +98,13 @@ fn bar() -> ProgressBar {
 }
 
 /// Which program this is: the source's revision when it was built, and the checksum of its file, which
-/// tells builds of one revision apart. The revision is what the build was told (`PHASMA_REVISION`),
+/// tells builds of one revision apart. The revision is what the build was told (`PHASMID_REVISION`),
 /// or else where git says that the source's folder stood when the file was written there; nothing where
 /// neither is known, as of a copy elsewhere.
 fn revision() -> String {
     let program = std::env::current_exe().ok();
     let bytes = program.as_ref().and_then(|path| std::fs::read(path).ok());
-    let built = option_env!("PHASMA_REVISION").map(str::to_owned);
+    let built = option_env!("PHASMID_REVISION").map(str::to_owned);
     let built = built.or_else(|| head_at(&program?));
     let sum = bytes.map(|bytes| format!("program {:08x}", crc32fast::hash(&bytes)));
     let known: Vec<String> = built.into_iter().chain(sum).collect();

@@ -1,4 +1,4 @@
-//! `phasma track`: follows a patient and the tumour through the ports of the pods, live.
+//! `phasmid track`: follows a patient and the tumour through the ports of the pods, live.
 
 mod patience;
 mod span;
@@ -29,7 +29,7 @@ const MOST_TOLERANCE_MM: f64 = 1000.0;
 pub(super) struct Args {
     #[command(flatten)]
     pods: PodArgs,
-    /// What planning knows of the patient, as `phasma patient plan` and `phasma patient import`
+    /// What planning knows of the patient, as `phasmid patient plan` and `phasmid patient import`
     /// write it.
     #[arg(long, value_name = "DIR")]
     planning: PathBuf,
@@ -161,7 +161,7 @@ fn follow(args: &Args, planned: &Planned, pods: &[Address], scans: &Receiver<Tak
             if count == 0
                 && let Some(why) = taken.captured.doubt()
             {
-                eprintln!("phasma: {}: {why}", pod.name);
+                eprintln!("phasmid: {}: {why}", pod.name);
             }
             let arrived = Instant::now();
             let doubt = sight.measure(&taken.captured, taken.identified, &mut measured, most)?;

@@ -1,4 +1,4 @@
-//! `phasma serve`, `replay`, `demo` and `doctor` where there is no link: they say so.
+//! `phasmid serve`, `replay`, `demo` and `doctor` where there is no link: they say so.
 
 use phasmid_core::error::{Error, Result};
 

@@ -10,7 +10,7 @@ use std::io::{BufWriter, ErrorKind, Write};
 use std::path::{Path, PathBuf};
 use tempfile::{NamedTempFile, TempPath};
 
-const PREFIX: &str = ".phasma-";
+const PREFIX: &str = ".phasmid-";
 const SUFFIX: &str = ".partial";
 
 /// Refuses a path that cannot be written, before any work is done for it.
@@ -305,7 +305,10 @@ mod tests {
     #[test]
     fn scratch_folders_are_new_private_and_removed() {
         use std::os::unix::fs::PermissionsExt;
-        let (one, other) = (scratch("phasma-x-").unwrap(), scratch("phasma-x-").unwrap());
+        let (one, other) = (
+            scratch("phasmid-x-").unwrap(),
+            scratch("phasmid-x-").unwrap(),
+        );
         assert_ne!(one.path(), other.path());
         let mode = one.path().metadata().unwrap().permissions().mode();
         assert_eq!(mode & 0o777, 0o700);

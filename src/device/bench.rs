@@ -1,5 +1,5 @@
 //! A whole device in memory: firmware, optics and a virtual clock, driven step by step. What
-//! `phasma serve` does over ports and sockets, this does over function calls.
+//! `phasmid serve` does over ports and sockets, this does over function calls.
 
 use super::faults::Faults;
 use super::port::Port;

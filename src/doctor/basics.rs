@@ -49,7 +49,7 @@ fn run_directory(machine: &Machine) -> Check {
         )
         .but(
             Status::Missing,
-            "phasma serve --run-dir ~/phasma-run".to_owned(),
+            "phasmid serve --run-dir ~/phasmid-run".to_owned(),
         ),
     }
 }

@@ -1,4 +1,4 @@
-//! The files that Phasma ships for the system, and whether they are installed.
+//! The files that Phasmid ships for the system, and whether they are installed.
 
 use super::{Check, Feature, Machine, Status};
 use phasmid_v4l2::RELOAD;
@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 /// A file for the system.
 #[derive(Debug, PartialEq, Eq)]
 pub struct Shipped {
-    /// What `phasma doctor --print` calls it.
+    /// What `phasmid doctor --print` calls it.
     pub name: &'static str,
     /// Where it is installed.
     pub path: &'static str,
@@ -18,22 +18,22 @@ pub struct Shipped {
 /// Stable names and permissions.
 pub const UDEV: Shipped = Shipped {
     name: "udev",
-    path: "/etc/udev/rules.d/60-phasma.rules",
-    text: include_str!("../../udev/60-phasma.rules"),
+    path: "/etc/udev/rules.d/60-phasmid.rules",
+    text: include_str!("../../udev/60-phasmid.rules"),
 };
 
 /// Options of v4l2loopback.
 pub const MODPROBE: Shipped = Shipped {
     name: "modprobe",
-    path: "/etc/modprobe.d/v4l2loopback-phasma.conf",
-    text: include_str!("../../udev/v4l2loopback-phasma.conf"),
+    path: "/etc/modprobe.d/v4l2loopback-phasmid.conf",
+    text: include_str!("../../udev/v4l2loopback-phasmid.conf"),
 };
 
 /// The module is loaded at the start.
 pub const MODULES_LOAD: Shipped = Shipped {
     name: "modules-load",
-    path: "/etc/modules-load.d/phasma.conf",
-    text: include_str!("../../udev/phasma-modules.conf"),
+    path: "/etc/modules-load.d/phasmid.conf",
+    text: include_str!("../../udev/phasmid-modules.conf"),
 };
 
 /// Roots of folders that the system's programs read beside `/etc`, the first one found counts.
@@ -42,7 +42,7 @@ const ROOTS: [&str; 4] = ["etc", "run", "usr/lib", "lib"];
 impl Shipped {
     fn put(&self) -> String {
         format!(
-            "phasma doctor --print {} | sudo tee {} > /dev/null",
+            "phasmid doctor --print {} | sudo tee {} > /dev/null",
             self.name, self.path
         )
     }
@@ -119,8 +119,8 @@ fn options(machine: &Machine) -> Check {
         }
     }
     match foreign {
-        Some(shown) => check(format!("{shown}, which is not Phasma's")),
-        None => check("not installed: modprobe makes one node, without a label for Phasma".into())
+        Some(shown) => check(format!("{shown}, which is not Phasmid's")),
+        None => check("not installed: modprobe makes one node, without a label for Phasmid".into())
             .but(Status::Note, install_options()),
     }
 }

@@ -1,7 +1,7 @@
-//! What a machine has and lacks for Phasma, and the one command that mends each lack.
+//! What a machine has and lacks for Phasmid, and the one command that mends each lack.
 //!
 //! Everything is read from files: `/sys`, `/proc`, `/etc`, `/dev`. No device is opened but
-//! `/dev/ptmx` and the v4l2loopback nodes that are labelled for Phasma, so a look disturbs nobody. Root of the file system, user and environment are passed
+//! `/dev/ptmx` and the v4l2loopback nodes that are labelled for Phasmid, so a look disturbs nobody. Root of the file system, user and environment are passed
 //! in, so the tests look at machines made of files.
 
 mod basics;

@@ -8,8 +8,8 @@ use phasmid_v4l2::{FORGOTTEN, RELOAD};
 use std::os::unix::fs::MetadataExt;
 use std::path::PathBuf;
 
-/// The nodes of this label are served by `phasma serve --camera auto`.
-const LABEL: &str = "phasma";
+/// The nodes of this label are served by `phasmid serve --camera auto`.
+const LABEL: &str = "phasmid";
 /// Nodes of other drivers that are named one by one.
 const MAX_OTHERS: usize = 8;
 
@@ -61,7 +61,7 @@ pub(super) fn checks(machine: &Machine) -> Vec<Check> {
                 "other node",
                 Feature::V4l2,
                 format!(
-                    "/dev/video{} (v4l2loopback {:?}) is not labelled for Phasma and left alone",
+                    "/dev/video{} (v4l2loopback {:?}) is not labelled for Phasmid and left alone",
                     node.number, node.label
                 ),
             ));
@@ -84,7 +84,7 @@ pub(super) fn checks(machine: &Machine) -> Vec<Check> {
                 Check::ok(
                     "camera",
                     Feature::V4l2,
-                    "no v4l2loopback node has a label that begins with Phasma",
+                    "no v4l2loopback node has a label that begins with Phasmid",
                 )
                 .but(Status::Missing, install_options()),
             );
@@ -216,10 +216,10 @@ fn member(machine: &Machine, group: &str, user: &str) -> bool {
     members.is_some_and(|(.., list)| list.split(',').any(|name| name == user))
 }
 
-/// The names under `/dev/phasma`.
+/// The names under `/dev/phasmid`.
 fn names(machine: &Machine, ours: &[&Node]) -> Check {
     let links: Vec<_> = machine
-        .list("dev/phasma")
+        .list("dev/phasmid")
         .into_iter()
         .filter_map(|link| {
             let target = std::fs::canonicalize(&link).ok()?;
@@ -243,7 +243,7 @@ fn names(machine: &Machine, ours: &[&Node]) -> Check {
         _ => "have",
     };
     found.push(format!(
-        "{} {verb} none under /dev/phasma",
+        "{} {verb} none under /dev/phasmid",
         without.join(", ")
     ));
     Check::ok("stable names", Feature::V4l2, found.join("; ")).but(Status::Note, install_rules())

@@ -35,14 +35,14 @@ impl Feature {
 
     fn words(self) -> (&'static str, &'static str) {
         match self {
-            Self::Embedded => ("pty and frame socket", "`phasma serve` cannot run"),
+            Self::Embedded => ("pty and frame socket", "`phasmid serve` cannot run"),
             Self::V4l2 => (
                 "V4L2 camera",
-                "`phasma serve --camera auto` takes the frame socket",
+                "`phasmid serve --camera auto` takes the frame socket",
             ),
             Self::Usb => (
                 "USB device",
-                "`phasma serve --usb attach` is refused; --usb export works",
+                "`phasmid serve --usb attach` is refused; --usb export works",
             ),
             Self::Vulkan => (
                 "GPU (Vulkan)",

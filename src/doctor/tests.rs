@@ -65,12 +65,12 @@ impl Fake {
     fn good() -> Self {
         let fake = Self::bare();
         fake.loaded("Y,N", 32);
-        fake.node(10, "Phasma 1", "32");
+        fake.node(10, "Phasmid 1", "32");
         for shipped in [UDEV, MODPROBE, MODULES_LOAD] {
             fake.file(&shipped.path[1..], shipped.text);
         }
-        fs::create_dir(fake.path("dev/phasma")).unwrap();
-        symlink("../video10", fake.path("dev/phasma/1")).unwrap();
+        fs::create_dir(fake.path("dev/phasmid")).unwrap();
+        symlink("../video10", fake.path("dev/phasmid/1")).unwrap();
         fake
     }
 
@@ -200,7 +200,7 @@ fn a_good_machine_lacks_nothing() {
     assert!(fake.check("v4l2loopback").found.contains("0.12.7"));
     assert_eq!(
         fake.check("stable names").found,
-        "/dev/phasma/1 is /dev/video10"
+        "/dev/phasmid/1 is /dev/video10"
     );
     assert!(fake.check("other node").found.contains("\"Other\""));
     // 0.12 has no file that tells its version.
@@ -228,7 +228,7 @@ fn a_good_machine_lacks_nothing() {
 fn bad_options_are_named_with_their_consequence() {
     let fake = Fake::good();
     fake.loaded("N,Y", 2);
-    fake.node(10, "Phasma 1", "2");
+    fake.node(10, "Phasmid 1", "2");
     let module = fake.check("v4l2loopback");
     assert_eq!(module.status, Status::Note);
     assert!(
@@ -253,14 +253,14 @@ fn nodes_of_others_are_no_camera() {
     assert_eq!(camera.status, Status::Missing);
     assert!(fix(&camera).contains("modprobe.d"));
     // A webcam of the name is no loopback.
-    fake.file("sys/class/video4linux/video3/name", "Phasma\n");
+    fake.file("sys/class/video4linux/video3/name", "Phasmid\n");
     assert_eq!(fake.check("camera").status, Status::Missing);
 }
 
 #[test]
 fn a_shrunk_ring_is_mended_by_loading_the_module_anew() {
     let fake = Fake::good();
-    fake.node(10, "Phasma 1", "4");
+    fake.node(10, "Phasmid 1", "4");
     let camera = fake.check("camera");
     assert_eq!(camera.status, Status::Note);
     assert!(camera.found.contains("4 of 32 buffers"), "{camera:?}");
@@ -286,7 +286,7 @@ fn a_node_without_sides_is_not_free() {
     assert!(fix(&camera).starts_with("sudo modprobe -r"), "{camera:?}");
     assert!(!fake.report().suffices(&[Feature::V4l2]));
     // Another one will do.
-    fake.node(11, "Phasma 2", "32");
+    fake.node(11, "Phasmid 2", "32");
     let report = fake.report();
     assert!(report.suffices(&[Feature::V4l2]));
     let first = report.checks.iter().find(|check| check.topic == "camera");
@@ -328,7 +328,7 @@ fn a_user_outside_the_group_is_told_to_join_it() {
     assert_eq!(fix(&fake.check("permission")), "newgrp video");
     // Nobody but the owner may: joining the group would not help.
     fake.mode("dev/video10", 0o600);
-    assert!(fix(&fake.check("permission")).contains("60-phasma.rules"));
+    assert!(fix(&fake.check("permission")).contains("60-phasmid.rules"));
 }
 
 #[test]
@@ -352,7 +352,7 @@ fn in_a_container_the_host_is_to_load_the_module() {
     assert!(fake.report().container);
     // The host's nodes show in /sys, but not in /dev.
     fake.loaded("Y", 32);
-    fake.node(10, "Phasma", "32");
+    fake.node(10, "Phasmid", "32");
     fs::remove_file(fake.path("dev/video10")).unwrap();
     let check = fake.check("permission");
     assert!(check.found.contains("--device /dev/video10"), "{check:?}");
@@ -380,13 +380,13 @@ fn installed_files_are_compared() {
         check.found.contains("/etc/modprobe.d/mine.conf"),
         "{check:?}"
     );
-    fs::remove_dir_all(fake.path("dev/phasma")).unwrap();
-    fake.node(11, "Phasma 2", "32");
+    fs::remove_dir_all(fake.path("dev/phasmid")).unwrap();
+    fake.node(11, "Phasmid 2", "32");
     let names = fake.check("stable names");
     assert!(fix(&names).contains("udevadm trigger"));
     assert_eq!(
         names.found,
-        "/dev/video10, /dev/video11 have none under /dev/phasma"
+        "/dev/video10, /dev/video11 have none under /dev/phasmid"
     );
 }
 
@@ -407,7 +407,7 @@ fn vulkan_is_loader_and_driver() {
 #[test]
 fn a_label_cannot_steer_a_terminal() {
     let fake = Fake::good();
-    fake.node(10, "Phasma \u{1b}[2J", "32");
+    fake.node(10, "Phasmid \u{1b}[2J", "32");
     fake.node(11, "\u{e9}\u{9b}", "x");
     let text = fake.report().to_string();
     assert!(

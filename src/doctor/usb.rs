@@ -15,15 +15,15 @@ pub(super) fn checks(machine: &Machine) -> Vec<Check> {
     } else if machine.container() {
         check(
             "vhci_hcd",
-            "not loaded, and a container loads no modules, its host does; `phasma serve --usb \
-             export` and `phasma scan --device` need none"
+            "not loaded, and a container loads no modules, its host does; `phasmid serve --usb \
+             export` and `phasmid scan --device` need none"
                 .into(),
         )
         .but(Status::Missing, "sudo modprobe vhci-hcd".to_owned())
     } else {
         check(
             "vhci_hcd",
-            "not loaded; `phasma serve --usb attach` needs it, --usb export does not".into(),
+            "not loaded; `phasmid serve --usb attach` needs it, --usb export does not".into(),
         )
         .but(Status::Missing, "sudo modprobe vhci-hcd".to_owned())
     };

@@ -76,7 +76,7 @@ impl NoiseModel {
     }
 }
 
-/// A calibration: what a file written by `phasma` or asked from a device holds.
+/// A calibration: what a file written by `phasmid` or asked from a device holds.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Rig {

@@ -1,4 +1,4 @@
-//! How a scanner of this model is calibrated: what `phasma calibrate` uses unless told otherwise.
+//! How a scanner of this model is calibrated: what `phasmid calibrate` uses unless told otherwise.
 
 use super::Profile;
 use phasmid_core::check::Check;

@@ -1,4 +1,4 @@
-//! A station: several devices that look at one scene. What `phasma serve --profile` takes is a
+//! A station: several devices that look at one scene. What `phasmid serve --profile` takes is a
 //! station's file where it lists `[[device]]`, and a device's profile otherwise.
 
 use super::placing::{POSITION_MM, ROTATION_DEG};
@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 /// Most devices of a station, and of a server.
 pub const MAX_DEVICES: usize = 64;
 
-/// Several devices that look at one scene, as `phasma serve --profile` takes them:
+/// Several devices that look at one scene, as `phasmid serve --profile` takes them:
 ///
 /// ```toml
 /// name = "two-pods"

@@ -17,11 +17,11 @@ const REACH_MM: f64 = 250.0;
 const BELOW_MM: f64 = 40.0;
 
 /// Light goes into skin and comes out elsewhere, which no residual shows: what that does to a pose, RMS
-/// over the axes of a still patient (`phasma study acceptance`), in millimetres and degrees.
+/// over the axes of a still patient (`phasmid study acceptance`), in millimetres and degrees.
 const SKIN_SHIFT_MM: f64 = 0.15;
 const SKIN_TURN_DEG: f64 = 0.03;
 /// The breathing of the day is not planning's: error of a tumour's place over its way from the planned
-/// one, RMS over fifteen patients (`phasma study sgrt`).
+/// one, RMS over fifteen patients (`phasmid study sgrt`).
 const DAY_SHARE: f64 = 0.15;
 
 impl RigidFit {

@@ -9,7 +9,7 @@ use phasmid_geometry::{Board, Pose};
 use phasmid_profile::{Profile, Scene, Shape};
 use phasmid_render as render;
 
-/// Reflectance of the board's paper and of the ink on it, as `phasma calibrate` has them.
+/// Reflectance of the board's paper and of the ink on it, as `phasmid calibrate` has them.
 const PAPER: f64 = 0.45;
 const INK: f64 = 0.06;
 

@@ -18,7 +18,7 @@ pub const PICTURES: [&str; 3] = ["depth.png", "error.png", "overview.png"];
 /// The figures of a demo, as `summary.json` holds them.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Summary {
-    /// `phasma demo` and its version: marks a folder as a demo's.
+    /// `phasmid demo` and its version: marks a folder as a demo's.
     pub made_by: String,
     /// `*IDN?` of the device.
     pub device: String,

@@ -1,14 +1,14 @@
 //! Rates of the passes, each beside a memory copy of the same bytes in the same run: machines
-//! differ and wander, the ratio less so. The cases are those of `phasma study speed`. At the end,
+//! differ and wander, the ratio less so. The cases are those of `phasmid study speed`. At the end,
 //! what options of the decoder cost, as ratios to decoding without them; of the one that is always on
 //! the ratio has a bar.
 //!
 //! `cargo bench` runs all; `cargo bench -- geometry` those whose name holds a word.
 
-use phasma::profile::Profile;
-use phasma::study::speed::cases::{NAMES, case};
-use phasma::study::speed::pairs::{MOST_FOR_CONSISTENCY, PAIRS, pair};
-use phasma::study::timing::Stopwatch;
+use phasmid::profile::Profile;
+use phasmid::study::speed::cases::{NAMES, case};
+use phasmid::study::speed::pairs::{MOST_FOR_CONSISTENCY, PAIRS, pair};
+use phasmid::study::timing::Stopwatch;
 use std::time::Instant;
 
 fn main() {

@@ -4,10 +4,10 @@
 //! `cargo bench --bench patients`
 
 use glam::DVec3;
-use phasma::patient::isosurface::{Parts, SKIN_HU, isosurface};
-use phasma::patient::metaimage::{Packing, read_field, read_volume, write_field, write_volume};
-use phasma::patient::volume::{Field, Grid, Volume, Voxels};
-use phasma::study::timing::Stopwatch;
+use phasmid::patient::isosurface::{Parts, SKIN_HU, isosurface};
+use phasmid::patient::metaimage::{Packing, read_field, read_volume, write_field, write_volume};
+use phasmid::patient::volume::{Field, Grid, Volume, Voxels};
+use phasmid::study::timing::Stopwatch;
 use std::hint::black_box;
 use std::time::Instant;
 

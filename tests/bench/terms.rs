@@ -6,11 +6,11 @@
 //!
 //! `cargo bench --bench terms`
 
-use phasma::emulator::render::{Pass, Renderer, Term};
-use phasma::emulator::{Firmware, Shot};
-use phasma::profile::{Profile, Scene};
-use phasma::study::timing::{Stopwatch, Timing};
-use phasma::study::work_precision::{CHECKS, checks, need};
+use phasmid::emulator::render::{Pass, Renderer, Term};
+use phasmid::emulator::{Firmware, Shot};
+use phasmid::profile::{Profile, Scene};
+use phasmid::study::timing::{Stopwatch, Timing};
+use phasmid::study::work_precision::{CHECKS, checks, need};
 use std::path::Path;
 use std::time::Instant;
 

@@ -2,18 +2,18 @@
 //! the same run: machines differ and wander, the ratio less so.
 
 use glam::{DVec3, Vec3};
-use phasma::emulator::render;
-use phasma::geometry::shapes::{Torso, torso};
-use phasma::geometry::{Mesh, Pose};
-use phasma::host::track::{
+use phasmid::emulator::render;
+use phasmid::geometry::shapes::{Torso, torso};
+use phasmid::geometry::{Mesh, Pose};
+use phasmid::host::track::{
     FitOptions, Measured, ModelOptions, MotionModel, MotionState, MotionTracker, Reference, Region,
     RigidOptions, Sight, SixDof, Snapshots, Start, track_rigid,
 };
-use phasma::host::{Captured, check_identified_sequence};
-use phasma::measure::{OVERLAP_COLUMNS, overlap};
-use phasma::profile::{Profile, Scene};
-use phasma::study::scanned::Stage as Device;
-use phasma::study::timing::Stopwatch;
+use phasmid::host::{Captured, check_identified_sequence};
+use phasmid::measure::{OVERLAP_COLUMNS, overlap};
+use phasmid::profile::{Profile, Scene};
+use phasmid::study::scanned::Stage as Device;
+use phasmid::study::timing::Stopwatch;
 use std::hint::black_box;
 use std::time::Instant;
 

@@ -3,11 +3,11 @@
 //!
 //! `cargo bench --bench usb`
 
-use phasma::host::Camera;
-use phasma::host::usb::{UsbAddress, UsbCamera, UsbDevice};
-use phasma::link::usb::{CameraState, UsbDevice as Emulated, UsbServer};
-use phasma::profile::{Profile, Speed};
-use phasma::protocol::{Frame, PixelFormat};
+use phasmid::host::Camera;
+use phasmid::host::usb::{UsbAddress, UsbCamera, UsbDevice};
+use phasmid::link::usb::{CameraState, UsbDevice as Emulated, UsbServer};
+use phasmid::profile::{Profile, Speed};
+use phasmid::protocol::{Frame, PixelFormat};
 use std::hint::black_box;
 use std::io::{Read, Write};
 use std::net::{TcpListener, TcpStream};

@@ -1,11 +1,11 @@
 //! Profiles, scenes and manifests with mistakes in them: one message that names the line, what was
 //! found and what is allowed; and no text at all that makes a reader panic.
 
-use phasma::geometry::Rig;
-use phasma::patient::phantom::Patient;
-use phasma::pattern::Manifest;
-use phasma::profile::faults::Schedule;
-use phasma::profile::{Profile, Scene, Station, TomlSource, profile_names, scene_names};
+use phasmid::geometry::Rig;
+use phasmid::patient::phantom::Patient;
+use phasmid::pattern::Manifest;
+use phasmid::profile::faults::Schedule;
+use phasmid::profile::{Profile, Scene, Station, TomlSource, profile_names, scene_names};
 use proptest::prelude::*;
 
 const BENCH: &str = include_str!("../../device-profiles/pmp-bench.toml");
@@ -16,7 +16,7 @@ fn broken<T>(
     text: &str,
     from: &str,
     to: &str,
-    parse: impl Fn(&str, &str) -> phasma::Result<T>,
+    parse: impl Fn(&str, &str) -> phasmid::Result<T>,
 ) -> (String, usize) {
     let at = text
         .find(from)
@@ -174,7 +174,7 @@ fn impossible_profiles_are_refused_with_line_and_range() {
             vec!["name", "letters"],
         ),
         (
-            "manufacturer = \"Phasma\"",
+            "manufacturer = \"Phasmid\"",
             "manufacturer = \"a,b\"",
             vec!["identity.manufacturer", "comma"],
         ),
@@ -502,8 +502,8 @@ proptest! {
 
 #[test]
 fn a_reader_that_leaves_ends_a_list_quietly() {
-    let phasma = env!("CARGO_BIN_EXE_phasma");
-    let line = format!("({phasma} scene list 2>err.txt; true) | (exec 0<&-; sleep 0.3)");
+    let phasmid = env!("CARGO_BIN_EXE_phasmid");
+    let line = format!("({phasmid} scene list 2>err.txt; true) | (exec 0<&-; sleep 0.3)");
     let folder = tempfile::tempdir().unwrap();
     let done = std::process::Command::new("sh")
         .args(["-c", &line])
@@ -519,7 +519,7 @@ fn a_reader_that_leaves_ends_a_list_quietly() {
 fn no_list_may_be_longer_or_shorter(
     name: &str,
     text: &str,
-    read: impl Fn(&str) -> phasma::Result<()>,
+    read: impl Fn(&str) -> phasmid::Result<()>,
 ) -> usize {
     read(text).unwrap();
     let is_list = |inside: &str| {

@@ -1,11 +1,11 @@
 //! Light that rises, fades and is shown for a part of an exposure, in frames against closed forms.
 
-use phasma::emulator::led::{Model, Source};
-use phasma::emulator::render::{Renderer, Term};
-use phasma::emulator::{Bench, Firmware, MemorySink, Shot, Showing, Shutter, Slide};
-use phasma::pattern::{Axis, Pattern};
-use phasma::profile::{Droop, Led, Profile, Scene};
-use phasma::protocol::Frame;
+use phasmid::emulator::led::{Model, Source};
+use phasmid::emulator::render::{Renderer, Term};
+use phasmid::emulator::{Bench, Firmware, MemorySink, Shot, Showing, Shutter, Slide};
+use phasmid::pattern::{Axis, Pattern};
+use phasmid::profile::{Droop, Led, Profile, Scene};
+use phasmid::protocol::Frame;
 use std::sync::Arc;
 
 const MS: u64 = 1_000_000;

@@ -2,12 +2,12 @@
 //! is too fine, against closed forms and the slow f64 reference path.
 
 use glam::{DVec2, DVec3};
-use phasma::decode::{Decoder, FrameStack, Options, Samples};
-use phasma::emulator::render::reference::Reference;
-use phasma::emulator::render::{Renderer, Term};
-use phasma::emulator::{Shot, Slide, Truth};
-use phasma::pattern::{Axis, Manifest, Pattern};
-use phasma::profile::{Focus, Profile, Response, Scene, Vignetting};
+use phasmid::decode::{Decoder, FrameStack, Options, Samples};
+use phasmid::emulator::render::reference::Reference;
+use phasmid::emulator::render::{Renderer, Term};
+use phasmid::emulator::{Shot, Slide, Truth};
+use phasmid::pattern::{Axis, Manifest, Pattern};
+use phasmid::profile::{Focus, Profile, Response, Scene, Vignetting};
 use rayon::prelude::*;
 use std::sync::Arc;
 

@@ -1,9 +1,9 @@
 //! A projector that has a time, through the whole device: what profiles may say, and what a scan on
 //! one sees.
 
-use phasma::decode::{Decoded, Decoder, FrameStack, Options, Samples, Verdict};
-use phasma::emulator::{Bench, Firmware, MemorySink, Renderer, Shot, Truth};
-use phasma::profile::{Profile, Scene};
+use phasmid::decode::{Decoded, Decoder, FrameStack, Options, Samples, Verdict};
+use phasmid::emulator::{Bench, Firmware, MemorySink, Renderer, Shot, Truth};
+use phasmid::profile::{Profile, Scene};
 use std::sync::Arc;
 
 const EVM: &str = include_str!("../../device-profiles/dlp-evm.toml");

@@ -1,11 +1,11 @@
-//! `phasma plan`: what is computed, why, and what it costs.
+//! `phasmid plan`: what is computed, why, and what it costs.
 
-use phasma::emulator::render::Term;
+use phasmid::emulator::render::Term;
 use serde_json::Value;
 use std::process::Command;
 
 fn plan(options: &[&str]) -> std::process::Output {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_phasma"));
+    let mut command = Command::new(env!("CARGO_BIN_EXE_phasmid"));
     command.arg("plan").args(options).output().unwrap()
 }
 

@@ -1,14 +1,14 @@
 //! Bad days on the control port: whatever happens to one message or its reply, a scan gives the
 //! frames, manifest and calibration that it gives on a good day, or says what is wrong.
 
-use phasma::emulator::faults::Faults;
-use phasma::emulator::port::Port as DevicePort;
-use phasma::emulator::{Bench, Firmware, FrameSink, Machine, Renderer, SerialLine};
-use phasma::error::Error;
-use phasma::host::{Camera, Captured, CommandPort, MemoryCamera, Progress, ScanOptions, Scanner};
-use phasma::profile::{Profile, Scene};
-use phasma::protocol::Frame;
-use phasma::protocol::dialect::Dialect;
+use phasmid::emulator::faults::Faults;
+use phasmid::emulator::port::Port as DevicePort;
+use phasmid::emulator::{Bench, Firmware, FrameSink, Machine, Renderer, SerialLine};
+use phasmid::error::Error;
+use phasmid::host::{Camera, Captured, CommandPort, MemoryCamera, Progress, ScanOptions, Scanner};
+use phasmid::profile::{Profile, Scene};
+use phasmid::protocol::Frame;
+use phasmid::protocol::dialect::Dialect;
 use std::collections::VecDeque;
 use std::io::Read;
 use std::sync::Arc;

@@ -1,11 +1,11 @@
 //! The fast passes against the slow f64 reference path, which shares no shortcut with them.
 
 use glam::DVec2;
-use phasma::emulator::render::reference::Reference;
-use phasma::emulator::render::{Renderer, Term};
-use phasma::emulator::{Shot, Slide, Truth};
-use phasma::pattern::{Axis, Pattern};
-use phasma::profile::{Profile, Scene};
+use phasmid::emulator::render::reference::Reference;
+use phasmid::emulator::render::{Renderer, Term};
+use phasmid::emulator::{Shot, Slide, Truth};
+use phasmid::pattern::{Axis, Pattern};
+use phasmid::profile::{Profile, Scene};
 use rayon::prelude::*;
 use std::sync::Arc;
 

@@ -2,13 +2,13 @@
 //! the mains, and whole scans through the firmware.
 
 use crate::photometry::{dn_per_irradiance, scene};
-use phasma::decode::{Decoded, Decoder, FrameStack, Options, Samples, Verdict};
-use phasma::emulator::render::{Renderer, Term};
-use phasma::emulator::{Bench, Firmware, MemorySink, Shot, Showing, Shutter, Slide};
-use phasma::host::check_sequence;
-use phasma::pattern::{Axis, Pattern};
-use phasma::profile::{Profile, Scene};
-use phasma::protocol::Frame;
+use phasmid::decode::{Decoded, Decoder, FrameStack, Options, Samples, Verdict};
+use phasmid::emulator::render::{Renderer, Term};
+use phasmid::emulator::{Bench, Firmware, MemorySink, Shot, Showing, Shutter, Slide};
+use phasmid::host::check_sequence;
+use phasmid::pattern::{Axis, Pattern};
+use phasmid::profile::{Profile, Scene};
+use phasmid::protocol::Frame;
 use std::f64::consts::TAU;
 use std::path::Path;
 use std::sync::Arc;

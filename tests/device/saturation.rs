@@ -1,9 +1,9 @@
 //! Where the sensor is full the truth says so, and the host's mask says the same.
 
-use phasma::decode::{Decoded, Decoder, FrameStack, Options, Samples, Verdict};
-use phasma::emulator::{Bench, Firmware, MemorySink, Renderer, Shot, Truth};
-use phasma::pattern::{Pattern, finest_fringe};
-use phasma::profile::{Profile, Scene};
+use phasmid::decode::{Decoded, Decoder, FrameStack, Options, Samples, Verdict};
+use phasmid::emulator::{Bench, Firmware, MemorySink, Renderer, Shot, Truth};
+use phasmid::pattern::{Pattern, finest_fringe};
+use phasmid::profile::{Profile, Scene};
 
 /// Light from little to much: a steep ball, much too bright in its middle, before a dark plane.
 fn profile(gain_dn_per_e: f64) -> Profile {
@@ -37,7 +37,7 @@ fn see(profile: &Profile, commands: &str) -> Seen {
     let block = String::from_utf8(bench.control(b"CAL:DATA?\n")).unwrap();
     let digits: usize = block[1..2].parse().unwrap();
     let calibration = &block[2 + digits..];
-    let rig = phasma::geometry::Rig::from_toml(calibration, "CAL:DATA?").unwrap();
+    let rig = phasmid::geometry::Rig::from_toml(calibration, "CAL:DATA?").unwrap();
     let manifest = profile.manifest(&profile.sequence[0]);
     let frames = &bench.sink.frames;
     let (w, h) = (frames[0].width as usize, frames[0].height as usize);

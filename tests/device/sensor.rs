@@ -2,10 +2,10 @@
 //!
 //! Each measured figure is held against the profile's, with fixed seeds.
 
-use phasma::emulator::render::{Renderer, Term};
-use phasma::emulator::{Shot, Slide};
-use phasma::profile::{CameraResponse, Glare, Profile, Scene};
-use phasma::protocol::PixelFormat;
+use phasmid::emulator::render::{Renderer, Term};
+use phasmid::emulator::{Shot, Slide};
+use phasmid::profile::{CameraResponse, Glare, Profile, Scene};
+use phasmid::protocol::PixelFormat;
 use std::sync::Arc;
 
 /// A plane that fills the image, lit evenly by ambient light alone: the bench's integrating sphere.
@@ -334,7 +334,7 @@ fn extremes_are_numbers_and_the_same_on_any_number_of_threads() {
                 [0.0, 1e-6, 8e-3, 10.0].map(|seconds| {
                     let levels: Vec<u16> = (0..1920).map(|i| (i / 8 % 2 * 255) as u16).collect();
                     Shot {
-                        slide: Some(Arc::new(Slide::Row(phasma::pattern::Axis::X, levels))),
+                        slide: Some(Arc::new(Slide::Row(phasmid::pattern::Axis::X, levels))),
                         light: 1.0,
                         gain_db: if id == 1 { 24.0 } else { 0.0 },
                         ..shot(seconds, id)

@@ -2,11 +2,11 @@
 
 use crate::photometry::{dn_per_irradiance, scene};
 use glam::{DVec2, DVec3};
-use phasma::emulator::render::reference::Reference;
-use phasma::emulator::render::{Renderer, Term};
-use phasma::emulator::{Shot, Slide, Truth};
-use phasma::geometry::{Mesh, ply};
-use phasma::profile::Profile;
+use phasmid::emulator::render::reference::Reference;
+use phasmid::emulator::render::{Renderer, Term};
+use phasmid::emulator::{Shot, Slide, Truth};
+use phasmid::geometry::{Mesh, ply};
+use phasmid::profile::Profile;
 use rayon::prelude::*;
 use std::f64::consts::PI;
 use std::path::Path;

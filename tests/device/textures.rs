@@ -2,9 +2,9 @@
 
 use crate::photometry::{dn_per_irradiance, scene};
 use glam::DVec2;
-use phasma::emulator::render::{Options, Renderer, Term};
-use phasma::emulator::{Shot, Slide};
-use phasma::profile::{Profile, Scene};
+use phasmid::emulator::render::{Options, Renderer, Term};
+use phasmid::emulator::{Shot, Slide};
+use phasmid::profile::{Profile, Scene};
 use std::f64::consts::PI;
 use std::path::Path;
 use std::sync::Arc;

@@ -1,6 +1,6 @@
 //! The schedule that is shipped as an example.
 
-use phasma::profile::faults::{Schedule, What};
+use phasmid::profile::faults::{Schedule, What};
 use std::path::Path;
 
 #[test]

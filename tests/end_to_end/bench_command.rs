@@ -1,10 +1,10 @@
-//! `phasma bench`: how many frames a second.
+//! `phasmid bench`: how many frames a second.
 
 use serde_json::Value;
 use std::process::{Command, Output};
 
 fn bench(options: &[&str]) -> Output {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_phasma"));
+    let mut command = Command::new(env!("CARGO_BIN_EXE_phasmid"));
     command.args(["bench", "--profile", "webcam-grey", "--scene", "plane"]);
     command.args(["--frames", "4"]).args(options);
     // A loader of Vulkan that finds no driver.

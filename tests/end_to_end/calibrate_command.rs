@@ -1,8 +1,8 @@
-//! `phasma calibrate` as a user runs it: an emulated device over its ports, and captures in folders.
+//! `phasmid calibrate` as a user runs it: an emulated device over its ports, and captures in folders.
 #![cfg(target_os = "linux")]
 
-use phasma::geometry::Rig;
-use phasma::profile::Profile;
+use phasmid::geometry::Rig;
+use phasmid::profile::Profile;
 use serde_json::Value;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -11,7 +11,7 @@ use std::sync::OnceLock;
 use tempfile::{TempDir, tempdir};
 
 fn calibrate(out: &Path, arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_phasma"))
+    Command::new(env!("CARGO_BIN_EXE_phasmid"))
         .arg("calibrate")
         .args(arguments)
         .arg("--out")
@@ -347,8 +347,8 @@ fn what_an_earlier_run_left_does_not_stay_beside_a_new_one() {
     let target = folder.path().join("out");
     copy(&out(), &target);
     // A run that was killed.
-    fs::create_dir(target.join("phasma-unfinished")).unwrap();
-    fs::write(target.join("phasma-unfinished/found_pose_00.png"), "").unwrap();
+    fs::create_dir(target.join("phasmid-unfinished")).unwrap();
+    fs::write(target.join("phasmid-unfinished/found_pose_00.png"), "").unwrap();
     fs::write(target.join("notes.txt"), "mine").unwrap();
     for (captures, stay) in [
         (target.join("captures"), true),
@@ -362,7 +362,7 @@ fn what_an_earlier_run_left_does_not_stay_beside_a_new_one() {
         let kept = target.join("captures/pose_07/sequence.toml").is_file();
         assert_eq!(kept, stay, "what is read stays, what is older goes");
     }
-    for gone in ["captures", "truth.json", "phasma-unfinished"] {
+    for gone in ["captures", "truth.json", "phasmid-unfinished"] {
         assert!(!target.join(gone).exists(), "{gone}");
     }
     assert!(target.join("found_pose_07.png").is_file());

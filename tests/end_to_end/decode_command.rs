@@ -1,4 +1,4 @@
-//! `phasma decode` as a user runs it: files in, files out, exit status and messages.
+//! `phasmid decode` as a user runs it: files in, files out, exit status and messages.
 
 use image::{DynamicImage, GrayImage, ImageBuffer, Luma};
 use std::f64::consts::TAU;
@@ -43,8 +43,8 @@ fn save_grey8(path: &Path, level: &dyn Fn(u32, u32) -> f64) {
     .unwrap();
 }
 
-fn phasma(args: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_phasma"))
+fn phasmid(args: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_phasmid"))
         .arg("decode")
         .args(args)
         .output()
@@ -52,7 +52,7 @@ fn phasma(args: &[&str]) -> Output {
 }
 
 fn refused(args: &[&str], needles: &[&str]) {
-    let output = phasma(args);
+    let output = phasmid(args);
     let message = String::from_utf8_lossy(&output.stderr).into_owned();
     assert_eq!(output.status.code(), Some(2), "{message}");
     for needle in needles {
@@ -104,7 +104,7 @@ fn every_image_format_decodes_to_the_same_columns() {
         write_sequence(&frames, extension, save);
         let manifest = frames.join("sequence.toml");
         let (manifest, out_text) = (manifest.to_str().unwrap(), out.to_str().unwrap());
-        let output = phasma(&["--manifest", manifest, "--out", out_text, "--json"]);
+        let output = phasmid(&["--manifest", manifest, "--out", out_text, "--json"]);
         assert!(output.status.success(), "{name}: {output:?}");
         let json: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
         assert_eq!(json["axes"][0]["valid"], SIZE.0 * SIZE.1, "{name} {json}");
@@ -126,7 +126,7 @@ fn every_image_format_decodes_to_the_same_columns() {
             &["--manifest", manifest, "--out", out_text],
             &["--force", "npy"],
         );
-        let output = phasma(&["--manifest", manifest, "--out", out_text, "--force"]);
+        let output = phasmid(&["--manifest", manifest, "--out", out_text, "--force"]);
         let table = String::from_utf8_lossy(&output.stdout).into_owned();
         assert!(
             output.status.success() && table.contains("axis x"),
@@ -148,7 +148,7 @@ fn pictures_in_another_order_are_told_and_refused_where_that_is_wanted() {
     std::fs::write(&manifest, whole).unwrap();
     let [manifest, out] = [&manifest, &out].map(|path| path.to_str().unwrap());
     let args = ["--manifest", manifest, "--out", out];
-    assert!(phasma(&args).status.success());
+    assert!(phasmid(&args).status.success());
     let [two, five, kept] = ["2.png", "5.png", "kept.png"].map(|name| frames.join(name));
     for (from, to) in [(&two, &kept), (&five, &two), (&kept, &five)] {
         std::fs::rename(from, to).unwrap();
@@ -156,7 +156,7 @@ fn pictures_in_another_order_are_told_and_refused_where_that_is_wanted() {
     let again = [&args[..], &["--force"]].concat();
     let needles = ["sequence.toml", "frames 2 and 5 look exchanged"];
     refused(&[&again[..], &["--strict"]].concat(), &needles);
-    let output = phasma(&[&again[..], &["--json"]].concat());
+    let output = phasmid(&[&again[..], &["--json"]].concat());
     let said = String::from_utf8_lossy(&output.stderr).into_owned();
     assert!(output.status.success(), "{said}");
     let json: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
@@ -203,7 +203,7 @@ fn with_a_calibration_there_are_points() {
     };
     let run = |calibration: &Path| {
         let args = args(calibration);
-        phasma(&args.each_ref().map(String::as_str))
+        phasmid(&args.each_ref().map(String::as_str))
     };
     let output = run(&calibration);
     assert!(output.status.success(), "{output:?}");
@@ -252,7 +252,7 @@ fn with_a_calibration_there_are_points() {
         let args = args(&calibration);
         let args = [&args.each_ref().map(String::as_str)[..], &["--force"], more].concat();
         (
-            phasma(&args),
+            phasmid(&args),
             args.into_iter().map(str::to_owned).collect::<Vec<_>>(),
         )
     };

@@ -6,7 +6,7 @@ use std::process::{Command, Output};
 use tempfile::tempdir;
 
 fn demo(folder: &Path, arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_phasma"))
+    Command::new(env!("CARGO_BIN_EXE_phasmid"))
         .arg("demo")
         .args(arguments)
         .arg("--out")
@@ -146,7 +146,7 @@ fn a_missing_mesh_is_the_users_mistake_in_one_message() {
 #[test]
 fn a_killed_demo_leaves_no_device_behind() {
     let folder = tempdir().unwrap();
-    let mut child = Command::new(env!("CARGO_BIN_EXE_phasma"))
+    let mut child = Command::new(env!("CARGO_BIN_EXE_phasmid"))
         .args(["demo", "--out"])
         .arg(folder.path().join("out"))
         .stdout(std::process::Stdio::null())
@@ -157,7 +157,7 @@ fn a_killed_demo_leaves_no_device_behind() {
     let run_dir = || {
         let entries = std::fs::read_dir(folder.path()).unwrap();
         let mut paths = entries.map(|entry| entry.unwrap().path());
-        paths.find(|path| path.to_string_lossy().contains("/phasma-demo-"))
+        paths.find(|path| path.to_string_lossy().contains("/phasmid-demo-"))
     };
     let wait = |what: &dyn Fn() -> bool| {
         for _ in 0..12_000 {

@@ -5,8 +5,8 @@ use std::fs::OpenOptions;
 use std::net::TcpListener;
 use std::process::{Command, Stdio};
 
-fn phasma(args: &[&str]) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_phasma"));
+fn phasmid(args: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_phasmid"));
     command.args(args);
     command
 }
@@ -14,7 +14,7 @@ fn phasma(args: &[&str]) -> Command {
 #[test]
 fn unwritable_standard_error_keeps_the_exit_status() {
     let full = OpenOptions::new().write(true).open("/dev/full").unwrap();
-    let status = phasma(&["compare", "missing.ply", "--truth", "missing.ply"])
+    let status = phasmid(&["compare", "missing.ply", "--truth", "missing.ply"])
         .stderr(full)
         .status()
         .unwrap();
@@ -25,7 +25,7 @@ fn unwritable_standard_error_keeps_the_exit_status() {
 fn closed_pipe_ends_quietly() {
     let (reader, writer) = std::io::pipe().unwrap();
     drop(reader);
-    let output = phasma(&["profile", "list"])
+    let output = phasmid(&["profile", "list"])
         .stdout(writer)
         .stderr(Stdio::piped())
         .output()
@@ -37,7 +37,7 @@ fn closed_pipe_ends_quietly() {
 #[test]
 fn full_standard_output_is_a_failure() {
     let full = OpenOptions::new().write(true).open("/dev/full").unwrap();
-    let output = phasma(&["profile", "list"])
+    let output = phasmid(&["profile", "list"])
         .stdout(full)
         .stderr(Stdio::piped())
         .output()
@@ -50,7 +50,7 @@ fn full_standard_output_is_a_failure() {
 fn camera_info_of_a_silent_port_fails_with_a_message() {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let address = format!("tcp:{}", listener.local_addr().unwrap());
-    let output = phasma(&["camera", "info", &address, "--timeout", "0.2"])
+    let output = phasmid(&["camera", "info", &address, "--timeout", "0.2"])
         .output()
         .unwrap();
     assert_eq!(output.status.code(), Some(1));

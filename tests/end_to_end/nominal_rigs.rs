@@ -1,13 +1,13 @@
 //! The nominal rigs in `src/geometry/nominal`, the test data of modules that do not load profiles,
 //! are those of the built-in profiles.
 
-use phasma::profile::{Profile, profile_names};
+use phasmid::profile::{Profile, profile_names};
 use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::fs;
 use std::path::Path;
 
-/// Compares all files of the folder with the profiles. With `PHASMA_BLESS=1` in the environment the
+/// Compares all files of the folder with the profiles. With `PHASMID_BLESS=1` in the environment the
 /// files are written anew.
 #[test]
 fn the_nominal_rigs_are_those_of_the_profiles() {
@@ -22,7 +22,7 @@ fn the_nominal_rigs_are_those_of_the_profiles() {
     wanted.insert("board_scales.toml".to_owned(), board_scales);
 
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("src/geometry/nominal");
-    if std::env::var("PHASMA_BLESS").is_ok_and(|v| v == "1") {
+    if std::env::var("PHASMID_BLESS").is_ok_and(|v| v == "1") {
         for (name, text) in &wanted {
             fs::write(folder.join(name), text).unwrap();
         }

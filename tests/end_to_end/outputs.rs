@@ -2,9 +2,9 @@
 //! full disk.
 #![cfg(target_os = "linux")]
 
-use crate::served::{Served, phasma, text};
+use crate::served::{Served, phasmid, text};
 #[allow(dead_code)]
-use phasma::calibrate::report;
+use phasmid::calibrate::report;
 use std::fs;
 use std::os::unix::fs::symlink;
 use std::path::Path;
@@ -63,7 +63,7 @@ fn every_command_that_writes_is_driven() {
 }
 
 fn run(arguments: &str) -> Output {
-    phasma()
+    phasmid()
         .args(arguments.split_whitespace())
         .output()
         .unwrap()
@@ -160,7 +160,7 @@ fn succeeds(command: &str) {
 /// Runs a command that writes `out` where files are limited to so many blocks, as on a full disk, and
 /// sees that nothing is left.
 fn leaves_nothing(command: &str, out: &Path, blocks: u64) {
-    let program = env!("CARGO_BIN_EXE_phasma");
+    let program = env!("CARGO_BIN_EXE_phasmid");
     let line = format!("trap '' XFSZ; ulimit -f {blocks}; exec {program} {command}");
     let output = Command::new("bash").args(["-c", &line]).output().unwrap();
     assert_eq!(

@@ -34,10 +34,10 @@ fn every_command_runs() {
     assert!(shell.len() >= 6);
     // `cargo run --release --` is the program that cargo has built for this test.
     let prelude = "set -eu\n\
-        cargo() { [ \"$1 $2 $3\" = 'run --release --' ]; shift 3; phasma \"$@\"; }\n\
+        cargo() { [ \"$1 $2 $3\" = 'run --release --' ]; shift 3; phasmid \"$@\"; }\n\
         trap 'kill $(jobs -p) 2> /dev/null; wait' EXIT\n";
     let script = format!("{prelude}{}", shell.join("\n"));
-    let program = Path::new(env!("CARGO_BIN_EXE_phasma")).parent().unwrap();
+    let program = Path::new(env!("CARGO_BIN_EXE_phasmid")).parent().unwrap();
     let path = format!("{}:{}", program.display(), std::env::var("PATH").unwrap());
     let output = Command::new("bash")
         .arg("-c")
@@ -52,11 +52,11 @@ fn every_command_runs() {
     );
     assert!(output.status.success(), "{out}\n{err}");
     assert!(
-        out.contains("Phasma,webcam-grey,0001,0.1.0;0,\"No error\""),
+        out.contains("Phasmid,webcam-grey,0001,0.1.0;0,\"No error\""),
         "{out}"
     );
     for file in [
-        "phasma-demo/overview.png",
+        "phasmid-demo/overview.png",
         "scan/frame_00.png",
         "scan/cloud.ply",
         "rec-scan/cloud.ply",
@@ -90,14 +90,14 @@ fn the_manifest_in_the_readme_reads() {
     let of = |words: &str| *examples.iter().find(|text| text.contains(words)).unwrap();
     let manifest = of("[[frame]]");
     assert_eq!(
-        phasma::pattern::Manifest::parse(manifest, "README")
+        phasmid::pattern::Manifest::parse(manifest, "README")
             .unwrap()
             .frame
             .len(),
         3
     );
     let scene = format!("name = \"s\"\ndescription = \"\"\n{}", of("motion = {"));
-    let scene = phasma::profile::Scene::parse(&scene, "README").unwrap();
+    let scene = phasmid::profile::Scene::parse(&scene, "README").unwrap();
     assert!(scene.object[0].motion.is_some() && scene.object[0].deform.is_some());
     let bench = include_str!("../../device-profiles/pmp-bench.toml");
     let without = bench.replace(
@@ -105,17 +105,17 @@ fn the_manifest_in_the_readme_reads() {
         "",
     );
     let profile = format!("{without}\n{}", of("[calibration]"));
-    let calibration = phasma::profile::Profile::parse(&profile, "README")
+    let calibration = phasmid::profile::Profile::parse(&profile, "README")
         .unwrap()
         .calibration;
     assert_eq!(calibration.distance_mm, Some(1000.0));
     let profile = format!("{bench}\n{}", of("[usb]"));
-    let usb = phasma::profile::Profile::parse(&profile, "README")
+    let usb = phasmid::profile::Profile::parse(&profile, "README")
         .unwrap()
         .usb;
-    assert_ne!(usb, phasma::profile::Usb::default());
+    assert_ne!(usb, phasmid::profile::Usb::default());
     let profile = format!("{bench}\n{}\n{}", of("[control]"), of("[projector.led]"));
-    let profile = phasma::profile::Profile::parse(&profile, "README").unwrap();
+    let profile = phasmid::profile::Profile::parse(&profile, "README").unwrap();
     assert_eq!(profile.control.dialect, "okline");
     assert_eq!(profile.projector.led.unwrap().droop.len(), 2);
 }
@@ -126,10 +126,10 @@ fn a_board_is_a_shape() {
     let examples = blocks(readme, "toml");
     let board = examples.iter().find(|text| text.contains("chess"));
     let text = format!("name = \"s\"\ndescription = \"\"\n{}", board.unwrap());
-    let scene = phasma::profile::Scene::parse(&text, "README").unwrap();
+    let scene = phasmid::profile::Scene::parse(&text, "README").unwrap();
     assert!(matches!(
         scene.object[0].shape,
-        phasma::profile::Shape::Board { .. }
+        phasmid::profile::Shape::Board { .. }
     ));
 }
 
@@ -139,7 +139,7 @@ fn skin_is_a_scene_s() {
     let examples = blocks(readme, "toml");
     let skin = examples.iter().find(|text| text.contains("fitzpatrick"));
     let text = format!("name = \"s\"\ndescription = \"\"\n{}", skin.unwrap());
-    let scene = phasma::profile::Scene::parse(&text, "README").unwrap();
+    let scene = phasmid::profile::Scene::parse(&text, "README").unwrap();
     assert_eq!(scene.object[0].skin.unwrap().fitzpatrick, Some(2));
 }
 
@@ -164,9 +164,9 @@ fn what_cameras_and_projectors_do_is_in_the_plan() {
         .parse()
         .unwrap();
     overlay(&mut profile, effects.parse().unwrap());
-    let profile = phasma::profile::Profile::parse(&profile.to_string(), "README").unwrap();
-    let scene = phasma::profile::Scene::load("plane").unwrap();
-    let renderer = phasma::emulator::Renderer::new(&profile, &scene, 1).unwrap();
+    let profile = phasmid::profile::Profile::parse(&profile.to_string(), "README").unwrap();
+    let scene = phasmid::profile::Scene::load("plane").unwrap();
+    let renderer = phasmid::emulator::Renderer::new(&profile, &scene, 1).unwrap();
     let out: Vec<String> = renderer
         .decisions()
         .iter()

@@ -5,11 +5,11 @@
 //! `cargo test --release --test end_to_end -- --ignored --nocapture soak::` prints what it measured.
 #![cfg(target_os = "linux")]
 
-use phasma::host::{Instrument, SerialPort};
-use phasma::pattern::{ManifestFrame, Pattern};
-use phasma::profile::Profile;
-use phasma::protocol::Endpoints;
-use phasma::protocol::wire::FrameDecoder;
+use phasmid::host::{Instrument, SerialPort};
+use phasmid::pattern::{ManifestFrame, Pattern};
+use phasmid::profile::Profile;
+use phasmid::protocol::Endpoints;
+use phasmid::protocol::wire::FrameDecoder;
 use std::fs::{self, File};
 use std::io::{BufRead, BufReader, Read, Write};
 use std::os::unix::net::UnixStream;
@@ -50,7 +50,7 @@ impl Device {
         let profile = base.path().join("tiny.toml");
         fs::write(&profile, toml::to_string(&tiny()).unwrap()).unwrap();
         let dir = base.path().join("run");
-        let mut child = Command::new(env!("CARGO_BIN_EXE_phasma"))
+        let mut child = Command::new(env!("CARGO_BIN_EXE_phasmid"))
             .args(["serve", "--scene", "plane", "--camera", "socket"])
             .args(["--clock", "fast", "--profile"])
             .arg(&profile)
@@ -128,7 +128,7 @@ impl Device {
         assert_eq!(control.query("*OPC?").unwrap(), "1");
         let camera = self.camera();
         // It is the camera's client once another command has been answered.
-        assert!(control.query("*IDN?").unwrap().contains("Phasma"));
+        assert!(control.query("*IDN?").unwrap().contains("Phasmid"));
         let read = Arc::new(AtomicU64::new(0));
         let counted = read.clone();
         let reader = thread::spawn(move || frames(camera, count, &counted));

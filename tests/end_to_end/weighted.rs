@@ -5,8 +5,8 @@ use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-fn phasma(arguments: &[&str]) {
-    let output = Command::new(env!("CARGO_BIN_EXE_phasma"))
+fn phasmid(arguments: &[&str]) {
+    let output = Command::new(env!("CARGO_BIN_EXE_phasmid"))
         .args(arguments)
         .output()
         .unwrap();
@@ -30,7 +30,7 @@ fn decode(frames: &Path, out: &Path, options: &[&str]) {
         "--calibration",
         text(&calibration),
     ];
-    phasma(&[&["decode", "--out", text(out)], &files[..], options].concat());
+    phasmid(&[&["decode", "--out", text(out)], &files[..], options].concat());
 }
 
 /// Values of a float32 array file.
@@ -64,7 +64,7 @@ fn weighted_phases_are_less_noisy_and_say_so() {
     let at = |name: &str| root.path().join(name);
     let demo = |name: &str, options: &[&str]| {
         let out = at(name);
-        phasma(&[&["demo", "--scene", "plane", "--out", text(&out)], options].concat());
+        phasmid(&[&["demo", "--scene", "plane", "--out", text(&out)], options].concat());
     };
     demo("noisy", &[]);
     demo("weighted", &["--weighted"]);
@@ -116,7 +116,7 @@ fn scan_weighs_as_decode_does() {
     let root = tempfile::tempdir().unwrap();
     let at = |name: &str| root.path().join(name);
     let run = at("run");
-    let child = Command::new(env!("CARGO_BIN_EXE_phasma"))
+    let child = Command::new(env!("CARGO_BIN_EXE_phasmid"))
         .args(["serve", "--scene", "plane", "--profile", "pmp-bench"])
         .args([
             "--clock",
@@ -137,7 +137,7 @@ fn scan_weighs_as_decode_does() {
     }
     let camera = format!("socket:{}", text(&run.join("camera.sock")));
     let (control, scanned) = (run.join("control"), at("scan"));
-    phasma(&[
+    phasmid(&[
         "scan",
         "--camera",
         &camera,

@@ -1,10 +1,10 @@
 //! Scenes and profiles that need a term each, small enough for a processor that plays a GPU.
 
-use phasma::emulator::led::{Model, Source};
-use phasma::emulator::render::{Backend, Options, Renderer};
-use phasma::emulator::{Shot, Showing, Shutter, Slide};
-use phasma::pattern::{Axis, Pattern};
-use phasma::profile::{Droop, Led, Profile, Scene};
+use phasmid::emulator::led::{Model, Source};
+use phasmid::emulator::render::{Backend, Options, Renderer};
+use phasmid::emulator::{Shot, Showing, Shutter, Slide};
+use phasmid::pattern::{Axis, Pattern};
+use phasmid::profile::{Droop, Led, Profile, Scene};
 use std::path::Path;
 use std::sync::Arc;
 

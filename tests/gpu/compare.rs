@@ -2,9 +2,9 @@
 
 use crate::case::Case;
 use image::{GrayImage, Luma, Rgb, RgbImage};
-use phasma::emulator::Truth;
-use phasma::emulator::render::{Backend, Plan, Renderer};
-use phasma::protocol::{Frame, PixelFormat};
+use phasmid::emulator::Truth;
+use phasmid::emulator::render::{Backend, Plan, Renderer};
+use phasmid::protocol::{Frame, PixelFormat};
 use std::path::Path;
 
 /// Share of the pixels that may differ by more than a grey level, beside silhouettes and those that

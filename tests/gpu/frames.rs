@@ -1,9 +1,9 @@
 //! Frames that a GPU works at together, and what becomes of them.
 
 use crate::case::Case;
-use phasma::emulator::Shot;
-use phasma::emulator::render::Backend;
-use phasma::protocol::Frame;
+use phasmid::emulator::Shot;
+use phasmid::emulator::render::Backend;
+use phasmid::protocol::Frame;
 
 /// Frames begun one after the other are those that are made one by one.
 #[test]

@@ -2,9 +2,9 @@
 
 use crate::case::Case;
 use crate::compare::agree;
-use phasma::emulator::render::{Plan, Term};
-use phasma::pattern::{Axis, Pattern};
-use phasma::profile::{CameraResponse, Profile, Response};
+use phasmid::emulator::render::{Plan, Term};
+use phasmid::pattern::{Axis, Pattern};
+use phasmid::profile::{CameraResponse, Profile, Response};
 use std::path::Path;
 
 /// Two solids before a wall, tilted, that shade each other.
@@ -296,7 +296,7 @@ fn every_term_has_a_case() {
     let plans: Vec<Plan> = cases
         .iter()
         .map(|case| {
-            let mut renderer = case.renderer(phasma::emulator::render::Backend::Cpu);
+            let mut renderer = case.renderer(phasmid::emulator::render::Backend::Cpu);
             renderer.expect_slides(case.shots.iter().filter_map(|shot| shot.slide.as_deref()));
             renderer.plan()
         })

@@ -1,13 +1,13 @@
 //! Rendered frames through the decoder against the device's truth, in one process: the bars that
 //! the demo is held to.
 
-use phasma::calibrate::height::Mapping;
-use phasma::decode::{Decoded, Decoder, FrameStack, Options, Samples};
-use phasma::emulator::render::Renderer;
-use phasma::emulator::{Shot, Slide, Truth};
-use phasma::pattern::{Axis, Pattern};
-use phasma::profile::{Profile, Scene};
-use phasma::study::score::{Score, score};
+use phasmid::calibrate::height::Mapping;
+use phasmid::decode::{Decoded, Decoder, FrameStack, Options, Samples};
+use phasmid::emulator::render::Renderer;
+use phasmid::emulator::{Shot, Slide, Truth};
+use phasmid::pattern::{Axis, Pattern};
+use phasmid::profile::{Profile, Scene};
+use phasmid::study::score::{Score, score};
 use std::f64::consts::TAU;
 use std::sync::Arc;
 

@@ -2,12 +2,12 @@
 
 use crate::photometry::{dn_per_irradiance, scene};
 use glam::{DVec2, DVec3};
-use phasma::emulator::render::reference::Reference;
-use phasma::emulator::render::{Options, Renderer, Term};
-use phasma::emulator::{Shot, Slide};
-use phasma::geometry::Board;
-use phasma::pattern::Pattern;
-use phasma::profile::{Profile, Scene, Shape};
+use phasmid::emulator::render::reference::Reference;
+use phasmid::emulator::render::{Options, Renderer, Term};
+use phasmid::emulator::{Shot, Slide};
+use phasmid::geometry::Board;
+use phasmid::pattern::Pattern;
+use phasmid::profile::{Profile, Scene, Shape};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -378,7 +378,7 @@ fn the_middle_of_the_view_is_the_middle_of_the_board() {
 fn a_printed_board_is_not_overwritten_unasked() {
     let folder = tempfile::tempdir().unwrap();
     let run = |line: &str| {
-        let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_phasma"));
+        let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_phasmid"));
         let output = command.arg("board").args(line.split_whitespace());
         let output = output.current_dir(folder.path()).output().unwrap();
         let said = [output.stdout, output.stderr].map(|text| String::from_utf8(text).unwrap());

@@ -1,7 +1,7 @@
 //! Calibration files that OpenCV and SLStudio have written, and what becomes of broken ones.
 
-use phasma::calibrate::files::{Sizes, read_rig_sized, rig_from_bytes};
-use phasma::geometry::Rig;
+use phasmid::calibrate::files::{Sizes, read_rig_sized, rig_from_bytes};
+use phasmid::geometry::Rig;
 use std::path::{Path, PathBuf};
 
 #[path = "../fuzz/src/calibration.rs"]
@@ -96,7 +96,7 @@ fn hostile_files_are_read_or_refused() {
 
 #[test]
 fn a_toml_calibration_is_read_as_before() {
-    let rig = phasma::profile::Profile::load("pmp-bench")
+    let rig = phasmid::profile::Profile::load("pmp-bench")
         .unwrap()
         .nominal_rig();
     let text = rig.to_toml();

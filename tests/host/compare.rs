@@ -1,13 +1,13 @@
-//! `phasma compare` as a user runs it.
+//! `phasmid compare` as a user runs it.
 
 use glam::{DVec2, DVec3};
-use phasma::geometry::shapes::{Torso, torso};
-use phasma::geometry::{Cloud, Lens, Mesh, Pose, Rig, View, ply};
+use phasmid::geometry::shapes::{Torso, torso};
+use phasmid::geometry::{Cloud, Lens, Mesh, Pose, Rig, View, ply};
 use std::path::Path;
 use std::process::{Command, Output};
 
 fn compare(dir: &Path, args: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_phasma"))
+    Command::new(env!("CARGO_BIN_EXE_phasmid"))
         .arg("compare")
         .args(args)
         .current_dir(dir)

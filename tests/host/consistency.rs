@@ -1,15 +1,15 @@
 //! Frames that only count: a lost, exchanged or repeated one is told from the pictures alone, and a
 //! sound capture is never doubted.
 
-use phasma::decode::Options;
-use phasma::emulator::{Bench, Firmware, FrameSink, Renderer};
-use phasma::error::Error;
-use phasma::host::{
+use phasmid::decode::Options;
+use phasmid::emulator::{Bench, Firmware, FrameSink, Renderer};
+use phasmid::error::Error;
+use phasmid::host::{
     Camera, Captured, MemoryCamera, MemoryPort, ScanOptions, Scanner, check_sequence,
 };
-use phasma::pattern::{Axis, Manifest, Pattern};
-use phasma::profile::{Profile, Response, Scene};
-use phasma::protocol::Frame;
+use phasmid::pattern::{Axis, Manifest, Pattern};
+use phasmid::profile::{Profile, Response, Scene};
+use phasmid::protocol::Frame;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -121,7 +121,7 @@ fn profile(name: &str, dimmed: f64) -> Profile {
 
 /// Scenes at the distance of a bench; treatment rooms are larger, and their patients breathe.
 fn bench_scenes() -> impl Iterator<Item = &'static str> {
-    phasma::profile::scene_names().filter(|name| !name.starts_with("treatment-room"))
+    phasmid::profile::scene_names().filter(|name| !name.starts_with("treatment-room"))
 }
 
 /// Every capture that is looked at: both built-in sequences, all scenes, and a dim projector.
@@ -719,7 +719,7 @@ fn a_frame_torn_anywhere_is_told() {
 #[test]
 fn patterns_down_the_image_are_not_torn() {
     let mut across = profile("webcam-grey", 1.0);
-    let wide = |frame: &mut phasma::pattern::ManifestFrame| match &mut frame.pattern {
+    let wide = |frame: &mut phasmid::pattern::ManifestFrame| match &mut frame.pattern {
         Pattern::Fringe {
             axis, period_px, ..
         } => {
@@ -899,7 +899,7 @@ fn sets_and_codes_in_another_order_are_told_by_what_they_decode_to() {
 fn sequences_of_both_axes_are_not_doubted() {
     for scene in ["plane", "sphere", "trapezoid", "torso"] {
         let mut profile = profile("dlp-evm", 1.0);
-        let both = |sequence: &phasma::profile::Sequence| sequence.name == "evm-4-xy";
+        let both = |sequence: &phasmid::profile::Sequence| sequence.name == "evm-4-xy";
         let place = profile.sequence.iter().position(both).unwrap();
         profile.sequence.swap(0, place);
         let found = scan(&profile, scene, |frames| frames, 0);

@@ -3,9 +3,9 @@
 //! right, and it may not eat surfaces that are merely steep.
 
 use glam::{DVec2, DVec3};
-use phasma::decode::{Decoded, Decoder, FrameStack, Options, Samples};
-use phasma::geometry::{Lens, NoiseModel, Pose, Rig, View};
-use phasma::pattern::{Axis, Manifest, ManifestFrame, Pattern, ProjectorSize};
+use phasmid::decode::{Decoded, Decoder, FrameStack, Options, Samples};
+use phasmid::geometry::{Lens, NoiseModel, Pose, Rig, View};
+use phasmid::pattern::{Axis, Manifest, ManifestFrame, Pattern, ProjectorSize};
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 

@@ -1,14 +1,14 @@
 //! Every parser over its seeds, over every way to cut it and over cases that are the same in each
-//! run (`PHASMA_FUZZ_CASES=FIRST..END` runs others). `tests/fuzz` runs the same functions for as long as one likes.
+//! run (`PHASMID_FUZZ_CASES=FIRST..END` runs others). `tests/fuzz` runs the same functions for as long as one likes.
 
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use crate::cases;
 #[path = "../fuzz/src/parsers/mod.rs"]
-mod parsers;
+mod fuzzed;
 
-use parsers::{PARSERS, Parser};
+use crate::cases;
+use fuzzed::{PARSERS, Parser};
 
 /// Changed cases of each parser.
 const CASES: u64 = 1500;
@@ -94,7 +94,7 @@ macro_rules! parsers {
             let listed: Vec<_> = PARSERS.iter().map(|parser| parser.name).collect();
             assert_eq!(tested[..], listed[..]);
             for name in tested {
-                parsers::run(name, b"");
+                fuzzed::run(name, b"");
                 let target = root().join(format!("tests/fuzz/targets/{name}.rs"));
                 let text = std::fs::read_to_string(&target).unwrap();
                 assert!(text.contains(&format!("run(\"{name}\", bytes)")), "{name}");

@@ -1,9 +1,9 @@
 //! A real camera's photographs of a real projector's patterns. They are not part of the repository:
-//! `PHASMA_FOAM_DIR=FOLDER cargo test --release --test host -- --ignored real_capture::` with the folder of
+//! `PHASMID_FOAM_DIR=FOLDER cargo test --release --test host -- --ignored real_capture::` with the folder of
 //! `sequence.toml` and its photographs.
 
-use phasma::decode::{Decoder, Options, Plan, load_frames};
-use phasma::pattern::{Axis, Manifest};
+use phasmid::decode::{Decoder, Options, Plan, load_frames};
+use phasmid::pattern::{Axis, Manifest};
 use std::path::Path;
 
 /// Valid pixels, pixels whose whole 5 x 5 neighbourhood is valid, and those among them more than
@@ -30,10 +30,10 @@ fn isolated_errors(width: usize, x: &[f32]) -> (usize, usize, usize) {
 }
 
 #[test]
-#[ignore = "needs the capture: set PHASMA_FOAM_DIR to its folder"]
+#[ignore = "needs the capture: set PHASMID_FOAM_DIR to its folder"]
 fn foam_decodes_widely_and_without_isolated_errors() {
-    let folder = std::env::var_os("PHASMA_FOAM_DIR")
-        .expect("PHASMA_FOAM_DIR names the folder of sequence.toml and its photographs");
+    let folder = std::env::var_os("PHASMID_FOAM_DIR")
+        .expect("PHASMID_FOAM_DIR names the folder of sequence.toml and its photographs");
     let folder = Path::new(&folder);
     let manifest = Manifest::read(&folder.join("sequence.toml")).unwrap();
     let plan = Plan::new(&manifest).unwrap();

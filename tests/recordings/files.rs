@@ -1,12 +1,12 @@
 //! Files of recordings on the command line.
 
-use crate::served::{Served, phasma, serve, text};
+use crate::served::{Served, phasmid, serve, text};
 use std::fs;
 use std::path::Path;
 use std::process::{Command, Output};
 
 fn run(args: &[&str], file: &Path) -> Output {
-    phasma().args(args).arg(file).output().unwrap()
+    phasmid().args(args).arg(file).output().unwrap()
 }
 
 #[test]
@@ -23,7 +23,7 @@ fn a_file_that_is_there_is_kept_unless_forced() {
     assert_eq!(refused.status.code(), Some(2), "{}", text(&refused));
     assert!(text(&refused).contains("--force"), "{}", text(&refused));
     assert!(!run_dir.exists());
-    let scan = phasma()
+    let scan = phasmid()
         .args(["scan", "--camera", "socket:none", "--control", "none"])
         .args(["--record", file.to_str().unwrap(), "--out"])
         .arg(base.path().join("out"))
@@ -109,7 +109,7 @@ fn others_can_read_a_recording_and_so_can_people() {
     assert!(scan.status.success(), "{}", text(&scan));
     served.stop(rustix::process::Signal::TERM);
 
-    let export = phasma()
+    let export = phasmid()
         .args(["record", "export"])
         .arg(&file)
         .arg("--out")

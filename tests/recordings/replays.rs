@@ -1,6 +1,6 @@
 //! Scans of replays, and clients that leave the recorded path.
 
-use crate::served::{Served, phasma, serve, text};
+use crate::served::{Served, phasmid, serve, text};
 use rustix::process::{Pid, Signal, kill_process};
 use std::fs;
 use std::io::{BufRead, BufReader, Read, Write};
@@ -8,9 +8,9 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
-/// `phasma replay` of a file.
+/// `phasmid replay` of a file.
 fn replay(file: &Path, args: &[&str]) -> Command {
-    let mut command = phasma();
+    let mut command = phasmid();
     command.arg("replay").arg(file).args(args);
     command
 }
@@ -71,7 +71,7 @@ fn a_scan_of_a_replay_is_the_scan_that_was_recorded() {
     }
     // A recording of a recording's scan holds the same.
     let info = |file: &Path| {
-        let info = phasma()
+        let info = phasmid()
             .args(["record", "info", "--json"])
             .arg(file)
             .output();
@@ -112,7 +112,7 @@ fn open(served: &Served) -> BufReader<fs::File> {
 fn wait_for(file: &Path, received: u64) {
     let end = Instant::now() + Duration::from_secs(60);
     loop {
-        let info = phasma()
+        let info = phasmid()
             .args(["record", "info", "--json"])
             .arg(file)
             .output();
@@ -140,7 +140,7 @@ fn who_leaves_the_path_is_told_where_and_a_killed_recorder_has_written_all() {
     served.child.kill().unwrap();
     served.child.wait().unwrap();
     drop(served);
-    let info = phasma()
+    let info = phasmid()
         .args(["record", "info"])
         .arg(&file)
         .output()
@@ -235,7 +235,7 @@ fn a_device_that_was_killed_in_a_scan_is_killed_in_its_replay() {
     let base = tempfile::tempdir().unwrap();
     let file = base.path().join("host.rec");
     let mut served = Served::spawn_as_it_is(serve().args(["--clock", "real"]));
-    let scan = phasma()
+    let scan = phasmid()
         .args(["scan", "--camera", &served.at.camera, "--control"])
         .arg(&served.at.control)
         .arg("--out")
@@ -247,7 +247,7 @@ fn a_device_that_was_killed_in_a_scan_is_killed_in_its_replay() {
         .unwrap();
     let end = Instant::now() + Duration::from_secs(60);
     let frames = || {
-        let info = phasma()
+        let info = phasmid()
             .args(["record", "info", "--json"])
             .arg(&file)
             .output();

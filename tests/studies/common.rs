@@ -1,7 +1,7 @@
 //! A study, run in the process and held against its snapshot.
 
-use phasma::study::ALL;
-use phasma::study::lab::{Settings, Surroundings, run};
+use phasmid::study::ALL;
+use phasmid::study::lab::{Settings, Surroundings, run};
 use std::fs;
 use std::path::Path;
 use std::time::Instant;
@@ -17,7 +17,7 @@ pub fn whole(name: &str) {
 }
 
 /// Runs a study with seed 1 in a folder of its own, compares its tables (times apart) with the
-/// snapshot, and asserts that all its checks have passed. With `PHASMA_BLESS=1` in the environment
+/// snapshot, and asserts that all its checks have passed. With `PHASMID_BLESS=1` in the environment
 /// the snapshot is written anew.
 fn held(name: &str, quick: bool) {
     let study = *ALL.iter().find(|study| study.name() == name).unwrap();
@@ -39,7 +39,7 @@ fn held(name: &str, quick: bool) {
     let form = if quick { ".quick" } else { "" };
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let path = root.join(format!("tests/studies/{name}{form}.md"));
-    if std::env::var("PHASMA_BLESS").is_ok_and(|v| v == "1") {
+    if std::env::var("PHASMID_BLESS").is_ok_and(|v| v == "1") {
         fs::write(&path, &found).unwrap();
     }
     let failed: Vec<_> = document.checks().filter(|check| !check.passed()).collect();

@@ -1,7 +1,7 @@
 //! Every fault against the host: the table in the documentation is what comes of it, and nowhere is a
 //! cloud wrong without a word.
 
-use phasma::study::faults::{Table, markdown, tables};
+use phasmid::study::faults::{Table, markdown, tables};
 
 fn wrongs(tables: &[Table]) -> Vec<String> {
     tables.iter().flat_map(Table::wrongs).collect()
@@ -14,7 +14,7 @@ fn the_table_is_as_documented_and_no_cell_is_wrong() {
     assert_eq!(
         markdown(&tables),
         include_str!("../../src/study/faults/matrix.md"),
-        "`phasma faults matrix --force --out src/study/faults/matrix.md` renews the table"
+        "`phasmid faults matrix --force --out src/study/faults/matrix.md` renews the table"
     );
 }
 

@@ -1,11 +1,11 @@
-//! `phasma study speed --only link`: every link has its rows, and what a machine lacks is named.
+//! `phasmid study speed --only link`: every link has its rows, and what a machine lacks is named.
 
 use std::collections::HashMap;
 use std::path::Path;
 use std::process::{Command, Output};
 
 fn study(arguments: &[&str], out: &Path) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_phasma"))
+    Command::new(env!("CARGO_BIN_EXE_phasmid"))
         .args(["study", "speed", "--quick"])
         .args(arguments)
         .arg("--out")

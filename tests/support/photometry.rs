@@ -1,6 +1,6 @@
 //! What tests of light share: scenes from a few lines, and what light is worth in a frame.
 
-use phasma::profile::{Profile, Scene};
+use phasmid::profile::{Profile, Scene};
 use std::path::Path;
 
 /// A scene of a few lines; its files are in `folder`.

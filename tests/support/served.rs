@@ -1,7 +1,7 @@
 //! A device that is served for a test.
 
-use phasma::host::{Instrument, SerialPort};
-use phasma::protocol::Endpoints;
+use phasmid::host::{Instrument, SerialPort};
+use phasmid::protocol::Endpoints;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
@@ -17,13 +17,13 @@ pub struct Served {
     _base: tempfile::TempDir,
 }
 
-pub fn phasma() -> Command {
-    Command::new(env!("CARGO_BIN_EXE_phasma"))
+pub fn phasmid() -> Command {
+    Command::new(env!("CARGO_BIN_EXE_phasmid"))
 }
 
-/// `phasma serve` of the device and scene that all tests use.
+/// `phasmid serve` of the device and scene that all tests use.
 pub fn serve() -> Command {
-    let mut command = phasma();
+    let mut command = phasmid();
     command.args(["serve", "--profile", "webcam-grey", "--scene", "plane"]);
     command
 }
@@ -68,7 +68,7 @@ impl Served {
     }
 
     pub fn scan(&self, out: &Path, args: &[&str]) -> Output {
-        phasma()
+        phasmid()
             .args(["scan", "--camera", &self.at.camera, "--control"])
             .arg(&self.at.control)
             .arg("--out")

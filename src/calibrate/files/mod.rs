@@ -2,7 +2,7 @@
 //!
 //! | format | how it is known | written by |
 //! | ------ | --------------- | ---------- |
-//! | `calibration.toml` | none of the others | Phasma |
+//! | `calibration.toml` | none of the others | Phasmid |
 //! | OpenCV `FileStorage`, XML | begins with `<` | `cv::FileStorage`, SLStudio |
 //! | OpenCV `FileStorage`, YAML | `%YAML`, `---`, or `name:` first | `cv::FileStorage`, others |
 //! | OpenCV `FileStorage`, JSON | begins with `{` | `cv::FileStorage` |

@@ -3,7 +3,7 @@
 /// Where a calibration comes from.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct About {
-    /// The command and its version: `phasma calibrate 0.1.0`.
+    /// The command and its version: `phasmid calibrate 0.1.0`.
     pub made_by: String,
     /// What else heads the report, name and value: device, sequence, seed, distance to a known
     /// truth.

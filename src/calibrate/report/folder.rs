@@ -51,7 +51,7 @@ pub fn prepare(folder: &Path, also: &[&str], force: bool) -> Result<()> {
 /// Whether a calibration of ours stands in a folder.
 pub fn is_calibration(folder: &Path) -> bool {
     let summary = fs::read_to_string(folder.join("summary.json")).unwrap_or_default();
-    summary.contains("\"made_by\": \"phasma calibrate")
+    summary.contains("\"made_by\": \"phasmid calibrate")
 }
 
 /// What stands in the folder under names of ours, in order.
@@ -92,7 +92,7 @@ mod tests {
             assert!(!out.join(name).exists());
         }
         assert!(out.join("notes.txt").exists());
-        let mine = "{\n  \"made_by\": \"phasma calibrate 9\"\n}";
+        let mine = "{\n  \"made_by\": \"phasmid calibrate 9\"\n}";
         fs::write(out.join("summary.json"), mine).unwrap();
         let told = prepare(&out, &[], false).unwrap_err().to_string();
         assert!(told.contains("an earlier calibration"), "{told}");

@@ -13,7 +13,7 @@ use std::fmt;
 /// The figures of a calibration, as `summary.json` holds them.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Summary {
-    /// `phasma calibrate` and its version: marks a folder as a calibration's.
+    /// `phasmid calibrate` and its version: marks a folder as a calibration's.
     pub made_by: String,
     /// What else was said of it, name and value.
     pub remarks: Vec<(String, String)>,

@@ -184,7 +184,7 @@ fn made_up(names: &[&str]) -> Calibration {
 
 fn about() -> About {
     About {
-        made_by: "phasma calibrate 0".to_owned(),
+        made_by: "phasmid calibrate 0".to_owned(),
         remarks: vec![("seed".to_owned(), "1".to_owned())],
         pictures: vec![("first".to_owned(), "found_first.png".to_owned())],
     }

@@ -1,4 +1,4 @@
-//! `phasma bench`: frames a second on this machine's processor and GPU, of a scene that stands still
+//! `phasmid bench`: frames a second on this machine's processor and GPU, of a scene that stands still
 //! and with the geometry pass in every frame, and what each pass takes.
 
 mod measure;

@@ -1,4 +1,4 @@
-//! `phasma board`: a calibration board to print.
+//! `phasmid board`: a calibration board to print.
 
 mod svg;
 

@@ -90,11 +90,11 @@ fn strip(board: &Board, top: f64) -> String {
             marker_mm,
             ..
         } => format!(
-            "phasma board of dots: {columns} x {rows}, pitch {pitch_mm} mm, dots {dot_mm} mm, \
+            "phasmid board of dots: {columns} x {rows}, pitch {pitch_mm} mm, dots {dot_mm} mm, \
              markers {marker_mm} mm"
         ),
         Board::Chess { pitch_mm, .. } => {
-            format!("phasma chessboard: {columns} x {rows} inner corners, squares {pitch_mm} mm")
+            format!("phasmid chessboard: {columns} x {rows} inner corners, squares {pitch_mm} mm")
         }
     };
     let (left, right) = (MARGIN_MM, MARGIN_MM + RULER_MM);

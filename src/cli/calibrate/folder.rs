@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 
 /// Folder in it of what a run has made that is not over. One that was cut short leaves it; the next
 /// one throws it away.
-const DRAFT: &str = "phasma-unfinished";
+const DRAFT: &str = "phasmid-unfinished";
 
 /// A folder that a calibration is being made for. When it goes, so does what was not kept, and the
 /// folders that were made for it if nothing is in them.

@@ -1,4 +1,4 @@
-//! `phasma calibrate`: from pictures of a board to a rig, of an emulated device or from captures.
+//! `phasmid calibrate`: from pictures of a board to a rig, of an emulated device or from captures.
 
 mod captures;
 mod coefficients;
@@ -49,7 +49,7 @@ pub(super) struct Args {
     /// device, which is scanned over its ports
     #[arg(long, required_unless_present = "captures")]
     profile: Option<String>,
-    /// Captures to calibrate from: a folder with a folder for each pose, as phasma scan --no-decode
+    /// Captures to calibrate from: a folder with a folder for each pose, as phasmid scan --no-decode
     /// makes them, pictures and a sequence.toml that says what they show
     #[arg(long, value_name = "DIR", conflicts_with = "profile")]
     captures: Option<PathBuf>,
@@ -102,7 +102,7 @@ pub(super) struct Args {
     /// What runs the passes of the rendering
     #[arg(long, value_enum, default_value_t = backend::Choice::Cpu, conflicts_with = "captures")]
     backend: backend::Choice,
-    /// Keep the frames of each pose in the folder captures, as phasma scan writes them
+    /// Keep the frames of each pose in the folder captures, as phasmid scan writes them
     #[arg(long, conflicts_with = "captures")]
     keep_captures: bool,
     /// Overwrite an earlier calibration
@@ -288,7 +288,7 @@ fn finish(
 ) -> Result<()> {
     step("writing");
     let about = About {
-        made_by: format!("phasma calibrate {}", env!("CARGO_PKG_VERSION")),
+        made_by: format!("phasmid calibrate {}", env!("CARGO_PKG_VERSION")),
         remarks,
         pictures,
     };

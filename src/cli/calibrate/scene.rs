@@ -22,7 +22,7 @@ impl SceneFile {
     /// # Errors
     /// What the system refuses.
     pub(super) fn write(board: &Board, rig_from_board: &Pose) -> Result<Self> {
-        let file = Self(scratch("phasma-board-")?);
+        let file = Self(scratch("phasmid-board-")?);
         let path = file.path();
         fs::write(&path, text(board, rig_from_board)).map_err(|e| Error::io(&path, e))?;
         Ok(file)

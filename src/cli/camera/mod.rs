@@ -1,4 +1,4 @@
-//! `phasma camera info`: what a camera is and offers.
+//! `phasmid camera info`: what a camera is and offers.
 
 #[cfg(target_os = "linux")]
 mod device;

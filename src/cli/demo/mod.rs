@@ -1,4 +1,4 @@
-//! `phasma demo`: a device that is not there, scanned through its ports and held against its truth.
+//! `phasmid demo`: a device that is not there, scanned through its ports and held against its truth.
 
 use super::backend::Choice;
 use super::dialect;
@@ -28,7 +28,7 @@ use std::time::{Duration, Instant};
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Folder for frames, cloud, pictures and figures
-    #[arg(long, value_name = "DIR", default_value = "phasma-demo")]
+    #[arg(long, value_name = "DIR", default_value = "phasmid-demo")]
     out: PathBuf,
     /// Device profile: a built-in name or a TOML file
     #[arg(long, default_value = "pmp-bench")]
@@ -136,7 +136,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
         .flat_map(|axis| axis.masked)
         .collect();
     let summary = Summary {
-        made_by: format!("phasma demo {}", env!("CARGO_PKG_VERSION")),
+        made_by: format!("phasmid demo {}", env!("CARGO_PKG_VERSION")),
         device: captured.idn.clone(),
         profile: args.profile.clone(),
         scene: args.scene.clone(),
@@ -221,7 +221,7 @@ fn serve_arguments(args: &Args) -> Vec<String> {
 /// our names may not.
 fn check_out(out: &Path) -> Result<()> {
     let summary = fs::read_to_string(out.join(SUMMARY)).unwrap_or_default();
-    if summary.contains("\"made_by\": \"phasma demo") {
+    if summary.contains("\"made_by\": \"phasmid demo") {
         return Ok(());
     }
     check_folder(out, [SUMMARY, CLOUD].into_iter().chain(PICTURES), false)?;

@@ -38,7 +38,7 @@ pub(super) fn write(station: &Station, path: &Path, force: bool) -> Result<()> {
     new_file::write(path, force, |out| {
         write!(
             out,
-            "# Places as `phasma locate` has measured them.\n\n{text}"
+            "# Places as `phasmid locate` has measured them.\n\n{text}"
         )
     })
 }

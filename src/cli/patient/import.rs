@@ -1,4 +1,4 @@
-//! `phasma patient import`: a planning folder from a CT, displacement fields and a tumour.
+//! `phasmid patient import`: a planning folder from a CT, displacement fields and a tumour.
 
 use crate::cli::vector::vector;
 use glam::DVec3;

@@ -1,4 +1,4 @@
-//! `phasma patient`: the generated patients, and what planning knows of one, or of a real one.
+//! `phasmid patient`: the generated patients, and what planning knows of one, or of a real one.
 
 mod import;
 
@@ -23,7 +23,7 @@ enum Action {
         patient: String,
     },
     /// Write what planning knows of a patient: the skin, the tumour and how both move over ten phases of
-    /// breathing, as `phasma track` takes it.
+    /// breathing, as `phasmid track` takes it.
     Plan {
         /// A built-in patient, or a TOML file.
         patient: String,

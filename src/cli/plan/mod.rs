@@ -1,4 +1,4 @@
-//! `phasma plan`: which terms of image formation a profile and a scene need, why, and what each
+//! `phasmid plan`: which terms of image formation a profile and a scene need, why, and what each
 //! costs on this machine.
 
 mod measure;

@@ -33,7 +33,7 @@ pub(super) struct PodArgs {
     /// Where the pods stand in the room: a station's name or file.
     #[arg(long, value_name = "STATION", default_value = "sgrt-ceiling")]
     station: String,
-    /// Calibration of a pod in place of its own: its name in the station and any file that `phasma scan
+    /// Calibration of a pod in place of its own: its name in the station and any file that `phasmid scan
     /// --calibration` takes. Once for each.
     #[arg(long, value_name = "NAME=FILE")]
     calibration: Vec<String>,

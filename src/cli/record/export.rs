@@ -1,4 +1,4 @@
-//! `phasma record export`: pictures and text out of a recording.
+//! `phasmid record export`: pictures and text out of a recording.
 
 use phasmid_core::error::{Error, Result};
 use phasmid_core::new_file::{NewFile, check_folder, discard};
@@ -27,7 +27,7 @@ pub(super) fn run(path: &Path, out: &Path, force: bool) -> Result<()> {
             Ok(None) => break,
             Err(damage) => {
                 writeln!(lines, "damaged: {damage}").map_err(io)?;
-                eprintln!("phasma: {}: {damage}", path.display());
+                eprintln!("phasmid: {}: {damage}", path.display());
                 break;
             }
         };

@@ -1,4 +1,4 @@
-//! `phasma record info`.
+//! `phasmid record info`.
 
 use phasmid_core::error::{Error, Result};
 use phasmid_protocol::record::{About, Ending, Kind, Side, Summary};

@@ -1,4 +1,4 @@
-//! `phasma record`: what recordings hold.
+//! `phasmid record`: what recordings hold.
 
 mod export;
 mod info;

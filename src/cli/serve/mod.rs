@@ -1,4 +1,4 @@
-//! `phasma serve`: puts devices on the desk that are not there.
+//! `phasmid serve`: puts devices on the desk that are not there.
 
 mod announce;
 mod asked;
@@ -43,7 +43,7 @@ pub(super) struct Args {
     #[arg(long, value_name = "DIR")]
     run_dir: Option<PathBuf>,
     /// Where frames go besides the frame socket: a node of v4l2loopback by its path (/dev/video10);
-    /// auto, the first free one whose label starts with Phasma; or socket, nowhere else.
+    /// auto, the first free one whose label starts with Phasmid; or socket, nowhere else.
     #[arg(long, value_name = "ADDR", default_value = "auto")]
     camera: video::Choice,
     /// Be a USB device too, camera and serial port in one: export lets hosts take it over USB/IP
@@ -86,7 +86,7 @@ pub(super) struct Args {
     /// Load a sequence of your own: a manifest whose pictures stand beside it. May be repeated.
     #[arg(long, value_name = "FILE")]
     sequence: Vec<PathBuf>,
-    /// What goes wrong, and when: a schedule of faults, see `phasma faults list`. A fault may be for
+    /// What goes wrong, and when: a schedule of faults, see `phasmid faults list`. A fault may be for
     /// one device of several, by its name in its station, or its profile's.
     #[arg(long, value_name = "FILE")]
     faults: Option<PathBuf>,
@@ -96,7 +96,7 @@ pub(super) struct Args {
     /// How device time passes, which all devices share.
     #[arg(long, value_enum, default_value_t = Pace::Real)]
     clock: Pace,
-    /// Record every byte and frame with its time, for phasma replay and phasma record info. Of
+    /// Record every byte and frame with its time, for phasmid replay and phasmid record info. Of
     /// several devices each has a file, with its directory's name behind the file's.
     #[arg(long, value_name = "FILE")]
     record: Option<PathBuf>,

@@ -22,13 +22,13 @@ pub(super) fn run_dirs(args: &Args, devices: &[Asked]) -> Result<Vec<PathBuf>> {
     }
 }
 
-/// `$XDG_RUNTIME_DIR/phasma-NAME`, or `/tmp/phasma-UID-NAME`.
+/// `$XDG_RUNTIME_DIR/phasmid-NAME`, or `/tmp/phasmid-UID-NAME`.
 pub(in crate::cli) fn default_run_dir(name: &str) -> PathBuf {
     match runtime_dir() {
-        Some(dir) => dir.join(format!("phasma-{name}")),
+        Some(dir) => dir.join(format!("phasmid-{name}")),
         None => {
             let user = rustix::process::geteuid().as_raw();
-            std::env::temp_dir().join(format!("phasma-{user}-{name}"))
+            std::env::temp_dir().join(format!("phasmid-{user}-{name}"))
         }
     }
 }
@@ -45,7 +45,7 @@ fn runtime_dir() -> Option<PathBuf> {
 
 /// Stands in a directory that was made to hold those of several devices, so that it is known as
 /// such even when whoever made it was killed.
-const MARK: &str = ".phasma-made-this";
+const MARK: &str = ".phasmid-made-this";
 
 /// The directory that holds those of several devices; it goes again, if it was made for that and is
 /// empty.

@@ -78,12 +78,12 @@ impl Unit {
         };
         let mut renderer = Renderer::with_options(profile, &scene, asked.seed, options)?;
         if let Some(news) = renderer.news()? {
-            eprintln!("phasma: {}: {news}", asked.label);
+            eprintln!("phasmid: {}: {news}", asked.label);
         }
         if let Some(adapter) = renderer.adapter() {
             let (name, kind, driver) = (&adapter.name, adapter.kind, &adapter.driver);
             let profile = &asked.label;
-            eprintln!("phasma: {profile}: rendering on a GPU, {kind}: {name} ({driver})");
+            eprintln!("phasmid: {profile}: rendering on a GPU, {kind}: {name} ({driver})");
         }
         let port = dialect::port(profile)?;
         let device = Device {
@@ -112,7 +112,7 @@ impl Unit {
             video: None,
             usb: None,
             recording: None,
-            notice: |text| eprintln!("phasma: {text}"),
+            notice: |text| eprintln!("phasmid: {text}"),
         };
         Ok(Self {
             device,

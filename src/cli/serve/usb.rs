@@ -76,7 +76,7 @@ pub(super) async fn serve_usb(
     let listen = server.address().unwrap_or(listen);
     if !listen.ip().is_loopback() {
         eprintln!(
-            "phasma: USB/IP has no authentication: whoever reaches {listen} can take the device"
+            "phasmid: USB/IP has no authentication: whoever reaches {listen} can take the device"
         );
     }
     tokio::spawn(server.run(clock.clone()));
@@ -131,8 +131,8 @@ async fn attached(
 fn what_is_attached(nodes: &Nodes) -> String {
     let lacks = match (&nodes.camera, &nodes.tty) {
         (Some(_), Some(_)) => "",
-        (None, _) => ", which has made no camera of it: is there uvcvideo? run phasma doctor",
-        (_, None) => ", which has made no port of it: is there cdc_acm? run phasma doctor",
+        (None, _) => ", which has made no camera of it: is there uvcvideo? run phasmid doctor",
+        (_, None) => ", which has made no port of it: is there cdc_acm? run phasmid doctor",
     };
     format!("attached to this machine's kernel{lacks}")
 }

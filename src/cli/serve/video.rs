@@ -79,7 +79,7 @@ pub(super) fn open_video(
             option(args.clock)
         )),
         Choice::Auto => VideoOutput::open_any(&stream, bits, power_on)
-            .map_err(|why| format!("{why}; run phasma doctor")),
+            .map_err(|why| format!("{why}; run phasmid doctor")),
     };
     Ok(match opened {
         Ok(video) => {

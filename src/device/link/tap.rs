@@ -46,7 +46,7 @@ impl Tap {
         };
         let about = About {
             side: Side::Device,
-            program: concat!("phasma ", env!("CARGO_PKG_VERSION")).into(),
+            program: concat!("phasmid ", env!("CARGO_PKG_VERSION")).into(),
             started_unix_s: recording.started_unix_s,
             name: endpoints.name.clone(),
             control: endpoints.control.display().to_string(),

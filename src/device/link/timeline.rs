@@ -173,7 +173,7 @@ impl Timeline {
         match self.shared.pace {
             ClockPace::Stepped => Ok(self.shared.state()),
             pace => Err(format!(
-                "clock: {}; allowed: to step the clock of phasma serve --clock stepped",
+                "clock: {}; allowed: to step the clock of phasmid serve --clock stepped",
                 match pace {
                     ClockPace::Real => "device time is the wall's",
                     _ => "device time goes on by itself",

@@ -1,6 +1,6 @@
 //! Nominal rigs of the built-in devices, as test data for modules that do not load profiles.
 //!
-//! `tests/end_to_end/nominal_rigs.rs` compares the files with the profiles and, with `PHASMA_BLESS=1` in the
+//! `tests/end_to_end/nominal_rigs.rs` compares the files with the profiles and, with `PHASMID_BLESS=1` in the
 //! environment, writes them anew.
 
 use super::Rig;

@@ -73,7 +73,7 @@ pub(super) fn find(address: &str, capture: Capture, timeout: Duration) -> Result
 fn no_producer(address: &str) -> Error {
     Error::device(format!(
         "--camera {address}: no producer streams into this loopback node yet; start one, such as \
-         `phasma serve --camera {address}`"
+         `phasmid serve --camera {address}`"
     ))
 }
 
@@ -96,7 +96,7 @@ fn settle(address: &str, capture: Capture) -> Result<Found, Refusal> {
             printable(&node.card),
             printable(&node.driver)
         );
-        let allowed = "a capture device; `phasma doctor` lists them";
+        let allowed = "a capture device; `phasmid doctor` lists them";
         return Err(Refusal::Final(Error::input(place, found, allowed)));
     }
     let offered: Vec<FourCc> = offered_formats(&device).iter().map(|o| o.0).collect();

@@ -19,12 +19,12 @@ pub fn explain(address: &str, doing: &str, error: io::Error) -> Error {
             return Error::input(
                 place,
                 "no such device",
-                "a V4L2 device that is there; `phasma doctor` lists them",
+                "a V4L2 device that is there; `phasmid doctor` lists them",
             );
         }
         Some(EACCES) => {
             "you may not open it; join its group (usually `sudo usermod -aG video $USER`, then log \
-             in again); `phasma doctor` says more"
+             in again); `phasmid doctor` says more"
         }
         Some(EBUSY) => {
             "another program holds it (v4l2loopback from 0.14 on takes one reader at a time); close \

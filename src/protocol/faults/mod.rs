@@ -43,7 +43,7 @@ use std::path::Path;
 /// Most faults of a schedule, those added while a device runs included.
 pub const MAX_FAULTS: usize = 1024;
 
-/// A schedule: the file of `phasma serve --faults`.
+/// A schedule: the file of `phasmid serve --faults`.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Schedule {

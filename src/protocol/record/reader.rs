@@ -65,7 +65,7 @@ impl<R: Read> Reader<R> {
     /// # Errors
     /// What is no recording, or one of another version; what the system refuses.
     pub fn new(mut source: R, place: &str) -> Result<Self> {
-        let allowed = "a recording of phasma serve --record or phasma scan --record";
+        let allowed = "a recording of phasmid serve --record or phasmid scan --record";
         let refuse = |found: String| Err(Error::input(place, found, allowed));
         let head = take(&mut source, HEAD_LEN).map_err(|e| Error::io(place, e))?;
         if head.len() < HEAD_LEN {

@@ -10,7 +10,7 @@ use std::sync::{Mutex, PoisonError};
 fn about() -> About {
     About {
         side: Side::Device,
-        program: "phasma 0".into(),
+        program: "phasmid 0".into(),
         started_unix_s: 1_700_000_000,
         name: "a,b,c,d".into(),
         control: "control".into(),

@@ -127,7 +127,7 @@ impl Gpu {
         };
         let timed = adapter.features() & wgpu::Features::TIMESTAMP_QUERY;
         let wanted = wgpu::DeviceDescriptor {
-            label: Some("phasma"),
+            label: Some("phasmid"),
             required_features: timed,
             required_limits: limits,
             ..Default::default()

@@ -22,7 +22,7 @@ const MOST_BYTES: u64 = 256 << 20;
 /// What `study.json` holds.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct About {
-    /// `phasma study` and its version.
+    /// `phasmid study` and its version.
     pub(super) made_by: String,
     pub(super) study: String,
     #[serde(flatten)]
@@ -117,7 +117,7 @@ impl Folder {
             return Err(Error::input(
                 path.display(),
                 format!("no {ABOUT}"),
-                "the --out folder of a phasma study",
+                "the --out folder of a phasmid study",
             ));
         }
         let about = folder.about()?;
@@ -133,7 +133,7 @@ impl Folder {
         let path = self.path.join(ABOUT);
         let bytes = file::read(&path, 1 << 16)?;
         serde_json::from_slice(&bytes)
-            .map_err(|e| Error::input(path.display(), e.to_string(), "what phasma study wrote"))
+            .map_err(|e| Error::input(path.display(), e.to_string(), "what phasmid study wrote"))
     }
 
     /// The rows of the trials that were done, trial by trial in the order asked for; a trial is done
@@ -293,7 +293,7 @@ mod tests {
     #[test]
     fn a_program_is_the_same_whatever_commit_is_told_of_it() {
         let at = |revision: &str| About {
-            made_by: "phasma 0".to_owned(),
+            made_by: "phasmid 0".to_owned(),
             study: "noise".to_owned(),
             settings: Settings {
                 quick: true,

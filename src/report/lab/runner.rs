@@ -230,7 +230,7 @@ fn distinct(trials: &[Trial]) {
 
 fn about(study: &dyn Study, settings: &Settings, revision: &str) -> About {
     About {
-        made_by: concat!("phasma study ", env!("CARGO_PKG_VERSION")).to_owned(),
+        made_by: concat!("phasmid study ", env!("CARGO_PKG_VERSION")).to_owned(),
         study: study.name().to_owned(),
         settings: settings.clone(),
         revision: revision.to_owned(),
@@ -242,7 +242,7 @@ fn made(about: &About) -> String {
     let only = about.settings.only.as_ref();
     let only = only.map_or_else(String::new, |part| format!(" --only {part}"));
     format!(
-        "phasma study {}{quick}{only} --seed {} ({}, revision {})",
+        "phasmid study {}{quick}{only} --seed {} ({}, revision {})",
         about.study, about.settings.seed, about.made_by, about.revision
     )
 }

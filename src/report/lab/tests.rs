@@ -115,7 +115,7 @@ fn an_interrupted_study_goes_on_where_it_was() {
     let (document, _, made) = read(&studies, &path).unwrap();
     assert_eq!(document.markdown(true), first.markdown(true));
     assert!(
-        made.starts_with("phasma study squares --quick --seed 5"),
+        made.starts_with("phasmid study squares --quick --seed 5"),
         "{made}"
     );
     // Two do not write into one folder.

@@ -13,8 +13,8 @@ pub(super) const KNOWN: &str = "The torso is opaque, as phantoms are. The patien
 
 pub(super) const FRAME: &str = "In all other sections pods are what their profile says and stand where \
     the station says. Here each is built with errors of its own (projector and focal length) and hangs a \
-    millimetre or so from its place. A board in many poses calibrates each pod, as `phasma calibrate` \
-    does; a board at the isocentre, seen by all of them, tells where each stands, as `phasma locate` does. \
+    millimetre or so from its place. A board in many poses calibrates each pod, as `phasmid calibrate` \
+    does; a board at the isocentre, seen by all of them, tells where each stands, as `phasmid locate` does. \
     What is left is beside what it would be without either, and beside pods that are known exactly.";
 
 pub(super) const DRIFT: &str = "Fading light dims the fringes and moves no phase. What moves a \
@@ -33,7 +33,7 @@ pub(super) const PHANTOMS: &str = "A flat board slides and turns in its plane, a
 
 pub(super) const REGION: &str = "A small region is flat: shifts along it and turns about axes in it are \
     poorly known or not at all, and the tracker has to say so. The deviations beside the errors are those \
-    of noise; what `phasma track` adds to them for light in the skin is not in them.";
+    of noise; what `phasmid track` adds to them for light in the skin is not in them.";
 
 pub(super) const TONES: &str = "Dark skin returns less light: more noise, fewer points. It also lets \
     less light come back from below, so that the error which all scans share need not grow with it.";
@@ -44,7 +44,7 @@ pub(super) const HOLD: &str = "The projectors take turns, so that a jump in the 
 
 pub(super) const LATENCY: &str = "Latency is device time, in which the emulated device tells it, plus \
     the host's time, which is measured. A patient breathes before pods of full resolution; each scan is \
-    tracked from the answer to the one before, rigidly and by the motion model, by what `phasma track` \
+    tracked from the answer to the one before, rigidly and by the motion model, by what `phasmid track` \
     uses: the frames are held against their sequence, and of the pixels every second of every second row \
     is decoded, which leaves several times the points that are fitted. The frames of a pod are looked at \
     while the next one scans, so that only the last one's are left when the last frame has come; what a \

@@ -13,7 +13,7 @@
 //! points. In the ordinary table each link has one device before one scene; `--each` has all devices
 //! before all scenes.
 //!
-//! A cell counts scans: what the host made of the fault. `phasma faults matrix` makes the tables anew,
+//! A cell counts scans: what the host made of the fault. `phasmid faults matrix` makes the tables anew,
 //! and a test holds it to them.
 //!
 #![doc = include_str!("matrix.md")]

@@ -1,4 +1,4 @@
-//! A device that is served within the process, as `phasma serve --clock fast` serves one: on a thread
+//! A device that is served within the process, as `phasmid serve --clock fast` serves one: on a thread
 //! of its own, its USB side on another.
 
 use super::links::Missing;

@@ -3,14 +3,14 @@
 
 mod scpi_files;
 
-use phasma::emulator::faults::Faults;
-use phasma::emulator::port::Port;
-use phasma::emulator::{Bench, Firmware, FrameSink, Machine, Renderer, SerialLine};
-use phasma::host::{Captured, MemoryCamera, MemoryPort, Progress, ScanOptions, Scanner};
-use phasma::pattern::Manifest;
-use phasma::profile::{Profile, Scene};
-use phasma::protocol::Frame;
-use phasma::protocol::dialect::Dialect;
+use phasmid::emulator::faults::Faults;
+use phasmid::emulator::port::Port;
+use phasmid::emulator::{Bench, Firmware, FrameSink, Machine, Renderer, SerialLine};
+use phasmid::host::{Captured, MemoryCamera, MemoryPort, Progress, ScanOptions, Scanner};
+use phasmid::pattern::Manifest;
+use phasmid::profile::{Profile, Scene};
+use phasmid::protocol::Frame;
+use phasmid::protocol::dialect::Dialect;
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
@@ -39,7 +39,7 @@ fn scan_in(
     dialect: Dialect,
     baud: Option<u32>,
     manifest: Option<Manifest>,
-) -> phasma::Result<(Captured, u64, Vec<String>)> {
+) -> phasmid::Result<(Captured, u64, Vec<String>)> {
     let mut profile = Profile::load("webcam-grey").unwrap();
     (profile.camera.width_px, profile.camera.height_px) = (64, 48);
     profile.control.baud = baud;

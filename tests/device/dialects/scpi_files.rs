@@ -1,10 +1,10 @@
 //! Devices that speak SCPI with headers of their own, and files that say so.
 
 use super::Sink;
-use phasma::emulator::{Bench, Firmware, Renderer};
-use phasma::host::{Captured, MemoryCamera, MemoryPort, ScanOptions, Scanner};
-use phasma::profile::{Profile, Scene};
-use phasma::protocol::dialect::Dialect;
+use phasmid::emulator::{Bench, Firmware, Renderer};
+use phasmid::host::{Captured, MemoryCamera, MemoryPort, ScanOptions, Scanner};
+use phasmid::profile::{Profile, Scene};
+use phasmid::protocol::dialect::Dialect;
 use std::cell::RefCell;
 use std::rc::Rc;
 use std::time::Duration;
@@ -39,7 +39,7 @@ fn scan(
     dialect: Option<Dialect>,
     others: bool,
     sequence: Option<&str>,
-) -> (phasma::Result<Captured>, Vec<u8>) {
+) -> (phasmid::Result<Captured>, Vec<u8>) {
     let mut profile = Profile::load("webcam-grey").unwrap();
     (profile.camera.width_px, profile.camera.height_px) = (64, 48);
     let camera = MemoryCamera::default();
@@ -72,7 +72,7 @@ fn scan(
     let captured = scanner.and_then(|mut scanner| {
         let mut retries = 0;
         let captured = scanner.scan(&options, &mut |progress| {
-            retries += usize::from(matches!(progress, phasma::host::Progress::Retry(_)));
+            retries += usize::from(matches!(progress, phasmid::host::Progress::Retry(_)));
         });
         // What is refused is asked for again; what succeeds does so at once.
         assert!(captured.is_err() || retries == 0, "{retries} retries");

@@ -1,7 +1,7 @@
 //! A rig and two surfaces in closed form: from a camera's pixel to the projector's.
 
 use glam::{DVec2, DVec3};
-use phasma::profile::Profile;
+use phasmid::profile::Profile;
 
 /// Camera at the origin along z; projector turned about y alone.
 pub struct Rig {

@@ -3,7 +3,7 @@
 use super::closed_form::{Plane, Sphere};
 use super::hold::{bench, hold};
 use glam::DVec3;
-use phasma::profile::Profile;
+use phasmid::profile::Profile;
 
 fn distorted() -> Profile {
     let mut profile = bench();

@@ -4,11 +4,11 @@ use super::closed_form::{Plane, Rig, Sphere, Surface};
 use super::exact::plane;
 use super::hold::{bench, hold, scene};
 use glam::{DVec2, DVec3};
-use phasma::emulator::render::Renderer;
-use phasma::emulator::{Shot, Slide, Truth};
-use phasma::geometry::{Mesh, ply};
-use phasma::pattern::{Axis, Pattern};
-use phasma::profile::Profile;
+use phasmid::emulator::render::Renderer;
+use phasmid::emulator::{Shot, Slide, Truth};
+use phasmid::geometry::{Mesh, ply};
+use phasmid::pattern::{Axis, Pattern};
+use phasmid::profile::Profile;
 use std::sync::Arc;
 
 #[test]
@@ -311,7 +311,7 @@ fn ten_million_triangles() {
     let text = "name = \"s\"\ndescription = \"\"\n[[object]]\n\
         shape = { kind = \"torso\", triangles = 10000000 }\nposition_mm = [0, 0, 1150]\n\
         rotation_deg = [0, 0, 80]\nalbedo = 0.5\n";
-    let scene = phasma::profile::Scene::parse(text, "s").unwrap();
+    let scene = phasmid::profile::Scene::parse(text, "s").unwrap();
     let begin = std::time::Instant::now();
     let mut renderer = Renderer::new(&bench(), &scene, 1).unwrap();
     let built = begin.elapsed();

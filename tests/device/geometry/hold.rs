@@ -2,10 +2,10 @@
 
 use super::closed_form::{Rig, Surface};
 use glam::DVec2;
-use phasma::emulator::Truth;
-use phasma::emulator::render::Renderer;
-use phasma::emulator::render::reference::Reference;
-use phasma::profile::{Profile, Scene};
+use phasmid::emulator::Truth;
+use phasmid::emulator::render::Renderer;
+use phasmid::emulator::render::reference::Reference;
+use phasmid::profile::{Profile, Scene};
 use rayon::prelude::*;
 
 pub fn bench() -> Profile {

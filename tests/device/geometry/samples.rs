@@ -4,11 +4,11 @@ use super::closed_form::Rig;
 use super::exact::plane;
 use super::hold::{bench, scene};
 use glam::DVec2;
-use phasma::emulator::render::reference::Reference;
-use phasma::emulator::render::{Options, Renderer, Term};
-use phasma::emulator::{Shot, Slide, Truth};
-use phasma::pattern::{Axis, Pattern};
-use phasma::profile::{Profile, Scene};
+use phasmid::emulator::render::reference::Reference;
+use phasmid::emulator::render::{Options, Renderer, Term};
+use phasmid::emulator::{Shot, Slide, Truth};
+use phasmid::pattern::{Axis, Pattern};
+use phasmid::profile::{Profile, Scene};
 use rayon::prelude::*;
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
@@ -221,7 +221,7 @@ fn j1(x: f64) -> f64 {
 #[test]
 fn a_fringe_on_a_plane_out_of_focus_loses_the_disc_s_contrast() {
     let sharp = Profile {
-        camera: phasma::profile::Camera {
+        camera: phasmid::profile::Camera {
             focus_mm: None,
             ..blurred(1000.0).camera
         },

@@ -3,11 +3,11 @@
 use crate::interreflection::*;
 use crate::photometry::scene;
 use glam::DVec3;
-use phasma::emulator::Slide;
-use phasma::emulator::render::{Renderer, Term};
-use phasma::geometry::{Mesh, ply};
-use phasma::pattern::Axis;
-use phasma::profile::Profile;
+use phasmid::emulator::Slide;
+use phasmid::emulator::render::{Renderer, Term};
+use phasmid::geometry::{Mesh, ply};
+use phasmid::pattern::Axis;
+use phasmid::profile::Profile;
 use std::f64::consts::{PI, TAU};
 
 /// A sphere of longitudes and latitudes.

@@ -2,8 +2,8 @@
 
 use crate::interreflection::*;
 use crate::photometry::{dn_per_irradiance, scene};
-use phasma::emulator::render::Renderer;
-use phasma::profile::Profile;
+use phasmid::emulator::render::Renderer;
+use phasmid::profile::Profile;
 use std::path::Path;
 
 /// Inside of a sphere every place sees every other in proportion to its area, whatever the angles

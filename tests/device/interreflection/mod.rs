@@ -7,11 +7,11 @@ mod wedge;
 
 use crate::photometry::{dn_per_irradiance, scene};
 use glam::{DVec2, DVec3};
-use phasma::emulator::render::{Renderer, Term};
-use phasma::emulator::{Shot, Slide, Truth};
-use phasma::geometry::{Mesh, ply};
-use phasma::pattern::{Axis, Pattern};
-use phasma::profile::{Profile, Scene};
+use phasmid::emulator::render::{Renderer, Term};
+use phasmid::emulator::{Shot, Slide, Truth};
+use phasmid::geometry::{Mesh, ply};
+use phasmid::pattern::{Axis, Pattern};
+use phasmid::profile::{Profile, Scene};
 use std::f64::consts::FRAC_1_SQRT_2;
 use std::path::Path;
 use std::sync::Arc;

@@ -3,10 +3,10 @@
 use crate::interreflection::*;
 use crate::photometry::scene;
 use glam::DVec3;
-use phasma::emulator::Slide;
-use phasma::emulator::render::Renderer;
-use phasma::pattern::Axis;
-use phasma::profile::Profile;
+use phasmid::emulator::Slide;
+use phasmid::emulator::render::Renderer;
+use phasmid::pattern::Axis;
+use phasmid::profile::Profile;
 use rayon::prelude::*;
 use std::f64::consts::PI;
 use std::path::Path;

@@ -3,9 +3,9 @@
 use crate::interreflection::*;
 use crate::photometry::scene;
 use glam::DVec3;
-use phasma::emulator::render::{Renderer, Term};
-use phasma::emulator::{Shot, Shutter};
-use phasma::profile::Profile;
+use phasmid::emulator::render::{Renderer, Term};
+use phasmid::emulator::{Shot, Shutter};
+use phasmid::profile::Profile;
 use std::f64::consts::TAU;
 use std::path::Path;
 

@@ -2,9 +2,9 @@
 
 use crate::motion::{MS, bench, fringe, instants, scene, shot};
 use glam::{DVec2, DVec3};
-use phasma::emulator::render::Term;
-use phasma::emulator::{Shot, Shutter, Truth};
-use phasma::profile::{Profile, Scene};
+use phasmid::emulator::render::Term;
+use phasmid::emulator::{Shot, Shutter, Truth};
+use phasmid::profile::{Profile, Scene};
 use std::f64::consts::{PI, TAU};
 use std::path::Path;
 

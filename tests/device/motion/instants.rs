@@ -2,10 +2,10 @@
 
 use crate::motion::still::{room, write_sheet};
 use crate::motion::{MS, bench, fringe, instants, scene, shot};
-use phasma::emulator::render::{Options, Renderer};
-use phasma::emulator::{Shot, Slide};
-use phasma::geometry::{Mesh, ply, shapes};
-use phasma::profile::Scene;
+use phasmid::emulator::render::{Options, Renderer};
+use phasmid::emulator::{Shot, Slide};
+use phasmid::geometry::{Mesh, ply, shapes};
+use phasmid::profile::Scene;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -64,7 +64,7 @@ fn flicker_and_glare_go_through_the_instants() {
     let (_, slide) = fringe(&profile, 16.0, 0.4);
     for glare in [
         None,
-        Some(phasma::profile::Glare {
+        Some(phasmid::profile::Glare {
             percent: 3.0,
             sigma_px: 40.0,
         }),

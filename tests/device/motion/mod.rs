@@ -4,10 +4,10 @@ mod closed_form;
 mod instants;
 mod still;
 
-use phasma::emulator::render::{Options, Renderer};
-use phasma::emulator::{Shot, Slide};
-use phasma::pattern::{Axis, Pattern};
-use phasma::profile::{Profile, Scene};
+use phasmid::emulator::render::{Options, Renderer};
+use phasmid::emulator::{Shot, Slide};
+use phasmid::pattern::{Axis, Pattern};
+use phasmid::profile::{Profile, Scene};
 use std::path::Path;
 use std::sync::Arc;
 

@@ -1,9 +1,9 @@
 //! What moves, against the same scene standing still as it is at that time.
 
 use crate::motion::{MS, bench, fringe, instants, renderer, scene, shot};
-use phasma::emulator::render::{Options, Renderer, Term};
-use phasma::emulator::{Shot, Shutter, Truth};
-use phasma::profile::{Profile, Scene};
+use phasmid::emulator::render::{Options, Renderer, Term};
+use phasmid::emulator::{Shot, Shutter, Truth};
+use phasmid::profile::{Profile, Scene};
 use std::fmt::Write;
 use std::path::Path;
 

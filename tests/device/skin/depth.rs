@@ -2,8 +2,8 @@
 
 use crate::skin::wall::{PLANE, Seen, bench, is_even, shot, slide, wall};
 use glam::{DVec2, DVec3};
-use phasma::emulator::render::Renderer;
-use phasma::pattern::{Axis, Pattern};
+use phasmid::emulator::render::Renderer;
+use phasmid::pattern::{Axis, Pattern};
 use std::f64::consts::TAU;
 
 #[test]

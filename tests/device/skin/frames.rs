@@ -2,12 +2,12 @@
 
 use crate::skin::wall::{PLANE, Seen, bench, is_even, levels, shot, slide, wall};
 use glam::{DVec2, DVec3};
-use phasma::emulator::render::skin::{Mixture, Tissue};
-use phasma::emulator::render::{Options, Renderer, Term};
-use phasma::emulator::{Slide, Truth};
-use phasma::geometry::Pose;
-use phasma::pattern::{Axis, Pattern};
-use phasma::profile::{Focus, Profile};
+use phasmid::emulator::render::skin::{Mixture, Tissue};
+use phasmid::emulator::render::{Options, Renderer, Term};
+use phasmid::emulator::{Slide, Truth};
+use phasmid::geometry::Pose;
+use phasmid::pattern::{Axis, Pattern};
+use phasmid::profile::{Focus, Profile};
 use std::f64::consts::TAU;
 use std::sync::Arc;
 

@@ -1,7 +1,7 @@
 //! The model of skin by itself.
 
-use phasma::emulator::render::skin::{Layers, Tissue};
-use phasma::profile::Skin;
+use phasmid::emulator::render::skin::{Layers, Tissue};
+use phasmid::profile::Skin;
 use std::f64::consts::TAU;
 
 /// Reflectance by finite differences of what Cuccia's formula solves: the diffusion equation in

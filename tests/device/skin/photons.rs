@@ -2,7 +2,7 @@
 //! weights and roulette as in Wang, Jacques, Zheng: "MCML", Computer Methods and Programs in
 //! Biomedicine 47 (1995). It knows nothing of diffusion.
 
-use phasma::emulator::render::skin::Tissue;
+use phasmid::emulator::render::skin::Tissue;
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 

@@ -2,11 +2,11 @@
 //! geometry by differences.
 
 use glam::{DVec2, DVec3};
-use phasma::emulator::render::Renderer;
-use phasma::emulator::{Shot, Slide, Truth};
-use phasma::geometry::View;
-use phasma::pattern::Pattern;
-use phasma::profile::{Profile, Scene};
+use phasmid::emulator::render::Renderer;
+use phasmid::emulator::{Shot, Slide, Truth};
+use phasmid::geometry::View;
+use phasmid::pattern::Pattern;
+use phasmid::profile::{Profile, Scene};
 use std::sync::Arc;
 
 pub fn bench() -> Profile {

@@ -1,9 +1,9 @@
 //! The CT as DICOM: a series, one that is not whole, one among others, and a 4D-CT.
 
 use super::{Import, from};
-use phasma::geometry::Mesh;
-use phasma::patient::metaimage::read_volume;
-use phasma::patient::volume::{Volume, Voxels};
+use phasmid::geometry::Mesh;
+use phasmid::patient::metaimage::read_volume;
+use phasmid::patient::volume::{Volume, Voxels};
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;

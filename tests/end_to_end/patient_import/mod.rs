@@ -1,13 +1,13 @@
-//! `phasma patient import` as a user runs it: a phantom's planning folder, made again of its own CT,
+//! `phasmid patient import` as a user runs it: a phantom's planning folder, made again of its own CT,
 //! fields and tumour.
 
 mod dicom;
 mod refused;
 
 use glam::DVec3;
-use phasma::host::track::{ModelOptions, Planned, Region};
-use phasma::patient::phantom::{Patient, Phantom};
-use phasma::patient::planning::{Folder, Planning};
+use phasmid::host::track::{ModelOptions, Planned, Region};
+use phasmid::patient::phantom::{Patient, Phantom};
+use phasmid::patient::planning::{Folder, Planning};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use std::sync::OnceLock;
@@ -17,7 +17,7 @@ const PATIENT: &str = "p07-child";
 const SPACING_MM: f64 = 12.0;
 
 fn patient(arguments: &[String]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_phasma"))
+    Command::new(env!("CARGO_BIN_EXE_phasmid"))
         .arg("patient")
         .args(arguments)
         .output()

@@ -2,9 +2,9 @@
 
 use super::{Import, from};
 use glam::DVec3;
-use phasma::geometry::{Mesh, ply};
-use phasma::patient::metaimage::{Packing, read_volume, write_field, write_volume};
-use phasma::patient::volume::{Field, Grid, Volume, Voxels};
+use phasmid::geometry::{Mesh, ply};
+use phasmid::patient::metaimage::{Packing, read_volume, write_field, write_volume};
+use phasmid::patient::volume::{Field, Grid, Volume, Voxels};
 use tempfile::tempdir;
 
 #[test]

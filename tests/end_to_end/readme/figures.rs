@@ -29,7 +29,7 @@ fn cells(line: &str) -> Vec<&str> {
     line.trim_matches('|').split('|').map(str::trim).collect()
 }
 
-/// A table below `<!-- study NAME -->` is one that `phasma study NAME` has printed, as
+/// A table below `<!-- study NAME -->` is one that `phasmid study NAME` has printed, as
 /// `tests/studies/NAME.md` holds it; a name that ends in `.quick` is of the quick form.
 #[test]
 fn tables_are_those_of_the_studies() {
@@ -53,10 +53,10 @@ fn figure(name: &str) -> &'static str {
     cells(row)[1]
 }
 
-/// What `phasma demo --json` says of the trapezoid.
+/// What `phasmid demo --json` says of the trapezoid.
 fn demo(options: &[&str]) -> Value {
     let folder = tempfile::tempdir().unwrap();
-    let output = Command::new(env!("CARGO_BIN_EXE_phasma"))
+    let output = Command::new(env!("CARGO_BIN_EXE_phasmid"))
         .args(["demo", "--scene", "trapezoid", "--json", "--out"])
         .arg(folder.path().join("demo"))
         .args(options)

@@ -1,7 +1,7 @@
 //! Clients that misbehave.
 
 use crate::served::{LONG, Served, text};
-use phasma::host::{CommandPort, SerialPort};
+use phasmid::host::{CommandPort, SerialPort};
 use std::fs;
 use std::io::Write;
 use std::net::TcpStream;

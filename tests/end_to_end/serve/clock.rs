@@ -1,8 +1,8 @@
 //! Device time: stepped from outside, to the nanosecond, and on the wall's time with its lateness.
 
 use crate::served::{LONG, Served, serve};
-use phasma::host::{Capture, open_camera};
-use phasma::protocol::service::{Clock, ClockPace, DeviceAbout, Item, Reply, Request, Step, call};
+use phasmid::host::{Capture, open_camera};
+use phasmid::protocol::service::{Clock, ClockPace, DeviceAbout, Item, Reply, Request, Step, call};
 use rustix::process::Signal;
 use std::io::{Read, Write};
 use std::os::unix::net::UnixStream;
@@ -152,9 +152,9 @@ fn on_the_wall_s_time_lateness_is_measured_and_told() {
     while !dir.join("device.json").exists() {
         std::thread::sleep(Duration::from_millis(5));
     }
-    let at = phasma::protocol::Endpoints::read(&dir).unwrap();
-    let port = phasma::host::SerialPort::open(at.control.to_str().unwrap()).unwrap();
-    let mut instrument = phasma::host::Instrument::open(port, LONG).unwrap();
+    let at = phasmid::protocol::Endpoints::read(&dir).unwrap();
+    let port = phasmid::host::SerialPort::open(at.control.to_str().unwrap()).unwrap();
+    let mut instrument = phasmid::host::Instrument::open(port, LONG).unwrap();
     instrument.order("TRIG:SOUR BUS;:INIT;*TRG").unwrap();
     assert_eq!(instrument.query("*OPC?").unwrap(), "1");
     let mut stream = UnixStream::connect(&at.service).unwrap();

@@ -1,8 +1,8 @@
 //! Dialects over a real pty, host and device in processes of their own.
 
-use crate::served::{Served, phasma, serve, text};
-use phasma::host::{CommandPort, SerialPort};
-use phasma::protocol::service::ClockPace;
+use crate::served::{Served, phasmid, serve, text};
+use phasmid::host::{CommandPort, SerialPort};
+use phasmid::protocol::service::ClockPace;
 use std::fs;
 use std::path::Path;
 use std::process::Output;
@@ -19,7 +19,7 @@ fn profile(folder: &Path, control: &str) -> String {
 }
 
 fn check(file: &str) -> Output {
-    phasma().args(["profile", "check", file]).output().unwrap()
+    phasmid().args(["profile", "check", file]).output().unwrap()
 }
 
 /// On the wall's time and at once: the device says its last words of power-on in mid-scan.
@@ -96,7 +96,7 @@ fn a_dialect_of_one_s_own_scans() {
 fn bytes_take_their_time_on_the_wall() {
     let base = tempfile::tempdir().unwrap();
     let file = profile(base.path(), "dialect = \"okline\"\nbaud = 9600");
-    let mut command = phasma();
+    let mut command = phasmid();
     command.args(["serve", "--scene", "plane", "--profile", &file]);
     let served = Served::spawn_as_it_is(&mut command);
     assert_eq!(served.at.baud, Some(9600));
@@ -139,7 +139,7 @@ fn profile_check_judges_a_port_as_serve_does() {
     let base = tempfile::tempdir().unwrap();
     let line = WEBCAM.lines().count() + 3;
     let own = base.path().join("own.toml");
-    let okline = phasma::protocol::dialect::Dialect::text("okline").unwrap();
+    let okline = phasmid::protocol::dialect::Dialect::text("okline").unwrap();
     fs::write(&own, okline.replace("SEQ:COUN?", "SEQ:MOON?")).unwrap();
     for (control, words) in [
         (
@@ -168,7 +168,7 @@ fn profile_check_judges_a_port_as_serve_does() {
     ] {
         let file = profile(base.path(), control);
         let checked = check(&file);
-        let served = phasma()
+        let served = phasmid()
             .args(["serve", "--profile", &file])
             .output()
             .unwrap();
@@ -201,7 +201,7 @@ fn profile_check_judges_a_port_as_serve_does() {
         fs::write(&station, text_of).unwrap();
         let station = station.to_str().unwrap();
         let checked = check(station);
-        let served = phasma()
+        let served = phasmid()
             .args(["serve", "--profile", station])
             .output()
             .unwrap();

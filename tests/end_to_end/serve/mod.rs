@@ -1,4 +1,4 @@
-//! `phasma serve` and `phasma scan` as processes: ports, sockets, signals, and clients that
+//! `phasmid serve` and `phasmid scan` as processes: ports, sockets, signals, and clients that
 //! misbehave.
 
 mod clients;

@@ -1,12 +1,12 @@
 //! Objects of the scene at another place, over the service socket.
 
 use crate::served::{LONG, Served};
-use phasma::protocol::service::{self, Item, Maps, Placement, Request};
+use phasmid::protocol::service::{self, Item, Maps, Placement, Request};
 use std::fs;
 use std::os::unix::net::UnixStream;
 use std::path::Path;
 
-fn ask(stream: &mut UnixStream, request: Request) -> phasma::Result<Maps> {
+fn ask(stream: &mut UnixStream, request: Request) -> phasmid::Result<Maps> {
     stream.set_read_timeout(Some(LONG)).unwrap();
     service::ask(stream, request)
 }
@@ -75,7 +75,7 @@ fn a_plane_goes_where_it_is_told() {
         "7",
         "--scene",
     ];
-    let mut command = crate::served::phasma();
+    let mut command = crate::served::phasmid();
     let started = Served::spawn(command.args(profile).arg(&file));
     let still = base.path().join("still");
     assert!(started.scan(&still, &["--no-decode"]).status.success());

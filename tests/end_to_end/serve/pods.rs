@@ -1,8 +1,8 @@
 //! The pods of a treatment room by their ports: where they stand, and a patient who is followed.
 
-use crate::served::{phasma, text};
-use phasma::geometry::Pose;
-use phasma::profile::{Configuration, Profile, Station};
+use crate::served::{phasmid, text};
+use phasmid::geometry::Pose;
+use phasmid::profile::{Configuration, Profile, Station};
 use rustix::process::{Pid, Signal, kill_process};
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -25,7 +25,7 @@ impl Room {
     fn serve(station: &str, scene: &str) -> Self {
         let base = tempfile::tempdir().unwrap();
         let run = base.path().join("run");
-        let mut child = phasma()
+        let mut child = phasmid()
             .args(["serve", "--clock", "fast", "--profile", station])
             .args(["--scene", scene, "--run-dir"])
             .arg(&run)
@@ -50,7 +50,7 @@ impl Room {
 
     /// A command that reaches all pods.
     fn command(&self, name: &str) -> Command {
-        let mut command = phasma();
+        let mut command = phasmid();
         command
             .args([name, "--timeout", "60", "--run-dir"])
             .arg(&self.run);
@@ -75,7 +75,7 @@ fn station(name: &str) -> Station {
 /// Where each pod stands.
 fn places(station: &Station) -> Vec<Pose> {
     let rigs = station.device.iter().map(|device| device.rig().unwrap());
-    let place = |rig: phasma::profile::RigPlace| {
+    let place = |rig: phasmid::profile::RigPlace| {
         Pose::from_xyz_deg(rig.position_mm.into(), rig.rotation_deg.into())
     };
     rigs.map(place).collect()
@@ -141,7 +141,7 @@ fn a_pod_that_was_knocked_is_found_where_it_stands_now() {
     }
 
     // The pods show again what they showed before.
-    let scanned = phasma()
+    let scanned = phasmid()
         .args(["scan", "--no-decode", "--timeout", "60", "--control"])
         .arg(room.run.join("left/control"))
         .args([
@@ -208,7 +208,7 @@ fn a_pod_that_was_knocked_is_found_where_it_stands_now() {
         "socket:{0}/left/camera.sock,{0}/left/control",
         room.run.display()
     );
-    let mut one_twice = phasma();
+    let mut one_twice = phasmid();
     let (left, right) = (format!("left={ports}"), format!("right={ports}"));
     one_twice.args(["locate", "--device", &left, "--device", &right, "--out"]);
     refused(
@@ -216,7 +216,7 @@ fn a_pod_that_was_knocked_is_found_where_it_stands_now() {
         &["--device: left and right by the same port; allowed: ports of its own"],
     );
     // A pod by another's name, and a board that lies elsewhere.
-    let mut other = phasma();
+    let mut other = phasmid();
     other.args(["locate", "--timeout", "60", "--device", &right, "--out"]);
     let far = succeeded(&other.arg(room.place("other.toml")).output().unwrap());
     assert!(
@@ -284,7 +284,7 @@ fn a_patient_is_followed_and_a_silent_device_holds_the_beam() {
     let station = cropped_pods(folder.path());
     let room = Room::serve(station.to_str().unwrap(), "treatment-room");
     let planning = room.place("planning");
-    let planned = phasma()
+    let planned = phasmid()
         .args([
             "patient",
             "plan",
@@ -302,13 +302,13 @@ fn a_patient_is_followed_and_a_silent_device_holds_the_beam() {
         "left=socket:{0}/left/camera.sock,{0}/left/control",
         room.run.display()
     );
-    let mut command = phasma();
+    let mut command = phasmid();
     command.arg("track").arg("--planning").arg(&planning);
     refused(
         command.args(["--device", &twice, "--device", &twice]),
         &["--device: \"left\" a second time; allowed: each pod once"],
     );
-    let mut command = phasma();
+    let mut command = phasmid();
     command.arg("track").arg("--planning").arg(&planning);
     refused(
         command.args(["--device", &twice.replacen("left", "up", 1)]),

@@ -1,6 +1,6 @@
-//! `phasma scan` of a device that is served, or is not.
+//! `phasmid scan` of a device that is served, or is not.
 
-use crate::served::{Served, phasma, serve, text};
+use crate::served::{Served, phasmid, serve, text};
 use std::fs;
 use std::os::unix::fs::PermissionsExt;
 
@@ -89,7 +89,7 @@ fn a_sequence_from_a_file_is_projected() {
 fn nobody_there_is_said_so() {
     let base = tempfile::tempdir().unwrap();
     let scan = |camera: &str, control: &str| {
-        phasma()
+        phasmid()
             .args(["scan", "--camera", camera, "--control", control, "--out"])
             .arg(base.path().join("out"))
             .output()

@@ -2,8 +2,8 @@
 
 use crate::serve::clock::{ask, refused, service};
 use crate::served::{LONG, Served, serve};
-use phasma::pattern::Pattern;
-use phasma::protocol::service::{Item, MAX_LINE, Placement, Reply, Request, Step, Which, call};
+use phasmid::pattern::Pattern;
+use phasmid::protocol::service::{Item, MAX_LINE, Placement, Reply, Request, Step, Which, call};
 use rustix::process::Signal;
 use std::fs::{self, Permissions};
 use std::io::{BufRead, BufReader, Read, Write};
@@ -133,7 +133,7 @@ fn a_frame_s_truth_is_that_of_its_time() {
     served.stop(Signal::TERM);
 }
 
-const SOCKET: &str = "PHASMA_TEST_SERVICE_SOCKET";
+const SOCKET: &str = "PHASMID_TEST_SERVICE_SOCKET";
 
 /// Its mode keeps others out, and so does the device where the mode has been opened.
 #[test]

@@ -1,10 +1,10 @@
-//! Several devices of one `phasma serve`.
+//! Several devices of one `phasmid serve`.
 
-use crate::served::{LONG, phasma, text};
-use phasma::host::usb::Client;
-use phasma::profile::faults::{Fault, What};
-use phasma::protocol::Endpoints;
-use phasma::protocol::service::{Item, Request, call};
+use crate::served::{LONG, phasmid, text};
+use phasmid::host::usb::Client;
+use phasmid::profile::faults::{Fault, What};
+use phasmid::protocol::Endpoints;
+use phasmid::protocol::service::{Item, Request, call};
 use rustix::process::{Pid, Signal, kill_process};
 use std::io::{BufRead, BufReader};
 use std::os::unix::net::UnixStream;
@@ -23,7 +23,7 @@ fn profile(folder: &Path, name: &str, serial: &str) -> String {
 }
 
 fn serve(options: &[&str]) -> Command {
-    let mut command = phasma();
+    let mut command = phasmid();
     command.args(["serve", "--clock", "fast"]).args(options);
     command
 }
@@ -78,7 +78,7 @@ fn each_has_its_own_endpoints_scene_and_noise() {
     let scans = [0, 1].map(|number| {
         let out = base.path().join(format!("scan-{number}"));
         let at = &at[number];
-        let mut scan = phasma();
+        let mut scan = phasmid();
         scan.args(["scan", "--camera", &at.camera, "--control"]);
         scan.arg(&at.control).arg("--out").arg(&out);
         (scan.stdout(Stdio::null()).spawn().unwrap(), out)
@@ -119,7 +119,7 @@ fn one_usb_server_has_them_all() {
     // Both at a time, by hosts of their own.
     let scans = addresses.each_ref().map(|address| {
         let out = base.path().join(&address[address.len() - 1..]);
-        let mut scan = phasma();
+        let mut scan = phasmid();
         scan.args(["scan", "--json", "--device", address, "--out"])
             .arg(out);
         scan.stdout(Stdio::piped())
@@ -133,7 +133,7 @@ fn one_usb_server_has_them_all() {
         assert!(text(&output).contains(serial), "{}", text(&output));
     }
     // Several and no name is a choice that nobody has made.
-    let output = phasma()
+    let output = phasmid()
         .args(["scan", "--device", &format!("usb:{host}"), "--out"])
         .arg(base.path().join("neither"))
         .output()
@@ -164,7 +164,7 @@ fn what_does_not_go_together_is_refused_before_anything_is_made() {
         (&["--scene", "plane", "--scene", "no-such"], &["no-such"]),
     ];
     for (options, words) in cases {
-        let mut command = phasma();
+        let mut command = phasmid();
         command
             .arg("serve")
             .args(two)

@@ -1,10 +1,10 @@
 //! Several devices that a station lists: one clock, one scene.
 
 use crate::serve::clock::{ask, device};
-use crate::served::{LONG, phasma, text};
-use phasma::host::{Instrument, SerialPort};
-use phasma::protocol::Endpoints;
-use phasma::protocol::service::{Item, Maps, Placement, Request, Step, call};
+use crate::served::{LONG, phasmid, text};
+use phasmid::host::{Instrument, SerialPort};
+use phasmid::protocol::Endpoints;
+use phasmid::protocol::service::{Item, Maps, Placement, Request, Step, call};
 use rustix::process::{Pid, Signal, kill_process};
 use std::fs;
 use std::os::unix::net::UnixStream;
@@ -28,7 +28,7 @@ impl Pair {
         let base = tempfile::tempdir().unwrap();
         let file = station(base.path());
         let run = base.path().join("run");
-        let mut child = phasma()
+        let mut child = phasmid()
             .args(["serve", "--clock", clock, "--profile"])
             .arg(file)
             .arg("--run-dir")
@@ -169,7 +169,7 @@ fn a_station_is_listed_and_checked() {
     let base = tempfile::tempdir().unwrap();
     let file = station(base.path());
     let check = |file: &Path| {
-        phasma()
+        phasmid()
             .args(["profile", "check"])
             .arg(file)
             .output()
@@ -185,7 +185,7 @@ fn a_station_is_listed_and_checked() {
     ] {
         assert!(text(&output).contains(word), "{word}: {}", text(&output));
     }
-    let listed = phasma().args(["profile", "list"]).output().unwrap();
+    let listed = phasmid().args(["profile", "list"]).output().unwrap();
     assert!(text(&listed).contains("two-pods"), "{}", text(&listed));
     assert_eq!(check(Path::new("two-pods")).status.code(), Some(0));
     // What it names has to be there.

@@ -1,8 +1,8 @@
 //! Frames and ground truth over their sockets.
 
 use crate::served::{LONG, Served, serve};
-use phasma::host::{Capture, open_camera};
-use phasma::protocol::service;
+use phasmid::host::{Capture, open_camera};
+use phasmid::protocol::service;
 use std::fs;
 use std::io::{Read, Write};
 use std::os::unix::fs::PermissionsExt;
@@ -76,7 +76,7 @@ fn truth_comes_on_a_channel_of_its_own() {
             (640, 480, 640 * 480)
         );
         assert_eq!(maps.maps[0].0, "depth_mm");
-        phasma::emulator::Truth::from_maps(maps).unwrap();
+        phasmid::emulator::Truth::from_maps(maps).unwrap();
     }
     // A mistake is answered and the conversation goes on.
     stream.write_all(b"{\"get\":\"moon\"}\n").unwrap();

@@ -1,11 +1,11 @@
-//! The device as a USB device, between processes: `phasma serve --usb` and `phasma scan --device`,
+//! The device as a USB device, between processes: `phasmid serve --usb` and `phasmid scan --device`,
 //! without a kernel in between.
 
-use crate::served::{LONG, Served, phasma, text};
-use phasma::host::usb::{Client, UsbAddress, UsbCamera, UsbDevice, UsbPort};
-use phasma::host::{Camera, CommandPort, Instrument, SerialPort};
-use phasma::protocol::service;
-use phasma::protocol::usb::cdc::LineCoding;
+use crate::served::{LONG, Served, phasmid, text};
+use phasmid::host::usb::{Client, UsbAddress, UsbCamera, UsbDevice, UsbPort};
+use phasmid::host::{Camera, CommandPort, Instrument, SerialPort};
+use phasmid::protocol::service;
+use phasmid::protocol::usb::cdc::LineCoding;
 use std::collections::BTreeMap;
 use std::fs;
 use std::os::unix::net::UnixStream;
@@ -28,7 +28,7 @@ fn profile(dir: &Path, name: &str, change: (&str, &str), usb: &str) -> PathBuf {
 const AS_IT_IS: (&str, &str) = ("", "");
 
 fn serve(profile: &Path) -> Command {
-    let mut command = phasma();
+    let mut command = phasmid();
     command.args(["serve", "--scene", "plane", "--seed", "5", "--profile"]);
     command.arg(profile);
     command
@@ -42,7 +42,7 @@ fn serve_usb(profile: &Path) -> Command {
 }
 
 fn scan(address: &str, out: &Path) -> Command {
-    let mut command = phasma();
+    let mut command = phasmid();
     command
         .args(["scan", "--device", address, "--out"])
         .arg(out);

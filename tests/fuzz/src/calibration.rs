@@ -1,6 +1,6 @@
 //! A calibration file of any kind, from anybody: reading it ends with a rig or with words.
 
-use phasma::calibrate::files::{Format, Reprojection, Sizes, rig_from_bytes, to_opencv};
+use phasmid::calibrate::files::{Format, Reprojection, Sizes, rig_from_bytes, to_opencv};
 
 /// Reads bytes as a calibration. A rig that comes out is one, and what is written of it reads back
 /// with the same lenses.

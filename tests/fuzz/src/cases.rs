@@ -29,9 +29,9 @@ impl Numbers {
     }
 }
 
-/// Runs cases; `PHASMA_FUZZ_CASES=FIRST..END` names others than the usual ones.
+/// Runs cases; `PHASMID_FUZZ_CASES=FIRST..END` names others than the usual ones.
 pub fn each(usual: u64, seeds: &[Vec<u8>], run: impl Fn(&[u8])) {
-    let named = std::env::var("PHASMA_FUZZ_CASES").ok();
+    let named = std::env::var("PHASMID_FUZZ_CASES").ok();
     let range: Range<u64> = named.map_or(0..usual, |named| {
         let (first, end) = named.split_once("..").expect("FIRST..END");
         first.parse().unwrap()..end.parse().unwrap()

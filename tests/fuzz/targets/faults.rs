@@ -1,5 +1,5 @@
 #![no_main]
 
 libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
-    phasma_fuzz::parsers::run("faults", bytes);
+    phasmid_fuzz::parsers::run("faults", bytes);
 });

@@ -1,5 +1,5 @@
 #![no_main]
 
 libfuzzer_sys::fuzz_target!(|script: &[u8]| {
-    phasma_fuzz::usb::host::run(script);
+    phasmid_fuzz::usb::host::run(script);
 });

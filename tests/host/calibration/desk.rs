@@ -1,15 +1,15 @@
 //! A board before an emulated scanner, in one process: poses, frames, pictures and maps.
 
-use phasma::calibrate::board::Picture;
-use phasma::calibrate::poses::{Wanted, poses};
-use phasma::calibrate::rig::{Calibration, PoseData, Task, calibrate, sight};
-use phasma::calibrate::solve::Choice;
-use phasma::decode::{Decoded, Decoder, FrameStack, Options, Samples};
-use phasma::emulator::render::Renderer;
-use phasma::emulator::{Shot, Slide};
-use phasma::geometry::{Board, Pose, Rig};
-use phasma::pattern::Manifest;
-use phasma::profile::{Profile, Scene};
+use phasmid::calibrate::board::Picture;
+use phasmid::calibrate::poses::{Wanted, poses};
+use phasmid::calibrate::rig::{Calibration, PoseData, Task, calibrate, sight};
+use phasmid::calibrate::solve::Choice;
+use phasmid::decode::{Decoded, Decoder, FrameStack, Options, Samples};
+use phasmid::emulator::render::Renderer;
+use phasmid::emulator::{Shot, Slide};
+use phasmid::geometry::{Board, Pose, Rig};
+use phasmid::pattern::Manifest;
+use phasmid::profile::{Profile, Scene};
 use std::sync::Arc;
 
 /// A scanner and what it looks at.

@@ -1,9 +1,9 @@
 //! What a calibration is worth, by the truth.
 
 use crate::calibration::desk::Desk;
-use phasma::calibrate::rig::Calibration;
-use phasma::calibrate::solve::chi_square_bound;
-use phasma::geometry::Pose;
+use phasmid::calibrate::rig::Calibration;
+use phasmid::calibrate::solve::chi_square_bound;
+use phasmid::geometry::Pose;
 use std::fmt;
 
 /// A calibration's figures.

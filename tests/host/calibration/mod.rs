@@ -8,13 +8,13 @@ mod seeds;
 
 use desk::{Desk, shots};
 use figures::Figures;
-use phasma::calibrate::poses::Wanted;
-use phasma::calibrate::solve::{Choice, chi_square_bound};
-use phasma::decode::{Decoder, FrameStack, Options, Samples};
-use phasma::emulator::render::Renderer;
-use phasma::geometry::{Board, Rig};
-use phasma::profile::{Profile, Scene};
-use phasma::study::score::score;
+use phasmid::calibrate::poses::Wanted;
+use phasmid::calibrate::solve::{Choice, chi_square_bound};
+use phasmid::decode::{Decoder, FrameStack, Options, Samples};
+use phasmid::emulator::render::Renderer;
+use phasmid::geometry::{Board, Rig};
+use phasmid::profile::{Profile, Scene};
+use phasmid::study::score::score;
 
 /// The paper's figures are 0.03 px for the camera and 0.08 px for the projector over 20 poses.
 #[test]

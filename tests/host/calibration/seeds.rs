@@ -2,9 +2,9 @@
 
 use crate::calibration::desk::Desk;
 use crate::calibration::figures::Figures;
-use phasma::calibrate::poses::Wanted;
-use phasma::calibrate::solve::{Choice, chi_square_bound};
-use phasma::geometry::Board;
+use phasmid::calibrate::poses::Wanted;
+use phasmid::calibrate::solve::{Choice, chi_square_bound};
+use phasmid::geometry::Board;
 use rayon::prelude::*;
 
 #[test]

@@ -2,8 +2,8 @@
 
 use crate::decode::patterns::*;
 use crate::decode::scene::*;
-use phasma::decode::{Decoded, Decoder, FrameStack, Samples, Verdict};
-use phasma::pattern::{Axis, Manifest};
+use phasmid::decode::{Decoded, Decoder, FrameStack, Samples, Verdict};
+use phasmid::pattern::{Axis, Manifest};
 use std::f64::consts::TAU;
 
 /// What a wrong coordinate is, in projector pixels: beyond noise, about 1 mm on the bench.

@@ -2,8 +2,8 @@
 
 use crate::decode::patterns::*;
 use crate::decode::scene::*;
-use phasma::decode::{Decoded, Decoder, FrameStack, Options, Samples, Verdict};
-use phasma::pattern::{Axis, Pattern};
+use phasmid::decode::{Decoded, Decoder, FrameStack, Options, Samples, Verdict};
+use phasmid::pattern::{Axis, Pattern};
 
 #[test]
 fn saturated_and_dark_pixels_are_masked_and_said_so() {

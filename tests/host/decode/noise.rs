@@ -2,9 +2,9 @@
 
 use crate::decode::patterns::*;
 use crate::decode::scene::*;
-use phasma::decode::{Decoded, Decoder, FrameStack, Options, Samples};
-use phasma::geometry::NoiseModel;
-use phasma::pattern::{Axis, Manifest, Pattern};
+use phasmid::decode::{Decoded, Decoder, FrameStack, Options, Samples};
+use phasmid::geometry::NoiseModel;
+use phasmid::pattern::{Axis, Manifest, Pattern};
 use std::f64::consts::TAU;
 
 #[test]

@@ -2,9 +2,9 @@
 
 use crate::decode::patterns::*;
 use crate::decode::scene::*;
-use phasma::decode::{Decoder, FrameStack, Options, Samples};
-use phasma::geometry::NoiseModel;
-use phasma::pattern::Axis;
+use phasmid::decode::{Decoder, FrameStack, Options, Samples};
+use phasmid::geometry::NoiseModel;
+use phasmid::pattern::Axis;
 
 #[test]
 fn exact_at_wraps_and_at_code_edges() {
@@ -258,7 +258,7 @@ fn a_lone_period_is_wrapped_or_unwrapped_along_space() {
     let unwrapped = scene.decode(&manifest, &positions, options);
     let (w, s) = (wrapped.x.as_ref().unwrap(), unwrapped.x.as_ref().unwrap());
     assert_eq!((w.wrapped_px, s.wrapped_px), (Some(16.0), Some(16.0)));
-    let says = |decoded: &phasma::decode::Decoded, what: &str| {
+    let says = |decoded: &phasmid::decode::Decoded, what: &str| {
         decoded.notes.iter().any(|note| note.contains(what))
     };
     let known = "axis x is known modulo 16 px only";

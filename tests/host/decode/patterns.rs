@@ -1,6 +1,6 @@
 //! Sequences of patterns.
 
-use phasma::pattern::{Axis, Manifest, ManifestFrame, Pattern, ProjectorSize};
+use phasmid::pattern::{Axis, Manifest, ManifestFrame, Pattern, ProjectorSize};
 use std::f64::consts::TAU;
 
 pub fn fringes(axis: Axis, period_px: f64, phases: &[f64]) -> Vec<Pattern> {

@@ -2,8 +2,8 @@
 
 use crate::decode::patterns::*;
 use crate::decode::scene::*;
-use phasma::decode::{Decoder, FrameStack, Options, Samples, Verdict};
-use phasma::pattern::{Axis, Pattern};
+use phasmid::decode::{Decoder, FrameStack, Options, Samples, Verdict};
+use phasmid::pattern::{Axis, Pattern};
 use proptest::prelude::*;
 use std::f64::consts::TAU;
 

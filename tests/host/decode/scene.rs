@@ -1,8 +1,8 @@
 //! Frames of a scene that is known, and how far what they decode to is off.
 
-use phasma::decode::{Decoded, Decoder, FrameStack, Options, Samples, Verdict};
-use phasma::geometry::NoiseModel;
-use phasma::pattern::{Axis, Manifest, Pattern};
+use phasmid::decode::{Decoded, Decoder, FrameStack, Options, Samples, Verdict};
+use phasmid::geometry::NoiseModel;
+use phasmid::pattern::{Axis, Manifest, Pattern};
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 

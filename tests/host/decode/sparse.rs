@@ -1,9 +1,9 @@
 //! Some of the pixels decoded, beside all of them.
 
-use phasma::decode::{Decoded, FrameStack, Options, SparseDecoder};
-use phasma::emulator::render;
-use phasma::profile::{Profile, Scene};
-use phasma::study::scanned::Stage;
+use phasmid::decode::{Decoded, FrameStack, Options, SparseDecoder};
+use phasmid::emulator::render;
+use phasmid::profile::{Profile, Scene};
+use phasmid::study::scanned::Stage;
 
 /// Points of pixels that both have are the same to rounding.
 #[test]

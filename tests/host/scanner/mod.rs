@@ -3,12 +3,12 @@
 
 mod unplugged;
 
-use phasma::emulator::{Bench, Firmware, FrameSink, Renderer};
-use phasma::error::Error;
-use phasma::geometry::{NoiseModel, Rig};
-use phasma::host::{Camera, Captured, MemoryCamera, MemoryPort, Progress, ScanOptions, Scanner};
-use phasma::profile::{Profile, Scene};
-use phasma::protocol::Frame;
+use phasmid::emulator::{Bench, Firmware, FrameSink, Renderer};
+use phasmid::error::Error;
+use phasmid::geometry::{NoiseModel, Rig};
+use phasmid::host::{Camera, Captured, MemoryCamera, MemoryPort, Progress, ScanOptions, Scanner};
+use phasmid::profile::{Profile, Scene};
+use phasmid::protocol::Frame;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -170,7 +170,7 @@ fn a_scan_has_every_frame_in_order() {
     let (captured, retries) = scan(Fault::None, 0, &options());
     let captured = captured.unwrap();
     assert_eq!(retries, [""; 0]);
-    assert_eq!(captured.idn, "Phasma,webcam-grey,0001,0.1.0");
+    assert_eq!(captured.idn, "Phasmid,webcam-grey,0001,0.1.0");
     assert_eq!(captured.manifest, profile.manifest(&profile.sequence[0]));
     assert_eq!(captured.calibration, Some(profile.nominal_rig()));
     let ids: Vec<_> = captured

@@ -1,11 +1,11 @@
 //! A device whose cable is pulled in a scan: camera and port go at once, and come back or do not.
 
 use super::{SHORT, options};
-use phasma::emulator::{Bench, Firmware, FrameSink, Renderer};
-use phasma::error::Error;
-use phasma::host::{Camera, Captured, CommandPort, MemoryCamera, Progress, Scanner};
-use phasma::profile::{Profile, Scene};
-use phasma::protocol::Frame;
+use phasmid::emulator::{Bench, Firmware, FrameSink, Renderer};
+use phasmid::error::Error;
+use phasmid::host::{Camera, Captured, CommandPort, MemoryCamera, Progress, Scanner};
+use phasmid::profile::{Profile, Scene};
+use phasmid::protocol::Frame;
 use std::cell::RefCell;
 use std::collections::VecDeque;
 use std::io::Read;

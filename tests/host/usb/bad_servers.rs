@@ -1,10 +1,10 @@
 //! Servers that are none, lie, break off or fall silent: one clear error each, and no waiting.
 
-use phasma::host::usb::{Client, UsbAddress, UsbDevice};
-use phasma::protocol::usb::usbip::{
+use phasmid::host::usb::{Client, UsbAddress, UsbDevice};
+use phasmid::protocol::usb::usbip::{
     BUS_ID_LEN, DeviceInfo, HEADER_LEN, OPERATION_LEN, Operation, Outcome, Reply, status,
 };
-use phasma::protocol::usb::{Setup, request};
+use phasmid::protocol::usb::{Setup, request};
 use std::io::{Read, Write};
 use std::net::{TcpListener, TcpStream};
 use std::time::{Duration, Instant};

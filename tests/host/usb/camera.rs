@@ -1,12 +1,12 @@
 //! Frames: in order, without loss, as often as one likes, and what faults do to them.
 
 use crate::usb::served::{Served, TIMEOUT, frame};
-use phasma::host::Camera;
-use phasma::host::usb::{UsbCamera, VideoControl, VideoFunction};
-use phasma::link::usb::{Event, Fault};
-use phasma::profile::{Speed, Transfer};
-use phasma::protocol::PixelFormat;
-use phasma::protocol::usb::{Setup, request};
+use phasmid::host::Camera;
+use phasmid::host::usb::{UsbCamera, VideoControl, VideoFunction};
+use phasmid::link::usb::{Event, Fault};
+use phasmid::profile::{Speed, Transfer};
+use phasmid::protocol::PixelFormat;
+use phasmid::protocol::usb::{Setup, request};
 use std::time::{Duration, Instant};
 
 fn streams(speed: Speed, transfer: Transfer, frames: u64) {

@@ -3,9 +3,9 @@
 //! reader of its own.
 
 use crate::usb::served::{HEIGHT, Served, WIDTH};
-use phasma::host::usb::UsbDevice;
-use phasma::profile::{Speed, Transfer};
-use phasma::protocol::usb::{Setup, request};
+use phasmid::host::usb::UsbDevice;
+use phasmid::profile::{Speed, Transfer};
+use phasmid::protocol::usb::{Setup, request};
 use std::collections::BTreeSet;
 
 fn get(device: &UsbDevice, kind: u16, number: u16, length: u16) -> Vec<u8> {

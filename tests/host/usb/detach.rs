@@ -1,13 +1,13 @@
 //! Transfers taken back at random, devices let go of at any moment.
 
 use crate::usb::served::{Served, TIMEOUT, frame};
-use phasma::host::usb::{Client, Transfer, UsbAddress, UsbCamera, UsbDevice, UsbPort};
-use phasma::host::{Camera, CommandPort};
-use phasma::link::usb::Event;
-use phasma::profile::{Speed, Transfer as Way};
-use phasma::protocol::PixelFormat;
-use phasma::protocol::usb::usbip::status;
-use phasma::protocol::usb::{Setup, request};
+use phasmid::host::usb::{Client, Transfer, UsbAddress, UsbCamera, UsbDevice, UsbPort};
+use phasmid::host::{Camera, CommandPort};
+use phasmid::link::usb::Event;
+use phasmid::profile::{Speed, Transfer as Way};
+use phasmid::protocol::PixelFormat;
+use phasmid::protocol::usb::usbip::status;
+use phasmid::protocol::usb::{Setup, request};
 use std::sync::Arc;
 use std::time::Duration;
 

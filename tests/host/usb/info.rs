@@ -1,13 +1,13 @@
-//! `phasma camera info` of a device that no kernel has attached.
+//! `phasmid camera info` of a device that no kernel has attached.
 
 use crate::usb::served::Served;
-use phasma::link::usb::Event;
-use phasma::profile::{Profile, Speed, Transfer};
+use phasmid::link::usb::Event;
+use phasmid::profile::{Profile, Speed, Transfer};
 use serde_json::{Value, json};
 use std::process::{Command, Output};
 
 fn info(arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_phasma"))
+    Command::new(env!("CARGO_BIN_EXE_phasmid"))
         .args(["camera", "info"])
         .args(arguments)
         .output()

@@ -2,11 +2,11 @@
 
 use crate::usb::detach::Random;
 use crate::usb::served::{HEIGHT, Served, WIDTH};
-use phasma::host::usb::VideoFunction;
-use phasma::link::usb::Event;
-use phasma::profile::{Speed, Transfer};
-use phasma::protocol::usb::Setup;
-use phasma::protocol::usb::uvc::request;
+use phasmid::host::usb::VideoFunction;
+use phasmid::link::usb::Event;
+use phasmid::profile::{Speed, Transfer};
+use phasmid::protocol::usb::Setup;
+use phasmid::protocol::usb::uvc::request;
 
 const PROBE: u16 = 0x0100;
 const COMMIT: u16 = 0x0200;

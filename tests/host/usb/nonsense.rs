@@ -1,11 +1,11 @@
 //! Clients that send nonsense harm only themselves.
 
 use crate::usb::served::{Served, TIMEOUT, frame};
-use phasma::host::Camera;
-use phasma::host::usb::UsbCamera;
-use phasma::profile::{Speed, Transfer};
-use phasma::protocol::PixelFormat;
-use phasma::protocol::usb::usbip::{Operation, bus_id_bytes};
+use phasmid::host::Camera;
+use phasmid::host::usb::UsbCamera;
+use phasmid::profile::{Speed, Transfer};
+use phasmid::protocol::PixelFormat;
+use phasmid::protocol::usb::usbip::{Operation, bus_id_bytes};
 use proptest::prelude::*;
 use proptest::test_runner::{Config, TestRunner};
 use std::cell::RefCell;

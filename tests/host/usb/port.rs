@@ -1,12 +1,12 @@
 //! The serial port: bytes both ways, lines, breaks, and the camera beside it.
 
 use crate::usb::served::{Served, TIMEOUT, frame};
-use phasma::host::usb::{UsbCamera, UsbPort};
-use phasma::host::{Camera, CommandPort};
-use phasma::link::usb::Event;
-use phasma::profile::{Speed, Transfer};
-use phasma::protocol::PixelFormat;
-use phasma::protocol::usb::cdc::{DeviceLines, HostLines, LineCoding};
+use phasmid::host::usb::{UsbCamera, UsbPort};
+use phasmid::host::{Camera, CommandPort};
+use phasmid::link::usb::Event;
+use phasmid::profile::{Speed, Transfer};
+use phasmid::protocol::PixelFormat;
+use phasmid::protocol::usb::cdc::{DeviceLines, HostLines, LineCoding};
 use std::time::Duration;
 
 fn read(port: &mut UsbPort, len: usize) -> Vec<u8> {

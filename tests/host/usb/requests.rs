@@ -2,13 +2,13 @@
 //! want answered, and what they want refused.
 
 use crate::usb::served::{Served, TIMEOUT, frame};
-use phasma::host::usb::{UsbCamera, UsbDevice, UsbPort, VideoFunction};
-use phasma::host::{Camera, CommandPort};
-use phasma::link::usb::Event;
-use phasma::profile::{Speed, Transfer};
-use phasma::protocol::PixelFormat;
-use phasma::protocol::usb::usbip::status;
-use phasma::protocol::usb::{Setup, request, uvc};
+use phasmid::host::usb::{UsbCamera, UsbDevice, UsbPort, VideoFunction};
+use phasmid::host::{Camera, CommandPort};
+use phasmid::link::usb::Event;
+use phasmid::profile::{Speed, Transfer};
+use phasmid::protocol::PixelFormat;
+use phasmid::protocol::usb::usbip::status;
+use phasmid::protocol::usb::{Setup, request, uvc};
 
 const BULK: Transfer = Transfer::Bulk;
 const VIDEO_IN: u8 = 0x81;

@@ -3,11 +3,11 @@
 pub use crate::usb::fuzz::sample::{HEIGHT, WIDTH, frame};
 
 use crate::usb::fuzz::sample;
-use phasma::host::usb::{UsbAddress, UsbDevice};
-use phasma::link::usb::UsbDevice as Emulated;
-use phasma::link::usb::{Event, UsbServer};
-use phasma::profile::{Profile, Speed, Transfer};
-use phasma::protocol::PixelFormat;
+use phasmid::host::usb::{UsbAddress, UsbDevice};
+use phasmid::link::usb::UsbDevice as Emulated;
+use phasmid::link::usb::{Event, UsbServer};
+use phasmid::profile::{Profile, Speed, Transfer};
+use phasmid::protocol::PixelFormat;
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;

@@ -1,7 +1,7 @@
 """A scan by nobody's software but OpenCV and pyserial: python3 opencv_scan.py NODE PORT FOLDER
 
 Triggers a sequence over the serial port, reads its frames from the camera, tells them by their data
-lines, and leaves pictures, manifest and calibration in the folder, for `phasma decode`.
+lines, and leaves pictures, manifest and calibration in the folder, for `phasmid decode`.
 """
 
 import pathlib

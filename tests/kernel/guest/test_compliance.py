@@ -13,13 +13,13 @@ from lab.v4l2 import produce
 
 def report(scratch, *options):
     # It fails, since the module does: its report counts, not its status.
-    return scratch.run("v4l2-compliance", "-d", loopback.PHASMA, *options).out
+    return scratch.run("v4l2-compliance", "-d", loopback.PHASMID, *options).out
 
 
 def test_the_module_fails_what_is_listed(scratch):
-    """Under a producer of ten lines: what fails here is nothing that `phasma serve` could mend."""
+    """Under a producer of ten lines: what fails here is nothing that `phasmid serve` could mend."""
     loopback.load()
-    node = produce(loopback.PHASMA, 320, 241, b"GREY")
+    node = produce(loopback.PHASMID, 320, 241, b"GREY")
     # The first frame makes it a capture node.
     os.write(node, bytes(320 * 241))
     over = threading.Event()
@@ -41,7 +41,7 @@ def test_the_module_fails_what_is_listed(scratch):
 
 def test_the_served_camera_fails_no_more(scratch):
     loopback.load()
-    device = Device(scratch, GREY, loopback.PHASMA).ready()
+    device = Device(scratch, GREY, loopback.PHASMID).ready()
     expect_no_other_failure("without streaming", report(scratch), MODULES_OWN)
     expect_no_other_failure("with streaming", report(scratch, "-s"), MODULES_OWN_STREAMING)
     device.stop()

@@ -1,4 +1,4 @@
-"""`phasma doctor` on a machine with a kernel of its own."""
+"""`phasmid doctor` on a machine with a kernel of its own."""
 
 import fcntl
 import json
@@ -9,12 +9,12 @@ from lab import loopback, udev, v4l2
 from lab.failure import expect, expect_in
 from lab.guest import wait_until
 
-NODES = [(10, "Phasma 1"), (11, "Other")]
+NODES = [(10, "Phasmid 1"), (11, "Other")]
 
 
 def report(scratch, *arguments, status=0, user=None):
     """The report's checks by topic, and which features work."""
-    done = scratch.phasma("doctor", "--json", *arguments, user=user).with_status(status)
+    done = scratch.phasmid("doctor", "--json", *arguments, user=user).with_status(status)
     found = json.loads(done.out)
     topics = {}
     for check in found["checks"]:
@@ -37,7 +37,7 @@ def test_all_is_well(scratch):
         topics, _ = report(scratch, "--need", "v4l2")
     for topic in ("v4l2loopback", "camera", "permission", "stable names", "udev rules"):
         expect(topic, [check["status"] for check in topics[topic]], ["ok"])
-    expect_in("camera", '/dev/video10 "Phasma 1": free', topics["camera"][0]["found"])
+    expect_in("camera", '/dev/video10 "Phasmid 1": free', topics["camera"][0]["found"])
 
 
 def test_bad_options(scratch):
@@ -51,8 +51,8 @@ def test_bad_options(scratch):
 
 def test_a_ring_that_a_reader_has_shrunk(scratch):
     loopback.load(NODES)
-    producer = v4l2.produce(loopback.PHASMA, 64, 48, b"GREY")
-    reader = os.open(loopback.PHASMA, os.O_RDWR)
+    producer = v4l2.produce(loopback.PHASMID, 64, 48, b"GREY")
+    reader = os.open(loopback.PHASMID, os.O_RDWR)
     # VIDIOC_REQBUFS: 3 mapped buffers for capture.
     fcntl.ioctl(reader, 0xC0145608, struct.pack("<5I", 3, 1, 1, 0, 0))
     os.close(reader)
@@ -65,7 +65,7 @@ def test_a_ring_that_a_reader_has_shrunk(scratch):
 def test_a_user_who_may_not(scratch):
     with udev.running(scratch):
         loopback.load(NODES)
-        wait_until("group video", lambda: os.stat(loopback.PHASMA).st_mode & 0o777 == 0o660)
+        wait_until("group video", lambda: os.stat(loopback.PHASMID).st_mode & 0o777 == 0o660)
         topics, _ = report(scratch, "--need", "v4l2", status=1, user=65534)
     expect("permission", topics["permission"][0]["status"], "missing")
     expect_in("permission", "usermod -aG video nobody", topics["permission"][0]["fix"])

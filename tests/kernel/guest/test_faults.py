@@ -17,7 +17,7 @@ from lab.v4l2 import produce
 NOBODY = 65534
 
 
-def served(scratch, variation=GREY, camera=loopback.PHASMA, name="device"):
+def served(scratch, variation=GREY, camera=loopback.PHASMID, name="device"):
     return Device(scratch, variation, camera, "--no-noise", name=name).ready()
 
 
@@ -35,19 +35,19 @@ def expect_next_scan_right(device, out="next"):
 def reader(scratch, *options):
     """v4l2-ctl, streaming until it is ended."""
     job = scratch.start(
-        "v4l2-ctl", "-d", loopback.PHASMA, "--verbose", "--stream-mmap", *options)
+        "v4l2-ctl", "-d", loopback.PHASMID, "--verbose", "--stream-mmap", *options)
     wait_until("STREAMON", lambda: "VIDIOC_STREAMON" in "".join(job.said()))
     return job
 
 
-def in_the_middle(scan, path=loopback.PHASMA):
+def in_the_middle(scan, path=loopback.PHASMID):
     """Waits until a scan has begun. Not by the control port, which is the scan's own."""
     wait_until("the scan opens the camera", lambda: scan.has_open(path))
     # The trigger follows at once; a sequence takes 1.8 s.
     time.sleep(0.8)
 
 
-def refused(scratch, *options, status=1, user=None, camera=loopback.PHASMA):
+def refused(scratch, *options, status=1, user=None, camera=loopback.PHASMID):
     """Standard error of a `serve` that cannot."""
     device = Device(scratch, GREY, camera, *options, name=f"refused-{scratch.count}", user=user)
     done = device.job.wait(30).with_status(status)
@@ -61,7 +61,7 @@ def test_the_reader_leaves_and_returns(scratch):
     for _ in range(3):
         saved = scratch.dir / "saved"
         scratch.run(
-            "v4l2-ctl", "-d", loopback.PHASMA, "--stream-mmap", "--stream-count=4",
+            "v4l2-ctl", "-d", loopback.PHASMID, "--stream-mmap", "--stream-count=4",
             f"--stream-to={saved}").ok()
         expect_free_run(split(saved.read_bytes(), GREY), GREY, 4)
     expect_next_scan_right(device, "first")
@@ -145,7 +145,7 @@ def test_serve_killed_and_started_again(scratch):
 @whole
 def test_a_foreign_producer_holds_the_node(scratch):
     loopback.load()
-    foreign = scratch.hold(produce(loopback.PHASMA, 640, 480, b"GREY"))
+    foreign = scratch.hold(produce(loopback.PHASMID, 640, 480, b"GREY"))
     os.write(foreign, bytes(640 * 480))
     said = refused(scratch)
     expect_in("serve", "/dev/video10", said)
@@ -153,7 +153,7 @@ def test_a_foreign_producer_holds_the_node(scratch):
     # Left to itself it takes the next node.
     device = served(scratch, camera="auto", name="auto")
     expect("camera", device.camera, loopback.SECOND)
-    expect_in("serve", "labelled Phasma; /dev/video10: another program streams into it", device.job.said()[0])
+    expect_in("serve", "labelled Phasmid; /dev/video10: another program streams into it", device.job.said()[0])
     expect_next_scan_right(device)
     device.stop()
     # The module forgets the output side of a node that was written to, until it is loaded anew.
@@ -167,7 +167,7 @@ def test_a_foreign_producer_holds_the_node(scratch):
 @whole
 def test_two_devices_share_no_node(scratch):
     device = loaded_and_served(scratch)
-    expect_in("serve", "/dev/video10: another phasma serves its camera there", refused(scratch))
+    expect_in("serve", "/dev/video10: another phasmid serves its camera there", refused(scratch))
     expect_next_scan_right(device)
     device.stop()
 
@@ -175,13 +175,13 @@ def test_two_devices_share_no_node(scratch):
 @whole
 def test_no_permission(scratch):
     loopback.load()
-    os.chmod(loopback.PHASMA, 0o660)
-    os.chown(loopback.PHASMA, 0, 0)
+    os.chmod(loopback.PHASMID, 0o660)
+    os.chown(loopback.PHASMID, 0, 0)
     said = refused(scratch, user=NOBODY)
     for part in ("/dev/video10", "ermission", "video"):
         expect_in("serve", part, said)
     device = served(scratch)
-    done = scratch.phasma("camera", "info", loopback.PHASMA, user=NOBODY).with_status(1)
+    done = scratch.phasmid("camera", "info", loopback.PHASMID, user=NOBODY).with_status(1)
     for part in ("/dev/video10", "ermission", "video"):
         expect_in("camera info", part, done.err)
     expect_next_scan_right(device)
@@ -197,7 +197,7 @@ def test_a_node_that_is_no_loopback(scratch):
 def test_a_path_that_is_no_camera(scratch):
     for path in ("/dev/null", "/dev/video99"):
         for done in (
-            scratch.phasma("camera", "info", path),
+            scratch.phasmid("camera", "info", path),
             Device(scratch, GREY, path, name=f"none-{scratch.count}").job.wait(30),
         ):
             expect_true(f"{done.command}: status 1 or 2, not {done.status}", done.status in (1, 2))
@@ -208,7 +208,7 @@ def test_a_path_that_is_no_camera(scratch):
 def test_nobody_streams_into_the_node(scratch):
     loopback.load()
     device = served(scratch, camera="socket")
-    done = device.scan("silent", timeout=3, camera=loopback.PHASMA)
+    done = device.scan("silent", timeout=3, camera=loopback.PHASMID)
     expect_in("scan", "/dev/video10", done.with_status(1).err)
     device.stop()
 

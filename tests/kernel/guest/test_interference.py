@@ -10,14 +10,14 @@ from lab.guest import wait_until
 from lab.profiles import GREY, PLAIN
 
 
-def served(scratch, variation=GREY, name="device", camera=loopback.PHASMA):
+def served(scratch, variation=GREY, name="device", camera=loopback.PHASMID):
     return Device(scratch, variation, camera, "--no-noise", name=name).ready()
 
 
 def look(scratch, count):
     """A viewer that comes, sees frames and leaves."""
     return scratch.run(
-        "v4l2-ctl", "-d", loopback.PHASMA, "--stream-mmap", f"--stream-count={count}", seconds=30)
+        "v4l2-ctl", "-d", loopback.PHASMID, "--stream-mmap", f"--stream-count={count}", seconds=30)
 
 
 @whole
@@ -30,7 +30,7 @@ def test_a_reader_comes_and_goes_during_a_scan(scratch):
         device = served(scratch, variation, name=f"device-{variation.data_line}")
         out = f"disturbed-{variation.data_line}"
         job = device.scan(out, wait=False)
-        wait_until("the scan opens the camera", lambda: job.has_open(loopback.PHASMA))
+        wait_until("the scan opens the camera", lambda: job.has_open(loopback.PHASMID))
         look(scratch, 1)
         done = job.wait(90)
         if done.status == 0:
@@ -49,7 +49,7 @@ def test_a_scan_that_fails_or_is_interrupted_leaves_the_camera_free(scratch):
     device = served(scratch)
     for end in (signal.SIGINT, signal.SIGTERM):
         job = device.scan(f"broken-{end.name}", wait=False)
-        wait_until("the scan opens the camera", lambda: job.has_open(loopback.PHASMA))
+        wait_until("the scan opens the camera", lambda: job.has_open(loopback.PHASMID))
         time.sleep(0.8)
         job.send(end)
         expect_in("what it says", "interrupted", job.wait(30).with_status(1).err)

@@ -2,9 +2,9 @@
 
 from lab import loopback, udev
 from lab.failure import expect_true, limit, whole
-from lab.guest import PHASMA, REPO, wait_until
+from lab.guest import PHASMID, REPO, wait_until
 
-PRELUDE = f"set -eu\nPATH={PHASMA.parent}:$PATH\ntrap 'kill $(jobs -p) 2> /dev/null; wait' EXIT\n"
+PRELUDE = f"set -eu\nPATH={PHASMID.parent}:$PATH\ntrap 'kill $(jobs -p) 2> /dev/null; wait' EXIT\n"
 
 
 @whole
@@ -14,7 +14,7 @@ def test_every_command_runs(scratch):
     blocks = [rest.split("```")[0] for rest in text.split("```sh kernel\n")[1:]]
     expect_true("the README has no block for a kernel", blocks)
     with udev.running(scratch):
-        loopback.load([(10, "Phasma 1"), (11, "Phasma 2")])
+        loopback.load([(10, "Phasmid 1"), (11, "Phasmid 2")])
         wait_until("a name", lambda: "1" in udev.links())
         scratch.run("bash", "-c", PRELUDE + "\n".join(blocks), seconds=380).ok()
     for file in ("viewed.png", "shot.png", "kernel-scan/cloud.ply"):

@@ -23,20 +23,20 @@ def test_frames_of_ffmpeg_reach_v4l2_ctl(scratch):
     scratch.start(
         "ffmpeg", "-nostdin", "-loglevel", "error", "-re", "-stream_loop", "-1",
         "-f", "rawvideo", "-pix_fmt", "gray", "-video_size", "320x240", "-framerate", "10", "-i", raw,
-        "-f", "v4l2", "-pix_fmt", "gray", loopback.PHASMA,
+        "-f", "v4l2", "-pix_fmt", "gray", loopback.PHASMID,
     )
     wait_until("a stream", lambda: "GREY" in scratch.run(
-        "v4l2-ctl", "-d", loopback.PHASMA, "--list-formats").out, 40)
+        "v4l2-ctl", "-d", loopback.PHASMID, "--list-formats").out, 40)
     saved = scratch.dir / "out.raw"
     scratch.run(
-        "v4l2-ctl", "-d", loopback.PHASMA, "--stream-mmap", "--stream-count=3", f"--stream-to={saved}",
+        "v4l2-ctl", "-d", loopback.PHASMID, "--stream-mmap", "--stream-count=3", f"--stream-to={saved}",
     ).ok()
     expect("frames saved", saved.read_bytes() == frame * 3, True)
 
 
 def test_a_module_in_use_stays(scratch):
     loopback.load()
-    scratch.hold(os.open(loopback.PHASMA, os.O_RDWR))
+    scratch.hold(os.open(loopback.PHASMID, os.O_RDWR))
     done = loopback.rmmod()
     expect("status of rmmod", done.returncode, 1)
     expect_in("rmmod", "in use", done.stderr)

@@ -1,4 +1,4 @@
-"""`phasma scan` over the node: the frames, maps and points of a scan over the frame socket."""
+"""`phasmid scan` over the node: the frames, maps and points of a scan over the frame socket."""
 
 from lab import loopback
 from lab.device import Device, expect_scan, reference_scan
@@ -9,7 +9,7 @@ from lab.profiles import GREY, PLAIN, Y12, YUYV
 def scanned(scratch, variation, capture):
     wanted = reference_scan(scratch, variation)
     loopback.load()
-    device = Device(scratch, variation, loopback.PHASMA).ready()
+    device = Device(scratch, variation, loopback.PHASMID).ready()
     device.scan("scan", "--capture", capture).ok()
     expect_scan("scan over V4L2", scratch.dir / "scan", wanted)
     device.stop()
@@ -42,7 +42,7 @@ def test_nokhwa_path_reads_yuyv(scratch):
 def test_the_path_is_chosen_by_what_the_node_offers(scratch):
     for variation in (GREY, YUYV):
         loopback.load()
-        device = Device(scratch, variation, loopback.PHASMA).ready()
+        device = Device(scratch, variation, loopback.PHASMID).ready()
         out = f"scan-{variation.fourcc}"
         device.scan(out).ok()
         expect_scan(variation.fourcc, scratch.dir / out, reference_scan(scratch, variation))
@@ -51,9 +51,9 @@ def test_the_path_is_chosen_by_what_the_node_offers(scratch):
 
 def test_camera_info_describes_the_node(scratch):
     loopback.load()
-    device = Device(scratch, GREY, loopback.PHASMA).ready()
-    said = scratch.phasma("camera", "info", loopback.PHASMA).ok().out
-    for part in ("v4l2 loopback", "Phasma one", "GREY", "320", "241"):
+    device = Device(scratch, GREY, loopback.PHASMID).ready()
+    said = scratch.phasmid("camera", "info", loopback.PHASMID).ok().out
+    for part in ("v4l2 loopback", "Phasmid one", "GREY", "320", "241"):
         expect_in("camera info", part, said)
     device.stop()
 
@@ -67,10 +67,10 @@ def test_auto_takes_the_free_labelled_node(scratch):
     expect_in("second", "/dev/video11", second.camera)
     # The third node bears another label.
     expect_in("third", "socket:", third.camera)
-    another = "another phasma serves its camera there"
+    another = "another phasmid serves its camera there"
     for device, reason in (
-        (first, '"Phasma one", the first free node labelled Phasma)'),
-        (second, f'"Phasma two", the first free node labelled Phasma; /dev/video10: {another})'),
+        (first, '"Phasmid one", the first free node labelled Phasmid)'),
+        (second, f'"Phasmid two", the first free node labelled Phasmid; /dev/video10: {another})'),
         (third, f"/dev/video11: {another}"),
     ):
         expect_in("why this camera", reason, device.job.said()[0])

@@ -1,4 +1,4 @@
-"""`phasma study speed` over the links that only a kernel has: a node of v4l2loopback, and the USB
+"""`phasmid study speed` over the links that only a kernel has: a node of v4l2loopback, and the USB
 device as uvcvideo and cdc_acm drive it."""
 
 import csv
@@ -28,7 +28,7 @@ def test_speed_over_every_link(scratch):
     loopback.load()
     usb.load()
     out = scratch.dir / "speed"
-    scratch.phasma(
+    scratch.phasmid(
         "study", "speed", "--quick", "--only", "link", "--out", out, seconds=570).ok()
     with open(out / "rows.csv", newline="", encoding="utf-8") as file:
         rows = list(csv.DictReader(file))

@@ -9,7 +9,7 @@ from lab import loopback, udev
 from lab.failure import expect
 from lab.guest import REPO, wait_until
 
-NODES = [(10, "Phasma 1"), (11, "phasma  left arm"), (12, "Other"), (13, "Phasma"), (14, "Phasma ../a/b")]
+NODES = [(10, "Phasmid 1"), (11, "phasmid  left arm"), (12, "Other"), (13, "Phasmid"), (14, "Phasmid ../a/b")]
 NAMES = {"1": "/dev/video10", "left-arm": "/dev/video11", "13": "/dev/video13", "-a-b": "/dev/video14"}
 
 
@@ -45,14 +45,14 @@ def test_modprobe_takes_our_options(scratch):
     scratch.run("depmod", "-b", scratch.dir / "root", release).ok()
     config = scratch.dir / "modprobe.d"
     config.mkdir()
-    shutil.copy(REPO / "udev/v4l2loopback-phasma.conf", config)
+    shutil.copy(REPO / "udev/v4l2loopback-phasmid.conf", config)
     # What modules-load.d names, as systemd does at the start.
-    lines = (REPO / "udev/phasma-modules.conf").read_text().splitlines()
+    lines = (REPO / "udev/phasmid-modules.conf").read_text().splitlines()
     (module,) = [line for line in lines if line and not line.startswith("#")]
     scratch.run("modprobe", "-d", scratch.dir / "root", "-C", config, module).ok()
     nodes = pathlib.Path("/sys/class/video4linux")
     for number in (10, 11):
-        expect("label", (nodes / f"video{number}/name").read_text(), f"Phasma {number - 9}\n")
+        expect("label", (nodes / f"video{number}/name").read_text(), f"Phasmid {number - 9}\n")
         expect("buffers", (nodes / f"video{number}/buffers").read_text(), "32\n")
     parameters = pathlib.Path("/sys/module/v4l2loopback/parameters")
     expect("exclusive_caps", (parameters / "exclusive_caps").read_text()[:4], "Y,Y,")

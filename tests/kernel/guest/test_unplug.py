@@ -11,7 +11,7 @@ from lab.guest import wait_until
 from lab.profiles import GREY
 from lab.v4l2 import names, produce
 
-NODES = [(20, "Phasma one"), (21, "Phasma two"), (22, "Phasma three"), (23, "Other")]
+NODES = [(20, "Phasmid one"), (21, "Phasmid two"), (22, "Phasmid three"), (23, "Other")]
 
 LOADED = []
 

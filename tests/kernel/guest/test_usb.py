@@ -13,7 +13,7 @@ from lab import usb
 from lab.data_line import Line
 from lab.device import FrameSocket, expect_scan, reference_scan
 from lab.failure import expect, expect_in, expect_true, limit, whole
-from lab.guest import PHASMA, wait_until
+from lab.guest import PHASMID, wait_until
 from lab.profiles import GREY, SCENE, Y12, YUYV, replace
 from lab.streams import split
 from lab.usb import UsbDevice, UsbVariation, plugged
@@ -26,7 +26,7 @@ def test_both_drivers_bind_and_lsusb_reads_it(scratch):
     device = plugged(scratch, GREY)
     said = scratch.run("lsusb", "-v", "-d", "1209:0001").ok().out
     for part in (
-        "bcdUSB               2.00", "idVendor           0x1209", "iManufacturer           1 Phasma",
+        "bcdUSB               2.00", "idVendor           0x1209", "iManufacturer           1 Phasmid",
         "iProduct                2 small", "iSerial                 3 0001", "bNumInterfaces          4",
         "bcdUVC               1.10", "Exposure Time (Absolute)", "Gain", "{30303859-0000-0010-8000-00aa00389b71}",
         "CDC ACM:", "CDC Union:", "Transfer Type            Bulk", "MaxPower              500mA",
@@ -222,7 +222,7 @@ def test_two_devices_of_one_server(scratch):
         profiles.append(scratch.dir / f"{name}.toml")
         profiles[-1].write_text(one)
     job = scratch.start(
-        PHASMA, "serve", "--usb", "attach", "--no-noise", "--scene", SCENE, "--run-dir", scratch.dir / "desk",
+        PHASMID, "serve", "--usb", "attach", "--no-noise", "--scene", SCENE, "--run-dir", scratch.dir / "desk",
         "--profile", profiles[0], "--profile", profiles[1])
     files = [scratch.dir / "desk" / name / "device.json" for name in ("left", "right")]
     wait_until("both devices", lambda: all(file.exists() for file in files), 30)
@@ -230,7 +230,7 @@ def test_two_devices_of_one_server(scratch):
     expect("different cameras", len({one["camera"] for one in told}), 2)
     scans = [
         scratch.start(
-            PHASMA, "scan", "--camera", one["camera"], "--control", one["control_usb"], "--timeout", "20",
+            PHASMID, "scan", "--camera", one["camera"], "--control", one["control_usb"], "--timeout", "20",
             "--json", "--out", scratch.dir / name)
         for one, name in zip(told, ("left", "right"))
     ]

@@ -1,5 +1,5 @@
 """Whole scans over USB by programs that know nothing of scanners: they record, a client of the port
-triggers, `phasma decode` makes the points."""
+triggers, `phasmid decode` makes the points."""
 
 import sys
 
@@ -17,14 +17,14 @@ COUNT = 40
 
 
 def expect_decoded(scratch, folder, wanted):
-    """What `phasma decode` makes of the folder is what `phasma scan` made."""
+    """What `phasmid decode` makes of the folder is what `phasmid scan` made."""
     decoded = scratch.dir / "decoded"
-    scratch.phasma(
+    scratch.phasmid(
         "decode", "--manifest", folder / "sequence.toml", "--calibration", folder / "calibration.toml",
         "--out", decoded,
     ).ok()
     for name in ("cloud.ply", "projector_x.npy", "sigma_x.npy", "mask.png"):
-        expect(f"{name} as of `phasma scan`", (decoded / name).read_bytes() == wanted[name], True)
+        expect(f"{name} as of `phasmid scan`", (decoded / name).read_bytes() == wanted[name], True)
 
 
 def recorded(scratch, *command):

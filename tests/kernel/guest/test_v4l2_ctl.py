@@ -11,17 +11,17 @@ from lab.profiles import FRAMES, GREY, PLAIN, Y10, Y12, Y16, YUYV
 from lab.streams import expect_sequence, split
 from lab.v4l2 import names
 
-CTL = ("v4l2-ctl", "-d", loopback.PHASMA)
+CTL = ("v4l2-ctl", "-d", loopback.PHASMID)
 
 
 def test_it_is_listed_with_its_format_and_interval(scratch):
     loopback.load()
-    device = Device(scratch, GREY, loopback.PHASMA).ready()
-    expect("camera in device.json", device.camera, loopback.PHASMA)
-    expect("its name", names()[loopback.PHASMA], "Phasma one")
+    device = Device(scratch, GREY, loopback.PHASMID).ready()
+    expect("camera in device.json", device.camera, loopback.PHASMID)
+    expect("its name", names()[loopback.PHASMID], "Phasmid one")
     # Its status tells about /dev/video0, which is not there.
     listed = scratch.run("v4l2-ctl", "--list-devices").out
-    expect_in("list of devices", "Phasma one (platform:v4l2loopback-000):\n\t/dev/video10", listed)
+    expect_in("list of devices", "Phasmid one (platform:v4l2loopback-000):\n\t/dev/video10", listed)
     formats = scratch.run(*CTL, "--list-formats-ext").ok().out
     for part in ("'GREY'", "320x241", "(5.000 fps)"):
         expect_in("formats", part, formats)
@@ -35,7 +35,7 @@ def saved_sequence(scratch, variation):
     """A sequence, triggered over the control port, as v4l2-ctl saves it."""
     rendered = reference(scratch, variation)
     loopback.load()
-    device = Device(scratch, variation, loopback.PHASMA).ready()
+    device = Device(scratch, variation, loopback.PHASMID).ready()
     expect_in("formats", f"'{variation.fourcc}'", scratch.run(*CTL, "--list-formats").ok().out)
     device.control.arm()
     saved = scratch.dir / "saved"
@@ -81,10 +81,10 @@ def test_it_saves_16_bits_as_rendered(scratch):
 
 def test_buffers_bear_the_time_of_the_exposure(scratch):
     loopback.load()
-    device = Device(scratch, GREY, loopback.PHASMA, "--no-noise").ready()
+    device = Device(scratch, GREY, loopback.PHASMID, "--no-noise").ready()
     saved = scratch.dir / "saved"
     done = scratch.run(
-        "v4l2-ctl", "-d", loopback.PHASMA, "--verbose", "--stream-mmap", "--stream-count=6",
+        "v4l2-ctl", "-d", loopback.PHASMID, "--verbose", "--stream-mmap", "--stream-count=6",
         f"--stream-to={saved}").ok()
     times = [float(time) for time in re.findall(r"dqbuf:.* ts: ([0-9.]+)", done.out + done.err)]
     frames = split(saved.read_bytes(), GREY)

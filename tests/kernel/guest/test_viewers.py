@@ -20,7 +20,7 @@ def viewed(scratch, variation, *command):
     socket.close()
     still.stop()
     loopback.load()
-    device = Device(scratch, variation, loopback.PHASMA, "--no-noise").ready()
+    device = Device(scratch, variation, loopback.PHASMID, "--no-noise").ready()
     saved = scratch.dir / "saved"
     for _ in range(4):
         done = scratch.run(*[str(part).replace("SAVED", str(saved)) for part in command])
@@ -36,25 +36,25 @@ def viewed(scratch, variation, *command):
 
 def test_ffmpeg_reads_grey(scratch):
     viewed(
-        scratch, GREY, "ffmpeg", "-nostdin", "-loglevel", "error", "-f", "v4l2", "-i", loopback.PHASMA,
+        scratch, GREY, "ffmpeg", "-nostdin", "-loglevel", "error", "-f", "v4l2", "-i", loopback.PHASMID,
         "-frames:v", COUNT, "-vsync", "passthrough", "-f", "rawvideo", "-pix_fmt", "gray", "SAVED")
 
 
 @whole
 def test_ffmpeg_reads_yuyv(scratch):
     viewed(
-        scratch, YUYV, "ffmpeg", "-nostdin", "-loglevel", "error", "-f", "v4l2", "-i", loopback.PHASMA,
+        scratch, YUYV, "ffmpeg", "-nostdin", "-loglevel", "error", "-f", "v4l2", "-i", loopback.PHASMID,
         "-frames:v", COUNT, "-vsync", "passthrough", "-f", "rawvideo", "-pix_fmt", "yuyv422", "SAVED")
 
 
 @whole
 def test_gstreamer_reads_grey(scratch):
     viewed(
-        scratch, GREY, "gst-launch-1.0", "-q", "v4l2src", f"device={loopback.PHASMA}",
+        scratch, GREY, "gst-launch-1.0", "-q", "v4l2src", f"device={loopback.PHASMID}",
         f"num-buffers={COUNT}", "!", "video/x-raw,format=GRAY8", "!", "filesink", "location=SAVED")
 
 
 def test_gstreamer_reads_yuyv(scratch):
     viewed(
-        scratch, YUYV, "gst-launch-1.0", "-q", "v4l2src", f"device={loopback.PHASMA}",
+        scratch, YUYV, "gst-launch-1.0", "-q", "v4l2src", f"device={loopback.PHASMID}",
         f"num-buffers={COUNT}", "!", "video/x-raw,format=YUY2", "!", "filesink", "location=SAVED")

@@ -7,7 +7,7 @@ from lab.profiles import GREY
 
 
 def test_camera_info_describes_it(scratch):
-    said = scratch.phasma("camera", "info", vivid.load()).ok().out
+    said = scratch.phasmid("camera", "info", vivid.load()).ok().out
     for part in (
             "vivid", "YUYV", "Brightness",
             "Bitmask (bit mask) = 0x80002000, of 0x80402010", "Integer 64 Bits (64-bit integer) = 0",
@@ -28,7 +28,7 @@ def test_a_scan_without_a_port_says_no_modulation(scratch):
     manifest.write_bytes(reference_scan(scratch, GREY)["sequence.toml"])
     for capture in ("v4l", "nokhwa"):
         out = f"scan-{capture}"
-        done = scratch.phasma(
+        done = scratch.phasmid(
             "scan", "--camera", node, "--manifest", manifest, "--capture", capture,
             "--timeout", "20", "--out", scratch.dir / out)
         expect_no_surface(scratch, done, out)

@@ -1,11 +1,11 @@
 //! One scan of a device, held against the truth in units of the deviation that the decoder states.
 
 use crate::zoo::device::Device;
-use phasma::decode::{Decoded, Decoder, FrameStack, Options, Samples, Verdict};
-use phasma::emulator::render::Renderer;
-use phasma::emulator::{Shot, Slide, Truth};
-use phasma::pattern::{Axis, finest_fringe};
-use phasma::profile::{Profile, Scene};
+use phasmid::decode::{Decoded, Decoder, FrameStack, Options, Samples, Verdict};
+use phasmid::emulator::render::Renderer;
+use phasmid::emulator::{Shot, Slide, Truth};
+use phasmid::pattern::{Axis, finest_fringe};
+use phasmid::profile::{Profile, Scene};
 use std::fmt;
 use std::sync::Arc;
 

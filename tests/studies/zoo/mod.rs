@@ -6,7 +6,7 @@ mod measure;
 
 use device::Device;
 use measure::{Measured, measure};
-use phasma::profile::{Profile, Scene};
+use phasmid::profile::{Profile, Scene};
 use std::ops::Range;
 use std::path::Path;
 

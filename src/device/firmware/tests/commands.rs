@@ -7,7 +7,7 @@ use proptest::prelude::*;
 fn queries_answer_and_settings_stick() {
     let mut port = Port::new();
     for (order, query, answer) in [
-        ("", "*IDN?", "Phasma,webcam-grey,0001,0.1.0"),
+        ("", "*IDN?", "Phasmid,webcam-grey,0001,0.1.0"),
         ("", "SYSTEM:VERSION?", "1999.0"),
         ("", "*TST?", "0"),
         ("CAM:EXP 5ms", "CAMERA:EXPOSURE?", "0.005"),

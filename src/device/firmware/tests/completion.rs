@@ -9,7 +9,7 @@ fn opc_waits_for_the_last_frame() {
     assert_eq!(port.ask("TRIG:SOUR BUS;:INIT;*TRG;*OPC?;*IDN?"), "");
     assert_eq!(port.ask("*TST?"), "", "behind the waiting *OPC?");
     assert_eq!(port.at(203 * MS), "");
-    assert_eq!(port.at(204 * MS), "1;Phasma,webcam-grey,0001,0.1.0\n0\n");
+    assert_eq!(port.at(204 * MS), "1;Phasmid,webcam-grey,0001,0.1.0\n0\n");
     port.ask("*CLS");
     port.tell("INIT;*OPC;*TRG");
     assert_eq!(port.ask("*ESR?"), "0");

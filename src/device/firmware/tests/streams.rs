@@ -134,6 +134,6 @@ fn a_change_waits_for_the_frames_before_it() {
         assert_eq!(port.firmware.in_flight(), left);
     }
     let output = String::from_utf8(port.firmware.take_output()).unwrap();
-    assert!(output.starts_with("0;0,0,300,10\nPhasma,"), "{output}");
+    assert!(output.starts_with("0;0,0,300,10\nPhasmid,"), "{output}");
     assert_eq!(node.told().len(), 1);
 }

@@ -37,7 +37,7 @@ impl UsbServer {
             .await
             .map_err(|e| match e.kind() {
                 ErrorKind::AddrInUse => Error::device(format!(
-                    "--usb-listen {address}: something else listens there, perhaps another phasma \
+                    "--usb-listen {address}: something else listens there, perhaps another phasmid \
                      or usbipd; port 0 picks a free one"
                 )),
                 _ => Error::io(format!("--usb-listen {address}"), e),

@@ -6,7 +6,7 @@ use phasmid_v4l2::{FORGOTTEN, Node, RELOAD, node_paths};
 use std::path::{Path, PathBuf};
 
 /// How the labels of nodes for this program begin, in any case.
-const LABEL: &str = "phasma";
+const LABEL: &str = "phasmid";
 
 /// The machine's nodes with their labels, in the order of their numbers. A label is read without
 /// opening the node where that is possible: opening a webcam may wake it.
@@ -44,7 +44,7 @@ pub(super) fn first_free<T>(
         }
     }
     if reasons.is_empty() {
-        Err("no v4l2loopback node labelled Phasma".to_owned())
+        Err("no v4l2loopback node labelled Phasmid".to_owned())
     } else {
         Err(reasons.join("; "))
     }
@@ -95,7 +95,7 @@ mod tests {
         Node {
             path: "/dev/video10".into(),
             driver: driver.into(),
-            card: "Phasma 1".into(),
+            card: "Phasmid 1".into(),
             bus: "platform:v4l2loopback-000".into(),
             version: (6, 1, 0),
             captures,
@@ -127,7 +127,7 @@ mod tests {
     #[test]
     fn the_first_free_node_labelled_for_us_is_taken() {
         let machine = || {
-            ["Webcam", "PHASMA left", "Phasma right", "phasma third"]
+            ["Webcam", "PHASMID left", "Phasmid right", "phasmid third"]
                 .iter()
                 .zip(0..)
                 .map(|(label, n)| (format!("/dev/video{n}").into(), (*label).to_owned()))
@@ -152,7 +152,7 @@ mod tests {
             Err("/dev/video1: no; /dev/video2: no; /dev/video3: no".into())
         );
         let none = first_free(machine()[..1].to_vec(), refuse);
-        assert!(none.unwrap_err().contains("labelled Phasma"));
+        assert!(none.unwrap_err().contains("labelled Phasmid"));
     }
 
     #[test]
@@ -160,7 +160,7 @@ mod tests {
         let root = tempfile::tempdir().unwrap();
         let (dev, class) = (root.path().join("dev"), root.path().join("class"));
         std::fs::create_dir(&dev).unwrap();
-        for (name, label) in [("video10", "Phasma b\n"), ("video2", "Phasma a\n")] {
+        for (name, label) in [("video10", "Phasmid b\n"), ("video2", "Phasmid a\n")] {
             std::fs::write(dev.join(name), "").unwrap();
             std::fs::create_dir_all(class.join(name)).unwrap();
             std::fs::write(class.join(name).join("name"), label).unwrap();
@@ -170,8 +170,8 @@ mod tests {
         assert_eq!(
             nodes(&dev, &class),
             [
-                (dev.join("video2"), "Phasma a".to_owned()),
-                (dev.join("video10"), "Phasma b".to_owned())
+                (dev.join("video2"), "Phasmid a".to_owned()),
+                (dev.join("video10"), "Phasmid b".to_owned())
             ]
         );
     }

@@ -41,14 +41,14 @@ impl Open {
                 return Err(Error::input(
                     format!("--camera {place}"),
                     found,
-                    "a node of v4l2loopback (`phasma doctor` lists them), auto or socket",
+                    "a node of v4l2loopback (`phasmid doctor` lists them), auto or socket",
                 ));
             }
             Some(Unfit::State(why)) => Some(why),
         };
         // Before the state, of which a producer of our own is a better explanation.
         if !lock(&device).map_err(failed)? {
-            let why = "another phasma serves its camera there";
+            let why = "another phasmid serves its camera there";
             return Err(Error::device(format!("{place}: {why}")));
         }
         if let Some(why) = state {
@@ -88,12 +88,12 @@ fn cannot_open(path: &Path, e: io::Error) -> Error {
         Some(Errno::NOENT | Errno::NXIO | Errno::NODEV) => Error::input(
             format!("--camera {place}"),
             "no such device",
-            "a node of v4l2loopback (`phasma doctor` lists them), auto or socket",
+            "a node of v4l2loopback (`phasmid doctor` lists them), auto or socket",
         ),
         Some(Errno::NOTTY | Errno::ISDIR | Errno::INVAL) => Error::input(
             format!("--camera {place}"),
             "no V4L2 device",
-            "a node of v4l2loopback (`phasma doctor` lists them), auto or socket",
+            "a node of v4l2loopback (`phasmid doctor` lists them), auto or socket",
         ),
         Some(Errno::ACCESS | Errno::PERM) => Error::device(format!(
             "{place}: permission denied; its users are mostly those of the group video: \

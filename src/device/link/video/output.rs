@@ -58,7 +58,7 @@ impl VideoOutput {
         let nodes = nodes(Path::new("/dev"), Path::new("/sys/class/video4linux"));
         let open = |path: &Path| Self::open(path, stream, bits, power_on);
         let (video, passed_over) = first_free(nodes, open)?;
-        let mut choice = "the first free node labelled Phasma".to_owned();
+        let mut choice = "the first free node labelled Phasmid".to_owned();
         if !passed_over.is_empty() {
             choice += &format!("; {passed_over}");
         }

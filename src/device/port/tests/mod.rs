@@ -86,7 +86,7 @@ fn a_sequence_runs_over_plain_lines() {
     assert_eq!(desk.now_ns, 150_000_000, "when it says so");
     assert!(
         desk.line("version")
-            .starts_with("scanner Phasma,webcam-grey,")
+            .starts_with("scanner Phasmid,webcam-grey,")
     );
     for line in [
         "stop",

@@ -39,7 +39,7 @@ impl DeviceInfo {
     /// The device in 312 bytes.
     pub fn encode(&self) -> [u8; DEVICE_LEN] {
         let mut bytes = [0; DEVICE_LEN];
-        let path = format!("/phasma/{}", self.bus_id);
+        let path = format!("/phasmid/{}", self.bus_id);
         put_text(&mut bytes[..256], &path);
         put_text(&mut bytes[256..288], &self.bus_id);
         bytes[288..292].copy_from_slice(&self.bus.to_be_bytes());

@@ -1,9 +1,9 @@
 //! What comes over the control port.
 
-use phasma::emulator::Firmware;
-use phasma::profile::Profile;
-use phasma::protocol::dialect::{Cut, Dialect, Direction};
-use phasma::protocol::scpi::{Framer, Framing, parse};
+use phasmid::emulator::Firmware;
+use phasmid::profile::Profile;
+use phasmid::protocol::dialect::{Cut, Dialect, Direction};
+use phasmid::protocol::scpi::{Framer, Framing, parse};
 use std::cell::OnceCell;
 
 /// Bytes as messages, whole and in pieces, and each message as units.

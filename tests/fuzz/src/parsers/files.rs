@@ -1,14 +1,14 @@
 //! Files of bytes, read from a file as a user's are.
 
-use phasma::decode::{Plan, load_frames};
-use phasma::geometry::Mesh;
-use phasma::pattern::Manifest;
+use phasmid::decode::{Plan, load_frames};
+use phasmid::geometry::Mesh;
+use phasmid::pattern::Manifest;
 use std::path::PathBuf;
 
 /// A file with these bytes, for as long as the function runs.
 pub fn with_file(extension: &str, bytes: &[u8], read: impl FnOnce(PathBuf) -> bool) -> bool {
     let thread = std::thread::current().id();
-    let name = format!("phasma-fuzz-{}-{thread:?}.{extension}", std::process::id());
+    let name = format!("phasmid-fuzz-{}-{thread:?}.{extension}", std::process::id());
     let path = std::env::temp_dir().join(name);
     std::fs::write(&path, bytes).expect("room for a small file");
     let known = read(path.clone());
@@ -39,7 +39,7 @@ pub fn obj(bytes: &[u8]) -> bool {
 /// Stanford's PLY, a mesh or a cloud.
 pub fn ply(bytes: &[u8]) -> bool {
     let cloud = with_file("ply", bytes, |path| {
-        phasma::geometry::ply::read_cloud(&path).is_ok()
+        phasmid::geometry::ply::read_cloud(&path).is_ok()
     });
     mesh("ply", bytes) || cloud
 }

@@ -1,10 +1,10 @@
 //! Files of patients.
 
 use super::files::with_file;
-use phasma::patient::isosurface::{Parts, isosurface};
-use phasma::patient::planning::PlanningFile;
-use phasma::patient::volume::Volume;
-use phasma::patient::{dicom as ct, metaimage as image};
+use phasmid::patient::isosurface::{Parts, isosurface};
+use phasmid::patient::planning::PlanningFile;
+use phasmid::patient::volume::Volume;
+use phasmid::patient::{dicom as ct, metaimage as image};
 
 /// MetaImage, a volume or a field: what is written of it is read again the same.
 pub fn metaimage(bytes: &[u8]) -> bool {

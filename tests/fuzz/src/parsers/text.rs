@@ -1,15 +1,15 @@
 //! Files that people write.
 
-use phasma::decode::Plan;
-use phasma::emulator::Firmware;
-use phasma::geometry::Rig;
-use phasma::host::usb::UsbAddress;
-use phasma::patient::phantom::Patient;
-use phasma::pattern::Manifest;
-use phasma::profile::faults::Schedule;
-use phasma::profile::{Profile, Scene, Station, TomlSource};
-use phasma::protocol::Endpoints;
-use phasma::protocol::dialect::Dialect;
+use phasmid::decode::Plan;
+use phasmid::emulator::Firmware;
+use phasmid::geometry::Rig;
+use phasmid::host::usb::UsbAddress;
+use phasmid::patient::phantom::Patient;
+use phasmid::pattern::Manifest;
+use phasmid::profile::faults::Schedule;
+use phasmid::profile::{Profile, Scene, Station, TomlSource};
+use phasmid::protocol::Endpoints;
+use phasmid::protocol::dialect::Dialect;
 
 fn text(bytes: &[u8]) -> String {
     String::from_utf8_lossy(bytes).into_owned()

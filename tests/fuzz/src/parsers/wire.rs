@@ -1,13 +1,13 @@
 //! What comes over sockets.
 
-use phasma::host::usb::Configuration;
-use phasma::protocol::data_line::{self, Found};
-use phasma::protocol::record::{Event, Reader, Summary, encode_record};
-use phasma::protocol::service::{Reply, Request};
-use phasma::protocol::usb::usbip::{Command, DeviceInfo, Operation};
-use phasma::protocol::usb::{cdc, descriptor, uvc};
-use phasma::protocol::wire::{FrameDecoder, encode_header};
-use phasma::protocol::{Frame, PixelFormat};
+use phasmid::host::usb::Configuration;
+use phasmid::protocol::data_line::{self, Found};
+use phasmid::protocol::record::{Event, Reader, Summary, encode_record};
+use phasmid::protocol::service::{Reply, Request};
+use phasmid::protocol::usb::usbip::{Command, DeviceInfo, Operation};
+use phasmid::protocol::usb::{cdc, descriptor, uvc};
+use phasmid::protocol::wire::{FrameDecoder, encode_header};
+use phasmid::protocol::{Frame, PixelFormat};
 
 /// A frame socket's stream in pieces of many lengths: frames that come out have all their bytes.
 pub fn frames(bytes: &[u8]) -> bool {

@@ -5,15 +5,15 @@ use super::choices::Choices;
 use super::ledger::Ledger;
 use super::sample;
 use super::wire::Wire;
-use phasma::host::usb::{
+use phasmid::host::usb::{
     Client, UsbAddress, UsbCamera, UsbDevice, UsbPort, VideoControl, VideoFunction,
 };
-use phasma::host::{Camera, CommandPort};
-use phasma::link::usb::{Event, UsbDevice as Emulated};
-use phasma::profile::{Speed, Transfer};
-use phasma::protocol::PixelFormat;
-use phasma::protocol::usb::usbip::{BUS_ID_LEN, OPERATION_LEN, Operation, Outcome};
-use phasma::{Error, Result};
+use phasmid::host::{Camera, CommandPort};
+use phasmid::link::usb::{Event, UsbDevice as Emulated};
+use phasmid::profile::{Speed, Transfer};
+use phasmid::protocol::PixelFormat;
+use phasmid::protocol::usb::usbip::{BUS_ID_LEN, OPERATION_LEN, Operation, Outcome};
+use phasmid::{Error, Result};
 use std::io::{Read, Write};
 use std::net::{TcpListener, TcpStream};
 use std::sync::Arc;

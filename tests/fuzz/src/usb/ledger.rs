@@ -1,6 +1,6 @@
 //! Book of what a host has asked for: every reply has to be one that the protocol allows.
 
-use phasma::protocol::usb::usbip::{
+use phasmid::protocol::usb::usbip::{
     Command, HEADER_LEN, PACKET_LEN, Packet, Reply, Submit, status,
 };
 use std::collections::HashMap;

@@ -1,8 +1,8 @@
 //! The device that is tested, and its frames.
 
-use phasma::link::usb::{CameraState, UsbDevice};
-use phasma::profile::{Profile, Speed, Transfer};
-use phasma::protocol::{Frame, PixelFormat};
+use phasmid::link::usb::{CameraState, UsbDevice};
+use phasmid::profile::{Profile, Speed, Transfer};
+use phasmid::protocol::{Frame, PixelFormat};
 
 pub const WIDTH: u32 = 300;
 pub const HEIGHT: u32 = 200;

@@ -1,8 +1,8 @@
 //! A host's connection to a device in memory, without a socket, a thread or a clock: the device is
 //! polled when something has come for it, and does all it can then.
 
-use phasma::Result;
-use phasma::link::usb::UsbDevice;
+use phasmid::Result;
+use phasmid::link::usb::UsbDevice;
 use std::cell::{Cell, RefCell};
 use std::collections::VecDeque;
 use std::future::Future;

@@ -1,9 +1,9 @@
 //! The video class's controls.
 
 use super::Host;
-use phasma::link::usb::{CameraState, Event};
-use phasma::profile::{Speed, Transfer};
-use phasma::protocol::usb::{Setup, uvc};
+use phasmid::link::usb::{CameraState, Event};
+use phasmid::profile::{Speed, Transfer};
+use phasmid::protocol::usb::{Setup, uvc};
 
 #[test]
 fn controls_are_the_camera_s_and_know_their_bounds() {

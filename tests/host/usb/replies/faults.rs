@@ -1,10 +1,10 @@
 //! Faults as they would show on a bus.
 
 use super::{Host, frame, status_of};
-use phasma::link::usb::Fault;
-use phasma::profile::{Speed, Transfer};
-use phasma::protocol::usb::usbip::{PACKET_LEN, Packet, status};
-use phasma::protocol::usb::uvc::payload;
+use phasmid::link::usb::Fault;
+use phasmid::profile::{Speed, Transfer};
+use phasmid::protocol::usb::usbip::{PACKET_LEN, Packet, status};
+use phasmid::protocol::usb::uvc::payload;
 use std::time::Duration;
 
 #[test]

@@ -3,9 +3,9 @@
 
 use super::Host;
 use crate::usb::fuzz::wire::Wire;
-use phasma::link::usb::Event;
-use phasma::profile::{Speed, Transfer};
-use phasma::protocol::usb::{Setup, cdc, request, uvc};
+use phasmid::link::usb::Event;
+use phasmid::profile::{Speed, Transfer};
+use phasmid::protocol::usb::{Setup, cdc, request, uvc};
 
 /// Why the device has ended the connection.
 fn reason(host: Host) -> String {

@@ -1,9 +1,9 @@
 //! Isochronous transfers end in time, with or without a frame.
 
 use super::{Host, frame, status_of};
-use phasma::profile::{Speed, Transfer};
-use phasma::protocol::usb::usbip::{PACKET_LEN, Packet, Reply, status};
-use phasma::protocol::usb::{Setup, request};
+use phasmid::profile::{Speed, Transfer};
+use phasmid::protocol::usb::usbip::{PACKET_LEN, Packet, Reply, status};
+use phasmid::protocol::usb::{Setup, request};
 use std::time::Duration;
 
 impl Host {

@@ -10,12 +10,12 @@ mod stream;
 use crate::usb::fuzz::ledger::Ledger;
 use crate::usb::fuzz::sample;
 use crate::usb::fuzz::wire::Wire;
-use phasma::link::usb::UsbDevice;
-use phasma::profile::{Speed, Transfer};
-use phasma::protocol::usb::usbip::{Command, HEADER_LEN, Packet, Reply, Submit, status};
-use phasma::protocol::usb::uvc::{self, Negotiation, payload};
-use phasma::protocol::usb::{Setup, request};
-use phasma::protocol::{Frame, PixelFormat};
+use phasmid::link::usb::UsbDevice;
+use phasmid::profile::{Speed, Transfer};
+use phasmid::protocol::usb::usbip::{Command, HEADER_LEN, Packet, Reply, Submit, status};
+use phasmid::protocol::usb::uvc::{self, Negotiation, payload};
+use phasmid::protocol::usb::{Setup, request};
+use phasmid::protocol::{Frame, PixelFormat};
 use std::sync::Arc;
 
 fn frame(id: u64) -> Arc<Frame> {

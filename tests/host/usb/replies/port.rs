@@ -1,11 +1,11 @@
 //! The serial port's endpoints and requests.
 
 use super::Host;
-use phasma::link::usb::Event;
-use phasma::profile::{Speed, Transfer};
-use phasma::protocol::usb::Setup;
-use phasma::protocol::usb::cdc::{self, DeviceLines};
-use phasma::protocol::usb::usbip::Reply;
+use phasmid::link::usb::Event;
+use phasmid::profile::{Speed, Transfer};
+use phasmid::protocol::usb::Setup;
+use phasmid::protocol::usb::cdc::{self, DeviceLines};
+use phasmid::protocol::usb::usbip::Reply;
 
 #[test]
 fn the_port_carries_bytes_lines_and_breaks() {
@@ -18,11 +18,11 @@ fn the_port_carries_bytes_lines_and_breaks() {
     let events = host.device.take_events();
     let received = Event::Received(b"*IDN?\n".to_vec());
     assert!(events.contains(&received), "{events:?}");
-    assert!(host.device.send(b"Phasma\n", host.wire.now()));
+    assert!(host.device.send(b"Phasmid\n", host.wire.now()));
     host.read(3, 4);
     host.read(3, 4);
     let data: Vec<u8> = host.replies().into_iter().flat_map(|r| r.1).collect();
-    assert_eq!(data, b"Phasma\n");
+    assert_eq!(data, b"Phasmid\n");
     host.read(2, 16);
     let told = |host: &mut Host| DeviceLines::from_notification(&host.replies()[0].1);
     assert_eq!(told(&mut host), Some(DeviceLines::default()));

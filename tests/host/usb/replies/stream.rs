@@ -2,11 +2,11 @@
 
 use super::{Host, frame};
 use crate::usb::fuzz::sample::{HEIGHT, WIDTH};
-use phasma::link::usb::Event;
-use phasma::profile::{Speed, Transfer};
-use phasma::protocol::Frame;
-use phasma::protocol::usb::usbip::{Reply, status};
-use phasma::protocol::usb::uvc::payload;
+use phasmid::link::usb::Event;
+use phasmid::profile::{Speed, Transfer};
+use phasmid::protocol::Frame;
+use phasmid::protocol::usb::usbip::{Reply, status};
+use phasmid::protocol::usb::uvc::payload;
 use std::sync::Arc;
 use std::time::Duration;
 

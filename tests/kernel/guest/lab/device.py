@@ -11,7 +11,7 @@ import termios
 import tty
 
 from .failure import Failure, expect, expect_true
-from .guest import PHASMA, wait_until
+from .guest import PHASMID, wait_until
 from .profiles import FRAMES, GREY, SCENE
 
 HEADER_LEN = 72
@@ -76,13 +76,13 @@ class Control:
 
 
 class Device:
-    """`phasma serve`, started."""
+    """`phasmid serve`, started."""
 
     def __init__(self, scratch, variation, camera, *options, seed=7, name="device", user=None):
         self.scratch, self.variation = scratch, variation
         self.run_dir = scratch.dir / name
         self.job = scratch.start(
-            PHASMA, "serve", "--profile", variation.write(scratch.dir), "--scene", SCENE,
+            PHASMID, "serve", "--profile", variation.write(scratch.dir), "--scene", SCENE,
             "--seed", seed, "--camera", camera, "--run-dir", self.run_dir, *options,
             name=f"serve-{name}", user=user,
         )
@@ -115,10 +115,10 @@ class Device:
             self.control_port = None
 
     def scan(self, out, *options, camera=None, timeout=20, seconds=90, wait=True):
-        """`phasma scan` into a folder of the scratch folder; the program, ended unless not waited for."""
+        """`phasmid scan` into a folder of the scratch folder; the program, ended unless not waited for."""
         self.release_control()
         job = self.scratch.start(
-            PHASMA, "scan", "--camera", camera or self.camera, "--control", self.endpoints["control"],
+            PHASMID, "scan", "--camera", camera or self.camera, "--control", self.endpoints["control"],
             "--timeout", timeout, "--json", "--out", self.scratch.dir / out, *options,
         )
         return job.wait(seconds) if wait else job

@@ -14,7 +14,7 @@ from .failure import Failure
 REPO = pathlib.Path("/mnt/repo")
 LANE = REPO / "tests/kernel"
 OUT = pathlib.Path("/mnt/out")
-PHASMA = REPO / "target/release/phasma"
+PHASMID = REPO / "target/release/phasmid"
 # Bits of /proc/sys/kernel/tainted: the kernel died (oops), the kernel warned.
 BROKEN = 1 << 7 | 1 << 9
 
@@ -148,8 +148,8 @@ class Scratch:
         """Runs a program to its end."""
         return self.start(*command, user=user).wait(seconds)
 
-    def phasma(self, *arguments, **options):
-        return self.run(PHASMA, *arguments, **options)
+    def phasmid(self, *arguments, **options):
+        return self.run(PHASMID, *arguments, **options)
 
     def hold(self, descriptor):
         """Has a descriptor closed when the test is over; returns it."""

@@ -7,9 +7,9 @@ import subprocess
 from .failure import Failure
 
 MODULE = "/mnt/modules/v4l2loopback.ko"
-PHASMA, SECOND, OTHER = "/dev/video10", "/dev/video11", "/dev/video12"
+PHASMID, SECOND, OTHER = "/dev/video10", "/dev/video11", "/dev/video12"
 # Numbers and labels of the nodes.
-NODES = [(10, "Phasma one"), (11, "Phasma two"), (12, "Other")]
+NODES = [(10, "Phasmid one"), (11, "Phasmid two"), (12, "Other")]
 
 
 def load(nodes=None, exclusive_caps=1, max_buffers=32):

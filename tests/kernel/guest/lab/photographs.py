@@ -1,4 +1,4 @@
-"""Frames that a foreign program has saved as a folder that `phasma decode` takes."""
+"""Frames that a foreign program has saved as a folder that `phasmid decode` takes."""
 
 import struct
 import zlib

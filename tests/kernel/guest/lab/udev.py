@@ -8,7 +8,7 @@ import shutil
 from .guest import REPO, wait_until
 
 UDEVD = "/lib/systemd/systemd-udevd"
-RULES = REPO / "udev/60-phasma.rules"
+RULES = REPO / "udev/60-phasmid.rules"
 # The guest enters its root by chroot, where udevadm does nothing unless it is told to.
 ENVIRONMENT = {"SYSTEMD_IGNORE_CHROOT": "1"}
 
@@ -27,10 +27,10 @@ def running(scratch):
     finally:
         daemon.end()
         shutil.rmtree("/run/udev", ignore_errors=True)
-        shutil.rmtree("/dev/phasma", ignore_errors=True)
+        shutil.rmtree("/dev/phasmid", ignore_errors=True)
 
 
 def links():
-    """Targets of the names under /dev/phasma."""
-    folder = pathlib.Path("/dev/phasma")
+    """Targets of the names under /dev/phasmid."""
+    folder = pathlib.Path("/dev/phasmid")
     return {link.name: str(link.resolve()) for link in folder.iterdir()} if folder.exists() else {}

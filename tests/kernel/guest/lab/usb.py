@@ -6,7 +6,7 @@ import re
 
 from .device import Device
 from .failure import Failure, expect
-from .guest import PHASMA, wait_until
+from .guest import PHASMID, wait_until
 from .loopback import insmod_all
 from .profiles import replace
 
@@ -38,7 +38,7 @@ class UsbVariation:
 
 
 class UsbDevice(Device):
-    """`phasma serve --usb`."""
+    """`phasmid serve --usb`."""
 
     def __init__(self, scratch, variation, *options, how="attach", **named):
         load()
@@ -58,7 +58,7 @@ class UsbDevice(Device):
 
     def scan_usb(self, out, wait=True):
         job = self.scratch.start(
-            PHASMA, "scan", "--camera", self.node, "--control", self.port,
+            PHASMID, "scan", "--camera", self.node, "--control", self.port,
             "--timeout", "20", "--json", "--out", self.scratch.dir / out)
         return job.wait(90) if wait else job
 
