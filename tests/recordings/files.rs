@@ -1,5 +1,6 @@
 //! Files of recordings on the command line.
 
+use crate::alone;
 use crate::served::{Served, phasmid, serve, text};
 use std::fs;
 use std::path::Path;
@@ -11,6 +12,7 @@ fn run(args: &[&str], file: &Path) -> Output {
 
 #[test]
 fn a_file_that_is_there_is_kept_unless_forced() {
+    let _alone = alone();
     let base = tempfile::tempdir().unwrap();
     let file = base.path().join("thesis.tex");
     fs::write(&file, "years of work and toil").unwrap();
@@ -52,6 +54,7 @@ fn a_file_that_is_there_is_kept_unless_forced() {
 
 #[test]
 fn a_recording_has_a_device_and_a_place_of_its_own() {
+    let _alone = alone();
     let base = tempfile::tempdir().unwrap();
     let at = |name: &str| base.path().join(name);
     // Not in the run directory, by whatever name.
@@ -101,6 +104,7 @@ fn a_recording_has_a_device_and_a_place_of_its_own() {
 
 #[test]
 fn others_can_read_a_recording_and_so_can_people() {
+    let _alone = alone();
     let base = tempfile::tempdir().unwrap();
     let at = |name: &str| base.path().join(name);
     let file = at("a.rec");

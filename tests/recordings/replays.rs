@@ -1,5 +1,6 @@
 //! Scans of replays, and clients that leave the recorded path.
 
+use crate::alone;
 use crate::served::{Served, phasmid, serve, text};
 use rustix::process::{Pid, Signal, kill_process};
 use std::fs;
@@ -45,6 +46,7 @@ fn assert_same(one: &Path, other: &Path) {
 
 #[test]
 fn a_scan_of_a_replay_is_the_scan_that_was_recorded() {
+    let _alone = alone();
     let base = tempfile::tempdir().unwrap();
     let at = |name: &str| base.path().join(name);
     let (device, host) = (at("device.rec"), at("host.rec"));
@@ -127,6 +129,7 @@ fn wait_for(file: &Path, received: u64) {
 
 #[test]
 fn who_leaves_the_path_is_told_where_and_a_killed_recorder_has_written_all() {
+    let _alone = alone();
     let base = tempfile::tempdir().unwrap();
     let file = base.path().join("killed.rec");
     let mut served = Served::start(&["--record", file.to_str().unwrap()]);
@@ -189,6 +192,7 @@ fn who_leaves_the_path_is_told_where_and_a_killed_recorder_has_written_all() {
 /// On a bad day the port goes in the middle of a scan, whichever message that is.
 #[test]
 fn a_scan_during_which_the_port_went_is_replayed_from_either_side() {
+    let _alone = alone();
     let base = tempfile::tempdir().unwrap();
     let at = |name: &str| base.path().join(name);
     fs::write(
@@ -232,6 +236,7 @@ fn a_scan_during_which_the_port_went_is_replayed_from_either_side() {
 /// who scans that has left no path.
 #[test]
 fn a_device_that_was_killed_in_a_scan_is_killed_in_its_replay() {
+    let _alone = alone();
     let base = tempfile::tempdir().unwrap();
     let file = base.path().join("host.rec");
     let mut served = Served::spawn_as_it_is(serve().args(["--clock", "real"]));
