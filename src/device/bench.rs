@@ -1,24 +1,24 @@
-//! A whole device in memory: firmware, optics and a virtual clock, driven step by step. What
-//! `phasmid serve` does over ports and sockets, this does over function calls.
+//! A whole device in memory: firmware, optics and a virtual clock, stepped by function calls. Does
+//! without ports and sockets what `phasmid serve` does with them.
 
 use super::faults::Faults;
 use super::port::Port;
 use super::{Firmware, FrameSink, Machine, Renderer, SerialLine, State, VirtualClock};
 use std::sync::Arc;
 
-/// A device on the bench: no port, no socket, no thread, no waiting.
+/// A device without port, socket, thread or waiting.
 pub struct Bench<S> {
     machine: Machine,
     renderer: Renderer,
     clock: VirtualClock,
-    /// What has reached the client and was not asked for yet.
+    /// Bytes sent to the client and not fetched yet.
     output: Vec<u8>,
-    /// Where the frames go.
+    /// Receives the frames.
     pub sink: S,
 }
 
 impl<S: FrameSink> Bench<S> {
-    /// Puts a device together that works as it should, on a line that takes no time.
+    /// Assembles a device without faults on a line without delay.
     pub fn new(firmware: Firmware, renderer: Renderer, sink: S) -> Self {
         let machine = Machine::new(
             firmware,
@@ -29,7 +29,7 @@ impl<S: FrameSink> Bench<S> {
         Self::of(machine, renderer, sink)
     }
 
-    /// Puts a device together.
+    /// Assembles a device.
     pub fn of(machine: Machine, renderer: Renderer, sink: S) -> Self {
         Self {
             machine,
@@ -40,8 +40,8 @@ impl<S: FrameSink> Bench<S> {
         }
     }
 
-    /// Sends bytes to the control port, lets time pass until nothing is under way (a free-running
-    /// camera gets as far as its commands take no time), and gives what the device sent back.
+    /// Sends bytes to the control port, advances time until no operation is pending and returns the
+    /// device's output. A free-running camera advances only as far as its commands take no time.
     pub fn control(&mut self, bytes: &[u8]) -> Vec<u8> {
         let now = self.now_ns();
         let attended = self.sink.attended();
@@ -54,13 +54,13 @@ impl<S: FrameSink> Bench<S> {
         std::mem::take(&mut self.output)
     }
 
-    /// When something happens next; the frames of a free-running camera are nothing.
+    /// Time of the next event, not counting frames of a free-running camera.
     fn next_event_ns(&self) -> Option<u64> {
         let free = matches!(self.machine.firmware().state(), State::Free { .. });
         self.machine.next_event_ns(free)
     }
 
-    /// Lets time pass until `ns` of device time.
+    /// Advances to `ns` of device time.
     pub fn run_until(&mut self, ns: u64) {
         self.clock.wait(ns);
         let now = self.now_ns();
@@ -68,17 +68,17 @@ impl<S: FrameSink> Bench<S> {
         self.render();
     }
 
-    /// Device time.
+    /// Returns the device time in nanoseconds.
     pub fn now_ns(&mut self) -> u64 {
         self.clock.now_ns()
     }
 
-    /// The firmware, to look at.
+    /// Returns the firmware.
     pub fn firmware(&mut self) -> &mut Firmware {
         self.machine.firmware_mut()
     }
 
-    /// The device without its optics.
+    /// Returns the device without its optics.
     pub fn machine(&mut self) -> &mut Machine {
         &mut self.machine
     }

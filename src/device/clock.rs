@@ -1,20 +1,20 @@
-//! Device time: integer nanoseconds from power-on. The device never looks at a wall clock; whoever
-//! drives it says what time it is: a [`Bench`](super::Bench) by this clock, a server by its timeline.
+//! Device time: integer nanoseconds since power-on. The device never reads a wall clock; its driver
+//! passes the time in: a [`Bench`](super::Bench) from this clock, a server from its timeline.
 
-/// Device time stands still until something waits for it, then it jumps there: a sequence takes no
-/// longer than its rendering, and a run is the same to the nanosecond every time.
+/// A clock that stands still until something waits for a time and then jumps there: a sequence
+/// takes no longer than its rendering, and every run is identical to the nanosecond.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct VirtualClock {
     now_ns: u64,
 }
 
 impl VirtualClock {
-    /// Device time now, in nanoseconds; never goes back.
+    /// Returns the device time in nanoseconds; it never decreases.
     pub fn now_ns(&self) -> u64 {
         self.now_ns
     }
 
-    /// Waits for a time, which takes none.
+    /// Jumps to `until_ns` if that is in the future.
     pub fn wait(&mut self, until_ns: u64) {
         self.now_ns = self.now_ns.max(until_ns);
     }

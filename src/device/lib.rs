@@ -1,4 +1,20 @@
-//! The emulated device: clock, firmware, projector, sensor, ground truth, rendering.
+//! The emulated device: firmware, control port, projector timing, readout, faults and the links that
+//! carry commands and frames. It renders through `phasmid-render` and never depends on a host-side
+//! crate.
+//!
+//! | module | contents |
+//! | --- | --- |
+//! | `bench` | a whole device in memory, stepped by function calls |
+//! | `clock` | device time that jumps instead of waiting |
+//! | [`faults`] | faults on messages, frames and the whole device |
+//! | [`firmware`] | commands, trigger system, sequences, status registers |
+//! | `link` (Linux) | pseudo-terminal, sockets, V4L2, USB/IP and the service channel |
+//! | `line` | the serial line in device time |
+//! | `machine` | the device without its optics |
+//! | [`port`] | the control port's dialect |
+//! | `projection` | patterns and bit planes over time |
+//! | `readout`, `roi` | region, pixel format and data line of a frame |
+//! | `sink` | receivers of frames |
 
 mod bench;
 mod clock;

@@ -1,22 +1,22 @@
 //! The serial line in device time. A byte takes its start bit, data, parity and stop bits at the
-//! line's baud rate, and bytes that are put on it together follow each other without a gap, each way
-//! by itself. Times are exact: n bytes of a burst take ceil(n * bits * 1e9 / baud) nanoseconds.
+//! line's baud rate; bytes sent together follow each other without a gap, independently in each
+//! direction. Times are exact: n bytes of a burst take ceil(n * bits * 1e9 / baud) nanoseconds.
 
 use phasmid_profile::Control;
 use std::collections::VecDeque;
 
-/// Bytes on their way to the device beyond which whoever sends has to wait: what a UART driver's
-/// buffer holds.
+/// Number of bytes in transit to the device above which a sender must wait: the buffer size of a
+/// UART driver.
 const CROWDED_TO_DEVICE: usize = 1 << 10;
-/// Bytes on their way to the client beyond which the device reads nothing more.
+/// Number of bytes in transit to the client above which the device stops reading.
 const CROWDED_TO_HOST: usize = 64 << 10;
-/// Bytes on their way to the client beyond which a message is lost.
+/// Maximum number of bytes in transit to the client; a message beyond it is lost.
 const MAX_TO_HOST: usize = 1 << 20;
-/// Bytes to the client that arrive so close to each other are handed on together, unless a message
-/// ends before: no host's driver tells its programs of every byte.
+/// Bytes to the client that arrive within this time are delivered together unless a message ends
+/// earlier: no host driver wakes its program for every byte.
 const TOGETHER_NS: u64 = 1_000_000;
 
-/// How long bytes take.
+/// Transmission time of bytes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct ByteTime {
     half_bits: u32,
@@ -24,7 +24,7 @@ struct ByteTime {
 }
 
 impl ByteTime {
-    /// Nanoseconds of so many bytes.
+    /// Nanoseconds that `bytes` bytes take.
     fn after(time: Option<Self>, bytes: u64) -> u64 {
         let Some(Self { half_bits, baud }) = time else {
             return 0;
@@ -34,7 +34,7 @@ impl ByteTime {
         u64::try_from(ns).unwrap_or(u64::MAX)
     }
 
-    /// Bytes that are through after so many nanoseconds.
+    /// Number of bytes transmitted within `ns` nanoseconds.
     fn within(time: Option<Self>, ns: u64) -> u64 {
         let Some(Self { half_bits, baud }) = time else {
             return u64::MAX;
@@ -49,9 +49,9 @@ impl ByteTime {
 struct Burst {
     start_ns: u64,
     bytes: VecDeque<u8>,
-    /// Bytes of it that have been taken.
+    /// Number of its bytes that have been taken.
     taken: u64,
-    /// Counts of bytes at which something that was put on the line ends.
+    /// Byte counts at which a message of the burst ends.
     ends: VecDeque<u64>,
 }
 
@@ -61,7 +61,7 @@ impl Burst {
     }
 }
 
-/// One direction.
+/// One direction of the line.
 #[derive(Debug, Default)]
 struct Way {
     bursts: VecDeque<Burst>,
@@ -73,7 +73,7 @@ impl Way {
         if bytes.is_empty() {
             return;
         }
-        // A wire that is still busy goes on with these.
+        // A busy wire continues with these bytes.
         let busy = self.bursts.back().is_some_and(|burst| {
             let lasts = ByteTime::after(time, burst.total());
             now_ns < burst.start_ns.saturating_add(lasts)
@@ -91,8 +91,8 @@ impl Way {
         self.len += bytes.len();
     }
 
-    /// What has arrived by now. A burst whose last byte has not keeps its place, so that what
-    /// follows it follows without a gap.
+    /// Takes the bytes that have arrived. A burst whose last byte has not arrived stays queued, so
+    /// that following bytes join it without a gap.
     fn take(&mut self, now_ns: u64, time: Option<ByteTime>) -> Vec<u8> {
         let mut out = Vec::new();
         while let Some(burst) = self.bursts.front_mut() {
@@ -115,14 +115,14 @@ impl Way {
         out
     }
 
-    /// When the next byte arrives.
+    /// Arrival time of the next byte.
     fn next_ns(&self, time: Option<ByteTime>) -> Option<u64> {
         let burst = self.bursts.front()?;
         let lasts = ByteTime::after(time, burst.taken + 1);
         Some(burst.start_ns.saturating_add(lasts))
     }
 
-    /// When the last of the next bytes arrives that are handed on together.
+    /// Arrival time of the last byte of the next group that is delivered together.
     fn next_together_ns(&self, time: Option<ByteTime>) -> Option<u64> {
         let burst = self.bursts.front()?;
         let end = *burst.ends.front()?;
@@ -133,18 +133,18 @@ impl Way {
     }
 }
 
-/// Bytes on their way in both directions. The default takes no time.
+/// Bytes in transit in both directions. The default line has no delay.
 #[derive(Debug, Default)]
 pub struct SerialLine {
     time: Option<ByteTime>,
-    /// Bits of a byte that the line does not carry.
+    /// Mask of the bits of a byte that the line does not carry.
     lost: u8,
     to_device: Way,
     to_host: Way,
 }
 
 impl SerialLine {
-    /// The line of a profile. Without a baud rate it takes no time and carries whole bytes.
+    /// Returns the line of a profile. Without a baud rate it has no delay and carries 8-bit bytes.
     pub fn new(control: &Control) -> Self {
         Self {
             time: control.baud.map(|baud| ByteTime {
@@ -159,23 +159,24 @@ impl SerialLine {
         }
     }
 
-    /// A client puts bytes on the line.
+    /// Puts a client's bytes on the line.
     pub fn receive(&mut self, bytes: &[u8], now_ns: u64) {
         self.to_device.put(bytes, now_ns, self.time);
     }
 
-    /// Bytes that the device has by now.
+    /// Takes the bytes that have reached the device.
     pub fn received(&mut self, now_ns: u64) -> Vec<u8> {
         let bytes = self.to_device.take(now_ns, self.time);
         self.carried(bytes)
     }
 
-    /// When the next byte reaches the device.
+    /// Returns when the next byte reaches the device.
     pub fn next_received_ns(&self) -> Option<u64> {
         self.to_device.next_ns(self.time)
     }
 
-    /// The device puts a message on the line; false where it is lost, as too much is on its way.
+    /// Puts a message of the device on the line; returns `false` if it is lost because too much is
+    /// in transit.
     pub fn send(&mut self, bytes: &[u8], now_ns: u64) -> bool {
         if self.to_host.len > 0 && self.to_host.len + bytes.len() > MAX_TO_HOST {
             return false;
@@ -184,7 +185,7 @@ impl SerialLine {
         true
     }
 
-    /// Bytes that the client has by now.
+    /// Takes the bytes that have reached the client.
     pub fn sent(&mut self, now_ns: u64) -> Vec<u8> {
         let bytes = self.to_host.take(now_ns, self.time);
         self.carried(bytes)
@@ -197,19 +198,19 @@ impl SerialLine {
         bytes
     }
 
-    /// Forgets what is on its way.
+    /// Discards all bytes in transit.
     pub fn clear(&mut self) {
         self.to_device = Way::default();
         self.to_host = Way::default();
     }
 
-    /// Whether so much is on its way that nobody should put more on the line.
+    /// Returns whether so much is in transit that senders should wait.
     pub fn crowded(&self) -> bool {
         self.to_device.len >= CROWDED_TO_DEVICE || self.to_host.len >= CROWDED_TO_HOST
     }
 
-    /// When something arrives next at either end. Bytes to the client that arrive within a
-    /// millisecond count as one, at the last of them; a message's end always counts.
+    /// Returns the time of the next arrival at either end. Bytes to the client that arrive within a
+    /// millisecond count as one arrival, at the last of them; the end of a message always counts.
     pub fn next_event_ns(&self) -> Option<u64> {
         let to_host = self.to_host.next_together_ns(self.time);
         self.next_received_ns().into_iter().chain(to_host).min()
@@ -228,7 +229,7 @@ mod tests {
         })
     }
 
-    /// The closed form for 8N1.
+    /// Closed form for 8N1.
     fn ns(bytes: u64, baud: u32) -> u64 {
         (u128::from(bytes) * 10 * 1_000_000_000).div_ceil(u128::from(baud)) as u64
     }
@@ -272,7 +273,7 @@ mod tests {
         line.receive(b"cd", ns(1, 115_200));
         assert_eq!(line.received(ns(4, 115_200) - 1), b"abc");
         assert_eq!(line.received(ns(4, 115_200)), b"d");
-        // The wire is free again: the next byte starts when it is put there.
+        // The wire is free again: the next byte starts when it is sent.
         line.receive(b"e", 1_000_000);
         assert_eq!(line.next_received_ns(), Some(1_000_000 + ns(1, 115_200)));
     }
@@ -294,7 +295,7 @@ mod tests {
         assert!(line.send(&[0; 300], 0));
         assert_eq!(line.next_event_ns(), Some(ns(3, 1_000_000)));
         assert_eq!(line.sent(ns(3, 1_000_000)), b"ok\n");
-        // The next byte comes after 10 us, and a hundred in the millisecond that follows it.
+        // The next byte arrives after 10 us, and a hundred more within the following millisecond.
         assert_eq!(line.next_event_ns(), Some(ns(104, 1_000_000)));
     }
 
@@ -316,8 +317,8 @@ mod tests {
     }
 
     proptest! {
-        /// Bursts at any times, taken at any times: each byte arrives when it would have on a wire
-        /// that starts it when it is free and the byte is there, with no drift inside of a burst.
+        /// Bursts sent and taken at arbitrary times: each byte arrives when it would on a wire that
+        /// sends it as soon as wire and byte are available, without drift inside a burst.
         #[test]
         fn every_byte_arrives_when_it_would(
             baud in prop_oneof![Just(9600u32), Just(115_200), 50u32..12_000_000],
@@ -346,7 +347,7 @@ mod tests {
                     expected.push(burst.0 + ns(burst.1, baud));
                 }
             }
-            // Each look finds what has arrived by then, and nothing more.
+            // Each call returns exactly what has arrived by then.
             while seen.len() < expected.len() {
                 looked += look_ns;
                 let came = line.sent(looked);

@@ -1,5 +1,5 @@
-//! The whole device but for its optics: firmware, control port, and what goes wrong on a bad day.
-//! Nothing here waits and nothing reads a clock; whoever drives it says what time it is.
+//! The whole device without its optics: firmware, control port and faults. It neither waits nor
+//! reads a clock; the caller passes the time in.
 //!
 //! ```text
 //!  link --bytes--> [ line ] --> [ faults ] --> [ port ] --commands--> [ firmware ] --exposures--.
@@ -8,7 +8,7 @@
 //!  link <--frames------------------ [ faults ] <------------------ optics <-- [ faults ] <-----'
 //! ```
 //!
-//! Faults are wrappers around the ways in and out; the firmware knows nothing of them.
+//! Faults wrap the inputs and outputs; the firmware does not know about them.
 
 use super::faults::{Faults, Incoming};
 use super::line::SerialLine;
@@ -23,14 +23,14 @@ pub struct Machine {
     port: Port,
     line: SerialLine,
     faults: Faults,
-    /// Bytes that have come over the line.
+    /// Number of bytes received over the line.
     taken_in: u64,
-    /// Frames of which the firmware does not know yet that they have left.
+    /// Rendered frames that the firmware does not yet count as delivered.
     rendered: u64,
 }
 
 impl Machine {
-    /// Puts a device together.
+    /// Assembles a device.
     pub fn new(firmware: Firmware, port: Port, line: SerialLine, mut faults: Faults) -> Self {
         faults.listen_to(port.dialect());
         Self {
@@ -43,40 +43,41 @@ impl Machine {
         }
     }
 
-    /// The firmware.
+    /// Returns the firmware.
     pub fn firmware(&self) -> &Firmware {
         &self.firmware
     }
 
-    /// The firmware, for what reaches it past the control port.
+    /// Returns the firmware for access that bypasses the control port.
     pub fn firmware_mut(&mut self) -> &mut Firmware {
         &mut self.firmware
     }
 
-    /// What goes wrong.
+    /// Returns the faults.
     pub fn faults(&self) -> &Faults {
         &self.faults
     }
 
-    /// What goes wrong, to change it.
+    /// Returns the faults for modification.
     pub fn faults_mut(&mut self) -> &mut Faults {
         &mut self.faults
     }
 
-    /// Takes bytes that a client has put on the line at a time.
+    /// Receives bytes that a client put on the line at `now_ns`.
     pub fn receive(&mut self, bytes: &[u8], now_ns: u64) {
         self.line.receive(bytes, now_ns);
         self.advance(now_ns);
     }
 
-    /// The client has gone: forgets unfinished input and replies, as when a cable is pulled.
+    /// Handles a client's disconnection: discards unfinished input and replies, as when a cable is
+    /// pulled.
     pub fn hang_up(&mut self) {
         self.line.clear();
         self.faults.hang_up();
         self.port.hang_up(&mut self.firmware);
     }
 
-    /// Works off what was due up to a time, each thing at its own time, however late this is asked.
+    /// Processes everything due up to `now_ns`, each event at its own time.
     pub fn advance(&mut self, now_ns: u64) {
         let mut last = None;
         while let Some(next) = self.next_step_ns(last).filter(|&next| next < now_ns) {
@@ -86,7 +87,7 @@ impl Machine {
         self.step(now_ns);
     }
 
-    /// What happens next by itself after the last step. A free-running camera catches up on its own.
+    /// Time of the next event after the last step. A free-running camera catches up by itself.
     fn next_step_ns(&self, last: Option<u64>) -> Option<u64> {
         let running = matches!(self.firmware.state(), State::Running { .. });
         [
@@ -119,7 +120,7 @@ impl Machine {
             Incoming::Bytes(bytes) => self.port.receive(&bytes, &mut self.firmware, now_ns),
             Incoming::Refused(reply) if reply.is_empty() => self.firmware.input_lost(),
             Incoming::Refused(reply) => {
-                // Behind the answers to what came before it.
+                // After the answers to earlier input.
                 self.collect(now_ns);
                 if !self.line.send(&reply, now_ns) {
                     self.firmware.reply_lost();
@@ -128,7 +129,7 @@ impl Machine {
         }
     }
 
-    /// What befalls the whole device.
+    /// Applies faults that affect the whole device.
     fn suffer(&mut self, now_ns: u64) {
         if self.faults.take_broken() {
             self.hang_up();
@@ -144,12 +145,12 @@ impl Machine {
         self.port.power_on(now_ns);
     }
 
-    /// Whether the control port is there; while it is not, nobody can have it open.
+    /// Returns whether the control port is present; while it is not, no client can have it open.
     pub fn connected(&self, now_ns: u64) -> bool {
         self.faults.connected(now_ns)
     }
 
-    /// Hands on what the device has to say.
+    /// Puts the device's output on the line.
     fn collect(&mut self, now_ns: u64) {
         for message in self.port.collect(&mut self.firmware, now_ns) {
             self.faults.reply(message, now_ns);
@@ -161,32 +162,31 @@ impl Machine {
         }
     }
 
-    /// Switches the device off and on again: see [`Firmware::power_cycle`]. What is on its way on
-    /// the line is lost, and it says again what it says at power-on.
+    /// Switches the device off and on again: see [`Firmware::power_cycle`]. Bytes in transit are
+    /// lost, and the device sends its power-on message again.
     pub fn power_cycle(&mut self, now_ns: u64) {
         self.advance(now_ns);
         self.boot(now_ns);
         self.collect(now_ns);
     }
 
-    /// Whether so much is on its way on the line that a link should take nothing more from its
-    /// client.
+    /// Returns whether so much is in transit that a link should stop reading from its client.
     pub fn crowded(&self) -> bool {
         self.line.crowded()
     }
 
-    /// Bytes that have reached the device since it was made.
+    /// Returns the number of bytes received since the device was made.
     pub fn taken_in(&self) -> u64 {
         self.taken_in
     }
 
-    /// Bytes that are on the client's side of the line by now.
+    /// Takes the bytes that have reached the client's side of the line.
     pub fn take_output(&mut self, now_ns: u64) -> Vec<u8> {
         self.collect(now_ns);
         self.line.sent(now_ns)
     }
 
-    /// What is to be rendered, in order.
+    /// Takes the exposures to be rendered, in order.
     pub fn take_exposures(&mut self, now_ns: u64) -> Vec<Exposure> {
         let exposures = self.firmware.take_exposures();
         let firmware = &self.firmware;
@@ -199,8 +199,8 @@ impl Machine {
         exposures
     }
 
-    /// Says that an exposure's frame is there, or with `None` that it will never be rendered, as
-    /// nobody reads.
+    /// Reports that an exposure's frame has been rendered, or with `None` that it never will be
+    /// because no client reads.
     pub fn rendered(&mut self, frame: Option<Arc<Frame>>, now_ns: u64) {
         if let Some(frame) = frame {
             self.faults.frame(frame, now_ns);
@@ -208,18 +208,18 @@ impl Machine {
         self.rendered += 1;
     }
 
-    /// Says that the links hold no frame back: as far as the device knows, all that were rendered
-    /// have left, whatever has become of them on their way.
+    /// Reports that the links hold no frames back: the device counts all rendered frames as
+    /// delivered, whatever happened to them on the way.
     pub fn frames_left(&mut self) {
         self.firmware.delivered(std::mem::take(&mut self.rendered));
     }
 
-    /// The next frame that leaves by now.
+    /// Returns the next frame that leaves by `now_ns`.
     pub fn next_frame(&mut self, now_ns: u64) -> Option<Arc<Frame>> {
         self.faults.next_frame(now_ns)
     }
 
-    /// When something happens next, in device time. With `behind`, exposures wait for the optics.
+    /// Returns the device time of the next event. With `behind`, exposures wait for the optics.
     pub fn next_event_ns(&self, behind: bool) -> Option<u64> {
         let exposure = self.firmware.next_event_ns().filter(|_| !behind);
         [
@@ -233,12 +233,12 @@ impl Machine {
         .min()
     }
 
-    /// Whether the input stands inside of a message that has to go on without a pause.
+    /// Returns whether the input is inside a message that must continue without a pause.
     pub fn inside_block(&self) -> bool {
         self.faults.holds_back() || self.port.inside_block(&self.firmware)
     }
 
-    /// Gives up on a message that stopped coming.
+    /// Abandons a message that stopped arriving.
     pub fn input_stalled(&mut self) {
         let held_back = self.faults.input_stalled();
         if !held_back.is_empty() {

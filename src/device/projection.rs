@@ -1,9 +1,9 @@
-//! What a projector shows in time: patterns for their exposures and darkness between them. A DMD's
-//! mirrors are on or off, so it shows a grey pattern as its bits one after the other, bit k for
-//! 2^k / (2^n - 1) of the time, least significant first (which order a controller takes is its own
-//! affair; DLP LightCrafter 4500 user's guide DLPU011, section 4.1, has the weights). An exposure that covers the
-//! pattern cannot tell that from light of the level's strength, so the bits are taken apart only
-//! where some row of the camera does not.
+//! The projector's output over time: patterns for their exposures and darkness between them. A
+//! DMD's mirrors are on or off, so it shows a grey pattern as a series of bit planes, bit k for 2^k
+//! / (2^n - 1) of the time, least significant first (the order depends on the controller; DLP
+//! LightCrafter 4500 user's guide DLPU011, section 4.1, gives the weights). An exposure that covers
+//! the whole pattern cannot distinguish this from light at the grey level, so a pattern is split
+//! into bit planes only if some camera row does not cover it.
 
 use super::{Shot, Showing, Slide};
 use std::collections::VecDeque;
@@ -17,9 +17,9 @@ pub(super) struct Lit {
     pub(super) to_ns: u64,
 }
 
-/// Gives a shot what it sees: patterns in the order of time, none of which begins before the former
-/// one ends, and darkness around them. With `planes`, of a projector of so many bits, those that are
-/// not covered are taken apart.
+/// Sets what a shot sees: patterns in order of time, without overlap, and darkness around them.
+/// With `planes`, given the projector's bit depth, patterns that are not fully covered are split
+/// into bit planes.
 pub(super) fn show(
     shot: &mut Shot,
     patterns: impl IntoIterator<Item = Lit>,
@@ -33,7 +33,7 @@ pub(super) fn show(
         if lit.to_ns <= shot.start_ns {
             continue;
         }
-        // Darkness that takes no time is none.
+        // Darkness of zero duration is dropped.
         if shown.last().is_some_and(|last| last.0 == lit.from_ns) {
             shown.pop();
         }
@@ -71,14 +71,14 @@ pub(super) fn show(
         .collect();
 }
 
-/// Whether each row of the sensor is exposed for all the time that a pattern is shown.
+/// Returns whether every sensor row is exposed during the whole time that a pattern is shown.
 fn covered(shot: &Shot, lit: &Lit) -> bool {
     let first_ends_ns = shot.start_ns.saturating_add(shot.exposure_ns);
     shot.row_start_ns(u32::MAX) <= lit.from_ns && lit.to_ns <= first_ends_ns
 }
 
-/// When a bit of a pattern is shown: those below it have taken (2^bit - 1) / (2^bits - 1) of the
-/// time. Whole nanoseconds, rounded down.
+/// Start of a bit plane: the planes below it take (2^bit - 1) / (2^bits - 1) of the time. Whole
+/// nanoseconds, rounded down.
 fn plane_start_ns(lit: &Lit, bit: u32, bits: u32) -> u64 {
     let part = |bits: u32| (1u128 << bits) - 1;
     let lasts_ns = u128::from(lit.to_ns.saturating_sub(lit.from_ns));
@@ -86,13 +86,14 @@ fn plane_start_ns(lit: &Lit, bit: u32, bits: u32) -> u64 {
     lit.from_ns + after_ns as u64
 }
 
-/// Whether all bits of a slide are the same: then it does not matter which are seen.
+/// Returns whether all bit planes of a slide are equal, so that it does not matter which are seen.
 fn binary(slide: &Slide, bits: u32) -> bool {
     let full = (1u16 << bits) - 1;
     slide.levels().iter().all(|level| [0, full].contains(level))
 }
 
-/// The bits of the slides that were taken apart last, so that the renderer meets the same again.
+/// Bit planes of the slides split most recently, kept so that the renderer sees identical objects
+/// again.
 #[derive(Debug, Default)]
 pub(super) struct Planes {
     known: Mutex<VecDeque<Known>>,
@@ -111,10 +112,10 @@ impl Known {
 }
 
 impl Planes {
-    /// Bytes that are kept.
+    /// Maximum number of bytes kept.
     const MAX_BYTES: usize = 64 << 20;
 
-    /// The bits of a slide, the least significant first.
+    /// Returns the bit planes of a slide, least significant first.
     fn of(&self, slide: &Arc<Slide>, bits: u32) -> Vec<Arc<Slide>> {
         let mut known = self.known.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(found) = known.iter().find(|k| Arc::ptr_eq(&k.slide, slide)) {
@@ -165,7 +166,8 @@ mod tests {
         }
     }
 
-    /// Mean level of each column over an exposure from a time on, from 0 to 1, by what the shot says.
+    /// Mean level, 0 to 1, of each column over an exposure from `start_ns` on, according to the
+    /// shot.
     fn mean(shot: &Shot, start_ns: u64) -> Vec<f64> {
         let mut sum = vec![0.0; 256];
         for (place, time) in shot.seen(start_ns) {
@@ -182,8 +184,8 @@ mod tests {
         sum
     }
 
-    /// The time of an exposure of `from..to` (both of a pattern that takes 255,000 ns) that a mirror
-    /// of a level is on: worked out from the bits' own intervals, 1000 ns and its doublings.
+    /// Time within an exposure `from..to` for which the mirror of a level is on, computed from the
+    /// intervals of the bits, 1000 ns and its doublings. The pattern takes 255,000 ns.
     fn on_ns(level: u64, from: u64, to: u64) -> u64 {
         (0..8)
             .filter(|bit| level >> bit & 1 == 1)
@@ -241,13 +243,13 @@ mod tests {
                 assert!((mean - expected).abs() < 1e-12, "{from} {level}: {mean}");
             }
         }
-        // All of its bits together are the level, to the nanosecond.
+        // All bits together give the level exactly.
         for level in 0..256 {
             assert_eq!(on_ns(level, 0, 255_000), level * 1000);
         }
     }
 
-    /// Without bits the level is shown all the time, and with one bit there is nothing to see.
+    /// Without bit planes the level is shown all the time, and a one-bit pattern needs no split.
     #[test]
     fn what_has_no_bits_is_not_taken_apart() {
         let ramp = ramp();

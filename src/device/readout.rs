@@ -1,31 +1,31 @@
-//! Readout: what becomes of a rendered frame on its way out of the camera. The region is cut out,
-//! pixels are packed as the link wants them, and the embedded data line goes above them.
+//! Readout: converts a rendered frame to what the camera sends. Crops the region, packs the pixels
+//! in the link's format and prepends the embedded data line.
 
 use super::{Roi, Shot, Stream};
 use phasmid_protocol::{Frame, PixelFormat, data_line};
 
-/// A shot and how it is read out.
+/// A shot and its readout.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Exposure {
-    /// What the optics do.
+    /// Input of the optics.
     pub shot: Shot,
-    /// What leaves the camera.
+    /// Conversion to what the camera sends.
     pub readout: Readout,
 }
 
-/// How frames leave the camera.
+/// Parameters of the readout.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Readout {
-    /// The part of the sensor.
+    /// Region of the sensor.
     pub roi: Roi,
-    /// One of the sensor's formats; YUYV only with a region of even width.
+    /// One of the sensor's formats; YUYV requires a region of even width.
     pub format: PixelFormat,
-    /// With an embedded data line: the sensor's largest digital number.
+    /// Full-scale value of the sensor if there is an embedded data line.
     pub data_line: Option<u16>,
 }
 
 impl Readout {
-    /// The frame as it leaves the camera, from the whole sensor's in its native format.
+    /// Converts a frame of the whole sensor in its native format to what the camera sends.
     pub fn read(&self, frame: Frame) -> Frame {
         let mut frame = self.roi.crop(frame);
         if self.format == PixelFormat::Yuyv {
@@ -37,7 +37,7 @@ impl Readout {
         }
     }
 
-    /// What a link sees of such frames, at an interval.
+    /// Returns the stream format of such frames at an interval.
     pub fn stream(&self, interval_ns: u64) -> Stream {
         Stream {
             width: self.roi.width,
@@ -100,8 +100,8 @@ mod tests {
             }
         }
     }
-    /// A frame with nothing to cut out, to convert or to put above it leaves in the memory that the
-    /// sensor pass has written.
+    /// A frame that needs no cropping, conversion or data line leaves in the memory that the sensor
+    /// pass wrote.
     #[test]
     fn a_whole_frame_is_not_copied() {
         let frame = rendered();

@@ -18,7 +18,7 @@ pub struct Roi {
 }
 
 impl Roi {
-    /// The region's part of a whole frame; a frame that the region does not fit in stays whole.
+    /// Crops a whole frame to the region; a frame that does not contain the region stays whole.
     pub fn crop(self, frame: Frame) -> Frame {
         let inside = |first: u32, len: u32, all: u32| {
             len > 0 && first.checked_add(len).is_some_and(|end| end <= all)
@@ -49,7 +49,7 @@ impl Roi {
         }
     }
 
-    /// The rig as seen through the region: a smaller image with a shifted principal point.
+    /// Returns the rig as seen through the region: a smaller image with a shifted principal point.
     pub fn rig(self, mut rig: Rig) -> Rig {
         rig.camera.lens.width_px = self.width;
         rig.camera.lens.height_px = self.height;

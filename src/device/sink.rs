@@ -1,24 +1,24 @@
-//! Where frames go: the edge between the device and the links that carry them.
+//! Receivers of frames: the interface between the device and the links.
 
 use phasmid_protocol::{Frame, PixelFormat};
 use std::collections::VecDeque;
 use std::sync::Arc;
 
-/// Takes the frames of a device.
+/// Receives the frames of a device.
 pub trait FrameSink {
-    /// Whether somebody reads; a free-running camera exposes for nobody.
+    /// Returns whether a client reads; a free-running camera does not expose otherwise.
     fn attended(&self) -> bool;
 
-    /// Takes a frame; must not block.
+    /// Receives a frame; must not block.
     fn put(&mut self, frame: Arc<Frame>);
 }
 
-/// What the frames to come have in common.
+/// Format of the frames to come.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Stream {
     /// Columns.
     pub width: u32,
-    /// Rows, the embedded data line among them.
+    /// Rows, including the embedded data line.
     pub height: u32,
     /// Layout of the pixels.
     pub format: PixelFormat,
@@ -27,12 +27,12 @@ pub struct Stream {
 }
 
 impl Stream {
-    /// Bytes of a frame.
+    /// Size of a frame in bytes.
     pub fn bytes(&self) -> usize {
         self.width as usize * self.height as usize * self.format.bytes_per_pixel()
     }
 
-    /// Whether frames of the two have the same size and layout.
+    /// Returns whether frames of both streams have the same size and layout.
     pub fn same_frames(&self, other: &Self) -> bool {
         let interval_ns = self.interval_ns;
         *self
@@ -42,7 +42,7 @@ impl Stream {
             }
     }
 
-    /// Whether a frame is one of these.
+    /// Returns whether a frame belongs to this stream.
     pub fn carries(&self, frame: &Frame) -> bool {
         (self.width, self.height, self.format) == (frame.width, frame.height, frame.format)
             && frame.data.len() == self.bytes()
@@ -57,12 +57,12 @@ impl std::fmt::Display for Stream {
     }
 }
 
-/// A link that has to know what comes before it comes, and may be unable to change.
+/// A link that must know the stream format in advance and may be unable to change it.
 pub trait StreamSink {
-    /// Gets ready for other frames; those that are under way are lost.
+    /// Prepares for a new format; frames in progress are lost.
     ///
     /// # Errors
-    /// Why it cannot; then all is as before.
+    /// Returns the reason if the link cannot change; the format is then unchanged.
     fn announce(&mut self, stream: &Stream) -> Result<(), String>;
 }
 

@@ -1,4 +1,4 @@
-//! A fault of a schedule on its way: what it has counted, how often it has struck, and whether it
+//! The state of one fault of a schedule: events counted, number of occurrences, and whether it
 //! strikes now.
 
 use super::chance::{Chance, Draws};
@@ -9,9 +9,9 @@ use phasmid_protocol::faults::{Direction, Effect, Fault, Frames, Side};
 pub(super) enum Way {
     /// Frames, from their exposure on.
     Camera,
-    /// Messages on their way in.
+    /// Messages to the device.
     ToDevice,
-    /// Messages on their way out.
+    /// Messages to the host.
     ToHost,
 }
 
@@ -20,20 +20,20 @@ pub(super) enum Way {
 pub(super) struct Event<'a> {
     /// Device time in nanoseconds.
     pub(super) time_ns: u64,
-    /// The command that it is or answers, or the last one before it.
+    /// The command itself, the command that it answers, or the last command before it.
     pub(super) command: &'a str,
-    /// Of a frame: its exposure was triggered. `None` of a message.
+    /// For a frame, whether its exposure was triggered; `None` for a message.
     pub(super) triggered: Option<bool>,
 }
 
-/// A fault and what has become of it.
+/// A fault and its counters.
 #[derive(Debug, Clone)]
 pub(super) struct Armed {
     pub(super) id: u64,
     pub(super) fault: Fault,
-    /// Events that counted.
+    /// Number of matching events.
     counted: u64,
-    /// How often it has struck.
+    /// Number of times it has struck.
     pub(super) struck: u64,
 }
 
@@ -47,7 +47,7 @@ impl Armed {
         }
     }
 
-    /// Where it strikes.
+    /// Returns where the fault strikes.
     pub(super) fn way(&self) -> Way {
         if self.fault.side() == Side::Camera {
             return Way::Camera;
@@ -64,12 +64,12 @@ impl Armed {
         }
     }
 
-    /// Whether it has struck as often as it may.
+    /// Returns whether it has struck as often as allowed.
     pub(super) fn is_over(&self) -> bool {
         self.fault.times.is_some_and(|times| self.struck >= times)
     }
 
-    /// Counts an event; if it strikes, what happens and what it may draw for that.
+    /// Counts an event. If the fault strikes it, returns the effect and the event's random draws.
     pub(super) fn strike(&mut self, event: &Event<'_>, chance: Chance) -> Option<(Effect, Draws)> {
         if self.is_over() || !self.counts(event) {
             return None;
@@ -92,7 +92,7 @@ impl Armed {
         Some((self.fault.effect(), draws))
     }
 
-    /// Whether an event counts at all.
+    /// Returns whether an event matches the fault's conditions.
     fn counts(&self, event: &Event<'_>) -> bool {
         let when = &self.fault.when;
         let side = match event.triggered {
@@ -119,7 +119,7 @@ impl Armed {
     }
 }
 
-/// Whether a text holds another one, ASCII upper or lower case.
+/// Returns whether `text` contains `part`, ignoring ASCII case.
 fn holds(text: &str, part: &str) -> bool {
     let part = part.as_bytes();
     part.is_empty()
@@ -143,7 +143,7 @@ mod tests {
         Armed::new(1, fault)
     }
 
-    /// The numbers, from 1, of the events that it strikes; each 0.1 s after the one before.
+    /// Returns the numbers, from 1, of the events that it strikes; events are 0.1 s apart.
     fn struck(mut armed: Armed, events: u64, command: &str) -> Vec<u64> {
         let chance = Chance::new(1, "");
         let mut hit = |n: &u64| {
@@ -207,7 +207,7 @@ mod tests {
             let hit = struck(armed(What::Dropped, when.clone(), times), 12, "INIT;*TRG");
             assert_eq!(hit, wanted, "{when:?}");
         }
-        // Frames are no messages.
+        // A message fault does not strike frames.
         assert!(struck(armed(What::Nak, When::default(), None), 3, "").is_empty());
     }
 

@@ -1,5 +1,5 @@
-//! Faults of frames. Whether one strikes is decided when the frame is exposed; what happens to the
-//! light happens then, and what happens to the finished frame is kept until it comes.
+//! Faults of frames. Whether a fault strikes is decided at exposure; effects on the light are
+//! applied then, effects on the finished frame when it arrives.
 
 use super::armed::{Event, Way};
 use super::chance::Draws;
@@ -9,16 +9,16 @@ use phasmid_protocol::Frame;
 use phasmid_protocol::faults::Effect;
 use std::sync::Arc;
 
-/// Exposures whose frames have not come and that are to be struck. Beyond it the oldest is forgotten:
-/// a device that is served has no more under way.
+/// Maximum number of struck exposures whose frames have not arrived. Beyond it the oldest entry is
+/// dropped; a served device never has so many in flight.
 const MAX_PLANNED: usize = 16_384;
 
-/// Slides of the selected sequence, each `None` where the projector's light is off.
+/// Slides of the selected sequence; `None` where the projector's light is off.
 pub type Slides<'a> = &'a dyn Fn() -> Vec<Option<Arc<Slide>>>;
 
 impl Faults {
-    /// Exposures on their way to the optics. As many come out as went in; `slides` gives those of
-    /// the sequence that is being exposed.
+    /// Applies faults to exposures on their way to the optics. The number of exposures is
+    /// unchanged; `slides` returns the slides of the sequence being exposed.
     pub fn exposures(
         &mut self,
         mut exposures: Vec<Exposure>,
@@ -43,7 +43,7 @@ impl Faults {
                     Effect::WrongPattern { offset } => show_other(shot, offset, slides),
                     Effect::PartialExposure { fraction } => dim(shot, fraction),
                     Effect::Disconnect { for_ns } => self.disconnect(for_ns),
-                    // What has been exposed is lost with the device's memory.
+                    // Exposed frames are lost with the device's memory.
                     Effect::Reset => self.reset(Some(last)),
                     _ => later.push((effect, draws)),
                 }
@@ -58,7 +58,7 @@ impl Faults {
         exposures
     }
 
-    /// A frame on its way out.
+    /// Receives a frame on its way out.
     pub fn frame(&mut self, frame: Arc<Frame>, now_ns: u64) {
         self.now_ns = self.now_ns.max(now_ns);
         while self.planned.front().is_some_and(|(id, _)| *id < frame.id) {
@@ -68,7 +68,7 @@ impl Faults {
             Some((id, _)) if *id == frame.id => self.planned.pop_front(),
             _ => None,
         };
-        // Who has no faults keeps no frame for longer than it takes to hand it on.
+        // Without faults the previous frame is not needed.
         let before = match self.armed.is_empty() {
             true => self.before.take(),
             false => self.before.replace(frame.clone()),
@@ -80,7 +80,7 @@ impl Faults {
         self.send(frame, effects, before.as_deref());
     }
 
-    /// Does to a finished frame what was planned for it.
+    /// Applies the planned effects to a finished frame.
     fn send(
         &mut self,
         mut frame: Arc<Frame>,
@@ -101,7 +101,7 @@ impl Faults {
                 Effect::BitsFlipped { count } => {
                     picture::bits_flipped(&mut Arc::make_mut(&mut frame).data, count, &mut draws);
                 }
-                // The others have happened elsewhere.
+                // All other effects are applied elsewhere.
                 _ => {}
             }
         }
@@ -111,7 +111,7 @@ impl Faults {
         let due_ns = self.now_ns.saturating_add(late_ns);
         let first = self.aside.take();
         match (wait_ns, first) {
-            // Of two that change places with the next one, the first is as late as it can be.
+            // When two frames swap places, the first one takes the larger of both delays.
             (Some(wait_ns), first) => {
                 self.aside = Some((due_ns.saturating_add(wait_ns), frame));
                 if let Some((_, first)) = first {
@@ -130,12 +130,12 @@ impl Faults {
     }
 
     fn hold(&mut self, frame: Arc<Frame>, due_ns: u64) {
-        // A frame for which there is no room is lost, as in any driver.
+        // A frame without room in the queue is lost, as in any driver.
         let bytes = frame.data.len();
         let _ = self.frames.push(self.now_ns, due_ns, bytes, frame);
     }
 
-    /// The next frame that leaves by now.
+    /// Returns the next frame that leaves by `now_ns`.
     pub fn next_frame(&mut self, now_ns: u64) -> Option<Arc<Frame>> {
         self.now_ns = self.now_ns.max(now_ns);
         if self
@@ -150,7 +150,7 @@ impl Faults {
     }
 }
 
-/// The projector's lamp is off.
+/// Switches the projector's lamp off.
 fn darken(shot: &mut Shot) {
     shot.slide = None;
     shot.light = 0.0;
@@ -160,7 +160,7 @@ fn darken(shot: &mut Shot) {
     }
 }
 
-/// The projector is lit for a part of the exposure; what else there is of light is not its business.
+/// Lights the projector for a fraction of the exposure only; ambient light is unchanged.
 fn dim(shot: &mut Shot, fraction: f64) {
     shot.light *= fraction;
     for showing in &mut shot.then {
@@ -168,7 +168,7 @@ fn dim(shot: &mut Shot, fraction: f64) {
     }
 }
 
-/// The projector shows another pattern of the sequence, which begins again beyond its ends.
+/// Shows another pattern of the sequence; positions wrap around at its ends.
 fn show_other(shot: &mut Shot, offset: i32, slides: Slides<'_>) {
     let (Some(index), Some(_)) = (shot.pattern_index, &shot.slide) else {
         return;

@@ -1,15 +1,15 @@
-//! Chance by counters: what a fault draws depends on the schedule's seed, the device's name, the
-//! fault's number and the event's, and on nothing else that has happened.
+//! Counter-based random numbers: a fault's draws depend only on the schedule's seed, the device's
+//! name, the number of the fault and the number of the event.
 
 use phasmid_core::philox::philox;
 
-/// The chance of a schedule on one device.
+/// Random source of a schedule on one device.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Chance {
     key: [u32; 2],
 }
 
-/// What one event of one fault draws.
+/// The random draws of one event of one fault.
 #[derive(Debug, Clone)]
 pub(super) struct Draws {
     key: [u32; 2],
@@ -19,7 +19,7 @@ pub(super) struct Draws {
 }
 
 impl Chance {
-    /// Devices of one schedule have bad days of their own.
+    /// Returns the source of a device; devices with the same schedule get independent draws.
     pub(super) fn new(seed: u64, device: &str) -> Self {
         // FNV-1a: Fowler, Noll, Vo, "The FNV Non-Cryptographic Hash Algorithm".
         let name = device.bytes().fold(0x811C_9DC5_u32, |hash, byte| {
@@ -30,7 +30,7 @@ impl Chance {
         }
     }
 
-    /// The draws of a fault's event, the same whenever they are asked for.
+    /// Returns the draws of an event of a fault; repeated calls give the same draws.
     pub(super) fn draws(self, fault: u64, event: u64) -> Draws {
         Draws {
             key: self.key,
@@ -42,7 +42,7 @@ impl Chance {
 }
 
 impl Draws {
-    /// 64 random bits.
+    /// Returns 64 random bits.
     fn bits(&mut self) -> u64 {
         let counter = [
             self.drawn,
@@ -55,12 +55,13 @@ impl Draws {
         u64::from(high) << 32 | u64::from(low)
     }
 
-    /// A number below 1, of 53 bits.
+    /// Returns a uniform number in [0, 1) with 53 bits.
     pub(super) fn unit(&mut self) -> f64 {
         (self.bits() >> 11) as f64 * (-53f64).exp2()
     }
 
-    /// A number below `end`; 0 where that is 0. Multiplied and shifted, it is even to 2^-64 end.
+    /// Returns a uniform number below `end`, or 0 if `end` is 0. Multiply-and-shift is uniform to
+    /// within 2^-64 `end`.
     pub(super) fn below(&mut self, end: usize) -> usize {
         ((u128::from(self.bits()) * end as u128) >> 64) as usize
     }

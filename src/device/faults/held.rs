@@ -1,8 +1,8 @@
-//! A queue of what may not leave before its time. It keeps the order, and has a bound.
+//! A bounded queue of items that must not leave before their time; it keeps their order.
 
 use std::collections::VecDeque;
 
-/// Things on their way, each not before its time and not before the one ahead of it.
+/// Items in transit: each leaves no earlier than its time and no earlier than the item ahead of it.
 #[derive(Debug)]
 pub(super) struct Held<T> {
     queue: VecDeque<(u64, usize, T)>,
@@ -11,7 +11,7 @@ pub(super) struct Held<T> {
 }
 
 impl<T> Held<T> {
-    /// A queue for so many bytes.
+    /// Returns a queue with room for `most_bytes` bytes.
     pub(super) fn new(most_bytes: usize) -> Self {
         Self {
             queue: VecDeque::new(),
@@ -20,8 +20,8 @@ impl<T> Held<T> {
         }
     }
 
-    /// Puts a thing of so many bytes at the end; false, and it is lost, where there is no room
-    /// behind what still waits.
+    /// Appends an item of `bytes` bytes. Returns `false` and drops it if there is no room behind
+    /// the waiting items.
     pub(super) fn push(&mut self, now_ns: u64, from_ns: u64, bytes: usize, thing: T) -> bool {
         let waits = self.next_ns().is_some_and(|next_ns| next_ns > now_ns);
         if waits && self.bytes.saturating_add(bytes) > self.most_bytes {
@@ -32,7 +32,7 @@ impl<T> Held<T> {
         true
     }
 
-    /// Takes the first thing if its time has come.
+    /// Takes the first item if it is due.
     pub(super) fn pop(&mut self, now_ns: u64) -> Option<T> {
         if self.queue.front()?.0 > now_ns {
             return None;
@@ -42,7 +42,7 @@ impl<T> Held<T> {
         Some(thing)
     }
 
-    /// When the first thing may leave.
+    /// Returns when the first item may leave.
     pub(super) fn next_ns(&self) -> Option<u64> {
         self.queue.front().map(|(from_ns, ..)| *from_ns)
     }
@@ -68,7 +68,7 @@ mod tests {
             (held.pop(6), held.pop(7), held.pop(7)),
             (None, Some('c'), Some('d'))
         );
-        // What is due already takes no room.
+        // Items that are due take no room.
         assert!(held.push(9, 0, 10, 'f') && held.push(9, 0, 10, 'g'));
         held.clear();
         assert_eq!((held.pop(9), held.next_ns()), (None, None));

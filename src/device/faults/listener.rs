@@ -1,20 +1,20 @@
-//! Where messages on their way to the device end, in whatever dialect they are, and what they ask.
+//! Finds where messages to the device end, in any dialect, and which command each one is.
 
 use super::log;
 use phasmid_protocol::dialect::{Cut, Cutter, Dialect, Direction};
 use phasmid_protocol::scpi::{Framer, Framing};
 use std::sync::Arc;
 
-/// Listens to a line.
+/// Follows the bytes of a line.
 #[derive(Debug, Default)]
 pub(super) struct Listener {
-    /// `None` where SCPI is spoken.
+    /// `None` for SCPI.
     dialect: Option<(Arc<Dialect>, Cutter)>,
     framer: Framer,
 }
 
 impl Listener {
-    /// Listens to a dialect.
+    /// Returns a listener for a dialect.
     pub(super) fn new(dialect: Option<&Arc<Dialect>>) -> Self {
         let dialect = dialect.filter(|dialect| !dialect.is_scpi());
         Self {
@@ -23,8 +23,8 @@ impl Listener {
         }
     }
 
-    /// Hears a byte; where it ends a message, what that is: of a line its text, of a packet the name
-    /// of its command, and nothing of what nobody could understand.
+    /// Processes a byte. If it ends a message, returns the text of a line or the command name of a
+    /// packet, or an empty string for a message that cannot be parsed.
     pub(super) fn hear(&mut self, byte: u8) -> Option<String> {
         let mut ended = None;
         match &mut self.dialect {
@@ -48,8 +48,7 @@ impl Listener {
         ended
     }
 
-    /// What a device that has no time replies to a message; empty where the dialect has no such
-    /// reply.
+    /// Returns the reply of a busy device to a message; empty if the dialect has no such reply.
     pub(super) fn busy(&self, message: &[u8]) -> Vec<u8> {
         let Some((dialect, _)) = &self.dialect else {
             return Vec::new();
@@ -66,7 +65,7 @@ impl Listener {
         reply
     }
 
-    /// Forgets the beginning of a message.
+    /// Discards an unfinished message.
     pub(super) fn reset(&mut self) {
         self.framer.reset();
         if let Some((_, cutter)) = &mut self.dialect {

@@ -1,14 +1,14 @@
-//! What has struck, for whoever looks after the device and for tests.
+//! Log of faults that have struck, for operators and tests.
 
 use phasmid_protocol::faults::Struck;
 use std::collections::VecDeque;
 
-/// Faults that are remembered; older ones are only counted.
+/// Number of log entries kept; older ones are only counted.
 const REMEMBERED: usize = 4096;
-/// Bytes of a command that are kept.
+/// Maximum number of bytes of a command that are kept.
 const COMMAND_BYTES: usize = 256;
 
-/// The latest faults that have struck, and how many there have been.
+/// The latest faults that have struck, and their total number.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Log {
     latest: VecDeque<Struck>,
@@ -33,7 +33,7 @@ impl Log {
     }
 }
 
-/// A message as text: what is no UTF-8 is marked, and what is too long cut off.
+/// Returns a message as text, with invalid UTF-8 marked and truncated to [`COMMAND_BYTES`].
 pub(super) fn command(message: &[u8]) -> String {
     let end = message.len().min(COMMAND_BYTES);
     let text = String::from_utf8_lossy(&message[..end]);

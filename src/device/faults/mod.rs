@@ -1,8 +1,9 @@
-//! What goes wrong on a bad day: wrappers around the ways into the device and out of it, driven by a
-//! [schedule](phasmid_protocol::faults). Neither firmware nor optics nor links know of them.
+//! Faults: wrappers around the device's inputs and outputs, driven by a
+//! [schedule](phasmid_protocol::faults). Firmware, optics and links do not know about them.
 //!
-//! All times are device time, and chance is counter-based, so the same schedule makes the same day
-//! again. What is held back has a bound; beyond it frames and replies are lost, as in any driver.
+//! All times are device time and random draws are counter-based, so that the same schedule always
+//! gives the same run. Delayed items are bounded; beyond the bound frames and replies are lost, as
+//! in any driver.
 
 mod armed;
 mod camera;
@@ -28,55 +29,55 @@ use phasmid_protocol::faults::{Effect, Fault, Flaw, MAX_FAULTS, Schedule, Struck
 use std::collections::VecDeque;
 use std::sync::Arc;
 
-/// Bytes of frames that wait, behind one that is late.
+/// Maximum size of frames waiting behind a delayed one, in bytes.
 const MAX_FRAME_BYTES: usize = 256 << 20;
-/// Bytes of replies that wait, behind one that is late.
+/// Maximum size of replies waiting behind a delayed one, in bytes.
 const MAX_REPLY_BYTES: usize = 4 << 20;
 
-/// Everything that goes wrong with one device.
+/// All faults of one device.
 #[derive(Debug)]
 pub struct Faults {
     /// The device's name.
     device: String,
-    /// Rows of its camera.
+    /// Number of rows of the device's camera.
     rows: u32,
     armed: Vec<Armed>,
     next_id: u64,
     chance: Chance,
     log: Log,
-    /// The latest time that has been heard of.
+    /// Latest time passed in.
     now_ns: u64,
-    /// Frames that will be struck when they come, by their ids.
+    /// Effects to apply to frames when they arrive, by frame id.
     planned: VecDeque<(u64, Vec<(Effect, Draws)>)>,
-    /// The frame before the next one.
+    /// The previous frame.
     before: Option<Arc<Frame>>,
-    /// A frame that waits for the next one to overtake it, and until when.
+    /// A frame that waits to be overtaken by the next one, and its latest departure.
     aside: Option<(u64, Arc<Frame>)>,
     frames: Held<Arc<Frame>>,
-    /// The last frame that a reset has swallowed.
+    /// Id of the last frame lost to a reset.
     lost_to: Option<u64>,
     listener: Listener,
-    /// The last command that has come.
+    /// The last command received.
     command: String,
-    /// What has come of a message that is not whole and may be struck.
+    /// Bytes of an incomplete message that a fault may strike.
     unfinished: Vec<u8>,
     replies: Held<Vec<u8>>,
-    /// The port is gone until then.
+    /// The port is disconnected until this time.
     gone_until_ns: u64,
-    /// The port has gone, and nobody has been told yet.
+    /// The port was disconnected and this has not been reported yet.
     broken: bool,
-    /// The device is to boot.
+    /// A restart of the device is pending.
     reset: bool,
 }
 
-/// A fault that is in force, and how often it has struck.
+/// An active fault, and how often it has struck.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Standing<'a> {
-    /// Its number.
+    /// Number of the fault.
     pub id: u64,
-    /// What it is.
+    /// The fault.
     pub fault: &'a Fault,
-    /// How often it has struck.
+    /// Number of times it has struck.
     pub struck: u64,
 }
 
@@ -87,8 +88,8 @@ impl Default for Faults {
 }
 
 impl Faults {
-    /// The faults of a schedule that concern a device of a name. They are numbered from 1 in their
-    /// order, those for other devices among them.
+    /// Returns the faults of a schedule that apply to the device with this name. They are numbered
+    /// from 1 in their order, counting those for other devices.
     pub fn new(schedule: &Schedule, device: &str) -> Self {
         let numbered = (1..).zip(&schedule.fault);
         Self {
@@ -117,10 +118,10 @@ impl Faults {
         }
     }
 
-    /// The same for a camera of so many rows, beyond which no fault may begin.
+    /// Limits the faults to a camera with `rows` rows.
     ///
     /// # Errors
-    /// The first that does, by its number.
+    /// Returns the first fault that starts beyond the last row, by its number.
     pub fn of_rows(mut self, rows: u32) -> Result<Self, Flaw> {
         self.rows = rows;
         for armed in &self.armed {
@@ -143,10 +144,10 @@ impl Faults {
         }
     }
 
-    /// Adds a fault, which counts from now on; gives its number.
+    /// Adds a fault, which counts events from now on, and returns its number.
     ///
     /// # Errors
-    /// A fault that cannot be, one for another device, and one more than there may be.
+    /// Returns an error for an invalid fault, a fault of another device, or if there are too many.
     pub fn add(&mut self, fault: Fault) -> Result<u64, Flaw> {
         fault.check()?;
         fault.check_device(&[&self.device])?;
@@ -167,19 +168,19 @@ impl Faults {
         Ok(id)
     }
 
-    /// Takes a fault away; false where there is none of that number. What it has done stays done.
+    /// Removes a fault; returns `false` if no fault has this number. Effects already applied stay.
     pub fn remove(&mut self, id: u64) -> bool {
         let count = self.armed.len();
         self.armed.retain(|armed| armed.id != id);
         self.armed.len() < count
     }
 
-    /// Takes all faults away.
+    /// Removes all faults.
     pub fn clear(&mut self) {
         self.armed.clear();
     }
 
-    /// The faults in force, by their numbers, those that have struck as often as they may included.
+    /// Returns the active faults by number, including those that have struck as often as allowed.
     pub fn standing(&self) -> impl Iterator<Item = Standing<'_>> {
         self.armed.iter().map(|armed| Standing {
             id: armed.id,
@@ -188,34 +189,34 @@ impl Faults {
         })
     }
 
-    /// What has struck, in order: the latest few thousand.
+    /// Returns the latest faults that have struck, in order.
     pub fn struck(&self) -> impl DoubleEndedIterator<Item = &Struck> {
         self.log.latest()
     }
 
-    /// How often something has struck since power-on.
+    /// Returns how many times faults have struck since power-on.
     pub fn struck_in_all(&self) -> u64 {
         self.log.total()
     }
 
-    /// When something that was held back goes on.
+    /// Returns when the next delayed item is due.
     pub fn next_event_ns(&self) -> Option<u64> {
         let gone = (!self.connected(self.now_ns)).then_some(self.gone_until_ns);
         let aside = self.aside.as_ref().map(|(until_ns, _)| *until_ns);
         [self.frames.next_ns(), aside, self.replies.next_ns(), gone]
             .into_iter()
             .flatten()
-            // What is due waits for somebody who takes it.
+            // An item that is already due waits to be taken and is not an event.
             .filter(|time_ns| *time_ns > self.now_ns)
             .min()
     }
 
-    /// Whether the port has gone since this was asked last: the client hangs up.
+    /// Returns whether the port was disconnected since the last call, which hangs up the client.
     pub fn take_broken(&mut self) -> bool {
         std::mem::take(&mut self.broken)
     }
 
-    /// Whether the device is to boot since this was asked last.
+    /// Returns whether a restart of the device was requested since the last call.
     pub fn take_reset(&mut self) -> bool {
         std::mem::take(&mut self.reset)
     }
@@ -226,7 +227,8 @@ impl Faults {
         self.hang_up();
     }
 
-    /// The device boots: what it had not sent is gone, frames of exposures up to `last` among it.
+    /// Restarts the device: everything not sent is lost, including frames of exposures up to
+    /// `last`.
     fn reset(&mut self, last: Option<u64>) {
         self.reset = true;
         self.lost_to = self.lost_to.max(last);
@@ -236,7 +238,7 @@ impl Faults {
         self.replies.clear();
     }
 
-    /// What strikes an event, in the order of the schedule.
+    /// Returns the effects that strike an event, in the order of the schedule.
     fn strike(&mut self, way: Way, event: &Event<'_>, frame: Option<u64>) -> Vec<(Effect, Draws)> {
         let mut effects = Vec::new();
         for armed in self.armed.iter_mut().filter(|armed| armed.way() == way) {

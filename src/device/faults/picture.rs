@@ -1,10 +1,11 @@
-//! What faults do to the bytes of a frame. The frame's identity stays: a link carries it beside the
-//! pixels, and does not know what has become of them.
+//! Effects of faults on the bytes of a frame. The frame's identity is unchanged: a link carries it
+//! beside the pixels and does not know about the change.
 
 use super::chance::Draws;
 use phasmid_protocol::Frame;
 
-/// From a row on, the frame is the one before it; black where that had another shape.
+/// Replaces the rows from `row` on by those of the previous frame, or by black if that has another
+/// shape.
 pub(super) fn torn(frame: &mut Frame, before: Option<&Frame>, row: Option<u32>) {
     let at = offset(frame, row);
     let same = before.filter(|before| {
@@ -17,7 +18,7 @@ pub(super) fn torn(frame: &mut Frame, before: Option<&Frame>, row: Option<u32>) 
     }
 }
 
-/// Rows are missing, those below move up, and as many at the bottom are black.
+/// Removes rows; the rows below move up and the bottom is filled with black.
 pub(super) fn rows_missing(frame: &mut Frame, row: Option<u32>, rows: u32) {
     let at = offset(frame, row);
     let lost = (row_bytes(frame) * rows as usize).min(frame.data.len() - at);
@@ -26,7 +27,7 @@ pub(super) fn rows_missing(frame: &mut Frame, row: Option<u32>, rows: u32) {
     frame.data[end..].fill(0);
 }
 
-/// Bits anywhere are the other way round.
+/// Inverts bits at random places.
 pub(super) fn bits_flipped(bytes: &mut [u8], count: u32, draws: &mut Draws) {
     for _ in 0..count {
         let at = draws.below(bytes.len());
@@ -41,8 +42,8 @@ fn row_bytes(frame: &Frame) -> usize {
     frame.width as usize * frame.format.bytes_per_pixel()
 }
 
-/// Where a row begins; the middle one's beginning when none is said. Rows beyond the last one end
-/// the frame.
+/// Returns the byte offset of a row, by default of the middle one. Rows beyond the last one give
+/// the end of the frame.
 fn offset(frame: &Frame, row: Option<u32>) -> usize {
     let row = row.unwrap_or(frame.height / 2) as usize;
     row_bytes(frame).saturating_mul(row).min(frame.data.len())
@@ -67,7 +68,7 @@ mod tests {
         }
     }
 
-    /// The first byte of each row.
+    /// Returns the first byte of each row.
     fn rows(frame: &Frame) -> Vec<u8> {
         frame.data.chunks_exact(8).map(|row| row[0]).collect()
     }
@@ -98,7 +99,7 @@ mod tests {
     fn as_many_bits_are_flipped_as_are_asked_for() {
         let mut bytes = vec![0u8; 1 << 16];
         bits_flipped(&mut bytes, 20, &mut Chance::new(1, "").draws(1, 1));
-        // Two of twenty on the same of half a million bits would be a strange chance.
+        // That two of twenty draws hit the same of half a million bits is very unlikely.
         assert_eq!(bytes.iter().map(|b| b.count_ones()).sum::<u32>(), 20);
         bits_flipped(&mut [], 20, &mut Chance::new(1, "").draws(1, 1));
     }

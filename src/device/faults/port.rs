@@ -1,4 +1,4 @@
-//! Faults of the control port: messages on their way in and out.
+//! Faults of the control port: messages in both directions.
 
 use super::armed::{Armed, Event, Way};
 use super::chance::Draws;
@@ -9,27 +9,28 @@ use phasmid_protocol::dialect::Dialect;
 use phasmid_protocol::faults::{Bits, Effect};
 use std::sync::Arc;
 
-/// A message that is longer passes in parts, and what strikes messages strikes its end.
+/// Maximum length of a message in bytes. A longer one passes in parts, and faults strike its last
+/// part.
 const MAX_MESSAGE: usize = 1 << 20;
 
-/// What becomes of bytes on their way to the device, in order.
+/// Result of the faults for bytes on their way to the device, in order.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Incoming {
-    /// They arrive.
+    /// Bytes that arrive.
     Bytes(Vec<u8>),
-    /// A message that the device is too busy to take, and what it replies; nothing where the
-    /// dialect has no such reply.
+    /// A message refused because the device is busy, with the device's reply; empty if the dialect
+    /// has no such reply.
     Refused(Vec<u8>),
 }
 
 impl Faults {
-    /// Says what is spoken on the control port; SCPI when nothing is said.
+    /// Sets the dialect of the control port; the default is SCPI.
     pub fn listen_to(&mut self, dialect: Option<&Arc<Dialect>>) {
         self.listener = Listener::new(dialect);
     }
 
-    /// Bytes on their way to the device. While something may strike messages there, they arrive
-    /// message by message.
+    /// Passes bytes to the device. While a fault may strike messages in this direction, they are
+    /// delivered message by message.
     pub fn incoming(&mut self, bytes: &[u8], now_ns: u64) -> Vec<Incoming> {
         self.now_ns = self.now_ns.max(now_ns);
         if !self.connected(now_ns) {
@@ -54,7 +55,7 @@ impl Faults {
                 let message = std::mem::take(&mut self.unfinished);
                 out.extend(self.message(message));
                 if self.reset || !self.connected(now_ns) {
-                    // The rest comes too late.
+                    // The remaining bytes arrive after the disconnection and are lost.
                     return out;
                 }
             } else if self.unfinished.len() >= MAX_MESSAGE {
@@ -64,7 +65,7 @@ impl Faults {
         out
     }
 
-    /// What becomes of one message on its way to the device.
+    /// Applies faults to one message on its way to the device.
     fn message(&mut self, mut message: Vec<u8>) -> Option<Incoming> {
         let command = self.command.clone();
         let event = Event {
@@ -85,7 +86,7 @@ impl Faults {
                     self.reset(None);
                     return None;
                 }
-                // The others strike elsewhere.
+                // All other effects are applied elsewhere.
                 _ => {}
             }
         }
@@ -95,7 +96,7 @@ impl Faults {
         })
     }
 
-    /// A message on its way to the client.
+    /// Receives a message on its way to the client.
     pub fn reply(&mut self, message: Message, now_ns: u64) {
         self.now_ns = self.now_ns.max(now_ns);
         if !self.connected(now_ns) {
@@ -120,50 +121,51 @@ impl Faults {
                     insert(&mut bytes, at, count, &mut draws);
                 }
                 Effect::BitErrors { bits, .. } => flip(&mut bytes, bits, &mut draws),
-                // The others strike elsewhere.
+                // All other effects are applied elsewhere.
                 _ => {}
             }
         }
         let due_ns = now_ns.saturating_add(late_ns);
         for _ in 0..copies {
-            // One for which there is no room is lost: a client that asks and does not read.
+            // A reply without room in the queue is lost: the client sends queries and does not
+            // read.
             let _ = self
                 .replies
                 .push(now_ns, due_ns, bytes.len(), bytes.clone());
         }
     }
 
-    /// What goes out on the line by now.
+    /// Takes the messages to be sent by `now_ns`.
     pub fn replies(&mut self, now_ns: u64) -> Vec<Vec<u8>> {
         self.now_ns = self.now_ns.max(now_ns);
         std::iter::from_fn(|| self.replies.pop(now_ns)).collect()
     }
 
-    /// Whether the control port is there.
+    /// Returns whether the control port is present.
     pub fn connected(&self, now_ns: u64) -> bool {
         now_ns >= self.gone_until_ns
     }
 
-    /// The client has gone, and what was on its way with it.
+    /// Discards everything in transit when the client disconnects.
     pub fn hang_up(&mut self) {
         self.replies.clear();
         self.unfinished.clear();
         self.listener.reset();
     }
 
-    /// Whether the beginning of a message is kept back until it is whole.
+    /// Returns whether the beginning of a message is held back until it is complete.
     pub fn holds_back(&self) -> bool {
         !self.unfinished.is_empty()
     }
 
-    /// A message has stopped coming: what there is of it arrives.
+    /// Delivers the incomplete message when its remainder has stopped arriving.
     pub fn input_stalled(&mut self) -> Vec<u8> {
         self.listener.reset();
         std::mem::take(&mut self.unfinished)
     }
 }
 
-/// Bits of a message are the other way round.
+/// Inverts bits of a message.
 fn flip(bytes: &mut [u8], bits: Bits, draws: &mut Draws) {
     match bits {
         Bits::Count(count) => picture::bits_flipped(bytes, count, draws),
@@ -177,7 +179,7 @@ fn flip(bytes: &mut [u8], bits: Bits, draws: &mut Draws) {
     }
 }
 
-/// Random bytes that nobody sent.
+/// Inserts random bytes.
 fn insert(bytes: &mut Vec<u8>, at: usize, count: u32, draws: &mut Draws) {
     let garbage: Vec<u8> = (0..count).map(|_| draws.below(256) as u8).collect();
     let at = at.min(bytes.len());

@@ -51,7 +51,7 @@ fn slides() -> Vec<Option<Arc<Slide>>> {
     (0..4).map(|i| Some(Arc::new(Slide::Uniform(i)))).collect()
 }
 
-/// Takes eight frames, 100 ns apart, and gives those that leave: time, id, last byte.
+/// Passes eight frames, 100 ns apart, and returns those that leave: time, id, last byte.
 fn eight(faults: &mut Faults) -> Vec<(u64, u64, u8)> {
     let mut out = Vec::new();
     let mut take = |faults: &mut Faults, now: u64| {
@@ -74,7 +74,7 @@ fn eight(faults: &mut Faults) -> Vec<(u64, u64, u8)> {
     out
 }
 
-/// As [`eight`], without the bytes; a time in hundreds.
+/// As [`eight`], without the bytes; times in hundreds of nanoseconds.
 fn ids(text: &str) -> Vec<(u64, u64)> {
     let out = eight(&mut faults(text)).into_iter();
     out.map(|(now, id, _)| (now / 100, id)).collect()
@@ -99,7 +99,7 @@ fn frames_are_dropped_repeated_late_and_swapped() {
         ids("[[fault]]\nwhat = \"repeated\"\nwhen = { nth = 3 }"),
         wanted
     );
-    // 150 ns late, and those behind it wait.
+    // 150 ns late, and the frames behind it wait.
     let late = "[[fault]]\nwhat = \"late\"\nby_ms = 0.00025\nwhen = { nth = 3 }";
     let wanted = [
         (0, 0),
@@ -124,7 +124,7 @@ fn frames_are_dropped_repeated_late_and_swapped() {
         (7, 7),
     ];
     assert_eq!(ids(swapped), wanted);
-    // The last one has nobody to change places with.
+    // The last frame has no successor to swap places with.
     let last = "[[fault]]\nwhat = \"swapped\"\nby_ms = 0.0003\nwhen = { nth = 8 }";
     let mut wanted = well();
     wanted[7] = (10, 7);
@@ -149,7 +149,7 @@ fn frames_are_torn_cut_and_flipped_with_their_identity() {
     };
     let flipped = bytes(flip);
     let bits: u32 = flipped.iter().map(|b| (b ^ 2).count_ones()).sum();
-    // Nine draws of 128 bits; two of the same undo each other.
+    // Nine draws of 128 bits; two equal draws cancel.
     assert!(bits % 2 == 1 && bits <= 9, "{bits}");
     assert_eq!(flipped, bytes(flip));
     assert_ne!(flipped, bytes(&flip.replace("seed = 3", "seed = 4")));
@@ -179,7 +179,7 @@ fn exposures_are_dark_partial_and_of_another_pattern() {
     assert_eq!((shot.light, shot.exposure_ns), (0.25, 50));
 }
 
-/// What comes back of questions, each asked 100 ns after the one before: time and bytes.
+/// Returns the replies to questions asked 100 ns apart: time and bytes.
 fn ask(faults: &mut Faults, questions: &[&str]) -> Vec<(u64, Vec<u8>)> {
     let mut out = Vec::new();
     let mut now = 0;
@@ -284,7 +284,7 @@ fn a_port_goes_and_comes_back_and_a_device_boots() {
     for id in 0..7 {
         faults.frame(frame(id), 600);
     }
-    // Frames of exposures before the boot are lost, later ones are not.
+    // Frames exposed before the restart are lost, later ones are not.
     let left: Vec<_> = std::iter::from_fn(|| faults.next_frame(600)).collect();
     assert_eq!(left.iter().map(|f| f.id).collect::<Vec<_>>(), [5, 6]);
 }
@@ -321,7 +321,7 @@ fn faults_come_and_go_and_only_concern_their_device() {
     for _ in 0..MAX_FAULTS - 1 {
         faults.add(Fault::new(What::Nak)).unwrap();
     }
-    // The one that is over makes room.
+    // Removing a fault makes room for another.
     faults.add(Fault::new(What::Nak)).unwrap();
     let full = faults.add(Fault::new(What::Nak)).unwrap_err();
     assert_eq!(full.allowed, "1024 at a time");

@@ -1,11 +1,11 @@
-//! What a host sets past the control port: the controls of a camera on USB. They are the settings
-//! that the commands set, with the same rules.
+//! Camera settings that a host changes without the control port, through the controls of a USB
+//! camera. They are the same settings as those of the commands, with the same rules.
 
 use super::settings::Settings;
 use super::{Firmware, State};
 use phasmid_protocol::PixelFormat;
 
-/// The camera's settings that a host can see and set beside the commands.
+/// The camera settings that a host can read and change through camera controls.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CameraControls {
     /// Exposure in nanoseconds.
@@ -15,7 +15,7 @@ pub struct CameraControls {
 }
 
 impl Firmware {
-    /// How the camera is set.
+    /// Returns the current camera settings.
     pub fn camera_controls(&self) -> CameraControls {
         CameraControls {
             exposure_ns: self.settings.exposure_ns,
@@ -23,8 +23,8 @@ impl Firmware {
         }
     }
 
-    /// Sets exposure and gain, each held to its range; `false`, and all is as before, while a
-    /// sequence is exposed or when the exposure would exceed the sequence's period.
+    /// Sets exposure and gain, each clamped to its range. Returns `false` and changes nothing while
+    /// a sequence is being exposed or if the exposure would exceed the sequence's period.
     pub fn set_camera_controls(&mut self, controls: CameraControls) -> bool {
         let [shortest, longest] = self.profile.camera.exposure_range_us;
         let ns = |us: f64| (us * 1e3).round() as u64;
@@ -41,16 +41,16 @@ impl Firmware {
         true
     }
 
-    /// Longest exposure that [`Self::set_camera_controls`] would take now; `None` while it takes
-    /// nothing.
+    /// Returns the longest exposure that [`Self::set_camera_controls`] would accept now, or `None`
+    /// while it accepts none.
     pub fn settable_exposure_ns(&self) -> Option<u64> {
         let running = matches!(self.state, State::Running { .. });
         let room_ns = self.settings.period_ns;
         (!running).then_some(room_ns.saturating_sub(self.settings.readout_ns()))
     }
 
-    /// Sets format and interval of a stream that a host has agreed on; `false`, and all is as
-    /// before, while a sequence is exposed or when the sensor has no such format.
+    /// Sets the pixel format and frame interval that a host negotiated. Returns `false` and changes
+    /// nothing while a sequence is being exposed or if the sensor does not support the format.
     pub fn set_stream(&mut self, format: PixelFormat, interval_ns: u64) -> bool {
         let known = self.profile.camera.sensor.formats().contains(&format);
         if matches!(self.state, State::Running { .. }) || !known {

@@ -1,4 +1,4 @@
-//! What the trigger system sets off: exposures of the selected sequence, or of what is shown at rest.
+//! Exposures started by the trigger system: of the selected sequence, or free-running.
 
 use super::memory::Stored;
 use super::settings::{Settings, Shown, seconds};
@@ -12,13 +12,13 @@ use phasmid_pattern::Pattern;
 use phasmid_protocol::scpi::{DeviceError, ErrorCode, Unit};
 use std::sync::Arc;
 
-/// Sets the noise of free-running exposures apart from that of triggered ones.
+/// Separates the noise of free-running exposures from that of triggered ones.
 const FREE_RUNNING: u64 = 1 << 63;
 
 impl Firmware {
-    /// The selected sequence as it would be exposed with the present settings: what
-    /// ground truth is asked about. Its times are those at which it was exposed last, or, if it has
-    /// not been from its first pattern to its last, those of a trigger now. It exposes nothing.
+    /// Returns the patterns and shots of the selected sequence with the present settings, for
+    /// ground truth. Start times are those of the last complete run of the sequence, or of a
+    /// trigger now if there was none. Exposes nothing.
     pub fn selected_sequence(&self) -> Vec<(Pattern, Shot)> {
         let count = self.selected.slides.len();
         let start_ns = |i: usize| {
@@ -47,10 +47,10 @@ impl Firmware {
         frames.map(|f| f.pattern.clone()).zip(shots).collect()
     }
 
-    /// Gives a shot of the selected sequence what it sees with the lamp on: of patterns by their
-    /// positions and the starts of their exposures, the first of them the shot's own. A projector
-    /// without a time goes over from one to the next, and keeps the last one of a trigger until the
-    /// frame has ended; one that has a time is dark around them.
+    /// Sets what a shot of the selected sequence sees with the lamp on. `patterns` gives positions
+    /// in the sequence and exposure starts; the first one is the shot's own. A projector without
+    /// timing switches directly from one pattern to the next and keeps the last one until the frame
+    /// ends; a projector with timing is dark before and after each pattern.
     fn show(&self, shot: &mut Shot, patterns: impl IntoIterator<Item = (usize, u64)>) {
         let slides = &self.selected.slides;
         let end_ns = shot.end_ns();
@@ -84,7 +84,7 @@ impl Firmware {
         projection::show(shot, lit, planes);
     }
 
-    /// What the camera's frames look like with the present settings.
+    /// Returns the stream format that results from the present settings.
     pub fn stream(&self) -> Stream {
         self.stream_with(&self.settings)
     }
@@ -104,7 +104,7 @@ impl Firmware {
         }
     }
 
-    /// Takes settings over, once the link that has to know is ready for their frames.
+    /// Applies settings once the attached link is ready for the resulting frames.
     pub(super) fn apply(&mut self, settings: Settings) -> Result<(), DeviceError> {
         let stream = self.stream_with(&settings);
         if stream != self.stream()
@@ -117,8 +117,8 @@ impl Firmware {
         Ok(())
     }
 
-    /// Whether an order has to wait until all frames have left, because a link that has to know
-    /// what comes cannot carry frames of before and after it at the same time.
+    /// Returns whether a command must wait until all frames have left, because the attached link
+    /// cannot carry frames of two formats at the same time.
     pub(super) fn held_by_frames(&self, unit: &Unit) -> bool {
         self.link.is_some()
             && self.in_flight > 0
@@ -134,7 +134,7 @@ impl Firmware {
         self.state = State::rest(&self.settings, self.streaming, self.now_ns);
     }
 
-    /// Whether an order has to wait until the device is ready for a trigger: it is armed then.
+    /// Returns whether a command must wait until the device is ready to be armed.
     pub(super) fn held_by_time(&self, unit: &Unit) -> bool {
         matches!(self.state, State::Idle)
             && self.now_ns < self.ready_ns()
@@ -142,7 +142,8 @@ impl Firmware {
             && matches!(table::find(unit), Ok(Command::Initiate))
     }
 
-    /// A trigger. One that comes too early for the device that waits for it is missed and counted.
+    /// Handles a trigger. A trigger that arrives before the armed device is ready is missed and
+    /// counted.
     pub(super) fn fire(&mut self) -> Result<(), DeviceError> {
         let len = self.sequence_len();
         let early = match self.state {

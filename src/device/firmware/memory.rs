@@ -1,4 +1,4 @@
-//! The device's memory: sequences that came with it and those that a user loaded, and pictures.
+//! The device's memory: built-in and user-defined sequences, and images.
 
 use super::super::Slide;
 use super::settings::microseconds;
@@ -13,29 +13,29 @@ use std::collections::{BTreeMap, HashMap, HashSet};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Sequences that fit.
+/// Maximum number of sequences.
 const MAX_SEQUENCES: usize = 128;
-/// Bytes that pictures and slides may take.
+/// Maximum total size of images and slides in bytes.
 const MAX_BYTES: usize = 512 << 20;
-/// Longest name of a sequence or picture.
+/// Maximum length of the name of a sequence or image.
 const MAX_NAME: usize = 64;
 
-/// A sequence of a user's own, loaded when the device starts.
+/// A user-defined sequence that is loaded when the device starts.
 #[derive(Debug, Clone)]
 pub struct UserSequence {
-    /// Name by which `SEQuence:SELect` takes it.
+    /// Name that `SEQuence:SELect` accepts.
     pub name: String,
-    /// Its patterns.
+    /// The patterns.
     pub manifest: Manifest,
-    /// Folder that its pictures are relative to.
+    /// Folder to which image paths are relative.
     pub folder: PathBuf,
 }
 
 impl UserSequence {
-    /// Reads a manifest file; the sequence bears the file's name without its extension.
+    /// Reads a manifest file; the sequence takes the file's name without its extension.
     ///
     /// # Errors
-    /// What the manifest's reader refuses, and a file name that is no name.
+    /// Returns an error if the manifest is invalid or the file name cannot be used as a name.
     pub fn read(path: &Path) -> Result<Self> {
         let manifest = Manifest::read(path)?;
         let stem = path.file_stem().unwrap_or_default().to_string_lossy();
@@ -61,11 +61,11 @@ pub(super) struct Stored {
     pub(super) period_ns: u64,
     pub(super) manifest: Manifest,
     pub(super) slides: Vec<Arc<Slide>>,
-    /// Shortest time for which the projector can show the patterns.
+    /// Shortest time in which the projector can show the patterns, in nanoseconds.
     pub(super) shortest_ns: u64,
-    /// How long they take from flash memory.
+    /// Time to load the sequence from flash memory, in nanoseconds.
     pub(super) load_ns: u64,
-    /// Bytes that the slides take.
+    /// Size of the slides in bytes.
     bytes: usize,
     built_in: bool,
 }
@@ -73,7 +73,7 @@ pub(super) struct Stored {
 #[derive(Clone)]
 pub(super) struct Memory {
     projector: Projector,
-    /// Period of sequences that state none.
+    /// Period of sequences that state none, in nanoseconds.
     period_ns: u64,
     sequences: Vec<Arc<Stored>>,
     pictures: BTreeMap<String, GrayImage>,
@@ -111,7 +111,7 @@ impl Memory {
         Ok(memory)
     }
 
-    /// Loads a sequence whose pictures are files.
+    /// Loads a sequence whose images are files.
     fn load(
         &mut self,
         name: &str,
@@ -157,8 +157,8 @@ impl Memory {
         Ok(())
     }
 
-    /// A sequence with what the projector's time makes of it: patterns that take longer than their
-    /// period make that longer.
+    /// Applies the projector's timing to a sequence: a period that is too short for its patterns is
+    /// lengthened.
     fn timed(&self, mut stored: Stored) -> Stored {
         if let Some(timing) = &self.projector.timing {
             let bits = self.projector.bits;
@@ -201,7 +201,7 @@ impl Memory {
         self.sequences.iter().map(|stored| stored.name.as_str())
     }
 
-    /// Keeps a picture that came over the port.
+    /// Stores an image received over the port.
     pub(super) fn upload(&mut self, file: &str, bytes: &[u8]) -> Result<(), DeviceError> {
         if file.is_empty() || file.len() > MAX_NAME || file.contains(char::is_control) {
             return Err(ErrorCode::IllegalParameterValue.with(format!(
@@ -211,7 +211,7 @@ impl Memory {
         let projector = &self.projector;
         let image = picture::decode(bytes, projector, file)
             .map_err(|e| ErrorCode::IllegalParameterValue.with(e))?;
-        // Refused here rather than when a sequence is made of it.
+        // Rejects an unsuitable image now rather than when a sequence uses it.
         Slide::from_image(&image, projector, file)
             .map_err(|e| ErrorCode::IllegalParameterValue.with(e))?;
         let before = self.pictures.get(file).map_or(0, |old| old.as_raw().len());
@@ -222,8 +222,8 @@ impl Memory {
         Ok(())
     }
 
-    /// Makes a sequence of a manifest that came over the port, unless `refuse` has something against
-    /// it.
+    /// Defines a sequence from a manifest received over the port, unless `refuse` returns an error
+    /// for it.
     pub(super) fn define(
         &mut self,
         name: &str,
@@ -300,7 +300,7 @@ impl Memory {
         }
     }
 
-    /// A slide for each frame; frames of one pattern share theirs.
+    /// Returns a slide for each frame; frames with the same pattern share one.
     fn slides(
         &self,
         manifest: &Manifest,
@@ -321,8 +321,8 @@ impl Memory {
         Ok(slides)
     }
 
-    /// Bytes that [`Self::slides`] takes, known before anything is made: a manifest may have many
-    /// frames, and name one picture often.
+    /// Size in bytes of the result of [`Self::slides`], computed before any allocation: a manifest
+    /// may have many frames and name one image often.
     fn slide_bytes(&self, manifest: &Manifest) -> usize {
         let (width, height) = (self.projector.width_px, self.projector.height_px);
         let (width, height) = (width as usize, height as usize);
@@ -345,7 +345,7 @@ impl Memory {
         levels.saturating_mul(size_of::<u16>())
     }
 
-    /// Bytes that are free.
+    /// Free bytes.
     fn room(&self) -> usize {
         self.max_bytes.saturating_sub(self.bytes())
     }
@@ -357,8 +357,8 @@ impl Memory {
     }
 }
 
-/// What tells a pattern from another; its numbers come whole from the debug format, which writes
-/// the shortest decimal that reads back.
+/// Returns a key that identifies a pattern. The debug format writes numbers with the shortest
+/// decimal that reads back exactly.
 fn key_of(pattern: &Pattern) -> String {
     format!("{pattern:?}")
 }
@@ -406,7 +406,8 @@ mod tests {
         assert_eq!(memory.room(), 0);
         let full = memory.define("other", fringes(1, |i| i).as_bytes(), all);
         assert_eq!(full.unwrap_err().code, ErrorCode::OutOfMemory);
-        // In its place the same room is free; frames of one pattern take it once.
+        // A sequence that replaces itself reuses its own space; frames with the same pattern count
+        // once.
         let stored = memory
             .define("own", fringes(4096, |i| i % 2).as_bytes(), all)
             .unwrap();

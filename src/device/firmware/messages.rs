@@ -1,49 +1,49 @@
-//! Messages in their order: what is executed now, what waits, and what is answered.
+//! Order of messages: which one executes, which ones wait, and where answers go.
 //!
-//! A line of the control port is answered there, and its errors queue up in `SYSTem:ERRor?`. Who
-//! submits a message with a ticket gets both back with the ticket instead.
+//! A line of the control port is answered on the port, and its errors are queued for
+//! `SYSTem:ERRor?`. A message submitted with a ticket returns both with the ticket instead.
 
 use super::table::{self, Command};
 use super::{Block, Firmware, State, status};
 use phasmid_protocol::scpi::{DeviceError, ErrorCode, Program, Unit, parse};
 
-/// Messages that wait behind `*WAI` or `*OPC?`.
+/// Maximum number of messages that wait behind `*WAI` or `*OPC?`.
 const MAX_WAITING: usize = 64;
-/// Bytes of messages that wait.
+/// Maximum total size of waiting messages in bytes.
 const MAX_WAITING_BYTES: usize = 64 << 20;
-/// Bytes of a line that are kept to say what a reply answers.
+/// Maximum length of the command line kept with a reply, in bytes.
 const MAX_TO: usize = 256;
 
-/// What the device says to a line.
+/// A reply and the line that it answers.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Answered {
-    /// The reply with its newline.
+    /// The reply, with its newline.
     pub bytes: Vec<u8>,
-    /// The line that it answers, or its beginning.
+    /// The line that it answers, truncated to `MAX_TO` bytes.
     pub to: String,
 }
 
-/// A message that has been worked off.
+/// A completed message.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Done {
-    /// With what it was submitted.
+    /// Ticket under which it was submitted.
     pub ticket: u64,
     /// Answers of its queries, in order.
     pub answers: Vec<Vec<u8>>,
-    /// What went wrong, in order.
+    /// Errors, in order.
     pub errors: Vec<DeviceError>,
 }
 
-/// Whom a message's answers and errors go to.
+/// Where answers and errors of a message go.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) enum Origin {
-    /// The control port, with the line.
+    /// The control port; holds the line.
     Line(String),
-    /// Whoever has the ticket.
+    /// The holder of the ticket.
     Ticket(u64),
 }
 
-/// A message that waits for those before it.
+/// A message queued behind others.
 #[derive(Debug)]
 pub(super) struct Waiting {
     program: Program,
@@ -51,32 +51,32 @@ pub(super) struct Waiting {
     origin: Origin,
 }
 
-/// The message that is being executed.
+/// The message being executed.
 #[derive(Debug)]
 pub(super) struct Current {
     pub(super) origin: Origin,
-    /// Its errors so far, where they go back with a ticket.
+    /// Errors so far, if they are returned with a ticket.
     pub(super) errors: Vec<DeviceError>,
 }
 
 impl Firmware {
-    /// Takes a message, a line without its newline, whose answers and errors
-    /// [`Self::take_done`] gives back with the ticket once it has been worked off.
+    /// Submits a message, a line without its newline. [`Self::take_done`] returns its answers and
+    /// errors with the ticket once it has completed.
     pub fn submit(&mut self, message: &[u8], ticket: u64, now_ns: u64) {
         self.advance(now_ns);
         self.message(message, Origin::Ticket(ticket));
     }
 
-    /// Whether a message acts at once even while others wait for something.
+    /// Returns whether a message executes at once even while others wait.
     pub fn acts_at_once(message: &[u8]) -> bool {
         let program = parse(message);
         program.error.is_none() && program.units.iter().all(urgent)
     }
 
-    /// Whether the device has the commands of a message.
+    /// Checks that the device supports all commands of a message.
     ///
     /// # Errors
-    /// The first that it does not have, or what makes it no message.
+    /// Returns the first unsupported command, or the parse error.
     pub fn knows(message: &[u8]) -> Result<(), DeviceError> {
         let program = parse(message);
         for unit in &program.units {
@@ -85,12 +85,12 @@ impl Firmware {
         program.error.map_or(Ok(()), Err)
     }
 
-    /// Messages with tickets that have been worked off since this was asked last.
+    /// Takes the messages with tickets that have completed since the last call.
     pub fn take_done(&mut self) -> Vec<Done> {
         std::mem::take(&mut self.done)
     }
 
-    /// A line of the control port.
+    /// Handles a line of the control port.
     pub(super) fn line(&mut self, message: &[u8]) {
         let to = String::from_utf8_lossy(&message[..message.len().min(MAX_TO)]).into_owned();
         self.message(message, Origin::Line(to));
@@ -120,7 +120,7 @@ impl Firmware {
         self.run();
     }
 
-    /// Tells of a message's end.
+    /// Delivers the answers and errors of a completed message.
     fn conclude(&mut self, origin: Origin, answers: Vec<Vec<u8>>, errors: Vec<DeviceError>) {
         match origin {
             Origin::Ticket(ticket) => self.done.push(Done {
@@ -139,7 +139,7 @@ impl Firmware {
         }
     }
 
-    /// Takes an error of the message that is being executed.
+    /// Records an error of the message being executed.
     fn report(&mut self, error: DeviceError) {
         match &mut self.current {
             Some(Current {
@@ -150,7 +150,7 @@ impl Firmware {
         }
     }
 
-    /// Executes what can be executed now.
+    /// Executes everything that can be executed now.
     pub(super) fn run(&mut self) {
         self.settle();
         loop {
@@ -171,7 +171,7 @@ impl Firmware {
                 match self.execute(&unit) {
                     Ok(answer) => self.answers.extend(answer),
                     Err(error) => {
-                        // A unit that was not understood voids the rest of its message.
+                        // A command error voids the rest of its message.
                         if error.code.number() > -200 {
                             self.units.clear();
                             self.current_error = None;
@@ -207,8 +207,9 @@ impl Firmware {
         }
     }
 
-    /// Whether an operation is pending: an INITiate that is not worked off, frames of one that have
-    /// not left the device, a pattern that is still shown, a sequence that is loaded. A camera that runs free, or is armed again and again, never ends.
+    /// Returns whether an operation is pending: an unfinished `INITiate`, frames of one that have
+    /// not left the device, a pattern still shown, or a sequence being loaded. Free-running or
+    /// continuously armed operation never completes and does not count.
     fn pending(&self) -> bool {
         match self.state {
             State::Free { .. } => false,
@@ -217,7 +218,7 @@ impl Firmware {
         }
     }
 
-    /// Brings the status registers and the light source up to date.
+    /// Updates the status registers and the light source.
     pub(super) fn settle(&mut self) {
         self.drive();
         let state = match self.state {
@@ -237,7 +238,7 @@ impl Firmware {
     }
 }
 
-/// Whether a unit acts even while others wait.
+/// Returns whether a unit executes even while others wait.
 fn urgent(unit: &Unit) -> bool {
     matches!(
         table::find(unit),

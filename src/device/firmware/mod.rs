@@ -1,5 +1,5 @@
-//! The firmware: commands in, replies and exposures out, all in device time. Nothing here waits:
-//! whoever drives it says what time it is, and asks when something will happen next.
+//! The firmware: takes commands and returns replies and exposures, all in device time. It never
+//! waits: the caller passes in the current time and asks when the next event is due.
 //!
 #![doc = include_str!("commands.md")]
 //!
@@ -44,28 +44,28 @@ use status::Status;
 use std::collections::VecDeque;
 use std::sync::Arc;
 
-/// Events that wait to be told.
+/// Maximum number of events kept until the host fetches them.
 const MAX_EVENTS: usize = 1024;
 
-/// What holds up the execution of a message until no operation is pending.
+/// The command that holds up a message until no operation is pending.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Block {
     /// `*WAI`.
     Silent,
-    /// `*OPC?`, which answers 1 then.
+    /// `*OPC?`, which then answers 1.
     Answer,
 }
 
 /// The device behind the control port.
 ///
-/// After power-on and `*RST`: lamp on and white, the profile's exposure, gain 0, the whole sensor,
-/// the first sequence selected, `TRIGger:SOURce INTernal` (the camera runs free while somebody
-/// reads from it), `TRIGger:MODE SEQuence`, no delay, `INITiate:CONTinuous OFF`.
+/// State after power-on and `*RST`: lamp on and white, the profile's exposure, gain 0, the whole
+/// sensor, the first sequence selected, `TRIGger:SOURce INTernal` (free-running while a client
+/// reads frames), `TRIGger:MODE SEQuence`, no delay, `INITiate:CONTinuous OFF`.
 pub struct Firmware {
     profile: Profile,
     settings: Settings,
     memory: Memory,
-    /// The memory at power-on.
+    /// Copy of the memory at power-on.
     loaded: Memory,
     selected: Arc<Stored>,
     white: Arc<Slide>,
@@ -73,48 +73,48 @@ pub struct Firmware {
     state: State,
     status: Status,
     framer: Framer,
-    /// The message that is being executed.
+    /// The message being executed.
     current: Option<Current>,
-    /// What is left of it.
+    /// Units of the current message that are still to be executed.
     units: VecDeque<Unit>,
-    /// What ends it.
+    /// Parse error that ends the current message.
     current_error: Option<DeviceError>,
-    /// Messages behind it.
+    /// Messages queued behind the current one.
     waiting: VecDeque<Waiting>,
     waiting_bytes: usize,
     block: Option<Block>,
-    /// `*OPC` was given and has not been answered in the event register.
+    /// `*OPC` was received and its event bit is not set yet.
     completion_asked: bool,
-    /// Answers of the message that is being executed.
+    /// Answers of the message being executed.
     answers: Vec<Vec<u8>>,
     output: Vec<Answered>,
-    /// Messages with tickets that have been worked off.
+    /// Completed messages that were submitted with a ticket.
     done: Vec<Done>,
     exposures: Vec<Exposure>,
-    /// What has happened and was not told yet.
+    /// Events not fetched yet.
     events: VecDeque<Event>,
     next_id: u64,
-    /// Exposures since power-on that were triggered.
+    /// Triggered exposures since power-on.
     triggered: u64,
-    /// Starts of the exposures of the selected sequence's patterns, when it was last exposed.
+    /// Exposure start of each pattern of the selected sequence in its last run, in nanoseconds.
     taken_ns: Vec<u64>,
-    /// The light source, where it is more than on and off.
+    /// Model of a light source that is not simply on or off.
     shining: Option<Shining>,
     /// Exposures whose frames have not left the device.
     in_flight: u64,
     /// Triggers since power-on or `*RST` that came too early.
     missed: u64,
-    /// When the selected sequence is in the controller's memory.
+    /// Device time at which the selected sequence has been loaded into the controller's memory.
     loaded_ns: u64,
-    /// No exposure starts before this: the projector shows the last pattern until then, or the camera
-    /// is not so quick.
+    /// Earliest start of the next exposure: until then the projector still shows the last pattern
+    /// or the camera is not ready.
     free_from_ns: u64,
-    /// Bits of grey patterns, as far as they were seen one by one.
+    /// Bit planes of the grey patterns that were split most recently.
     planes: Planes,
     streaming: bool,
-    /// How the host has set the serial line; nothing here depends on it.
+    /// Serial line settings of the host; they have no effect on the device.
     line: LineCoding,
-    /// The link that has to know what frames come.
+    /// Link that must know the stream format in advance.
     link: Option<Box<dyn StreamSink + Send>>,
     now_ns: u64,
 }
@@ -123,7 +123,7 @@ impl Firmware {
     /// Powers the device on at time 0.
     ///
     /// # Errors
-    /// Sequences whose pictures cannot be read or that do not fit the projector.
+    /// Returns an error if a sequence's images cannot be read or do not fit the projector.
     pub fn new(profile: &Profile, user: &[UserSequence]) -> Result<Self> {
         debug_assert!(execute::power_on_is_consistent(profile));
         let memory = Memory::new(profile, user)?;
@@ -167,10 +167,10 @@ impl Firmware {
         })
     }
 
-    /// Switches the device off and on again. Settings, sequences and pictures that came over the
-    /// port are lost, and what was under way is not exposed to its end; frames that have been
-    /// exposed still leave. Ids go on, so that none comes twice. As with `*RST`, the frames' format
-    /// and region stay where a link cannot change them now.
+    /// Switches the device off and on again. Settings, sequences and images received over the port
+    /// are lost, and exposures in progress are dropped; frames already exposed still leave. Frame
+    /// ids continue, so that no id occurs twice. As with `*RST`, pixel format and region are kept
+    /// while a link cannot change them.
     pub fn power_cycle(&mut self, now_ns: u64) {
         self.advance(now_ns);
         self.hang_up();
@@ -186,29 +186,30 @@ impl Firmware {
             self.select(self.memory.first().clone());
             self.rest();
         } else {
-            // A link that refuses keeps its frames; there is nobody to tell.
+            // A link that refuses the change keeps its format; no client is connected to report it
+            // to.
             let _ = self.reset();
         }
         self.events.clear();
         self.completion_asked = false;
-        // What is selected is loaded while the device starts.
+        // The selected sequence loads during start-up.
         (self.missed, self.loaded_ns, self.free_from_ns) = (0, 0, 0);
         self.status = Status::power_on();
         self.run();
     }
 
-    /// Puts a link behind the camera that is asked before the frames change. It is ready for those
-    /// of [`Self::stream`].
+    /// Attaches a link that is asked before the stream format changes. It must be ready for
+    /// [`Self::stream`].
     pub fn attach(&mut self, link: Box<dyn StreamSink + Send>) {
         self.link = Some(link);
     }
 
-    /// Says how the host has set the serial line: `SYSTem:COMMunicate:SERial` tells it.
+    /// Sets the serial line coding that `SYSTem:COMMunicate:SERial` reports.
     pub fn set_line_coding(&mut self, line: LineCoding) {
         self.line = line;
     }
 
-    /// Takes bytes from the control port at a time.
+    /// Receives bytes from the control port at device time `now_ns`.
     pub fn receive(&mut self, bytes: &[u8], now_ns: u64) {
         self.advance(now_ns);
         let mut framer = std::mem::take(&mut self.framer);
@@ -219,7 +220,7 @@ impl Firmware {
         self.framer = framer;
     }
 
-    /// Works off what was due up to a time.
+    /// Processes everything due up to `now_ns`.
     pub fn advance(&mut self, now_ns: u64) {
         self.now_ns = self.now_ns.max(now_ns);
         let len = self.sequence_len();
@@ -238,8 +239,8 @@ impl Firmware {
         self.run();
     }
 
-    /// When an exposure has ended next, or, at rest, the device is ready for a trigger, in device
-    /// time; `None` while nothing is under way.
+    /// Returns the device time of the next event: the end of the next exposure, or in the idle
+    /// state the time at which the device is ready for a trigger. `None` while nothing is pending.
     pub fn next_event_ns(&self) -> Option<u64> {
         match self.state {
             State::Idle => Some(self.ready_ns()).filter(|ready_ns| *ready_ns > self.now_ns),
@@ -247,19 +248,19 @@ impl Firmware {
         }
     }
 
-    /// From when on a trigger is in time.
+    /// Earliest time of a trigger that is not missed.
     fn ready_ns(&self) -> u64 {
         let delay_ns = self.settings.start_delay_ns();
         self.loaded_ns
             .max(self.free_from_ns.saturating_sub(delay_ns))
     }
 
-    /// What is to be rendered, in order.
+    /// Takes the exposures to be rendered, in order.
     pub fn take_exposures(&mut self) -> Vec<Exposure> {
         std::mem::take(&mut self.exposures)
     }
 
-    /// What is to be sent over the control port, all of it.
+    /// Takes all bytes to be sent over the control port.
     pub fn take_output(&mut self) -> Vec<u8> {
         self.take_answered()
             .into_iter()
@@ -267,12 +268,12 @@ impl Firmware {
             .collect()
     }
 
-    /// What is to be sent over the control port, by the lines that it answers.
+    /// Takes the replies to be sent over the control port, each with the line that it answers.
     pub fn take_answered(&mut self) -> Vec<Answered> {
         std::mem::take(&mut self.output)
     }
 
-    /// What has happened since this was asked last; of very much the latest.
+    /// Takes the events since the last call; only the latest `MAX_EVENTS` are kept.
     pub fn take_events(&mut self) -> Vec<Event> {
         std::mem::take(&mut self.events).into()
     }
@@ -284,24 +285,24 @@ impl Firmware {
         self.events.push_back(event);
     }
 
-    /// Says that the frames of so many exposures have left the device (or, with nobody to read
-    /// them, never will).
+    /// Reports that the frames of `frames` exposures have left the device, or were dropped because
+    /// no client reads them.
     pub fn delivered(&mut self, frames: u64) {
         self.in_flight = self.in_flight.saturating_sub(frames);
         self.run();
     }
 
-    /// Exposures whose frames have not left the device.
+    /// Returns the number of exposures whose frames have not left the device.
     pub fn in_flight(&self) -> u64 {
         self.in_flight
     }
 
-    /// Identity of the next frame.
+    /// Returns the id of the next frame.
     pub fn next_id(&self) -> u64 {
         self.next_id
     }
 
-    /// Says whether somebody reads from the camera; only then does it run free.
+    /// Sets whether a client reads frames; the camera runs free only then.
     pub fn set_streaming(&mut self, on: bool, now_ns: u64) {
         self.advance(now_ns);
         if on != self.streaming {
@@ -313,7 +314,8 @@ impl Firmware {
         }
     }
 
-    /// A pulse on the external trigger input; without effect unless that is the source.
+    /// Handles a pulse on the external trigger input; it has no effect unless the trigger source is
+    /// `EXTernal`.
     pub fn external_trigger(&mut self, now_ns: u64) {
         self.advance(now_ns);
         if self.settings.source == Source::External
@@ -325,7 +327,7 @@ impl Firmware {
         self.run();
     }
 
-    /// Forgets unfinished input and replies, as when a cable is pulled. Exposures go on.
+    /// Discards unfinished input and replies, as when a cable is pulled. Exposures continue.
     pub fn hang_up(&mut self) {
         self.framer.reset();
         self.current = None;
@@ -339,7 +341,7 @@ impl Firmware {
         self.done.clear();
     }
 
-    /// Gives up on a block that stopped coming, so that the next line is read as one.
+    /// Abandons a data block that stopped arriving, so that the next line is parsed as a command.
     pub fn input_stalled(&mut self) {
         if self.framer.inside_block() {
             self.framer.reset();
@@ -348,24 +350,24 @@ impl Firmware {
         }
     }
 
-    /// Whether the input stands inside of a block.
+    /// Returns whether the input is inside a data block.
     pub fn inside_block(&self) -> bool {
         self.framer.inside_block()
     }
 
-    /// Says that a reply was thrown away because nobody read those before it.
+    /// Queues the error for a reply that was dropped because earlier replies had not been read.
     pub fn reply_lost(&mut self) {
         self.status
             .report(ErrorCode::QueryDeadlocked.with("replies are not being read"));
     }
 
-    /// Says that a message was thrown away because the device had no time for it.
+    /// Queues the error for a message that was dropped because the device was busy.
     pub fn input_lost(&mut self) {
         self.status
             .report(ErrorCode::InputBufferOverrun.with("the device is busy"));
     }
 
-    /// Where the trigger system stands.
+    /// Returns the state of the trigger system.
     pub fn state(&self) -> State {
         self.state
     }

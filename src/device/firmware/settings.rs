@@ -1,16 +1,16 @@
-//! What the commands set, and its state after power-on and `*RST`.
+//! Settings of the commands, and their values after power-on and `*RST`.
 
 use super::super::{Roi, Shutter};
 use phasmid_profile::{Profile, Timing};
 use phasmid_protocol::PixelFormat;
 
-/// Where a trigger may come from.
+/// Trigger source.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Source {
     Software,
     Bus,
     External,
-    /// The camera runs free at its interval.
+    /// The camera runs free at its frame interval.
     Internal,
 }
 
@@ -39,31 +39,32 @@ pub(super) struct Settings {
     pub(super) roi: Roi,
     pub(super) format: PixelFormat,
     pub(super) interval_ns: u64,
-    /// The sensor's own, set by no command; 0 for a global shutter.
+    /// Line time of a rolling shutter, fixed by the sensor; 0 for a global shutter.
     pub(super) line_time_ns: u64,
-    /// How long a global shutter's rows take to be read, and how many they are; the sensor's own.
+    /// Readout time of the whole sensor with a global shutter, in nanoseconds, and its number of
+    /// rows; fixed by the sensor.
     pub(super) readout: (u64, u32),
-    /// Shortest time from one frame's start to the next one's; the camera's own.
+    /// Shortest time between the starts of two frames in nanoseconds; fixed by the camera.
     pub(super) shortest_interval_ns: u64,
     pub(super) lamp: bool,
     /// Projector light relative to full, 0 to 1.
     pub(super) current: f64,
     pub(super) shown: Shown,
     pub(super) period_ns: u64,
-    /// How long a pattern is shown, with a projector that has a time; `None` is as long as the period
-    /// allows.
+    /// Time for which a projector with timing shows a pattern, in nanoseconds; `None` means as long
+    /// as the period allows.
     pub(super) pattern_ns: Option<u64>,
     pub(super) source: Source,
     pub(super) delay_ns: u64,
-    /// The hardware's own part of the delay; set by no command.
+    /// The hardware's fixed part of the delay.
     pub(super) own_delay_ns: u64,
     pub(super) mode: Mode,
     pub(super) continuous: bool,
 }
 
 impl Settings {
-    /// Power-on and `*RST`: lamp on and white, the profile's exposure, no gain, the whole sensor,
-    /// the camera running free.
+    /// Returns the settings after power-on and `*RST`: lamp on and white, the profile's exposure,
+    /// gain 0, the whole sensor, free-running.
     pub(super) fn reset(profile: &Profile) -> Self {
         let camera = &profile.camera;
         let timing = profile.projector.timing.as_ref();
@@ -94,7 +95,7 @@ impl Settings {
         }
     }
 
-    /// How the rows of the region follow each other.
+    /// Returns the shutter of the present region.
     pub(super) fn shutter(&self) -> Shutter {
         Shutter {
             line_time_ns: self.line_time_ns,
@@ -103,25 +104,25 @@ impl Settings {
         }
     }
 
-    /// From the start of the first row's exposure to the end of the last one's.
+    /// Time from the start of the first row's exposure to the end of the last row's.
     pub(super) fn frame_ns(&self) -> u64 {
         self.exposure_ns.saturating_add(self.shutter().skew_ns())
     }
 
-    /// How long a global shutter's frame takes to be read once it has been exposed.
+    /// Readout time of a global shutter's frame after its exposure.
     pub(super) fn readout_ns(&self) -> u64 {
         let (whole_ns, rows) = self.readout;
         let here_ns = u128::from(whole_ns) * u128::from(self.roi.height);
         (here_ns / u128::from(rows.max(1))) as u64
     }
 
-    /// From the start of the first row's exposure to when the frame has been read.
+    /// Time from the start of the first row's exposure to the end of readout.
     pub(super) fn done_ns(&self) -> u64 {
         self.frame_ns().saturating_add(self.readout_ns())
     }
 
-    /// Shortest time from one exposure to the next: no row is exposed again before it has been, nor
-    /// before all rows have been read.
+    /// Shortest time between the starts of two exposures: no row starts a new exposure before its
+    /// last one has ended and all rows have been read.
     pub(super) fn shortest_period_ns(&self) -> u64 {
         self.exposure_ns
             .saturating_add(self.readout_ns())
@@ -129,29 +130,29 @@ impl Settings {
             .max(self.shortest_interval_ns)
     }
 
-    /// From a trigger to the start of the first exposure.
+    /// Time from a trigger to the start of the first exposure.
     pub(super) fn start_delay_ns(&self) -> u64 {
         self.delay_ns.saturating_add(self.own_delay_ns)
     }
 
-    /// How long a pattern is shown in a period, by a projector that has a time.
+    /// Time within a period for which a projector with timing shows a pattern.
     pub(super) fn pattern_ns(&self, timing: &Timing, period_ns: u64) -> u64 {
         self.pattern_ns
             .unwrap_or_else(|| timing.longest_exposure_ns(period_ns))
     }
 }
 
-/// Nanoseconds of a checked, positive number of microseconds.
+/// Converts microseconds, checked to be positive, to nanoseconds.
 pub(super) fn microseconds(us: f64) -> u64 {
     (us * 1e3).round() as u64
 }
 
-/// Nanoseconds of a checked number of seconds of 0 or more.
+/// Converts seconds, checked to be non-negative, to nanoseconds.
 pub(super) fn from_seconds(s: f64) -> u64 {
     (s * 1e9).round() as u64
 }
 
-/// Seconds of nanoseconds.
+/// Converts nanoseconds to seconds.
 pub(super) fn seconds(ns: u64) -> f64 {
     ns as f64 / 1e9
 }

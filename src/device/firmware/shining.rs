@@ -1,4 +1,4 @@
-//! What the light source does while commands and patterns drive it, where the profile has one.
+//! The light source under commands and patterns, for profiles that model one.
 
 use super::{Firmware, Settings};
 use phasmid_profile::{Profile, Timing};
@@ -6,14 +6,14 @@ use phasmid_render::led::{Emission, Model, Source};
 use std::ops::Range;
 use std::sync::Arc;
 
-/// A light source, and what the sequence that was exposed last has seen of it.
+/// A light source and its emission during the sequence exposed last.
 pub(super) struct Shining {
     source: Source,
     taken: Vec<Arc<Emission>>,
 }
 
 impl Shining {
-    /// The profile's, switched on cold at time 0.
+    /// Returns the profile's light source, switched on cold at time 0.
     pub(super) fn new(profile: &Profile, settings: &Settings) -> Option<Self> {
         let model = Model::new(profile.projector.led.as_ref()?);
         let mut source = Source::new(model);
@@ -22,7 +22,8 @@ impl Shining {
         Some(Self { source, taken })
     }
 
-    /// What an exposure from a time on sees, of a pattern of the sequence where it has an index.
+    /// Returns the emission that an exposure from `start_ns` on sees; `index` is the pattern's
+    /// position in the sequence.
     fn expose(&mut self, index: Option<u32>, start_ns: u64) -> Arc<Emission> {
         let emission = self.source.emission(start_ns);
         if let Some(index) = index {
@@ -32,35 +33,37 @@ impl Shining {
         emission
     }
 
-    /// What the pattern at an index saw when all of so many were exposed last.
+    /// Returns the emission that the pattern at `index` saw in the last run, if all `count`
+    /// patterns were exposed.
     pub(super) fn taken(&self, index: usize, count: usize) -> Option<Arc<Emission>> {
         let all = self.taken.len() == count;
         self.taken.get(index).filter(|_| all).cloned()
     }
 
-    /// What the patterns saw that were exposed last.
+    /// Returns the emissions seen by the patterns exposed last.
     pub(super) fn all(&self) -> &[Arc<Emission>] {
         &self.taken
     }
 
-    /// The sequence is the earlier one again.
+    /// Restores the emissions of an earlier sequence.
     pub(super) fn put_back(&mut self, taken: Vec<Arc<Emission>>) {
         self.taken = taken;
     }
 
-    /// The sequence is another one.
+    /// Discards the emissions when another sequence is selected.
     pub(super) fn forget(&mut self) {
         self.taken.clear();
     }
 }
 
-/// A pattern's period, and when in it the pattern is shown, in nanoseconds of device time.
+/// A pattern's period, and the part of it in which the pattern is shown, in nanoseconds of device
+/// time.
 pub(super) struct Period {
     all: Range<u64>,
     pub(super) lit: Range<u64>,
 }
 
-/// What lamp and current ask for.
+/// Output level requested by lamp and current.
 fn level(settings: &Settings) -> f64 {
     match settings.lamp {
         true => settings.current,
@@ -69,14 +72,15 @@ fn level(settings: &Settings) -> f64 {
 }
 
 impl Firmware {
-    /// Has the light source follow the settings from now on.
+    /// Makes the light source follow the settings from now on.
     pub(super) fn drive(&mut self) {
         if let Some(shining) = &mut self.shining {
             shining.source.drive(self.now_ns, level(&self.settings));
         }
     }
 
-    /// When the pattern of an exposure that starts at a time is shown, by a projector that has a time.
+    /// Returns when a projector with timing shows the pattern of an exposure that starts at
+    /// `start_ns`.
     pub(super) fn period(&self, timing: &Timing, start_ns: u64) -> Period {
         let period_ns = self.settings.period_ns;
         let begins_ns = start_ns.saturating_sub(timing.camera_delay_ns());
@@ -88,8 +92,8 @@ impl Firmware {
         }
     }
 
-    /// Has a projector that has a time switch its source off while patterns of a sequence are not
-    /// shown, of exposures that start at these times, until a time. Between sequences it is on.
+    /// Switches the source of a projector with timing off between the patterns of a sequence, for
+    /// exposures that start at `starts_ns`, until `until_ns`. Between sequences the source is on.
     pub(super) fn open(&mut self, starts_ns: impl Iterator<Item = u64>, until_ns: u64) {
         let Some(timing) = &self.profile.projector.timing else {
             return;
@@ -109,13 +113,13 @@ impl Firmware {
         }
     }
 
-    /// What an exposure from a time on sees of the light source.
+    /// Returns the light source's emission for an exposure from `start_ns` on.
     pub(super) fn emission(&mut self, index: Option<u32>, start_ns: u64) -> Option<Arc<Emission>> {
         let shining = self.shining.as_mut()?;
         Some(shining.expose(index, start_ns))
     }
 
-    /// Whether patterns are in the light's path: a source that has been switched off still glows.
+    /// Returns whether patterns affect the light: a source that was switched off still glows.
     pub(super) fn shows(&self) -> bool {
         self.settings.lamp || self.shining.is_some()
     }

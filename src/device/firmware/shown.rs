@@ -1,5 +1,5 @@
-//! What the service channel tells of the firmware: which pattern of the memory a slide is, and what
-//! has been missed.
+//! Firmware state that the service channel reports: which stored pattern a slide shows, and the
+//! number of missed triggers.
 
 use super::Firmware;
 use crate::Slide;
@@ -8,13 +8,13 @@ use phasmid_protocol::service::Shown;
 use std::sync::Arc;
 
 impl Firmware {
-    /// Triggers since power-on or `*RST` that came too early.
+    /// Returns the number of triggers since power-on or `*RST` that came too early.
     pub fn missed_triggers(&self) -> u64 {
         self.missed
     }
 
-    /// The pattern that a slide is of. Where several show the same slide, it is the one of this index
-    /// in the selected sequence, or another of it rather than of other sequences.
+    /// Returns the pattern that a slide shows. If several patterns share the slide, the one at
+    /// `index` of the selected sequence is preferred, then others of that sequence.
     pub fn shown(&self, slide: &Arc<Slide>, index: Option<u32>) -> Shown {
         for (rest, pattern) in [
             (&self.white, Pattern::White {}),

@@ -4,7 +4,7 @@
 use phasmid_protocol::scpi::{DeviceError, ErrorCode};
 use std::collections::VecDeque;
 
-/// Errors that the queue holds; the last place is for -350.
+/// Capacity of the error queue; the last entry is reserved for -350.
 const QUEUE: usize = 32;
 
 /// Bits of the standard event status register (IEEE 488.2, 11.5.1).
@@ -22,11 +22,12 @@ pub(super) const WAITING_FOR_TRIGGER: u16 = 1 << 5;
 
 /// Bit of the operation register: a sequence is being loaded (SCPI's "settling").
 pub(super) const LOADING: u16 = 1 << 1;
-/// Bit of the questionable register, one of those that SCPI leaves to the device: a trigger came too
-/// early.
+/// Bit of the questionable register (one of those that SCPI leaves to the device): a trigger came
+/// too early.
 pub(super) const TRIGGER_MISSED: u16 = 1 << 9;
 
-/// A condition register with its event and enable registers; an event is a condition that came.
+/// A condition register with its event and enable registers; an event bit is set when its condition
+/// becomes true.
 #[derive(Debug, Default)]
 pub(super) struct Register {
     condition: u16,
@@ -44,7 +45,7 @@ impl Register {
         self.condition = condition;
     }
 
-    /// A condition that comes and goes at once.
+    /// Sets event bits for a condition without duration.
     pub(super) fn happen(&mut self, event: u16) {
         self.event |= event;
     }
@@ -81,7 +82,7 @@ impl Status {
         }
     }
 
-    /// `*CLS`: events and errors, not the enable registers.
+    /// `*CLS`: clears events and errors, not the enable registers.
     pub(super) fn clear(&mut self) {
         self.event = 0;
         self.operation.take_event();
@@ -102,8 +103,8 @@ impl Status {
         std::mem::take(&mut self.event)
     }
 
-    /// Queues an error and sets its class's bit. When the queue is full, its last entry becomes
-    /// -350 and what comes is lost (SCPI-1999 vol 1, 21.8.1).
+    /// Queues an error and sets the bit of its class. When the queue is full, its last entry
+    /// becomes -350 and the new error is lost (SCPI-1999 vol 1, 21.8.1).
     pub(super) fn report(&mut self, error: DeviceError) {
         self.event |= match error.code.number() / 100 {
             -1 => COMMAND_ERROR,

@@ -1,10 +1,10 @@
-//! The commands that the device knows, by their headers.
+//! The commands of the device by header.
 
 use phasmid_protocol::scpi::{DeviceError, ErrorCode, HeaderMatch, Unit, match_header};
 
 macro_rules! commands {
     ($($name:ident $pattern:literal,)*) => {
-        /// A header of the device.
+        /// A command of the device.
         #[derive(Debug, Clone, Copy, PartialEq, Eq)]
         pub(super) enum Command { $($name,)* }
 
@@ -68,10 +68,10 @@ commands! {
     FrameCount "DIAGnostic:FRAMes",
 }
 
-/// The command of a unit's header.
+/// Returns the command for a unit's header.
 ///
 /// # Errors
-/// -113 for a header that the device does not have, -114 for a suffix other than 1.
+/// Returns -113 for an unknown header and -114 for a numeric suffix other than 1.
 pub(super) fn find(unit: &Unit) -> Result<Command, DeviceError> {
     for (pattern, command) in TABLE {
         match match_header(pattern, unit) {

@@ -1,5 +1,5 @@
-//! The trigger system: an explicit state machine in device time. Armed, each exposure gives exactly
-//! one frame, in order; nothing else is exposed.
+//! The trigger system: a state machine in device time. When armed, each exposure gives exactly one
+//! frame, in order; nothing else is exposed.
 //!
 //! | from | by | to |
 //! | --- | --- | --- |
@@ -14,17 +14,17 @@
 use super::settings::{Mode, Settings, Source};
 use phasmid_protocol::scpi::{DeviceError, ErrorCode};
 
-/// Where the trigger system stands.
+/// State of the trigger system.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum State {
     /// Nothing is exposed.
     Idle,
-    /// The camera runs free; its next exposure starts at this time.
+    /// Free-running.
     Free {
-        /// Nanoseconds of device time.
+        /// Start of the next exposure in nanoseconds of device time.
         start_ns: u64,
     },
-    /// A trigger starts the exposure of this pattern and of what follows it.
+    /// Waiting for the trigger that exposes this pattern and those that follow it.
     Armed {
         /// Position in the sequence.
         next: u32,
@@ -46,15 +46,15 @@ pub(super) struct Exposed {
     /// Position in the sequence; `None` when running free.
     pub(super) index: Option<u32>,
     pub(super) start_ns: u64,
-    /// Position after the last one that follows it without another trigger.
+    /// Position after the last exposure of the same trigger.
     pub(super) end: u32,
 }
 
-/// A free-running camera that was left behind further than this does not catch up.
+/// A free-running camera that lags behind by more than this skips frames instead of catching up.
 const MAX_LAG_NS: u64 = 1_000_000_000;
 
 impl State {
-    /// The state to be in when nothing is under way.
+    /// Returns the state in which no operation is pending.
     pub(super) fn rest(settings: &Settings, streaming: bool, now_ns: u64) -> Self {
         if settings.source == Source::Internal {
             if streaming {
@@ -66,7 +66,7 @@ impl State {
         Self::Idle
     }
 
-    /// Whether an INITiate has been given and not been worked off.
+    /// Returns whether an `INITiate` is in progress.
     pub(super) fn initiated(self) -> bool {
         matches!(self, Self::Armed { .. } | Self::Running { .. })
     }
@@ -84,7 +84,7 @@ impl State {
         Ok(())
     }
 
-    /// A trigger, of a sequence of `len` patterns.
+    /// Handles a trigger for a sequence of `len` patterns.
     pub(super) fn trigger(
         &mut self,
         settings: &Settings,
@@ -108,7 +108,7 @@ impl State {
         Ok(())
     }
 
-    /// When the exposure that is under way or next has ended, of its last row, and been read.
+    /// Returns when the current or next exposure has ended and been read out.
     pub(super) fn next_event_ns(self, settings: &Settings) -> Option<u64> {
         match self {
             Self::Free { start_ns } | Self::Running { start_ns, .. } => {
@@ -118,7 +118,7 @@ impl State {
         }
     }
 
-    /// Ends the exposure that is due at `now_ns`, if one is, of a sequence of `len` patterns.
+    /// Ends the exposure due at `now_ns`, if any, of a sequence of `len` patterns.
     pub(super) fn advance(
         &mut self,
         settings: &Settings,

@@ -1,5 +1,5 @@
-//! All or nothing: what has been set is put back when a later message of the same request is refused,
-//! as a request that was refused has changed nothing.
+//! All-or-nothing requests: if a later message of the same request is refused, earlier settings are
+//! restored, since a refused request changes nothing.
 
 use super::memory::Stored;
 use super::settings::Settings;
@@ -7,7 +7,7 @@ use super::{Firmware, State};
 use phasmid_render::led::Emission;
 use std::sync::Arc;
 
-/// Settings, the selected sequence and the trigger system at an instant.
+/// Snapshot of the settings, the selected sequence and the trigger system.
 #[derive(Debug, Clone)]
 pub struct Before {
     settings: Settings,
@@ -19,7 +19,7 @@ pub struct Before {
 }
 
 impl Firmware {
-    /// What messages may set, as it is now.
+    /// Returns a snapshot of everything that messages can set.
     pub fn before(&self) -> Before {
         Before {
             settings: self.settings.clone(),
@@ -31,12 +31,12 @@ impl Firmware {
         }
     }
 
-    /// Puts that back, in the instant in which it was taken: nothing has been exposed since. What has
-    /// been counted or cleared, and what is in the memory, stays as it is now.
+    /// Restores a snapshot at the same device time at which it was taken, so that nothing has been
+    /// exposed since. Counters, cleared registers and the memory keep their present state.
     pub fn put_back(&mut self, before: Before) {
         let now = self.settings.clone();
         if self.apply(before.settings.clone()).is_err() {
-            // A link that cannot go back keeps its frames; there is nobody to tell.
+            // A link that cannot go back keeps its format; there is no client to report it to.
             self.settings = Settings {
                 roi: now.roi,
                 format: now.format,

@@ -1,4 +1,5 @@
-//! Messages of a dialect, one after the other: understood, run by the firmware, answered.
+//! Executes messages of a dialect one after the other: parses them, runs them on the firmware and
+//! replies.
 
 use super::Message;
 use crate::Firmware;
@@ -8,7 +9,7 @@ use phasmid_protocol::scpi::{DeviceError, ErrorCode};
 use std::collections::VecDeque;
 use std::sync::Arc;
 
-/// Requests that wait for those before them.
+/// Maximum number of queued requests.
 const MAX_REQUESTS: usize = 64;
 
 /// A message of the dialect that has not been answered yet.
@@ -16,18 +17,18 @@ const MAX_REQUESTS: usize = 64;
 struct Request {
     asked: Asked,
     to: String,
-    /// What the firmware has still to do for it.
+    /// Firmware messages still to be executed for this request.
     left: VecDeque<String>,
     answers: Vec<Vec<u8>>,
-    /// The firmware is at work on it.
+    /// Ticket of the firmware message in progress.
     ticket: Option<u64>,
-    /// It acts even while those before it wait: a trigger, an abort.
+    /// Executes even while earlier requests wait: a trigger or an abort.
     urgent: bool,
-    /// What was set before it began, or before it went on after a wait.
+    /// Settings before the request started, or before it continued after a wait.
     before: Option<Before>,
 }
 
-/// What turns a dialect into the firmware's messages and back.
+/// Translates between a dialect and the firmware's messages.
 #[derive(Debug)]
 pub(super) struct Interpreter {
     dialect: Arc<Dialect>,
@@ -64,7 +65,7 @@ impl Interpreter {
         std::mem::take(&mut self.said)
     }
 
-    /// Forgets unfinished input and requests, once the firmware has forgotten its messages.
+    /// Discards unfinished input and requests, after the firmware has discarded its messages.
     pub(super) fn clear(&mut self) {
         self.cutter.reset();
         self.requests.clear();
@@ -96,7 +97,7 @@ impl Interpreter {
         };
         let left: VecDeque<_> = self.dialect.runs(&asked).into();
         let urgent = left.iter().all(|m| Firmware::acts_at_once(m.as_bytes())) && !left.is_empty();
-        // There is always room for what gets the device out of its wait.
+        // An urgent request always fits, since it may be what ends the wait.
         if self.requests.len() >= MAX_REQUESTS + usize::from(urgent) {
             let error = ErrorCode::InputBufferOverrun.with("too much waits to be done");
             let bytes = self.dialect.refusal(&asked, &error);
@@ -133,9 +134,9 @@ impl Interpreter {
         }
     }
 
-    /// Goes on with the requests as far as the firmware does: the first one's messages one by one
-    /// until one fails, and likewise those of urgent ones behind it. A refusal puts back what its
-    /// request has set since it waited last.
+    /// Continues the requests as far as the firmware does: the messages of the first request one by
+    /// one until one fails, and likewise those of urgent requests behind it. On an error, settings
+    /// made by the request since its last wait are restored.
     fn run(&mut self, firmware: &mut Firmware, now_ns: u64) {
         loop {
             for done in firmware.take_done() {
@@ -145,7 +146,7 @@ impl Interpreter {
                 request.ticket.is_none() && (index == 0 || request.urgent)
             };
             let Some(index) = self.requests.iter().enumerate().position(free) else {
-                // Time goes on, and what has been set until now stays.
+                // Time passes, so earlier settings can no longer be undone.
                 self.requests.iter_mut().for_each(|r| r.before = None);
                 return;
             };
@@ -169,7 +170,7 @@ impl Interpreter {
         }
     }
 
-    /// Takes what one of the firmware's messages has come to; the first error ends its request.
+    /// Records the result of a firmware message; the first error ends its request.
     fn done(&mut self, done: Done, firmware: &mut Firmware) {
         let of = |request: &Request| request.ticket == Some(done.ticket);
         let Some(index) = self.requests.iter().position(of) else {

@@ -1,9 +1,9 @@
-//! The control port's inside: what comes on the wire becomes commands of the firmware, and what it
-//! answers goes out as the dialect has it.
+//! The device side of the control port: turns incoming bytes into firmware commands and formats the
+//! answers in the port's dialect.
 //!
-//! SCPI is the firmware's own tongue and passes through. Any other dialect is interpreted: a message
-//! of its own stands for messages of the firmware, whose answers and errors come back with a ticket
-//! and make the reply, so that nothing of them is left in SCPI's output and error queue.
+//! SCPI passes through to the firmware. Every other dialect is interpreted: a message of the
+//! dialect maps to firmware messages, whose answers and errors return with a ticket and form the
+//! reply, so that they never appear in SCPI's output or error queue.
 
 mod interpreter;
 #[cfg(test)]
@@ -16,32 +16,32 @@ use phasmid_protocol::dialect::{Dialect, Event};
 use std::collections::VecDeque;
 use std::sync::Arc;
 
-/// Something that the device says.
+/// A message of the device to its client.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Message {
-    /// As it goes out on the wire.
+    /// The bytes on the wire.
     pub bytes: Vec<u8>,
-    /// What it answers: the line as it came, or of a packet its command's name; `None` where nobody
-    /// asked.
+    /// What it answers: the received line, or the command name of a packet; `None` for an
+    /// unsolicited message.
     pub to: Option<String>,
 }
 
-/// The device's side of a dialect. The default speaks SCPI and says nothing unasked.
+/// The device side of a dialect. The default speaks SCPI and sends nothing unsolicited.
 #[derive(Debug, Default)]
 pub struct Port {
     dialect: Option<Arc<Dialect>>,
-    /// `None` where the firmware understands the messages by itself.
+    /// `None` if the firmware parses the messages itself.
     interpreter: Option<Interpreter>,
-    /// What is still to be said after power-on, in order of time.
+    /// Power-on messages still to be sent, in order of time.
     boot: VecDeque<(u64, Vec<u8>)>,
 }
 
 impl Port {
-    /// A port that speaks a dialect, switched on at time 0.
+    /// Returns a port for a dialect, switched on at time 0.
     ///
     /// # Errors
-    /// A dialect whose commands stand for messages that the firmware does not have, with the place
-    /// in its file.
+    /// Returns an error, with the place in the dialect's file, if a command maps to a message that
+    /// the firmware does not support.
     pub fn new(dialect: Arc<Dialect>) -> Result<Self> {
         for (message, place) in dialect.all_runs() {
             Firmware::knows(message.as_bytes()).map_err(|error| {
@@ -59,12 +59,12 @@ impl Port {
         Ok(port)
     }
 
-    /// What it speaks; `None` is SCPI.
+    /// Returns the dialect; `None` is SCPI.
     pub fn dialect(&self) -> Option<&Arc<Dialect>> {
         self.dialect.as_ref()
     }
 
-    /// The device has been switched on: what it says then is to come.
+    /// Schedules the power-on messages when the device is switched on.
     pub fn power_on(&mut self, now_ns: u64) {
         let Some(dialect) = &self.dialect else {
             return;
@@ -84,7 +84,7 @@ impl Port {
         }
     }
 
-    /// Takes bytes that have arrived.
+    /// Receives bytes that have arrived.
     pub fn receive(&mut self, bytes: &[u8], firmware: &mut Firmware, now_ns: u64) {
         match &mut self.interpreter {
             Some(interpreter) => interpreter.receive(bytes, firmware, now_ns),
@@ -92,7 +92,7 @@ impl Port {
         }
     }
 
-    /// What the device has to say by now, in order.
+    /// Takes the messages due by `now_ns`, in order.
     pub fn collect(&mut self, firmware: &mut Firmware, now_ns: u64) -> Vec<Message> {
         let mut said = Vec::new();
         while self.boot.front().is_some_and(|(at, _)| *at <= now_ns) {
@@ -116,12 +116,12 @@ impl Port {
         said
     }
 
-    /// When the port has something to say of its own accord.
+    /// Returns when the next unsolicited message is due.
     pub fn next_event_ns(&self) -> Option<u64> {
         self.boot.front().map(|(at, _)| *at)
     }
 
-    /// Forgets unfinished input and replies.
+    /// Discards unfinished input and replies.
     pub fn hang_up(&mut self, firmware: &mut Firmware) {
         firmware.hang_up();
         if let Some(interpreter) = &mut self.interpreter {
@@ -129,7 +129,7 @@ impl Port {
         }
     }
 
-    /// Whether the input stands inside of a message that has to go on without a pause.
+    /// Returns whether the input is inside a message that must continue without a pause.
     pub fn inside_block(&self, firmware: &Firmware) -> bool {
         match &self.interpreter {
             Some(interpreter) => interpreter.inside(),
@@ -137,7 +137,7 @@ impl Port {
         }
     }
 
-    /// Gives up on a message that stopped coming.
+    /// Abandons a message that stopped arriving.
     pub fn input_stalled(&mut self, firmware: &mut Firmware) {
         match &mut self.interpreter {
             Some(interpreter) => interpreter.input_stalled(),

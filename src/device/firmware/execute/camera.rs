@@ -22,7 +22,8 @@ impl Firmware {
         match command {
             Command::Exposure => {
                 let [shortest, longest] = camera.exposure_range_us;
-                // The longest is what the period has room for; what lies between is a conflict.
+                // The maximum is what the period allows; a larger valid exposure is a settings
+                // conflict.
                 let longest = match Args::new(&unit.params).number(Quantity::Time) {
                     Ok(Number::Max) => {
                         let room_ns = settings.period_ns.saturating_sub(settings.readout_ns());
@@ -100,7 +101,8 @@ impl Firmware {
         Ok(None)
     }
 
-    /// x, y, width, height inside of the sensor, with room for the data line and whole pairs.
+    /// Parses x, y, width and height: inside the sensor, with room for the data line and in whole
+    /// pixel pairs.
     fn region(&self, unit: &Unit) -> Result<Roi, DeviceError> {
         let camera = &self.profile.camera;
         let group = columns(self.settings.format);
@@ -136,14 +138,14 @@ impl Firmware {
     }
 }
 
-/// A format's name without the code's trailing space.
+/// Name of a format without the code's trailing space.
 fn word(format: PixelFormat) -> String {
     String::from_utf8_lossy(&format.fourcc())
         .trim_end()
         .to_owned()
 }
 
-/// Columns that a format holds together.
+/// Number of columns that a format encodes together.
 fn columns(format: PixelFormat) -> u32 {
     match format {
         PixelFormat::Yuyv => 2,

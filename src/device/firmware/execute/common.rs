@@ -82,7 +82,7 @@ impl Firmware {
     }
 }
 
-/// The parity by its SCPI-1999 name.
+/// The SCPI-1999 name of the parity.
 fn parity(line: LineCoding) -> &'static str {
     match line.parity {
         1 => "ODD",

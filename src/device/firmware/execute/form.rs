@@ -1,12 +1,12 @@
-//! Which commands can be asked, which ordered, and which take parameters.
+//! Which commands have a query form, a set form, and parameters.
 
 use crate::firmware::Firmware;
 use crate::firmware::table::Command;
 use phasmid_protocol::scpi::{DeviceError, ErrorCode, Unit};
 
 impl Firmware {
-    /// Refuses queries of what only acts, and orders to what only answers, as unknown headers; and
-    /// parameters where none belong.
+    /// Rejects queries of commands without a query form and set forms of query-only commands as
+    /// unknown headers, and parameters of commands that take none.
     pub(in crate::firmware) fn check_form(
         &self,
         unit: &Unit,
@@ -76,7 +76,7 @@ impl Firmware {
     }
 }
 
-/// Whether a command's query takes MINimum, MAXimum and DEFault.
+/// Returns whether a command's query accepts MINimum, MAXimum and DEFault.
 fn numeric_command(command: Command) -> bool {
     matches!(
         command,

@@ -1,4 +1,4 @@
-//! What each command does and each query answers: a file for each of the device's subsystems.
+//! Execution of commands and queries, with one file for each subsystem of the device.
 
 mod camera;
 mod common;
@@ -14,12 +14,12 @@ use super::{Firmware, State};
 use phasmid_profile::Timing;
 use phasmid_protocol::scpi::{DeviceError, ErrorCode, Unit};
 
-/// Longest times that can be set, in seconds.
+/// Maximum of all settable times in seconds.
 const MAX_TIME_S: f64 = 60.0;
 
 type Answer = Result<Option<Vec<u8>>, DeviceError>;
 
-/// A query's answer.
+/// Formats the answer of a query.
 fn say(value: impl std::fmt::Display) -> Answer {
     Ok(Some(value.to_string().into_bytes()))
 }
@@ -77,7 +77,8 @@ impl Firmware {
         Ok(())
     }
 
-    /// `*RST`. Where the link cannot carry the frames of power-on, theirs alone of the settings stay.
+    /// `*RST`. If the attached link cannot carry the power-on format, region and pixel format are
+    /// kept.
     pub(super) fn reset(&mut self) -> Result<(), DeviceError> {
         let settings = Settings::reset(&self.profile);
         let (roi, format) = (self.settings.roi, self.settings.format);
@@ -99,14 +100,14 @@ impl Firmware {
         done
     }
 
-    /// Refuses settings with which the selected sequence cannot be exposed.
+    /// Rejects settings with which the selected sequence cannot be exposed.
     fn check_selected(&self, settings: &Settings) -> Result<(), DeviceError> {
         let timing = self.profile.projector.timing.as_ref();
         let shortest_ns = self.selected.shortest_ns;
         check_period(settings, settings.period_ns, timing, shortest_ns)
     }
 
-    /// A time as the projector's clock has it.
+    /// Rounds a time to the resolution of the projector's clock.
     fn quantised(&self, ns: u64) -> u64 {
         let timing = self.profile.projector.timing.as_ref();
         timing.map_or(ns, |timing| timing.quantise_ns(ns))
@@ -117,8 +118,8 @@ impl Firmware {
     }
 }
 
-/// Refuses settings whose exposures do not fit a period, and, with a projector that has a time, such
-/// with which it cannot show patterns that take `shortest_ns` at least.
+/// Rejects settings whose exposures do not fit a period, and, for a projector with timing, settings
+/// with which it cannot show patterns that take at least `shortest_ns`.
 fn check_period(
     settings: &Settings,
     period_ns: u64,
@@ -155,7 +156,7 @@ fn check_period(
     Err(ErrorCode::SettingsConflict.with(conflict))
 }
 
-/// The profile's exposure fits the profile's period; kept beside the rule that says so.
+/// Returns whether the profile's exposure fits the profile's period.
 pub(super) fn power_on_is_consistent(profile: &phasmid_profile::Profile) -> bool {
     let settings = Settings::reset(profile);
     let projector = &profile.projector;

@@ -1,4 +1,4 @@
-//! `PROJector`: the lamp, its current and what is shown at rest.
+//! `PROJector`: the lamp, its current, and the pattern shown while free-running.
 
 use super::setting::{Setting, numeric};
 use super::{Answer, MAX_TIME_S, say};
@@ -50,7 +50,7 @@ impl Firmware {
         Ok(None)
     }
 
-    /// How long a pattern is shown; for its whole period by a projector without a time.
+    /// How long a pattern is shown; a projector without timing shows it for the whole period.
     fn pattern_exposure(&mut self, unit: &Unit) -> Answer {
         let period_ns = self.settings.period_ns;
         let Some(timing) = &self.profile.projector.timing else {
@@ -66,7 +66,7 @@ impl Firmware {
         let longest_ns = timing.longest_exposure_ns(period_ns);
         let default_ns = timing.exposure_ns();
         let word = Args::new(&unit.params).number(Quantity::Time).ok();
-        // What lies between the bounds and those that hold now is a conflict of settings.
+        // A valid value outside the present bounds is a settings conflict.
         let (min, max) = match (unit.query, word) {
             (true, _) | (false, Some(Number::Min | Number::Max)) => {
                 (seconds(self.selected.shortest_ns), seconds(longest_ns))

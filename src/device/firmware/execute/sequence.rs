@@ -1,4 +1,4 @@
-//! `SEQuence`: what is stored, defined and selected.
+//! `SEQuence`: stored, defined and selected sequences.
 
 use super::setting::{Setting, numeric};
 use super::{Answer, MAX_TIME_S, check_period, say};
@@ -8,7 +8,7 @@ use crate::firmware::table::Command;
 use phasmid_protocol::scpi::{Args, ErrorCode, Number, Quantity, Unit, encode_block, quote};
 
 impl Firmware {
-    /// Shortest period of the selected sequence, for the camera and for a projector that has a time.
+    /// Shortest period of the selected sequence for the camera and for a projector with timing.
     fn shortest_period_ns(&self) -> u64 {
         let camera_ns = self.settings.shortest_period_ns();
         let Some(timing) = &self.profile.projector.timing else {
@@ -41,7 +41,8 @@ impl Firmware {
                     self.not_running()?;
                 }
                 let default = seconds(self.selected.period_ns);
-                // The shortest is what an exposure takes; what lies between is a conflict of settings.
+                // The minimum is the time of an exposure; a shorter valid period is a settings
+                // conflict.
                 let floor = match Args::new(&unit.params).number(Quantity::Time) {
                     Ok(Number::Min) => seconds(self.shortest_period_ns()),
                     _ => 1e-6,

@@ -1,8 +1,9 @@
-//! Settings that are numbers with bounds.
+//! Numeric settings with bounds.
 
 use phasmid_protocol::scpi::{Args, DeviceError, ErrorCode, Number, Quantity, Unit};
 
-/// A setting with its bounds: what to set, or with `?` the value, or a bound when asked for one.
+/// Evaluates a unit for a bounded setting: returns the value to set, or for a query the present
+/// value or the requested bound.
 pub(super) fn numeric(
     unit: &Unit,
     quantity: Quantity,
@@ -26,10 +27,10 @@ pub(super) fn numeric(
     number.within(min, max, default).map(Setting::Set)
 }
 
-/// What a unit makes of a numeric setting.
+/// Result of a unit for a numeric setting.
 pub(super) enum Setting {
-    /// A query answers this.
+    /// Answer of a query.
     Say(f64),
-    /// An order sets this.
+    /// Value to set.
     Set(f64),
 }
