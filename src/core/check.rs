@@ -1,14 +1,14 @@
-//! Building blocks for checks of the values in a document. A violation is reported with the line, the
-//! value found and what is allowed.
+//! Building blocks to check the values in a TOML document. A violation is reported with the line,
+//! the value found and the allowed range.
 
 use crate::error::Result;
 use crate::source::TomlSource;
 use std::fmt::{Display, LowerExp};
 use std::ops::RangeInclusive;
 
-/// Checks values that were read from a source, and reports violations by their place in it.
+/// Checks values read from a document and reports violations by file, line and field.
 pub struct Check<'a> {
-    /// The document that the values come from.
+    /// The document the values come from.
     pub source: &'a TomlSource,
 }
 
@@ -18,15 +18,15 @@ impl<'a> Check<'a> {
         Self { source }
     }
 
-    /// Checks that a value lies in an inclusive range. NaN lies in none.
+    /// Checks that a value lies in an inclusive range. NaN is outside every range.
     ///
     /// # Errors
-    /// Returns an error with the line of `field` if it does not.
+    /// Returns an error with the line of `field` if the value is out of range.
     pub fn within<T>(&self, field: &str, value: T, range: RangeInclusive<T>) -> Result<()>
     where
         T: PartialOrd + Display + LowerExp + Copy,
     {
-        // NaN compares as outside of every range.
+        // NaN is never contained in a range.
         if range.contains(&value) {
             return Ok(());
         }
@@ -36,7 +36,7 @@ impl<'a> Check<'a> {
         } else {
             format!("{low} to {high}")
         };
-        // Three hundred digits tell no more than an exponent.
+        // Use exponent notation for numbers that would print hundreds of digits.
         let plain = value.to_string();
         let found = if plain.len() <= 24 {
             plain
@@ -49,7 +49,7 @@ impl<'a> Check<'a> {
     /// Checks that every value of a list lies in an inclusive range.
     ///
     /// # Errors
-    /// As for [`Self::within`], for the first value outside the range.
+    /// Returns the error of [`Self::within`] for the first value out of range.
     pub fn all_within(
         &self,
         field: &str,
@@ -64,7 +64,8 @@ impl<'a> Check<'a> {
     /// Checks a condition.
     ///
     /// # Errors
-    /// Returns an error with the line of `field`, the value found and what is allowed if `ok` is false.
+    /// Returns an error with the line of `field`, the value found and what is allowed if `ok` is
+    /// false.
     pub fn that(
         &self,
         ok: bool,
@@ -80,10 +81,10 @@ impl<'a> Check<'a> {
     }
 }
 
-/// Checks that a text can serve as a name: 1 to 64 ASCII letters, digits, `-`, `_` or `.`.
+/// Checks that a text is a valid name: 1 to 64 ASCII letters, digits, `-`, `_` or `.`.
 ///
 /// # Errors
-/// Returns an error with the line of `field` if it cannot.
+/// Returns an error with the line of `field` if the text is not a valid name.
 pub fn name(text: &str, field: &str, check: &Check<'_>) -> Result<()> {
     let ok = (1..=64).contains(&text.len())
         && text

@@ -1,32 +1,32 @@
-//! One error type: what the user must mend (exit status 2) apart from what the machine or the
-//! device did (exit status 1).
+//! The error type. It separates user mistakes (exit status 2) from failures of the machine or the
+//! device (exit status 1).
 
 use std::fmt::Display;
 use std::path::Path;
 
-/// What went wrong, worded for the person at the terminal.
+/// An error whose message is written for the user at the terminal.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
-    /// A mistake in what the user gave: names the place (file and line or field, address, flag),
-    /// what was found there and what is allowed.
+    /// A mistake in the user's input: where it is (file and line or field, address, flag), what was
+    /// found there and what is allowed.
     #[error("{place}: {found}; allowed: {allowed}")]
     Input {
-        /// Where: `file:line: field`, an address or a command-line flag.
+        /// Location: `file:line: field`, an address or a command-line flag.
         place: String,
-        /// What stands there.
+        /// The value or text found.
         found: String,
-        /// What may stand there.
+        /// The allowed values.
         allowed: String,
     },
-    /// A file or socket that the system refused.
+    /// An operating-system error on a file or socket.
     #[error("{place}: {source}")]
     Io {
         /// The path or address.
         place: String,
-        /// The system's own words.
+        /// The operating system's error.
         source: std::io::Error,
     },
-    /// What a command of ours that ran as a process of its own has said.
+    /// An error message relayed from a Phasmid command that ran in a separate process.
     #[error("{words}")]
     Relayed {
         /// Its message.
@@ -34,16 +34,16 @@ pub enum Error {
         /// Its exit status.
         status: u8,
     },
-    /// A device, link or peer that failed or broke its contract.
+    /// A device, link or peer failed or violated its protocol.
     #[error("{0}")]
     Device(String),
 }
 
-/// The crate's result.
+/// Result with this crate's [`Error`] by default.
 pub type Result<T, E = Error> = std::result::Result<T, E>;
 
 impl Error {
-    /// A user's mistake at `place`: `found` there, where `allowed` would do.
+    /// Creates an error for a user mistake at `place`: `found` was there, `allowed` was expected.
     pub fn input(place: impl Display, found: impl Display, allowed: impl Display) -> Self {
         Self::Input {
             place: place.to_string(),
@@ -52,12 +52,12 @@ impl Error {
         }
     }
 
-    /// A failure of a device, link or peer.
+    /// Creates an error for a failure of a device, link or peer.
     pub fn device(message: impl Display) -> Self {
         Self::Device(message.to_string())
     }
 
-    /// A system error at a path.
+    /// Creates an error for a system error at a path.
     pub fn io(path: impl AsRef<Path>, source: std::io::Error) -> Self {
         Self::Io {
             place: path.as_ref().display().to_string(),
@@ -65,8 +65,8 @@ impl Error {
         }
     }
 
-    /// The same error with the place that led to it put before; a missing file becomes a mistake of
-    /// whoever named it there.
+    /// Returns the same error with `outer` prepended to its location. A missing file becomes a user
+    /// mistake, because the user's input at `outer` named it.
     #[must_use]
     pub fn at(self, outer: impl Display) -> Self {
         match self {
@@ -94,7 +94,8 @@ impl Error {
         }
     }
 
-    /// The process's exit status: 2 for a user's mistake (a missing file among them), else 1.
+    /// Returns the process's exit status: 2 for a user mistake (including a missing file), else 1.
+    /// A relayed error keeps its own status.
     pub fn exit_code(&self) -> u8 {
         match self {
             Self::Input { .. } => 2,

@@ -1,20 +1,20 @@
-//! Files that a user names: read whole, if they are files and not too large.
+//! Reads user-specified files as a whole, if they are regular files within a size limit.
 
 use crate::error::{Error, Result};
 use std::fs::{File, Metadata};
 use std::io::Read;
 use std::path::Path;
 
-/// The bytes of a file.
+/// Reads all bytes of a file.
 ///
 /// # Errors
-/// What the system refuses, what is not a file (a pipe or a device has no end that one could wait
-/// for), and more than `most` bytes.
+/// Returns an error if the file cannot be read, is not a regular file (a pipe or device may never
+/// end) or is longer than `most` bytes.
 pub fn read(path: &Path, most: u64) -> Result<Vec<u8>> {
     let io = |e| Error::io(path, e);
     let about = regular(path)?;
     let mut bytes = Vec::new();
-    // It may grow meanwhile, and files of /proc say that they are empty.
+    // The file may grow while it is read, and files in /proc report a size of 0.
     let file = File::open(path).map_err(io)?;
     file.take(most + 1).read_to_end(&mut bytes).map_err(io)?;
     let size = about.len().max(bytes.len() as u64);
@@ -28,10 +28,10 @@ pub fn read(path: &Path, most: u64) -> Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// What the system knows of a file.
+/// Returns the metadata of a regular file.
 ///
 /// # Errors
-/// What it refuses, and what is not a file.
+/// Returns an error if the metadata cannot be read or the path is not a regular file.
 pub fn regular(path: &Path) -> Result<Metadata> {
     let about = std::fs::metadata(path).map_err(|e| Error::io(path, e))?;
     if about.is_file() {

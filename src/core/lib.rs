@@ -1,4 +1,17 @@
-//! The ground of all crates: errors, checked numbers, files, TOML with line numbers, random numbers, SIMD.
+//! Basics that every other crate uses: the error type, checks of configuration values, TOML with
+//! line numbers, reading and writing of files, counter-based random numbers and SIMD dispatch.
+//! Depends on no other crate of the workspace.
+//!
+//! | module | contents |
+//! | --- | --- |
+//! | [`check`] | checks of values read from TOML, reported with their line |
+//! | [`error`] | the error type and its exit statuses |
+//! | [`file`](mod@file) | bounded reading of user files |
+//! | [`new_file`] | atomic writing of output files, scratch folders |
+//! | [`numbers`] | deserialisation of number lists of a fixed length |
+//! | [`philox`](mod@philox) | Philox4x32-10 random numbers |
+//! | [`simd`] | run-time dispatch to AVX2 |
+//! | [`source`] | TOML documents with file and line in every error |
 
 pub mod check;
 pub mod error;

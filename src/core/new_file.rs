@@ -1,7 +1,8 @@
-//! Creates output files: new, or in place of an old one where that is asked for, and never in part.
+//! Creates output files atomically: either a new file or, on request, a replacement of an old one.
 //!
-//! A file is written under an unpredictable name beside its own and moved there once it is whole. A
-//! full disk or a crash leaves no truncated file, and no link is followed.
+//! A file is written under an unpredictable temporary name in the same folder and renamed when it
+//! is complete. A full disk or a crash therefore leaves no truncated file, and symbolic links are
+//! never followed.
 
 use crate::error::{Error, Result};
 use std::ffi::OsStr;
@@ -13,14 +14,14 @@ use tempfile::{NamedTempFile, TempPath};
 const PREFIX: &str = ".phasmid-";
 const SUFFIX: &str = ".partial";
 
-/// Refuses a path that cannot be written, before any work is done for it.
+/// Checks that a path can be written, before any work is done for it.
 ///
 /// # Errors
-/// An existing file (or link, even one that leads nowhere) without `force`; anything that is not a
-/// regular file; a folder that does not exist.
+/// Returns an error if the path exists (even as a dangling link) and `force` is not set, if it is
+/// not a regular file, or if its folder does not exist.
 pub fn check(path: &Path, force: bool) -> Result<()> {
     let refuse = |found, allowed| Err(Error::input(path.display(), found, allowed));
-    // A device or pipe must not be replaced either, nor a link to one such as /dev/stdout.
+    // Never replace a device or pipe, nor a link to one such as /dev/stdout.
     if path.metadata().is_ok_and(|about| !about.is_file()) {
         return refuse("not a regular file", "a file, not a folder, pipe or device");
     }
@@ -40,11 +41,11 @@ pub fn check(path: &Path, force: bool) -> Result<()> {
     Ok(())
 }
 
-/// Refuses a folder for output that holds any of the files `names`, unless `force`, or that cannot be
-/// a folder. It need not exist.
+/// Checks that a folder can take the output files `names`. The folder need not exist.
 ///
 /// # Errors
-/// As said.
+/// Returns an error if the path is not a folder, or if any of the files exists and `force` is not
+/// set.
 pub fn check_folder(
     folder: &Path,
     names: impl IntoIterator<Item = impl AsRef<Path>>,
@@ -68,7 +69,8 @@ pub fn check_folder(
     Ok(())
 }
 
-/// A file on its way; it appears under its own name when it is finished, and goes when it is not.
+/// An output file being written. It appears under its own name when finished; if dropped before, it
+/// is deleted.
 pub struct NewFile {
     path: PathBuf,
     force: bool,
@@ -77,10 +79,10 @@ pub struct NewFile {
 }
 
 impl NewFile {
-    /// Begins a file; an existing one is replaced with `force` and refused without.
+    /// Starts a file. An existing one is replaced only with `force`.
     ///
     /// # Errors
-    /// See [`check`]; what the system refuses.
+    /// Returns an error if [`check`] fails or the temporary file cannot be created.
     pub fn create(path: &Path, force: bool) -> Result<Self> {
         check(path, force)?;
         let (file, partial) = beside(path).map_err(|e| Error::io(path, e))?.into_parts();
@@ -92,10 +94,11 @@ impl NewFile {
         })
     }
 
-    /// Gives the file its name.
+    /// Renames the completed file to its final name.
     ///
     /// # Errors
-    /// A file that has appeared meanwhile, without `force`; what the system refuses.
+    /// Returns an error if the file has been created by someone else meanwhile and `force` is not
+    /// set, or if writing or renaming fails.
     pub fn finish(mut self) -> Result<()> {
         let path = &self.path;
         self.writer.flush().map_err(|e| Error::io(path, e))?;
@@ -121,10 +124,11 @@ impl Write for NewFile {
     }
 }
 
-/// Writes a file; an existing one is replaced with `force` and refused without.
+/// Writes a file. An existing one is replaced only with `force`.
 ///
 /// # Errors
-/// See [`check`]; what the system refuses. Nothing is left of the file then, and the old one stays.
+/// Returns an error if [`check`] fails or the file cannot be written. Then no partial file remains,
+/// and an existing file is unchanged.
 pub fn write(
     path: &Path,
     force: bool,
@@ -135,11 +139,11 @@ pub fn write(
     file.finish()
 }
 
-/// Writes a file whole in place of one that may exist: for files in a folder that
-/// [`check_folder`] has passed.
+/// Writes a file and replaces an existing one, for files in a folder that [`check_folder`] has
+/// accepted.
 ///
 /// # Errors
-/// See [`write()`].
+/// Returns the errors of [`write()`].
 pub fn replace(
     path: &Path,
     fill: impl FnOnce(&mut BufWriter<File>) -> std::io::Result<()>,
@@ -147,10 +151,10 @@ pub fn replace(
     write(path, true, fill)
 }
 
-/// Writes a picture as [`replace`] writes a file.
+/// Writes an image file, replacing an existing one like [`replace`].
 ///
 /// # Errors
-/// See [`write()`].
+/// Returns the errors of [`write()`].
 pub fn replace_picture(
     path: &Path,
     fill: impl FnOnce(&mut BufWriter<File>) -> image::ImageResult<()>,
@@ -163,11 +167,11 @@ pub fn replace_picture(
     })
 }
 
-/// Opens a file that grows while something is measured, under its own name: what was measured before
-/// a failure is worth keeping, and others may read it meanwhile.
+/// Opens a file directly under its final name, for data appended during a long measurement: partial
+/// data is worth keeping after a failure, and other programs may read it meanwhile.
 ///
 /// # Errors
-/// See [`check`]; what the system refuses.
+/// Returns an error if [`check`] fails or the file cannot be opened.
 pub fn stream(path: &Path, force: bool) -> Result<File> {
     check(path, force)?;
     let io = |e| Error::io(path, e);
@@ -181,26 +185,26 @@ pub fn stream(path: &Path, force: bool) -> Result<File> {
     })
 }
 
-/// Removes files of a folder that could not be written as a whole, so that they do not stand in the way
-/// of the next attempt.
+/// Removes an incomplete set of files from a folder, so that they do not block the next attempt.
+/// Errors are ignored.
 pub fn discard(folder: &Path, names: impl IntoIterator<Item = impl AsRef<Path>>) {
     for name in names {
-        // The failure that led here is the one to report.
+        // Ignore errors here: the caller reports the failure that led to the cleanup.
         let _ = std::fs::remove_file(folder.join(name));
     }
 }
 
-/// Whether a file is one that a killed program had not finished.
+/// Returns whether a name is that of a temporary file left by a killed program.
 pub fn is_unfinished(name: &OsStr) -> bool {
     let name = name.to_string_lossy();
     name.starts_with(PREFIX) && name.ends_with(SUFFIX)
 }
 
-/// Makes a folder in the system's for temporary files, for this user alone and under an unpredictable
-/// name; it goes with the value.
+/// Creates a private folder with an unpredictable name in the system's temporary folder. It is
+/// deleted when the value is dropped.
 ///
 /// # Errors
-/// What the system refuses.
+/// Returns an error if the folder cannot be created.
 #[cfg(target_os = "linux")]
 pub fn scratch(prefix: &str) -> Result<tempfile::TempDir> {
     let mut builder = tempfile::Builder::new();
@@ -211,14 +215,14 @@ pub fn scratch(prefix: &str) -> Result<tempfile::TempDir> {
         .map_err(|e| Error::io(std::env::temp_dir(), e))
 }
 
-/// A new file beside another, which goes unless it is moved.
+/// Creates a temporary file in the same folder as `path`; it is deleted unless it is renamed.
 fn beside(path: &Path) -> std::io::Result<NamedTempFile> {
     let mut builder = tempfile::Builder::new();
     builder.prefix(PREFIX).suffix(SUFFIX);
     #[cfg(unix)]
     {
         use std::os::unix::fs::PermissionsExt;
-        // Less the umask, as any new file; tempfile's own default is for the owner alone.
+        // Apply the umask as for any new file; tempfile's default is mode 0600.
         builder.permissions(std::fs::Permissions::from_mode(0o666));
     }
     builder.tempfile_in(folder_of(path))
@@ -244,7 +248,7 @@ mod tests {
     use super::*;
     use std::fs;
 
-    /// Names in a folder, in order.
+    /// Sorted names of the entries of a folder.
     fn names(folder: &Path) -> Vec<String> {
         let entries = fs::read_dir(folder).unwrap();
         let mut names: Vec<String> = entries

@@ -1,6 +1,6 @@
-//! Lists of numbers of a fixed length, as files and requests have them: places, ranges, lens
-//! coefficients. A list that is longer or shorter is refused with its count and the one allowed;
-//! serde's own arrays take what they need and never look at the rest.
+//! Deserialises number lists of a fixed length (positions, ranges, lens coefficients) from files
+//! and requests. A list of the wrong length is rejected with both counts; serde's own arrays ignore
+//! surplus elements.
 
 use glam::{DMat3, DVec2, DVec3};
 use serde::de::{DeserializeOwned, Error, IgnoredAny, SeqAccess, Visitor};
@@ -8,16 +8,16 @@ use serde::{Deserialize, Deserializer};
 use std::fmt;
 use std::marker::PhantomData;
 
-/// What is made of a list of a fixed length.
+/// A type built from a list of fixed length.
 pub trait Fixed: Sized {
-    /// What stands in the list.
+    /// Type of a list element.
     type Entry: DeserializeOwned;
-    /// How many.
+    /// Number of elements.
     const COUNT: usize;
-    /// What they are called, one and more of them.
+    /// Singular and plural noun for the elements, used in messages.
     const NAMES: [&'static str; 2] = ["number", "numbers"];
 
-    /// Takes [`Self::COUNT`] of them.
+    /// Builds the value from exactly [`Self::COUNT`] elements.
     fn from_list(list: Vec<Self::Entry>) -> Self;
 }
 
@@ -48,7 +48,7 @@ impl Fixed for DVec3 {
     }
 }
 
-/// Three rows.
+/// A matrix is a list of three rows.
 impl Fixed for DMat3 {
     type Entry = Listed<[f64; 3]>;
     const COUNT: usize = 3;
@@ -60,23 +60,23 @@ impl Fixed for DMat3 {
     }
 }
 
-/// For `deserialize_with`: a list of exactly so many numbers.
+/// Deserialises a list of exactly [`Fixed::COUNT`] elements; for `deserialize_with`.
 ///
 /// # Errors
-/// What is no list of numbers, and one of another count.
+/// Returns an error if the value is not a list of such elements or has another length.
 pub fn exactly<'de, D: Deserializer<'de>, T: Fixed>(from: D) -> Result<T, D::Error> {
     from.deserialize_seq(List(PhantomData))
 }
 
-/// As [`exactly`], where the list may be absent; it takes `default` beside it.
+/// Like [`exactly`], for an optional list; combine with `#[serde(default)]`.
 ///
 /// # Errors
-/// As for [`exactly`].
+/// Returns the errors of [`exactly`].
 pub fn exactly_if_any<'de, D: Deserializer<'de>, T: Fixed>(from: D) -> Result<Option<T>, D::Error> {
     Ok(Option::<Listed<T>>::deserialize(from)?.map(|listed| listed.0))
 }
 
-/// What [`exactly`] reads.
+/// Wrapper that deserialises with [`exactly`].
 pub struct Listed<T>(T);
 
 impl<'de, T: Fixed> Deserialize<'de> for Listed<T> {

@@ -1,8 +1,8 @@
 //! Counter-based random numbers: Philox4x32-10.
 //!
 //! Salmon, Moraes, Dror, Shaw: "Parallel Random Numbers: As Easy as 1, 2, 3", SC11, 2011. A number
-//! is a function of key and counter alone, so that nothing has to be drawn before it. Noise of
-//! frames takes many at once, in lanes: `emulator::render::sensor::philox`.
+//! is a function of key and counter alone, so numbers can be drawn in any order. Frame noise draws
+//! many at once in SIMD lanes, in `emulator::render::sensor::philox`.
 
 /// Multipliers of Philox4x32.
 pub const M: [u32; 2] = [0xD251_1F53, 0xCD9E_8D57];
@@ -11,7 +11,7 @@ pub const W: [u32; 2] = [0x9E37_79B9, 0xBB67_AE85];
 /// Number of rounds.
 pub const ROUNDS: usize = 10;
 
-/// Four random words of one counter under a key.
+/// Returns four random words for counter `c` and key `k`.
 #[inline]
 pub fn philox(mut c: [u32; 4], mut k: [u32; 2]) -> [u32; 4] {
     for _ in 0..ROUNDS {
@@ -32,7 +32,7 @@ pub fn philox(mut c: [u32; 4], mut k: [u32; 2]) -> [u32; 4] {
 mod tests {
     use super::*;
 
-    /// Known answers of Random123's `kat_vectors` for philox4x32-10.
+    /// Known-answer vectors from Random123's `kat_vectors` for philox4x32-10.
     #[test]
     fn published_vectors() {
         assert_eq!(

@@ -1,8 +1,10 @@
-//! Runs one body compiled twice: for any x86-64, and with AVX2 where the machine has it.
+//! Compiles one function body twice, for baseline x86-64 and for AVX2, and selects at run time.
 //!
-//! The body uses neither fused multiply-add nor reordered sums, so both give the same bits.
+//! The body uses neither fused multiply-add nor reordered sums, so both versions return identical
+//! bits.
 
-/// Defines `fn name(args) -> ret` which runs `body` compiled for the widest registers here.
+/// Defines `fn name(args) -> ret` that runs `body` compiled for the widest vector registers of the
+/// running machine.
 #[macro_export]
 macro_rules! widest {
     ($(#[$meta:meta])* $vis:vis fn $name:ident $(<$generic:ident: $bound:path>)? ($($arg:ident: $ty:ty),* $(,)?) $(-> $ret:ty)? => $body:path) => {
@@ -15,7 +17,7 @@ macro_rules! widest {
                     $body($($arg),*)
                 }
                 if std::arch::is_x86_feature_detected!("avx2") {
-                    // SAFETY: the processor has just been found to have AVX2.
+                    // SAFETY: AVX2 support was detected just above.
                     #[allow(unsafe_code)]
                     return unsafe { wide($($arg),*) };
                 }

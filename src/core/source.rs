@@ -1,4 +1,4 @@
-//! TOML text with its name, so that every complaint about it carries file, line and field.
+//! TOML text with its file name, so that every error carries file, line and field.
 
 use crate::error::{Error, Result};
 use crate::file;
@@ -7,17 +7,18 @@ use std::fmt::Display;
 use std::path::{Path, PathBuf};
 use toml::de::{DeTable, DeValue};
 
-/// Larger than any profile, scene or manifest; a file beyond it is refused unread.
+/// Size limit, larger than any valid profile, scene or manifest; a larger file is rejected without
+/// being read.
 const MAX_BYTES: u64 = 8 << 20;
 
-/// A TOML document and where it came from.
+/// A TOML document and its file name.
 pub struct TomlSource {
     text: String,
     place: String,
 }
 
 impl TomlSource {
-    /// Wraps text; `place` stands for the file in messages.
+    /// Wraps text; `place` is used as the file name in messages.
     pub fn new(text: &str, place: &str) -> Self {
         Self {
             text: text.to_owned(),
@@ -25,10 +26,10 @@ impl TomlSource {
         }
     }
 
-    /// Reads a file of at most 8 MiB of UTF-8.
+    /// Reads a UTF-8 file of at most 8 MiB.
     ///
     /// # Errors
-    /// What the system refuses, a larger file, or bytes that are not UTF-8.
+    /// Returns an error if the file cannot be read, is larger or is not valid UTF-8.
     pub fn read(path: &Path) -> Result<Self> {
         let place = path.display().to_string();
         let bytes = file::read(path, MAX_BYTES)?;
@@ -37,25 +38,26 @@ impl TomlSource {
         Ok(Self { text, place })
     }
 
-    /// The name in messages.
+    /// Returns the file name used in messages.
     pub fn place(&self) -> &str {
         &self.place
     }
 
-    /// Whether the document has a value of this name at its top; not where it is no document.
+    /// Returns whether the document has a top-level key of this name; false if it is not valid
+    /// TOML.
     pub fn has(&self, key: &str) -> bool {
         DeTable::parse(&self.text).is_ok_and(|root| root.get_ref().contains_key(key))
     }
 
-    /// Reads the document into a type.
+    /// Deserialises the document.
     ///
     /// # Errors
-    /// Syntax, unknown fields and wrong types, with the line.
+    /// Returns an error with the line for a syntax error, an unknown field or a wrong type.
     pub fn deserialize<T: DeserializeOwned>(&self) -> Result<T> {
         toml::from_str(&self.text).map_err(|e| {
             let line = e.span().map_or(1, |span| self.line_of(span.start));
             let message = e.message().trim_end().replace('\n', " ");
-            // Some know what is allowed.
+            // Errors of our own deserialisers say what is allowed.
             let (found, allowed) = message.split_once("; allowed: ").unwrap_or((
                 &message,
                 "what the README and the files in device-profiles show",
@@ -64,13 +66,13 @@ impl TomlSource {
         })
     }
 
-    /// An error about the value at `path`, such as `frame[3].pattern.period_px`, with the line
-    /// that it (or the nearest table around it) stands on.
+    /// Creates an error about the value at `path`, such as `frame[3].pattern.period_px`, with the
+    /// line of the value or of the closest enclosing table.
     pub fn violation(&self, path: &str, found: impl Display, allowed: impl Display) -> Error {
         Error::input(self.place_of(path), found, allowed)
     }
 
-    /// Where that value stands, as messages say it: `FILE:LINE: PATH`.
+    /// Returns the location of the value at `path` as `FILE:LINE: PATH`.
     pub fn place_of(&self, path: &str) -> String {
         let line = self.line_of(self.offset_of(path).unwrap_or(0));
         format!("{}:{line}: {path}", self.place)
@@ -112,9 +114,9 @@ impl TomlSource {
     }
 }
 
-/// Loads the built-in document of a name, or else a file; also returns the file's folder, which is
-/// empty for a built-in one. `built_in` lists names and texts; `kind` names the kind of document in
-/// messages.
+/// Loads a built-in document by name, or else a file. Also returns the file's folder, which is
+/// empty for a built-in document. `built_in` lists names and texts; `kind` names the kind of
+/// document in messages.
 ///
 /// # Errors
 /// Returns an error if the name is neither built in nor a file, or if the file cannot be read.

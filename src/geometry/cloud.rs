@@ -1,18 +1,18 @@
-//! A measured or true surface as points in the rig's frame.
+//! Point clouds of measured or true surfaces.
 
-/// Points in millimetres in the rig's frame, with what is known about each.
+/// Points in the rig's frame, with optional per-point attributes.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Cloud {
     /// Positions in millimetres.
     pub points: Vec<[f32; 3]>,
-    /// Unit normals towards the camera, one a point, or none at all.
+    /// Unit normals that face the camera, one per point, if known.
     pub normals: Option<Vec<[f32; 3]>>,
-    /// Brightness of the surface under full projector light, 0 to 1, one a point, or none at all.
+    /// Brightness of the surface under full projector light, 0 to 1, one per point, if known.
     pub intensity: Option<Vec<f32>>,
 }
 
 impl Cloud {
-    /// The cloud in another frame: points moved, normals turned.
+    /// Returns the cloud in another frame: points transformed, normals rotated.
     pub fn moved(&self, to_from_cloud: &super::Pose) -> Self {
         let each = |all: &[[f32; 3]], f: &dyn Fn(glam::DVec3) -> glam::DVec3| {
             all.iter()

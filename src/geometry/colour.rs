@@ -1,6 +1,6 @@
-//! Colours of files as reflectance.
+//! Converts file colours to reflectance.
 
-/// An sRGB component, 0 to 1, as linear light (IEC 61966-2-1).
+/// Converts an sRGB component, 0 to 1, to linear light (IEC 61966-2-1).
 #[inline]
 pub fn linear(component: f64) -> f64 {
     if component <= 0.04045 {
@@ -10,14 +10,14 @@ pub fn linear(component: f64) -> f64 {
     }
 }
 
-/// Reflectance of a colour from its linear components: their luminance (ITU-R BT.709), whatever
-/// the projector's wavelength. Three numbers are no spectrum, and mono cameras under green light
-/// see nearly this.
+/// Returns the reflectance of a colour from its linear components: their luminance (ITU-R BT.709),
+/// independent of the projector's wavelength. Three components do not define a spectrum, and mono
+/// cameras under green light see nearly the luminance.
 pub fn luminance([r, g, b]: [f64; 3]) -> f64 {
     0.2126 * r + 0.7152 * g + 0.0722 * b
 }
 
-/// Reflectance of a colour in sRGB, components 0 to 1.
+/// Returns the reflectance of an sRGB colour with components 0 to 1.
 pub(crate) fn reflectance(srgb: [f64; 3]) -> f32 {
     luminance(srgb.map(linear)) as f32
 }

@@ -1,21 +1,21 @@
-//! Files of geometry as bytes, read whole up to a cap.
+//! Reads geometry files as bytes, up to a size limit, and splits text lines.
 
 use phasmid_core::error::Result;
 use std::path::Path;
 
-/// Largest mesh or cloud file that is read: some 20 million triangles of binary STL.
+/// Maximum size of a mesh or cloud file: about 20 million triangles of binary STL.
 pub(crate) const MAX_BYTES: u64 = 1 << 30;
 
-/// The bytes of a regular file of at most [`MAX_BYTES`].
+/// Reads a regular file of at most [`MAX_BYTES`].
 ///
 /// # Errors
-/// What the system refuses, a folder, pipe or device, or a larger file.
+/// Returns an error if the file cannot be read, is not a regular file or is larger.
 pub(crate) fn read(path: &Path) -> Result<Vec<u8>> {
     phasmid_core::file::read(path, MAX_BYTES)
 }
 
-/// The next line of `rest` without its end (LF, CR LF or CR), which is taken off `rest`; `None` at
-/// the end of the file.
+/// Removes the next line from `rest` and returns it without its terminator (LF, CR LF or CR);
+/// `None` at the end of the file.
 pub fn next_line<'a>(rest: &mut &'a [u8]) -> Option<&'a [u8]> {
     if rest.is_empty() {
         return None;
@@ -33,18 +33,18 @@ pub fn next_line<'a>(rest: &mut &'a [u8]) -> Option<&'a [u8]> {
     Some(line)
 }
 
-/// The words of a line.
+/// Splits a line into its whitespace-separated words.
 pub(crate) fn words(line: &[u8]) -> impl Iterator<Item = &[u8]> {
     line.split(|b| b.is_ascii_whitespace())
         .filter(|w| !w.is_empty())
 }
 
-/// A word as a number.
+/// Parses a word as a number.
 pub(crate) fn number<T: std::str::FromStr>(word: &[u8]) -> Option<T> {
     std::str::from_utf8(word).ok()?.parse().ok()
 }
 
-/// A word of a file for a message: at most 40 characters of it, printable.
+/// Returns a word for use in a message: at most 40 characters, all printable.
 pub fn quoted(word: &[u8]) -> String {
     let text: String = String::from_utf8_lossy(&word[..word.len().min(160)])
         .chars()

@@ -1,4 +1,5 @@
-//! Where a lens's distortion folds over, and the inverse that never takes the wrong sheet.
+//! Finds where a lens's distortion folds over, and inverts the distortion on the correct side of
+//! the fold.
 //!
 //! The Brown-Conrady distortion F of [`Lens::distort`] is the gradient of
 //!
@@ -6,20 +7,21 @@
 //! phi = r^2/2 + k1 r^4/4 + k2 r^6/6 + k3 r^8/8 + r^2 (p2 x + p1 y)
 //! ```
 //!
-//! so its Jacobian is symmetric, and F is one-to-one on any disc about the axis on which the
+//! so its Jacobian is symmetric, and F is one-to-one on any disc around the axis on which the
 //! Jacobian is positive definite: phi is strictly convex there, and undistorting is a convex
-//! minimum (Boyd and Vandenberghe, "Convex Optimization", 3.1.4 and 9.5). In polar coordinates,
-//! theta counted from the direction (p2, p1) and t = r |(p1, p2)|, the Jacobian is
+//! minimisation (Boyd and Vandenberghe, "Convex Optimization", 3.1.4 and 9.5). In polar
+//! coordinates, with theta measured from the direction (p2, p1) and t = r |(p1, p2)|, the Jacobian
+//! is
 //!
 //! ```text
 //! | a + 6 t cos(theta)    -2 t sin(theta)    |    a = 1 + 3 k1 r^2 + 5 k2 r^4 + 7 k3 r^6
 //! | -2 t sin(theta)     b + 2 t cos(theta)   |    b = 1 +   k1 r^2 +   k2 r^4 +   k3 r^6
 //! ```
 //!
-//! Its determinant, a quadratic in cos(theta), is least at theta = pi as long as a + 3 b >= 16 t,
-//! where it is (a - 6 t)(b - 2 t). And a > 6 t from the axis out to r makes b > 3 t. So the disc
-//! reaches to the first zero of a - 6 t or of a + 3 b - 16 t: without tangential terms exactly to
-//! the fold, with them to where the worst direction folds.
+//! Its determinant, a quadratic in cos(theta), is smallest at theta = pi as long as a + 3 b >= 16
+//! t, where it is (a - 6 t)(b - 2 t). If a > 6 t from the axis out to r, then b > 3 t. So the disc
+//! extends to the first zero of a - 6 t or of a + 3 b - 16 t: exactly to the fold without
+//! tangential terms, and to the fold in the worst direction with them.
 
 use super::Lens;
 #[cfg(test)]
@@ -29,15 +31,15 @@ use glam::DVec2;
 /// Coefficients of r^0 to r^6.
 type Polynomial = [f64; 7];
 
-/// Ideal radius beyond which nothing is looked for: a thousandth of a second of arc off 90
-/// degrees.
+/// Ideal radius limit of the search: a thousandth of an arc second from 90 degrees off axis.
 const FAR: f64 = 1e9;
 
 impl Lens {
-    /// What a file with folding coefficients should have instead.
+    /// Message text: allowed values for a file whose coefficients fold.
     pub const FOLD_ALLOWED: &str = "coefficients that can be inverted over the whole image";
 
-    /// What was found in a file with folding coefficients; `corner` as of [`Self::folds_before`].
+    /// Message text: what was found in a file whose coefficients fold; `corner` comes from
+    /// [`Self::folds_before`].
     pub fn fold_found(corner: DVec2) -> String {
         format!(
             "an image that folds over between the principal point and pixel ({:.0}, {:.0})",
@@ -45,8 +47,8 @@ impl Lens {
         )
     }
 
-    /// The tangent of the angle to the axis within which the distortion does not fold over in any
-    /// direction; 1e9 and more count as no limit.
+    /// Returns the tangent of the angle to the axis within which the distortion folds in no
+    /// direction; 1e9 or more means no limit.
     #[inline]
     pub fn unfolded_radius(&self) -> f64 {
         self.conditions()
@@ -55,8 +57,8 @@ impl Lens {
             .fold(FAR, f64::min)
     }
 
-    /// A corner of the image that has no ray because the distortion folds over on the way to it
-    /// from the principal point; `None` where every pixel has one ray.
+    /// Returns an image corner that has no ray because the distortion folds between the principal
+    /// point and the corner; `None` if every pixel has one ray.
     pub fn folds_before(&self) -> Option<DVec2> {
         if !self.is_distorted() {
             return None;
@@ -67,8 +69,9 @@ impl Lens {
         let far = corners
             .into_iter()
             .max_by(|a, b| radius(*a).total_cmp(&radius(*b)))?;
-        // On the circle |p| = r no point is taken less far outwards than this; if that is beyond
-        // a target, the convex function's minimum, the target's ideal point, is inside.
+        // Every point of the circle |p| = r is mapped at least this far outwards. If this exceeds
+        // the radius of a target, the minimum of the convex function, which is the target's ideal
+        // point, lies inside the circle.
         let [k1, k2, .., k3] = self.distortion;
         let r = self.unfolded_radius();
         let s = r * r;
@@ -77,7 +80,7 @@ impl Lens {
         (!inverts).then_some(far)
     }
 
-    /// Whether an ideal point lies in the disc in which nothing folds over.
+    /// Returns whether an ideal point lies in the disc without folds.
     pub(super) fn is_unfolded(&self, ideal: DVec2) -> bool {
         let r = ideal.length();
         self.conditions()
@@ -85,8 +88,8 @@ impl Lens {
             .all(|c| lower_bound(c, 0.0, r) > 0.0 || first_zero(c, 0.0, r).is_none())
     }
 
-    /// Ideal point of a distorted one by Newton's method with step control on the convex function
-    /// phi(p) - d p, from the axis on: the inverse within the disc, NaN where there is none.
+    /// Returns the ideal point of a distorted one by damped Newton steps on the convex function
+    /// phi(p) - d p, starting from the axis: the inverse within the disc, or NaN if there is none.
     pub(super) fn descend(&self, d: DVec2) -> DVec2 {
         let reach = self.unfolded_radius();
         let height = |p: DVec2| self.potential(p) - d.dot(p);
@@ -97,13 +100,13 @@ impl Lens {
             if step.length() <= 1e-15 * (1.0 + p.length()) {
                 break;
             }
-            // Armijo's rule: the step is halved until it leads down, and stays on the disc.
+            // Armijo's rule: halve the step until it descends sufficiently and stays in the disc.
             let mut part = 1.0;
             let down = |part: f64| {
                 let next = p + step * part;
                 next.length() < reach && height(next) <= height(p) + 1e-4 * part * slope.dot(step)
             };
-            // Close to the end heights differ by rounding only, and full steps converge.
+            // Near the minimum, heights differ only by rounding, and full steps converge.
             let close = step.length() <= 1e-6 * (1.0 + p.length());
             while !close && part > 1e-9 && !down(part) {
                 part *= 0.5;
@@ -118,7 +121,7 @@ impl Lens {
         }
     }
 
-    /// phi, whose gradient is the distortion.
+    /// phi, the potential whose gradient is the distortion.
     fn potential(&self, p: DVec2) -> f64 {
         let [k1, k2, p1, p2, k3] = self.distortion;
         let s = p.length_squared();
@@ -130,7 +133,7 @@ impl Lens {
         self.distortion[2].hypot(self.distortion[3])
     }
 
-    /// Polynomials in r that are positive from 0 on as far as nothing folds over.
+    /// Polynomials in r that are both positive from 0 up to the first fold.
     fn conditions(&self) -> [Polynomial; 2] {
         let [k1, k2, .., k3] = self.distortion;
         let p = self.tangential();
@@ -141,7 +144,7 @@ impl Lens {
     }
 }
 
-/// A bound below which the polynomial does not fall on an interval of positive numbers.
+/// Returns a lower bound of the polynomial on an interval of positive numbers.
 fn lower_bound(c: &Polynomial, low: f64, high: f64) -> f64 {
     let (mut bound, mut least, mut most) = (0.0, 1.0, 1.0);
     for &c in c {
@@ -158,8 +161,8 @@ fn lower_bound(c: &Polynomial, low: f64, high: f64) -> f64 {
     bound
 }
 
-/// The first place in an interval of positive numbers, to nine digits and rather before it than
-/// after, where the polynomial is not positive.
+/// Returns the first point of an interval of positive numbers where the polynomial is not positive,
+/// to nine digits, erring on the low side.
 fn first_zero(c: &Polynomial, low: f64, high: f64) -> Option<f64> {
     if lower_bound(c, low, high) > 0.0 {
         return None;
@@ -195,7 +198,7 @@ mod tests {
         }
     }
 
-    /// Even numbers in [-1, 1).
+    /// Uniform numbers in [-1, 1).
     fn draws(seed: u64) -> impl FnMut() -> f64 {
         let mut state = seed;
         move || {
@@ -231,7 +234,7 @@ mod tests {
             }
             if r < FAR {
                 folded += 1;
-                // Just beyond it there is a fold, but for the sampling of directions.
+                // Just beyond the disc there is a fold, up to the sampling of directions.
                 assert!(least(r * 1.0001) < 1e-4, "{:?} {r}", lens.distortion);
             }
         }
@@ -268,8 +271,8 @@ mod tests {
         assert!(inverted > 100 && refused > 50, "{inverted} {refused}");
     }
 
-    /// Every border pixel of this image can be inverted by Newton's method from its own place, and
-    /// yet the image folds over between its middle and its border.
+    /// Newton's method inverts every border pixel of this image when started from the pixel itself,
+    /// but the image folds between its centre and its border.
     #[test]
     fn a_fold_between_middle_and_border_is_found() {
         let coefficients = [-9.15, -12.78, 0.0, 0.0, 285.2];
@@ -282,7 +285,7 @@ mod tests {
         let slope = |r: f64| lens.distort_jacobian(DVec2::new(r, 0.0)).x_axis.x;
         assert!(slope(fold * (1.0 - 1e-6)) > 0.0 && slope(fold * (1.0 + 1e-6)) < 0.0);
         assert!(lens.folds_before().is_some());
-        // Beyond the fold's image nothing has a ray, though the polynomial comes back there.
+        // Points beyond the image of the fold have no ray, although the polynomial returns there.
         let peak = lens.distort(DVec2::new(fold, 0.0)).x;
         assert!(lens.undistort(DVec2::new(peak * 1.01, 0.0)).is_nan());
         let near = lens.undistort(DVec2::new(peak * 0.99, 0.0));

@@ -1,5 +1,5 @@
-//! The lens model: a pinhole with OpenCV's five Brown-Conrady coefficients, for cameras and, as an
-//! inverse camera, for projectors.
+//! The lens model: a pinhole with OpenCV's five Brown-Conrady coefficients, for cameras and, as
+//! inverse cameras, for projectors.
 //!
 //! With x = X/Z, y = Y/Z and r2 = x^2 + y^2 (OpenCV documentation, "Camera Calibration and 3D
 //! Reconstruction"):
@@ -29,21 +29,21 @@ pub struct Lens {
     /// Principal point cx, cy in pixels.
     #[serde(deserialize_with = "phasmid_core::numbers::exactly")]
     pub principal_px: DVec2,
-    /// k1, k2, p1, p2, k3.
+    /// Distortion coefficients k1, k2, p1, p2, k3.
     #[serde(default, deserialize_with = "phasmid_core::numbers::exactly")]
     pub distortion: [f64; 5],
 }
 
 impl Lens {
-    /// Whether any distortion coefficient is set; without, no distortion code need run.
+    /// Returns whether any distortion coefficient is non-zero.
     #[inline]
     pub fn is_distorted(&self) -> bool {
         self.distortion.iter().any(|&k| k != 0.0)
     }
 
-    /// The pixel that sees (or lights) a point in the lens's frame, in millimetres; `None` for a
-    /// point that is not in front of the lens, or so far aside that the distortion's polynomial
-    /// folds it back into the image.
+    /// Returns the pixel that sees (or illuminates) a point in the lens's frame, in millimetres;
+    /// `None` if the point is not in front of the lens, or so far off axis that the distortion
+    /// polynomial folds it back into the image.
     #[inline]
     pub fn project(&self, p: DVec3) -> Option<DVec2> {
         (p.z > 0.0)
@@ -51,8 +51,8 @@ impl Lens {
             .flatten()
     }
 
-    /// Pixel of the ideal image point (X/Z, Y/Z); `None` where the polynomial has folded back into
-    /// the image, which a real lens does not do.
+    /// Returns the pixel of the ideal image point (X/Z, Y/Z); `None` where the polynomial folds
+    /// back into the image, which a real lens does not do.
     #[inline]
     pub fn place(&self, ideal: DVec2) -> Option<DVec2> {
         let px = self.distort_to_px(ideal);
@@ -60,21 +60,23 @@ impl Lens {
         (!folded).then_some(px)
     }
 
-    /// Pixel of the ideal image point (X/Z, Y/Z) by the bare polynomial; see [`Self::place`].
+    /// Returns the pixel of the ideal image point (X/Z, Y/Z) without the fold check of
+    /// [`Self::place`].
     #[inline]
     pub fn distort_to_px(&self, ideal: DVec2) -> DVec2 {
         self.focal_px * self.distort(ideal) + self.principal_px
     }
 
-    /// The direction, with z = 1, of the ray through a pixel. NaN where the distortion cannot be
-    /// inverted.
+    /// Returns the direction, with z = 1, of the ray through a pixel; NaN where the distortion
+    /// cannot be inverted.
     #[inline]
     pub fn ray(&self, px: DVec2) -> DVec3 {
         self.undistort((px - self.principal_px) / self.focal_px)
             .extend(1.0)
     }
 
-    /// Whether a pixel coordinate lies on the image's pixels, [-0.5, width - 0.5) and so on.
+    /// Returns whether a pixel coordinate lies in the image, x in [-0.5, width - 0.5) and y
+    /// likewise.
     #[inline]
     pub fn contains(&self, px: DVec2) -> bool {
         px.x >= -0.5
@@ -83,7 +85,7 @@ impl Lens {
             && px.y < f64::from(self.height_px) - 0.5
     }
 
-    /// Distorted image point of an ideal one, both in units of the focal length.
+    /// Returns the distorted image point of an ideal one, both in units of the focal length.
     #[inline]
     pub fn distort(&self, p: DVec2) -> DVec2 {
         if !self.is_distorted() {
@@ -100,7 +102,7 @@ impl Lens {
             )
     }
 
-    /// Jacobian of [`Self::distort`]; column j holds the derivatives by coordinate j.
+    /// Returns the Jacobian of [`Self::distort`]; column j holds the derivatives by coordinate j.
     pub fn distort_jacobian(&self, p: DVec2) -> DMat2 {
         let [k1, k2, p1, p2, k3] = self.distortion;
         let r2 = p.length_squared();
@@ -120,14 +122,14 @@ impl Lens {
         )
     }
 
-    /// Ideal image point of a distorted one by Newton's method, exact to rounding: the one that is
-    /// reached from the axis without crossing a fold. NaN where there is none.
+    /// Returns the ideal image point of a distorted one by Newton's method, exact to rounding: the
+    /// one connected to the axis without crossing a fold. NaN if there is none.
     pub fn undistort(&self, d: DVec2) -> DVec2 {
         if !self.is_distorted() {
             return d;
         }
-        // Plain steps from the distorted point nearly always lead there; what they find is trusted
-        // only on this side of any fold.
+        // Plain Newton steps from the distorted point nearly always converge; the result is
+        // accepted only inside the disc without folds.
         match self.newton(d) {
             Some(p) if self.is_unfolded(p) => p,
             _ => self.descend(d),
@@ -139,7 +141,7 @@ impl Lens {
         for _ in 0..50 {
             let jacobian = self.distort_jacobian(p);
             let residual = self.distort(p) - d;
-            // A determinant that is not positive means that the image has folded over.
+            // A non-positive determinant means that the image has folded over.
             if jacobian.determinant() <= 1e-6 {
                 return None;
             }
@@ -192,14 +194,14 @@ mod tests {
 
     #[test]
     fn a_fold_is_nan_and_behind_is_none() {
-        // x (1 - r2) peaks at r = 1/sqrt(3) with 0.385: nothing lies beyond it.
+        // x (1 - r2) peaks at r = 1/sqrt(3) with 0.385: no ideal point maps beyond it.
         assert!(
             lens([-1.0, 0.0, 0.0, 0.0, 0.0])
                 .undistort(DVec2::new(0.6, 0.0))
                 .is_nan()
         );
         assert!(lens([0.0; 5]).project(DVec3::new(0.0, 0.0, -1.0)).is_none());
-        // x' = x (1 - 0.3 x^2) rises up to x = 1.05 and is back in the image's middle at 1.8.
+        // x' = x (1 - 0.3 x^2) rises up to x = 1.05 and is back at the image centre at 1.8.
         let barrel = lens([-0.3, 0.0, 0.0, 0.0, 0.0]);
         assert!(barrel.contains(barrel.distort_to_px(DVec2::new(1.8, 0.0))));
         assert!(barrel.project(DVec3::new(1.8, 0.0, 1.0)).is_none());

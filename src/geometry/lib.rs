@@ -1,4 +1,23 @@
-//! Poses, the lens model, meshes and their files, ray casting.
+//! Geometry shared by device and host: poses, the lens model, calibrated rigs, calibration boards,
+//! meshes and clouds with their file formats, generated shapes and spatial search. Depends on
+//! `phasmid-core` only.
+//!
+//! | module | contents |
+//! | --- | --- |
+//! | `board` | calibration boards and their ink coverage |
+//! | `closest` | closest point on a mesh (feature `raycast`) |
+//! | `cloud`, `mesh` | point clouds and triangle meshes |
+//! | [`colour`] | file colours as reflectance |
+//! | [`file`](mod@file) | reading of geometry files |
+//! | `lens`, `fold` | lens model, its inverse and its folds |
+//! | `neighbours` | nearest neighbours among points |
+//! | [`nominal`] | nominal rigs of the built-in devices, for tests |
+//! | `obj`, [`ply`], `stl` | mesh and cloud file formats |
+//! | `pose`, `rig` | rigid poses, calibrated camera-projector rigs |
+//! | `raycast` | packet ray casting (feature `raycast`) |
+//! | [`shapes`] | generated torso, couch and linac head |
+//! | `solid` | analytic solids |
+//! | `timeline`, `trajectory` | keyframes and rigid motion over time |
 
 mod board;
 #[cfg(feature = "raycast")]

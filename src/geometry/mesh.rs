@@ -1,36 +1,37 @@
-//! Triangle meshes: what every reader yields, checked.
+//! Triangle meshes, as returned by every file reader, and their validation.
 
 use super::{file, obj, ply, stl};
 use glam::DVec3;
 use phasmid_core::error::{Error, Result};
 use std::path::Path;
 
-/// Beyond this a coordinate is a mistake, and squares in f32 would leave its range.
+/// Coordinate limit. Larger values are mistakes, and their squares would overflow f32.
 const LARGEST_MM: f64 = 1e9;
 
-/// Triangles over shared vertices, in millimetres in the mesh's own frame. Seen from outside, a
-/// triangle's corners run anticlockwise, so `(b - a) x (c - a)` points outwards.
+/// Triangles over shared vertices, in millimetres in the mesh's own frame. Seen from outside, the
+/// corners of a triangle run counter-clockwise, so `(b - a) x (c - a)` points outwards.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Mesh {
     /// Positions in millimetres.
     pub vertices: Vec<DVec3>,
-    /// Three indices into `vertices` a triangle.
+    /// Three indices into `vertices` per triangle.
     pub triangles: Vec<[u32; 3]>,
-    /// Reflectance at each vertex, 0 to 1, by the luminance of its colour; empty without colours.
+    /// Reflectance at each vertex, 0 to 1: the luminance of its colour. Empty without colours.
     pub colours: Vec<f32>,
-    /// Texture coordinates at the corners of each triangle, u to the right and v up in units of
-    /// the picture; empty without any.
+    /// Texture coordinates at the corners of each triangle, u to the right and v up, in units of
+    /// the image size. Empty if there are none.
     pub uv: Vec<[[f32; 2]; 3]>,
 }
 
 impl Mesh {
-    /// Reads `.stl` (binary or ASCII), `.obj` or `.ply` (ASCII, little or big endian), whichever
-    /// the name says in any case. Coordinates are taken for millimetres. Polygons become fans of
-    /// triangles; degenerate and duplicate triangles are kept.
+    /// Reads `.stl` (binary or ASCII), `.obj` or `.ply` (ASCII, little or big endian), selected by
+    /// the extension in any case. Coordinates are taken as millimetres. Polygons become triangle
+    /// fans; degenerate and duplicate triangles are kept.
     ///
     /// # Errors
-    /// What the system refuses; another extension; a malformed or truncated file, a count larger
-    /// than the file, no triangle, an index out of range, a coordinate that is not finite.
+    /// Returns an error if the file cannot be read, has another extension, is malformed or
+    /// truncated, declares a count larger than the file, or has no triangle, an index out of range
+    /// or a coordinate that is not finite.
     pub fn read(path: &Path) -> Result<Self> {
         let place = path.display().to_string();
         let parse = match extension(path).as_str() {
@@ -48,11 +49,11 @@ impl Mesh {
         parse(&file::read(path)?, &place)
     }
 
-    /// The mesh, if it can be rendered and measured: at least one triangle, indices in range,
-    /// coordinates finite and within 1e9 mm. `place` names it in messages.
+    /// Returns the mesh if it can be rendered and measured: at least one triangle, indices in
+    /// range, coordinates finite and within 1e9 mm. `place` names it in messages.
     ///
     /// # Errors
-    /// What it lacks, with the index of the vertex or triangle, counted from 0.
+    /// Returns the first violation, with the index of the vertex or triangle, counted from 0.
     pub fn checked(self, place: &str) -> Result<Self> {
         if self.triangles.is_empty() {
             return Err(Error::input(place, "no triangle", "at least one triangle"));
@@ -106,13 +107,13 @@ impl Mesh {
         Ok(self)
     }
 
-    /// The corners of triangle `index`, in millimetres.
+    /// Returns the corners of triangle `index`, in millimetres.
     pub fn corners(&self, index: usize) -> [DVec3; 3] {
         self.triangles[index].map(|i| self.vertices[i as usize])
     }
 
-    /// Lowest and highest corner of the box around all vertices, in millimetres; `None` for no
-    /// vertex.
+    /// Returns the lowest and highest corner of the bounding box of all vertices, in millimetres;
+    /// `None` without vertices.
     pub fn bounds(&self) -> Option<(DVec3, DVec3)> {
         let first = *self.vertices.first()?;
         Some(
@@ -123,14 +124,14 @@ impl Mesh {
     }
 }
 
-/// The extension in lower case, empty without one.
+/// Returns the extension in lower case, or an empty string.
 pub fn extension(path: &Path) -> String {
     path.extension()
         .map(|e| e.to_string_lossy().to_ascii_lowercase())
         .unwrap_or_default()
 }
 
-/// Refuses a vertex that is not finite or absurdly far away.
+/// Rejects a vertex that is not finite or too far away.
 pub(crate) fn check_vertex(vertex: DVec3, index: usize, place: &str) -> Result<()> {
     if vertex.is_finite() && vertex.abs().max_element() <= LARGEST_MM {
         return Ok(());

@@ -1,27 +1,27 @@
 //! Nearest neighbours among points: a balanced k-d tree (J. L. Bentley, 1975) without pointers.
 //!
-//! The range of points that a node covers is halved at its middle, so the tree's shape follows from
-//! the number of points alone. Of coincident points one is kept: all of them together would be as
-//! near as each, and a query would have to look at every one to find the lowest indices. Distances are bounded with the
+//! A node's range of points is split in the middle, so the tree's shape depends only on the number
+//! of points. Only one of several coincident points is kept: otherwise all would be equally near,
+//! and a query would have to visit each to find the lowest indices. Distances are bounded with the
 //! offsets of all axes (S. Arya and D. Mount, "Algorithms for Fast Vector Quantization", 1993).
 
 use glam::DVec3;
 use rayon::prelude::*;
 
-/// Points in a leaf, at most.
+/// Maximum number of points in a leaf.
 const LEAF: usize = 8;
 
-/// Points ready for queries.
+/// Points and their search tree.
 pub struct Neighbours {
     points: Vec<[f32; 3]>,
     ids: Vec<u32>,
-    /// Axis and place of each inner node's cut; children of i are 2 i + 1 and 2 i + 2.
+    /// Axis and position of each inner node's split; the children of i are 2 i + 1 and 2 i + 2.
     cuts: Vec<(u8, f32)>,
 }
 
 impl Neighbours {
-    /// Takes the points that are finite; the one with the lowest index stands for all that coincide
-    /// with it.
+    /// Builds a tree of the finite points. Of coincident points, the one with the lowest index is
+    /// kept.
     pub fn new(points: &[[f32; 3]]) -> Self {
         let mut all: Vec<([f32; 3], u32)> = points
             .iter()
@@ -29,7 +29,7 @@ impl Neighbours {
             .filter(|(p, _)| p.iter().all(|x| x.is_finite()))
             .map(|(&p, i)| (p, i))
             .collect();
-        // Adding zero makes one zero of the two.
+        // Adding zero turns -0 into +0.
         all.par_sort_unstable_by_key(|(p, i)| (p.map(|x| (x + 0.0).to_bits()), *i));
         all.dedup_by(|later, first| later.0 == first.0);
         let mut levels = 0;
@@ -37,7 +37,7 @@ impl Neighbours {
             levels += 1;
         }
         let mut cuts = vec![(0, 0.0); (1 << levels) - 1];
-        // Level by level: a node's range is found by halving, so no recursion holds slices apart.
+        // Level by level: the ranges of a level follow from halving, so no recursion is needed.
         for level in 0..levels {
             let first = (1 << level) - 1;
             let mut ranges: Vec<&mut [([f32; 3], u32)]> = Vec::with_capacity(1 << level);
@@ -66,19 +66,19 @@ impl Neighbours {
         }
     }
 
-    /// How many points are in the tree: those that are finite and distinct.
+    /// Returns the number of points in the tree: those finite and distinct.
     pub fn len(&self) -> usize {
         self.points.len()
     }
 
-    /// Whether there are none.
+    /// Returns whether the tree is empty.
     pub fn is_empty(&self) -> bool {
         self.points.is_empty()
     }
 
-    /// The `K` points nearest to `p`, nearest first, as (squared distance in square millimetres,
-    /// index into the points given); fewer when there are fewer distinct points. Among points equally far
-    /// the lower index comes first.
+    /// Returns the `K` points nearest to `p`, nearest first, as (squared distance in square
+    /// millimetres, index into the points given); fewer if there are fewer distinct points. Of
+    /// points equally far, the lower index comes first.
     pub fn nearest<const K: usize>(&self, p: DVec3) -> Nearest<K> {
         let mut found = Nearest {
             best: [(f64::INFINITY, u32::MAX); K],
@@ -121,7 +121,7 @@ impl Neighbours {
             found,
         );
         let far = bound - offsets[axis] * offsets[axis] + beyond * beyond;
-        // Rounding may put the bound a hair too high; equality keeps ties for the lower index.
+        // Rounding may make the bound slightly too large; equality keeps ties for the lower index.
         if far * (1.0 - 1e-12) <= found.best[K - 1].0 {
             let mut offsets = offsets;
             offsets[axis] = beyond;
@@ -138,12 +138,12 @@ impl Neighbours {
     }
 }
 
-/// Where the `k`-th of 2^level nearly equal ranges of `count` points starts.
+/// Start of the `k`-th of 2^level nearly equal ranges of `count` points.
 fn start_of(k: usize, level: u32, count: usize) -> usize {
     ((k as u128 * count as u128) >> level) as usize
 }
 
-/// Parts a range at `middle` along its widest axis; returns the axis and the cut.
+/// Splits a range at index `middle` along its widest axis; returns the axis and the split position.
 fn halve(range: &mut [([f32; 3], u32)], middle: usize) -> (u8, f32) {
     let (mut lo, mut hi) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
     for (p, _) in range.iter() {
@@ -160,14 +160,14 @@ fn halve(range: &mut [([f32; 3], u32)], middle: usize) -> (u8, f32) {
     (axis as u8, at.0[axis])
 }
 
-/// The answer of [`Neighbours::nearest`].
+/// Result of [`Neighbours::nearest`].
 #[derive(Debug, Clone, Copy)]
 pub struct Nearest<const K: usize> {
     best: [(f64, u32); K],
 }
 
 impl<const K: usize> Nearest<K> {
-    /// Squared distances and indices, nearest first.
+    /// Squared distances in square millimetres and indices, nearest first.
     pub fn as_slice(&self) -> &[(f64, u32)] {
         let count = self.best.iter().take_while(|b| b.0.is_finite()).count();
         &self.best[..count]
@@ -216,7 +216,7 @@ mod tests {
 
         #[test]
         fn agrees_with_brute_force(
-            // A coarse grid makes many ties and coincident points.
+            // A coarse grid gives many ties and coincident points.
             raw in proptest::collection::vec((-4_i8..4, -4_i8..4, -1_i8..1), 0..300),
             at in proptest::array::uniform3(-6.0_f64..6.0),
         ) {
@@ -242,7 +242,7 @@ mod tests {
         points.push([1.0, 2.0, 5.0]);
         let tree = Neighbours::new(&points);
         assert_eq!(tree.len(), 2);
-        // From each of them, as a cloud's discs are made: in no time, not quadratic.
+        // One query per point, as for the discs of a cloud, must not take quadratic time.
         for p in &points {
             let found = tree.nearest::<9>(DVec3::from_array(p.map(f64::from)));
             let other = if p[2] > 1.0 { 60_000 } else { 0 };

@@ -1,5 +1,5 @@
-//! Wavefront OBJ: vertices, with colours where they have them (`v x y z r g b`, sRGB, 0 to 1),
-//! texture coordinates and faces; everything else in the file is passed over.
+//! Wavefront OBJ: vertices with optional colours (`v x y z r g b`, sRGB, 0 to 1), texture
+//! coordinates and faces. Everything else in the file is ignored.
 
 use super::Mesh;
 use super::colour;
@@ -7,13 +7,13 @@ use super::file::{next_line, number, quoted, words};
 use glam::DVec3;
 use phasmid_core::error::{Error, Result};
 
-/// Reads the bytes of an OBJ file. Faces of more than three corners become fans around their first
-/// corner, which is exact for convex ones.
+/// Parses an OBJ file. Faces of more than three corners become fans around their first corner,
+/// which is exact for convex faces.
 pub(super) fn parse(bytes: &[u8], place: &str) -> Result<Mesh> {
     let mut mesh = Mesh::default();
     let mut rest = bytes;
     let mut line_number = 0_usize;
-    // A face may name a vertex that comes later, so range is judged at the end.
+    // A face may refer to a later vertex, so the range is checked at the end.
     let mut highest = (0_u32, 0_usize);
     let mut coordinates = Coordinates::default();
     let mut joined = Vec::new();
@@ -62,7 +62,7 @@ pub(super) fn parse(bytes: &[u8], place: &str) -> Result<Mesh> {
                 mesh.vertices.push(DVec3::from_array(xyz));
             }
             Some(b"vt") => {
-                // The second may be left out, and is 0 then.
+                // The second coordinate is optional and defaults to 0.
                 let mut uv = [0.0; 2];
                 for (i, value) in uv.iter_mut().enumerate() {
                     let word = match words.next() {
@@ -102,8 +102,8 @@ pub(super) fn parse(bytes: &[u8], place: &str) -> Result<Mesh> {
     mesh.checked(place)
 }
 
-/// The reflectance of the three numbers that may follow a vertex; other words, such as a weight or
-/// a comment, are none. `Err` holds a number beyond 0 to 1.
+/// Returns the reflectance of the three numbers that may follow a vertex; `None` for other words,
+/// such as a weight or a comment. `Err` holds a number outside 0 to 1.
 fn vertex_colour<'a>(words: impl Iterator<Item = &'a [u8]>) -> Result<Option<f32>, Vec<u8>> {
     let mut rgb = [0.0; 3];
     let mut count = 0;
@@ -125,18 +125,19 @@ fn vertex_colour<'a>(words: impl Iterator<Item = &'a [u8]>) -> Result<Option<f32
     }
 }
 
-/// Texture coordinates, and which of them the corners name.
+/// Texture coordinates and the indices that the faces use.
 #[derive(Default)]
 struct Coordinates {
     of: Vec<[f32; 2]>,
-    /// Indices from 1 at the corners of each triangle, 0 for a corner without.
+    /// Indices from 1 at the corners of each triangle; 0 for a corner without texture coordinates.
     corners: Vec<[u32; 3]>,
-    /// The highest index, and its line.
+    /// Highest index used, and its line.
     highest: (u32, usize),
 }
 
 impl Coordinates {
-    /// A corner's index from 1: the second of its words; 0 without one, or for what is none.
+    /// Returns a corner's texture index, counted from 1: the second of its slash-separated words; 0
+    /// if it is missing or invalid.
     fn index(&mut self, corner: &[u8], line: usize) -> u32 {
         let word = corner.split(|&b| b == b'/').nth(1).unwrap_or_default();
         let count = self.of.len() as i64;
@@ -153,8 +154,8 @@ impl Coordinates {
         index
     }
 
-    /// The coordinates of all triangles; those of corners without are 0. Files without any `vt`
-    /// have none, whatever their faces say.
+    /// Returns the texture coordinates of all triangles; those of corners without an index are 0.
+    /// Empty if the file has no `vt`, whatever its faces refer to.
     fn of_triangles(self, place: &str) -> Result<Vec<[[f32; 2]; 3]>> {
         let (highest, line) = self.highest;
         if self.of.is_empty() || highest == 0 {
@@ -190,7 +191,7 @@ fn face<'a>(
         if corner.starts_with(b"#") {
             break;
         }
-        // position/texture/normal, of which the first two count.
+        // position/texture/normal, of which only the position is used here.
         let word = corner.split(|&b| b == b'/').next().unwrap_or_default();
         let index = match number::<i64>(word) {
             Some(i @ 1..=0x7fff_ffff) => i,

@@ -1,29 +1,29 @@
-//! Rigid poses. A pose named `a_from_b` takes coordinates in b to coordinates in a.
+//! Rigid poses. A pose `a_from_b` maps coordinates in b to coordinates in a.
 
 use glam::{DMat3, DVec3};
 use serde::{Deserialize, Serialize};
 
-/// A rigid motion, rotation then translation, in millimetres.
+/// A rigid motion: rotation, then translation in millimetres.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Pose {
-    /// Rotation matrix, written as three rows.
+    /// Rotation matrix, serialised as three rows.
     #[serde(with = "rows")]
     pub rotation: DMat3,
-    /// Translation in millimetres: where b's origin lies in a.
+    /// Translation in millimetres: the position of b's origin in a.
     #[serde(deserialize_with = "phasmid_core::numbers::exactly")]
     pub translation_mm: DVec3,
 }
 
 impl Pose {
-    /// The pose that changes nothing.
+    /// The identity pose.
     pub const IDENTITY: Self = Self {
         rotation: DMat3::IDENTITY,
         translation_mm: DVec3::ZERO,
     };
 
-    /// A pose from a position in millimetres and rotations in degrees about the fixed x, then y,
-    /// then z axis: R = Rz Ry Rx.
+    /// Creates a pose from a position in millimetres and rotations in degrees about the fixed x,
+    /// then y, then z axis: R = Rz Ry Rx.
     pub fn from_xyz_deg(position_mm: DVec3, rotation_deg: DVec3) -> Self {
         let r = rotation_deg * (std::f64::consts::PI / 180.0);
         Self {
@@ -34,15 +34,15 @@ impl Pose {
         }
     }
 
-    /// Position and rotations that [`Self::from_xyz_deg`] makes this pose of; where y is turned by
-    /// a right angle, the turn about z is 0.
+    /// Returns the position and the rotations from which [`Self::from_xyz_deg`] makes this pose. If
+    /// the rotation about y is +-90 degrees, the rotation about z is 0.
     pub fn to_xyz_deg(&self) -> (DVec3, DVec3) {
         let m = self.rotation;
-        // Of R = Rz Ry Rx: the third row is -sin y, cos y sin x, cos y cos x.
+        // For R = Rz Ry Rx, the third row is -sin y, cos y sin x, cos y cos x.
         let y = (-m.x_axis.z).atan2(m.y_axis.z.hypot(m.z_axis.z));
         let (x, z) = match m.y_axis.z.hypot(m.z_axis.z) > 1e-12 {
             true => (m.y_axis.z.atan2(m.z_axis.z), m.x_axis.y.atan2(m.x_axis.x)),
-            // There Ry(+-90) Rx has cos x and sin x in its second row.
+            // Ry(+-90) Rx has cos x and sin x in its second row.
             false => ((-m.z_axis.y).atan2(m.y_axis.y), 0.0),
         };
         (
@@ -51,19 +51,19 @@ impl Pose {
         )
     }
 
-    /// Takes a point in b to a.
+    /// Maps a point in b to a.
     #[inline]
     pub fn point(&self, p: DVec3) -> DVec3 {
         self.rotation * p + self.translation_mm
     }
 
-    /// Takes a direction in b to a.
+    /// Maps a direction in b to a.
     #[inline]
     pub fn direction(&self, d: DVec3) -> DVec3 {
         self.rotation * d
     }
 
-    /// `b_from_a` of an `a_from_b`.
+    /// Returns `b_from_a` for an `a_from_b`.
     #[inline]
     pub fn inverse(&self) -> Self {
         let rotation = self.rotation.transpose();
@@ -130,7 +130,7 @@ mod tests {
     #[test]
     fn rotation_order_is_x_then_y_then_z() {
         let pose = Pose::from_xyz_deg(DVec3::ZERO, DVec3::new(90.0, 0.0, 90.0));
-        // y goes to z by the first rotation, and the second leaves z alone.
+        // The first rotation maps y to z, and the second leaves z unchanged.
         assert!((pose.point(DVec3::Y) - DVec3::Z).length() < 1e-15);
     }
 }

@@ -1,5 +1,5 @@
-//! A calibrated rig: one camera, one projector, and where they stand. It is what a calibration
-//! file holds, what a device reports as nominal, and what the decoder triangulates with.
+//! A calibrated rig: one camera, one projector and their poses. A calibration file holds a rig, a
+//! device reports its nominal rig, and the decoder triangulates with it.
 
 use super::{Lens, Pose};
 use glam::{DVec2, DVec3};
@@ -8,49 +8,52 @@ use phasmid_core::source::TomlSource;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
-/// A camera or projector and its place in the rig's frame (camera 0's: x right, y down, z forward).
+/// A camera or projector and its pose in the rig's frame (that of camera 0: x right, y down, z
+/// forward).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct View {
     /// Intrinsics.
     pub lens: Lens,
-    /// Takes coordinates in the view's frame to the rig's frame, in millimetres.
+    /// Maps coordinates in the view's frame to the rig's frame, in millimetres.
     pub rig_from_view: Pose,
 }
 
 impl View {
-    /// The pupil in the rig's frame, in millimetres.
+    /// Returns the pupil (projection centre) in the rig's frame, in millimetres.
     #[inline]
     pub fn center(&self) -> DVec3 {
         self.rig_from_view.translation_mm
     }
 
-    /// Pixel of a point given in the rig's frame, in millimetres; `None` behind the lens.
+    /// Returns the pixel of a point in the rig's frame, in millimetres; `None` where
+    /// [`Lens::project`] has none.
     #[inline]
     pub fn project(&self, p: DVec3) -> Option<DVec2> {
         let local = self.rig_from_view.rotation.transpose() * (p - self.center());
         self.lens.project(local)
     }
 
-    /// Direction in the rig's frame of the ray through a pixel; its z in the view's frame is 1.
+    /// Returns the direction in the rig's frame of the ray through a pixel; its z in the view's
+    /// frame is 1.
     #[inline]
     pub fn ray(&self, px: DVec2) -> DVec3 {
         self.rig_from_view.direction(self.lens.ray(px))
     }
 }
 
-/// What the host knows about a camera's noise, in digital numbers (DN), by the linear model of
-/// EMVA 1288 release 4.0, equation 13: variance = read^2 + 1/12 + gain (mean - black).
+/// A camera's noise as known to the host, in digital numbers (DN), by the linear model of EMVA 1288
+/// release 4.0, equation 13: variance = read^2 + 1/12 + gain (mean - black).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct NoiseModel {
     /// System gain K in DN per electron.
     pub gain_dn_per_e: f64,
-    /// Standard deviation of the dark signal in DN, without the rounding's 1/12.
+    /// Standard deviation of the dark signal in DN, without the quantisation variance of 1/12.
     pub read_noise_dn: f64,
-    /// Mean signal in the dark, in DN.
+    /// Mean dark signal in DN.
     pub black_level_dn: f64,
-    /// Signal from which a pixel counts as saturated, in DN.
+    /// Signal at and above which a pixel counts as saturated, in DN.
     pub saturation_dn: f64,
 }
 
@@ -67,7 +70,7 @@ impl NoiseModel {
         .map_or(Ok(()), Err)
     }
 
-    /// Variance in DN^2 of a pixel with this mean signal in DN, rounding included.
+    /// Returns the variance in DN^2 of a pixel with this mean signal in DN, including quantisation.
     #[inline]
     pub fn variance_dn2(&self, mean_dn: f64) -> f64 {
         self.read_noise_dn.powi(2)
@@ -76,7 +79,7 @@ impl NoiseModel {
     }
 }
 
-/// A calibration: what a file written by `phasmid` or asked from a device holds.
+/// A calibration, as stored in a file or reported by a device.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Rig {
@@ -84,7 +87,7 @@ pub struct Rig {
     pub camera: View,
     /// The projector.
     pub projector: View,
-    /// The camera's noise, where known.
+    /// The camera's noise model, if known.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub noise: Option<NoiseModel>,
 }
@@ -93,15 +96,15 @@ impl Rig {
     /// Reads a calibration file.
     ///
     /// # Errors
-    /// A file that cannot be read, and what [`Self::from_toml`] refuses.
+    /// Returns an error if the file cannot be read or [`Self::from_toml`] rejects it.
     pub fn read(path: &Path) -> Result<Self> {
         Self::from_source(&TomlSource::read(path)?)
     }
 
-    /// Reads a calibration as TOML; `place` names the file or device in messages.
+    /// Parses a calibration in TOML; `place` names the file or device in messages.
     ///
     /// # Errors
-    /// What is not TOML of this shape, or numbers that no rig can have.
+    /// Returns an error if the text does not match the schema or [`Self::check`] rejects a value.
     pub fn from_toml(text: &str, place: &str) -> Result<Self> {
         Self::from_source(&TomlSource::new(text, place))
     }
@@ -113,10 +116,10 @@ impl Rig {
         Ok(rig)
     }
 
-    /// Whether the numbers are those of a rig.
+    /// Checks that all values are physically possible.
     ///
     /// # Errors
-    /// The first field whose number no rig can have.
+    /// Returns the first field with an invalid value.
     pub fn check(&self) -> Result<(), Violation> {
         let violation = |field: String, found, allowed| Violation {
             field,
@@ -147,20 +150,20 @@ impl Rig {
         Ok(())
     }
 
-    /// The calibration as TOML.
+    /// Returns the calibration as TOML.
     pub fn to_toml(&self) -> String {
         toml::to_string(self).expect("numbers and tables always serialise")
     }
 }
 
-/// A field of a rig whose number no rig can have.
+/// A field of a rig with an invalid value.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Violation {
-    /// Its path, such as `camera.lens.focal_px`.
+    /// Field path, such as `camera.lens.focal_px`.
     pub field: String,
-    /// What stands there.
+    /// Value found.
     pub found: String,
-    /// What may stand there.
+    /// Allowed values.
     pub allowed: &'static str,
 }
 

@@ -1,7 +1,7 @@
-//! Shapes with a closed form: intersected analytically, in f64, in their own frame.
+//! Analytic solids, intersected in closed form, in f64, in their own frame.
 //!
-//! They stand on z = 0 and rise towards -z. All of them are convex: seen from outside, none shades
-//! itself other than by facing away.
+//! Plane and frustum lie on z = 0; the frustum extends towards -z. All solids are convex: seen from
+//! outside, a surface shades itself only by facing away.
 
 use glam::{DVec2, DVec3};
 
@@ -10,43 +10,43 @@ use glam::{DVec2, DVec3};
 pub enum Solid {
     /// The plane z = 0, within `half` of the origin along x and y.
     Plane {
-        /// Half sides; infinite for an endless plane.
+        /// Half sides; infinite for an unbounded plane.
         half: DVec2,
     },
-    /// A sphere about the origin.
+    /// A sphere centred on the origin.
     Sphere {
         /// Radius.
         radius: f64,
     },
-    /// A closed cylinder about the origin along y.
+    /// A closed cylinder centred on the origin, along y.
     Cylinder {
         /// Radius.
         radius: f64,
-        /// Half of the length.
+        /// Half the length.
         half_length: f64,
     },
-    /// A square frustum, as the half-spaces n . p <= offset that [`Solid::frustum`] makes.
+    /// A square frustum, as the half-spaces n . p <= offset made by [`Solid::frustum`].
     Frustum {
-        /// Outward unit normal and offset of top, base and the four sides.
+        /// Outward unit normal and offset of the top, the base and the four sides.
         faces: [(DVec3, f64); 6],
     },
 }
 
-/// Where a ray meets a surface.
+/// Intersection of a ray with a surface.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SolidHit {
     /// Ray parameter.
     pub t: f64,
     /// Outward unit normal in the shape's frame.
     pub normal: DVec3,
-    /// Which smooth part of the surface.
+    /// Index of the smooth part of the surface that was hit.
     pub facet: u32,
 }
 
 impl Solid {
-    /// A square frustum with its base at z = 0 and its top at z = -height.
+    /// Creates a square frustum with its base at z = 0 and its top at z = -height.
     pub fn frustum(base: f64, top: f64, height: f64) -> Self {
-        // The four sides rise by `height` while they lean in by half of base - top.
+        // The sides rise by `height` while leaning in by half of base - top.
         let lean = (base - top) / 2.0;
         let length = height.hypot(lean);
         let (out, up) = (height / length, -lean / length);
@@ -63,7 +63,7 @@ impl Solid {
         }
     }
 
-    /// Whether a point lies within the solid; a plane holds none.
+    /// Returns whether a point lies inside the solid; always false for a plane.
     pub fn contains(&self, p: DVec3) -> bool {
         match *self {
             Self::Plane { .. } => false,
@@ -76,7 +76,7 @@ impl Solid {
         }
     }
 
-    /// The first meeting of a ray with the surface at a parameter above `t_min`.
+    /// Returns the first intersection of a ray with the surface at a parameter above `t_min`.
     pub fn intersect(&self, origin: DVec3, direction: DVec3, t_min: f64) -> Option<SolidHit> {
         match *self {
             Self::Plane { half } => plane(half, origin, direction, t_min),
@@ -108,9 +108,9 @@ fn plane(half: DVec2, origin: DVec3, direction: DVec3, t_min: f64) -> Option<Sol
     })
 }
 
-/// Smallest root above `t_min` of |o + t d|^2 = r^2, without cancellation: the discriminant is
-/// formed from the ray's closest approach (Haines et al., "Precision Improvements for Ray/Sphere
-/// Intersection", Ray Tracing Gems, 2019).
+/// Returns the smallest root above `t_min` of |o + t d|^2 = r^2 without cancellation: the
+/// discriminant is computed from the ray's point of closest approach (Haines et al., "Precision
+/// Improvements for Ray/Sphere Intersection", Ray Tracing Gems, 2019).
 fn first_root(o: DVec3, d: DVec3, radius: f64, t_min: f64) -> Option<f64> {
     let a = d.length_squared();
     let b = -o.dot(d);
@@ -127,7 +127,7 @@ fn first_root(o: DVec3, d: DVec3, radius: f64, t_min: f64) -> Option<f64> {
 
 fn cylinder(radius: f64, half_length: f64, o: DVec3, d: DVec3, t_min: f64) -> Option<SolidHit> {
     let flat = |v: DVec3| DVec3::new(v.x, 0.0, v.z);
-    // Both roots count: the near one may lie beyond the cylinder's end.
+    // Check both roots: the near one may lie beyond the end of the cylinder.
     let side = |t_min: f64| {
         let t = first_root(flat(o), flat(d), radius, t_min)?;
         Some(SolidHit {
@@ -155,7 +155,8 @@ fn cylinder(radius: f64, half_length: f64, o: DVec3, d: DVec3, t_min: f64) -> Op
     caps.chain(side_hit).min_by(|a, b| a.t.total_cmp(&b.t))
 }
 
-/// A convex body as half-spaces n . p <= offset, by clipping the ray (Cyrus and Beck 1978).
+/// Intersects a convex solid, given as half-spaces n . p <= offset, by clipping the ray (Cyrus and
+/// Beck 1978).
 fn convex(faces: &[(DVec3, f64)], o: DVec3, d: DVec3, t_min: f64) -> Option<SolidHit> {
     let mut enter = (f64::NEG_INFINITY, 0);
     let mut leave = (f64::INFINITY, 0);
@@ -205,7 +206,7 @@ mod tests {
                 .intersect(DVec3::new(1.1, 0.0, -9.0), DVec3::Z, 0.0)
                 .is_none()
         );
-        // From inside: the far wall.
+        // From inside, the far wall is hit.
         let inside = sphere.intersect(DVec3::ZERO, DVec3::X, 0.0).unwrap();
         assert!((inside.t - 1.0).abs() < 1e-15);
     }
@@ -224,7 +225,7 @@ mod tests {
             .intersect(DVec3::new(0.5, 9.0, 0.0), DVec3::NEG_Y, 0.0)
             .unwrap();
         assert_eq!((cap.t, cap.facet), (4.0, 1));
-        // Enters above the side's end, through the cap, though the infinite side comes first.
+        // Enters through the cap, although the infinite side is hit first.
         let slant = DVec3::new(0.0, -1.0, 0.5);
         assert_eq!(
             c.intersect(DVec3::new(0.0, 9.0, -3.0), slant, 0.0)
@@ -245,7 +246,7 @@ mod tests {
             .intersect(DVec3::new(10.0, -20.0, -1000.0), DVec3::Z, 0.0)
             .unwrap();
         assert!((top.t - 920.0).abs() < 1e-12 && top.facet == 0);
-        // Half way out, half way down.
+        // Half-way out, half-way down.
         let side = f
             .intersect(DVec3::new(75.0, 0.0, -1000.0), DVec3::Z, 0.0)
             .unwrap();

@@ -1,8 +1,8 @@
-//! STL, binary and ASCII.
+//! STL files, binary and ASCII.
 //!
-//! Read here rather than by a crate, because a message should name the line, ASCII coordinates
-//! deserve f64, and a binary file may start with `solid ` as an ASCII one does: 84 + 50 n bytes
-//! decide.
+//! Implemented here instead of with a crate so that messages name the line, ASCII coordinates keep
+//! f64 precision, and a binary file that starts with `solid ` is recognised by its length of 84 +
+//! 50 n bytes.
 
 use super::Mesh;
 use super::file::{next_line, number, quoted, words};
@@ -14,7 +14,7 @@ use std::collections::HashMap;
 const HEADER: usize = 84;
 const RECORD: usize = 50;
 
-/// Reads the bytes of an STL file; corners with the same coordinates become one vertex.
+/// Parses an STL file; corners with equal coordinates become one vertex.
 pub(super) fn parse(bytes: &[u8], place: &str) -> Result<Mesh> {
     let count = bytes
         .get(80..HEADER)
@@ -22,7 +22,7 @@ pub(super) fn parse(bytes: &[u8], place: &str) -> Result<Mesh> {
     let needs = |n: u64| HEADER as u64 + n * RECORD as u64;
     let fits = count.is_some_and(|n| needs(n) == bytes.len() as u64);
     let text = bytes.trim_ascii_start();
-    // Text holds no NUL; floats and their padding nearly always do.
+    // Text contains no NUL bytes; binary floats and their padding nearly always do.
     if !fits && text.starts_with(b"solid") && !bytes.contains(&0) {
         return ascii(bytes, place);
     }
@@ -33,7 +33,7 @@ pub(super) fn parse(bytes: &[u8], place: &str) -> Result<Mesh> {
             "ASCII STL starting with `solid`, or binary STL of at least 84 bytes",
         ));
     };
-    // Some programs append data of their own; what is missing cannot be made up.
+    // Trailing data is allowed, since some programs append their own; missing data is not.
     if needs(n) > bytes.len() as u64 {
         return Err(Error::input(
             place,
@@ -47,7 +47,8 @@ pub(super) fn parse(bytes: &[u8], place: &str) -> Result<Mesh> {
 fn binary(records: &[u8], place: &str) -> Result<Mesh> {
     let mut welder = Welder::default();
     for (triangle, record) in records.chunks_exact(RECORD).enumerate() {
-        // 12 bytes of normal, which the winding gives anyway; 2 of attributes at the end.
+        // Skip 12 bytes of normal, which follows from the winding, and 2 attribute bytes at the
+        // end.
         for (corner, xyz) in record[12..48].chunks_exact(12).enumerate() {
             let [x, y, z] = [0, 4, 8].map(|i| {
                 f64::from(f32::from_le_bytes([
@@ -69,7 +70,7 @@ fn ascii(bytes: &[u8], place: &str) -> Result<Mesh> {
     let mut welder = Welder::default();
     let mut rest = bytes;
     let mut line_number = 0_usize;
-    // Corners seen in the facet that is open, if one is.
+    // Number of corners in the open facet, if any.
     let mut open: Option<usize> = None;
     let mut ended = false;
     while let Some(line) = next_line(&mut rest) {
@@ -127,7 +128,7 @@ fn ascii(bytes: &[u8], place: &str) -> Result<Mesh> {
     welder.finish().checked(place)
 }
 
-/// Gathers corners three by three, one vertex for equal coordinates.
+/// Collects corners three by three and merges those with equal coordinates.
 #[derive(Default)]
 struct Welder {
     mesh: Mesh,
@@ -138,12 +139,12 @@ struct Welder {
 
 impl Welder {
     fn corner(&mut self, vertex: DVec3) {
-        // Adding zero makes -0 the same as 0.
+        // Adding zero turns -0 into +0.
         let key = (vertex + DVec3::ZERO).to_array().map(f64::to_bits);
         let vertices = &mut self.mesh.vertices;
         let index = *self.seen.entry(key).or_insert_with(|| {
             vertices.push(vertex);
-            // The cap on the file's size keeps this far below 2^32.
+            // The file size limit keeps this far below 2^32.
             (vertices.len() - 1) as u32
         });
         self.pending[self.corners % 3] = index;

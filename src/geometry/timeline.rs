@@ -1,38 +1,39 @@
-//! Keyframes in time: which of them make the value at a moment, and with what weights.
+//! Keyframes in time: selects and weights the keyframes that determine the value at a given time.
 //!
-//! Between keyframes values follow cubic Hermite splines whose tangents are the chords between the
-//! neighbours of a keyframe (Catmull and Rom: "A class of local interpolating splines", 1974, for
-//! times that need not be even): the curve passes through every keyframe, its first derivative is
-//! continuous, a straight motion stays straight, and it overshoots by 4/27 of the chords at most.
+//! Between keyframes, values follow cubic Hermite splines whose tangents are the chords between the
+//! neighbours of a keyframe (Catmull and Rom: "A class of local interpolating splines", 1974,
+//! generalised to uneven times). The curve passes through every keyframe, its first derivative is
+//! continuous, a straight motion stays straight, and it overshoots by at most 4/27 of the chords.
 
-/// Times of keyframes, ascending, and the period after which they come again.
+/// Ascending keyframe times, and the period after which they repeat.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Timeline {
     times_s: Vec<f64>,
     period_s: Option<f64>,
 }
 
-/// A part of a timeline between two keyframes, with the keyframes on both sides of it.
+/// The interval of a timeline between two keyframes, with the neighbouring keyframes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Span {
-    /// Keyframe before the span's start, its start, its end, and the one after; where nothing
-    /// comes before or after, the start or the end again.
+    /// Keyframe before the start, the start, the end, and the keyframe after the end. At the ends
+    /// of the timeline the start or the end is repeated.
     pub keys: [usize; 4],
-    /// Their times in seconds, going on over the seam of a period.
+    /// Their times in seconds, continued across the wrap-around of a period.
     pub times_s: [f64; 4],
-    /// How far between start and end, 0 to 1.
+    /// Relative position between start and end, 0 to 1.
     pub share: f64,
 }
 
 impl Timeline {
-    /// Takes the times of at least one keyframe, strictly ascending. A period is longer than from
-    /// the first to the last of them. Without one, the first and the last value hold on both sides.
+    /// Creates a timeline of at least one keyframe, with strictly ascending times. The period must
+    /// exceed the time from the first to the last keyframe. Without a period, the first and last
+    /// values are held.
     pub fn new(times_s: Vec<f64>, period_s: Option<f64>) -> Self {
         debug_assert!(times_s.windows(2).all(|pair| pair[0] < pair[1]));
         Self { times_s, period_s }
     }
 
-    /// The span that holds a moment.
+    /// Returns the span that contains a time.
     pub fn span(&self, time_s: f64) -> Span {
         let (first, count) = (self.times_s[0], self.times_s.len());
         let last = self.times_s[count - 1];
@@ -56,7 +57,7 @@ impl Timeline {
         }
     }
 
-    /// How many spans there are: at least one, of no length where there is one keyframe.
+    /// Number of spans: at least one, of zero length if there is only one keyframe.
     fn spans(&self) -> usize {
         match self.period_s {
             Some(_) => self.times_s.len(),
@@ -64,7 +65,8 @@ impl Timeline {
         }
     }
 
-    /// A keyframe and its time, counted on over the ends.
+    /// Returns a keyframe and its time; indices beyond the ends continue periodically or are
+    /// clamped.
     fn key(&self, index: isize) -> (usize, f64) {
         let count = self.times_s.len() as isize;
         let (turns, key) = match self.period_s {
@@ -77,12 +79,12 @@ impl Timeline {
 }
 
 impl Span {
-    /// Weights of the four keyframes, which add up to 1.
+    /// Returns the weights of the four keyframes, which add up to 1.
     pub fn weights(&self) -> [f64; 4] {
         let s = self.share;
         let [before, from, to, after] = self.times_s;
         let end = s * s * (3.0 - 2.0 * s);
-        // The Hermite basis of both tangents, each over the length of its chord.
+        // Hermite basis of both tangents, each divided by the length of its chord.
         let chord = |basis: f64, length: f64| {
             if length > 0.0 {
                 basis * (to - from) / length
@@ -167,13 +169,13 @@ mod tests {
                 .fold(0.0, f64::max)
         };
         let (coarse, fine) = (worst(16), worst(32));
-        // Tangents by central differences: at least the third order.
+        // Tangents by central differences: at least third order.
         assert!(coarse < 5e-3 && fine < coarse / 7.0, "{coarse} {fine}");
     }
 
     #[test]
     fn uneven_keys_do_not_overshoot() {
-        // Up in a tenth of a second, then held for ten.
+        // Rises within 0.1 s, then stays constant.
         let line = Timeline::new(vec![0.0, 0.1, 10.0, 20.0], None);
         for i in 0..2000 {
             let v = value(&line, &[0.0, 10.0, 10.0, 10.0], f64::from(i) / 100.0);

@@ -5,11 +5,11 @@ use glam::{DMat3, DQuat, DVec3};
 
 /// A pose over time.
 ///
-/// Positions follow the [`Timeline`]'s splines. Rotations follow their like on the unit quaternions:
-/// cubic Hermite curves in cumulative form (Kim, Kim, Shin: "A general construction scheme for unit
-/// quaternion curves with simple high order derivatives", SIGGRAPH 1995, section 4.2), with the same
-/// tangents, so that a turn at constant speed stays one. Between two keyframes a body turns the
-/// short way round.
+/// Positions follow the [`Timeline`]'s splines. Rotations follow the equivalent on unit
+/// quaternions: cubic Hermite curves in cumulative form (Kim, Kim, Shin: "A general construction
+/// scheme for unit quaternion curves with simple high order derivatives", SIGGRAPH 1995, section
+/// 4.2) with the same tangents, so that a rotation at constant speed stays one. Between two
+/// keyframes, the rotation takes the shorter way.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Trajectory {
     timeline: Timeline,
@@ -18,8 +18,8 @@ pub struct Trajectory {
 }
 
 impl Trajectory {
-    /// Takes a position in millimetres and a rotation for each keyframe of a timeline; rotations in
-    /// degrees as [`Pose::from_xyz_deg`] has them.
+    /// Creates a trajectory from a position in millimetres and a rotation for each keyframe of a
+    /// timeline; rotations in degrees as for [`Pose::from_xyz_deg`].
     pub fn new(timeline: Timeline, keys: &[(DVec3, DVec3)]) -> Self {
         let rotation = |deg: DVec3| {
             let r = deg * (std::f64::consts::PI / 180.0);
@@ -32,13 +32,13 @@ impl Trajectory {
         }
     }
 
-    /// The farthest of its keyframes' positions from the origin, in millimetres.
+    /// Returns the largest distance of a keyframe position from the origin, in millimetres.
     pub fn reach_mm(&self) -> f64 {
         let lengths = self.positions_mm.iter().map(|p| p.length());
         lengths.fold(0.0, f64::max)
     }
 
-    /// The pose at a moment.
+    /// Returns the pose at a time.
     #[inline]
     pub fn pose(&self, time_s: f64) -> Pose {
         let span = self.timeline.span(time_s);
@@ -52,7 +52,7 @@ impl Trajectory {
     }
 }
 
-/// The rotation between the second and the third of four keyframes.
+/// Interpolates the rotation between the second and third of four keyframes.
 fn turn(keys: [DQuat; 4], times: [f64; 4], share: f64) -> DQuat {
     let steps = [0, 1, 2].map(|i| step(keys[i], keys[i + 1]));
     let length = times[2] - times[1];
@@ -70,7 +70,7 @@ fn turn(keys: [DQuat; 4], times: [f64; 4], share: f64) -> DQuat {
         DQuat::from_scaled_axis(arriving),
     );
     let middle = step(keys[1] * first, keys[2] * last.conjugate());
-    // The cumulative basis of Bernstein's cubics.
+    // Cumulative basis of the cubic Bernstein polynomials.
     let s = share;
     let turned = DQuat::from_scaled_axis(leaving * (1.0 - (1.0 - s).powi(3)))
         * DQuat::from_scaled_axis(middle * (s * s * (3.0 - 2.0 * s)))
@@ -78,12 +78,12 @@ fn turn(keys: [DQuat; 4], times: [f64; 4], share: f64) -> DQuat {
     (keys[1] * turned).normalize()
 }
 
-/// The rotation vector, in the moving frame, that takes one rotation to another the short way.
+/// Rotation vector, in the moving frame, of the shorter rotation from `from` to `to`.
 fn step(from: DQuat, to: DQuat) -> DVec3 {
     let q = from.conjugate() * to;
     let q = if q.w < 0.0 { -q } else { q };
     let (v, sin) = (q.xyz(), q.xyz().length());
-    // To the last digit where the angle is too small for a quotient.
+    // Limit for angles too small for the quotient; exact to rounding.
     let scale = if sin > 1e-9 {
         2.0 * sin.atan2(q.w) / sin
     } else {
@@ -120,14 +120,14 @@ mod tests {
             }
         );
         assert_eq!(path.pose(2.0), path.pose(77.0));
-        // Angular velocity on both sides of the keyframes, in the body's frame.
+        // Angular velocity on both sides of the keyframes, in the body frame.
         let q = |t: f64| DQuat::from_mat3(&path.pose(t).rotation);
         for t in [0.4, 1.0] {
             let h = 1e-6;
             let (left, right) = (step(q(t - h), q(t)) / h, step(q(t), q(t + h)) / h);
             assert!((left - right).length() < 1e-4, "{left} {right}");
         }
-        // And its rotation is one throughout.
+        // Rotation matrices stay orthonormal throughout.
         for i in 0..200 {
             let r = path.pose(f64::from(i) / 100.0).rotation;
             let off = r * r.transpose() - DMat3::IDENTITY;

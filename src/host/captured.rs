@@ -1,4 +1,4 @@
-//! What a scan has captured, and how it is kept: pictures, the manifest that says what they show,
+//! The result of a scan and how it is stored: frames as images, the manifest that describes them,
 //! and the calibration.
 
 use super::consistency::{LEAST_FOLLOWING, doubt, following};
@@ -13,40 +13,40 @@ use std::fs;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-/// Name of the manifest in a folder of frames.
+/// File name of the manifest in a folder of frames.
 pub const MANIFEST_FILE: &str = "sequence.toml";
-/// Name of the calibration in a folder of frames.
+/// File name of the calibration in a folder of frames.
 pub const CALIBRATION_FILE: &str = "calibration.toml";
 
-/// Heads a manifest whose patterns include pictures, which a device does not give back.
+/// Header of a manifest whose patterns include images: a device does not return their files.
 const PICTURES_REMARK: &str = "# Patterns of kind \"image\" name pictures in the device, which a scan does not fetch. Decoding\n\
      # needs none of them; to project this sequence again, put them beside this file.\n\n";
 
-/// A sequence's frames with what is known about them.
+/// The frames of a sequence, with their manifest and calibration.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Captured {
-    /// The device's `*IDN?`.
+    /// The device's answer to `*IDN?`.
     pub idn: String,
-    /// What was projected, a pattern a frame.
+    /// The projected sequence, one pattern per frame.
     pub manifest: Manifest,
-    /// The calibration that the device gave.
+    /// The calibration read from the device, if it has one.
     pub calibration: Option<Rig>,
-    /// The frames in the manifest's order, all of one size and format, GREY or Y16.
+    /// The frames in the manifest's order, all of the same size and format, GREY or Y16.
     pub frames: Vec<Frame>,
 }
 
 impl Captured {
-    /// Names of the files that [`Self::write`] makes.
+    /// Returns the file name that [`Self::write`] gives a frame.
     fn file_name(&self, index: usize) -> PathBuf {
         let digits = self.frames.len().saturating_sub(1).to_string().len().max(2);
         format!("frame_{index:0digits$}.png").into()
     }
 
-    /// Refuses frames that hold no surface: hardly a pixel follows the sequence, and what varies is
-    /// mostly something else.
+    /// Rejects frames that show no surface: hardly any pixel follows the sequence, and most of the
+    /// variation has another cause.
     ///
     /// # Errors
-    /// A camera that does not see what is projected.
+    /// Returns an error if the camera does not see the projected patterns.
     pub fn check_modulation(&self) -> Result<()> {
         match following(&self.manifest, &self.frames) {
             Some(found) if !found.is_shown() => Err(Error::device(format!(
@@ -60,16 +60,16 @@ impl Captured {
         }
     }
 
-    /// What a user should know of the frames, though they follow their sequence: fringes that are not
-    /// sinusoidal.
+    /// Returns a warning about frames that follow their sequence, if there is one: fringes that are
+    /// not sinusoidal.
     pub fn doubt(&self) -> Option<String> {
         doubt(&self.manifest, &self.frames)
     }
 
-    /// Refuses a folder that holds a capture already, before one is made.
+    /// Checks, before a scan, that a folder does not already hold a capture.
     ///
     /// # Errors
-    /// A folder that holds one, unless `force` is set.
+    /// Returns an error if the folder holds a capture, unless `force` is set.
     pub fn check_folder(folder: &Path, force: bool) -> Result<()> {
         new_file::check_folder(folder, [""; 0], force)?;
         let entries = match fs::read_dir(folder) {
@@ -94,12 +94,12 @@ impl Captured {
         Ok(())
     }
 
-    /// Writes `frame_00.png` and so on (8 or 16 bits), `sequence.toml` that names them, and
-    /// `calibration.toml` where there is one; frames of an earlier capture go. On failure none of
-    /// them is left.
+    /// Writes the frames as `frame_00.png` and so on (8 or 16 bits), `sequence.toml`, which lists
+    /// them, and `calibration.toml` if there is a calibration. Frames of an earlier capture are
+    /// deleted. On failure all of these files are removed.
     ///
     /// # Errors
-    /// What the system refuses, and frames whose bytes do not fit their size.
+    /// Returns an error on I/O failure, or if the data length of a frame does not match its size.
     pub fn write(&self, folder: &Path) -> Result<()> {
         fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
         for entry in fs::read_dir(folder).map_err(|e| Error::io(folder, e))? {
@@ -113,7 +113,7 @@ impl Captured {
             .inspect_err(|_| self.discard(folder))
     }
 
-    /// Removes the files that [`Self::write`] makes.
+    /// Removes the files written by [`Self::write`].
     pub fn discard(&self, folder: &Path) {
         let frames = (0..self.frames.len()).map(|i| self.file_name(i));
         new_file::discard(folder, frames);
@@ -145,10 +145,10 @@ impl Captured {
     }
 }
 
-/// Writes a frame as a picture of 8 or 16 bits.
+/// Writes a frame as a greyscale PNG of 8 or 16 bits.
 ///
 /// # Errors
-/// What the system refuses, and a frame whose bytes do not fit its size.
+/// Returns an error on I/O failure, or if the data length of the frame does not match its size.
 pub fn write_png(frame: &Frame, path: &Path) -> Result<()> {
     let (width, height) = (frame.width, frame.height);
     let wrong = || Error::device(format!("frame {}: its bytes do not fit its size", frame.id));

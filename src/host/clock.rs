@@ -1,6 +1,7 @@
-//! The system's monotonic clock, by which V4L2 times frames.
+//! The system's monotonic clock, which V4L2 uses for frame timestamps.
 
-/// Nanoseconds of the system's monotonic clock, by which V4L2 times frames; 0 where there is none.
+/// Returns the system's monotonic time in nanoseconds, the clock of V4L2 timestamps; 0 on systems
+/// without it.
 #[cfg(unix)]
 pub fn monotonic_ns() -> u64 {
     let now = rustix::time::clock_gettime(rustix::time::ClockId::Monotonic);
@@ -8,7 +9,7 @@ pub fn monotonic_ns() -> u64 {
     seconds * 1_000_000_000 + u64::try_from(now.tv_nsec).unwrap_or(0)
 }
 
-/// Nothing times frames by it here.
+/// Always returns 0: on this system no frames are timestamped by this clock.
 #[cfg(not(unix))]
 pub fn monotonic_ns() -> u64 {
     0

@@ -1,4 +1,4 @@
-//! A capture through the decoder.
+//! Decoding of a capture.
 
 use super::Captured;
 use phasmid_core::error::Result;
@@ -6,11 +6,12 @@ use phasmid_decode::{Decoded, Decoder, FrameStack, Options, Samples};
 use phasmid_protocol::PixelFormat;
 
 impl Captured {
-    /// Decodes the frames with the capture's calibration; without one there are coordinates and no
-    /// points.
+    /// Decodes the frames with the capture's calibration. Without one the result has projector
+    /// coordinates but no points.
     ///
     /// # Errors
-    /// A sequence that determines nothing, or frames that do not fit it.
+    /// Returns an error if the sequence does not determine a projector coordinate, or if the frames
+    /// do not match it.
     pub fn decode(&self, options: Options) -> Result<(Decoder, Decoded)> {
         self.with_stack(|stack| {
             let rig = self.calibration.as_ref();
@@ -21,10 +22,11 @@ impl Captured {
         })
     }
 
-    /// The frames as decoders take them.
+    /// Calls `then` with the frames as a stack, the form that decoders take.
     ///
     /// # Errors
-    /// Those of `then`, no frame, and frames that do not fit each other.
+    /// Returns the errors of `then`, and an error if there is no frame or the frames do not match
+    /// each other.
     pub fn with_stack<T>(&self, then: impl FnOnce(&FrameStack<'_>) -> Result<T>) -> Result<T> {
         let (width, height) = self
             .frames

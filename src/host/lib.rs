@@ -1,10 +1,29 @@
-//! How an application reaches a device, any device: camera, port, scanner.
+//! Host side of the scanner: connects to any device that provides a camera and a command port, and
+//! runs scans. Devices are addressed by path, socket or host, never by type: the host treats
+//! whatever it opens as a device. The system's monotonic clock is read for two purposes only: to
+//! end waits in time, and to tell frames that a camera took before it was triggered from those it
+//! took after. The crate depends on `phasmid-core`, `phasmid-geometry`, `phasmid-pattern`,
+//! `phasmid-protocol`, `phasmid-v4l2` and `phasmid-decode`, but not on the simulated device or the
+//! renderer. Applications in radiotherapy build on it elsewhere (`phasmid-sgrt`).
 //!
-//! Addresses say where, never who: the host opens one and takes what is behind it as a device.
-//! The system's monotonic clock is read here for two purposes only: to end waits in time, and to
-//! tell frames that a camera took before it was triggered from those it took after.
-//!
-//! What an application of radiotherapy does with the scans is in `track`.
+//! | module | contents |
+//! | --- | --- |
+//! | `camera` | cameras by address: V4L2 devices, webcams, frame sockets, memory |
+//! | `captured` | the result of a scan and its files |
+//! | `clock` | the system's monotonic clock |
+//! | `consistency` | checks that frames follow their sequence |
+//! | `control` | a device's control port, in SCPI or in a dialect from a file |
+//! | `decoding` | decoding of a capture |
+//! | `instrument` | SCPI instrument behind a command port |
+//! | `local` | Unix domain sockets, where the system has them |
+//! | `patience` | bounded waits and retries |
+//! | `pictures` | checks of images loaded from files |
+//! | `plug` | finds the nodes of a USB device again after it was unplugged |
+//! | `port` | command ports: serial ports and memory |
+//! | `record` | recording of the traffic between host and device |
+//! | `scanner` | runs a sequence and captures its frames |
+//! | `tcp` | TCP connections to `HOST:PORT` |
+//! | [`usb`] | USB devices over USB/IP, without a kernel driver |
 
 mod camera;
 mod captured;

@@ -1,4 +1,4 @@
-//! Sockets by path: streams between programs of one machine, where the system has them.
+//! Unix domain sockets, with a stub for systems that do not have them.
 
 #[cfg(not(unix))]
 pub(super) use absent::UnixStream;
@@ -11,7 +11,7 @@ mod absent {
     use std::path::Path;
     use std::time::Duration;
 
-    /// A stream that cannot be: to connect is refused.
+    /// Uninhabited stand-in for a Unix stream: connecting always fails.
     pub(crate) enum UnixStream {}
 
     impl UnixStream {

@@ -1,15 +1,15 @@
-//! Waits that end, whoever keeps the time.
+//! Bounded waits, in system time or in a simulated device's virtual time.
 
 use super::CommandPort;
 use phasmid_core::error::{Error, Result};
 use std::time::{Duration, Instant};
 
-/// How often to look whether a device has come back.
+/// Interval at which to check whether a device has come back.
 const LOOK_AGAIN: Duration = Duration::from_millis(20);
 
-/// What is left of a wait. A port that gives nothing has used all that it was given, by its own
-/// clock: a device in memory lets virtual time pass and comes back at once. A port that gives
-/// something has used what the system's clock says.
+/// The remaining time of a wait. If the port returns nothing, it has used all the time it was
+/// given, by its own clock: an in-memory device lets virtual time pass and returns at once. If the
+/// port returns data, it has used the time measured by the system clock.
 pub(super) struct Patience {
     left: Duration,
 }
@@ -19,15 +19,15 @@ impl Patience {
         Self { left }
     }
 
-    /// Nothing that is worth a longer wait than this is expected any more.
+    /// Limits the remaining wait to `most`, when nothing is expected that is worth a longer wait.
     pub(super) fn shorten(&mut self, most: Duration) {
         self.left = self.left.min(most);
     }
 
-    /// Receives within what is left; 0 when nothing came and nothing is left.
+    /// Receives within the remaining time; returns 0 when nothing came and no time is left.
     ///
     /// # Errors
-    /// A port that has gone.
+    /// Returns an error if the port is gone.
     pub(super) fn receive(
         &mut self,
         port: &mut impl CommandPort,
@@ -43,11 +43,10 @@ impl Patience {
     }
 }
 
-/// Opens what has gone until that works: a name may be gone, lead nowhere yet, or not be the user's
-/// yet.
+/// Retries `open` until it succeeds: while a device reattaches, its path may be missing, dangling,
+/// or not yet accessible to the user.
 ///
-/// # Errors
-/// A device that does not come back within the timeout.
+/// Returns an error if the device does not come back within the timeout.
 pub(super) fn again<T>(timeout: Duration, mut open: impl FnMut() -> Result<T>) -> Result<T> {
     let begin = Instant::now();
     loop {

@@ -1,12 +1,12 @@
-//! Grey levels from anywhere, as a link would have brought them.
+//! Conversion of loaded images to frames, as a device would have sent them, and their checks.
 
 use super::consistency::{check, doubt};
 use phasmid_decode::{FrameStack, Samples};
 use phasmid_pattern::Manifest;
 use phasmid_protocol::{Frame, PixelFormat};
 
-/// A frame of so many columns and rows, with what it says of itself but its times: its place in the
-/// sequence.
+/// Builds a frame of the given width and height from grey levels. `place` becomes its id and
+/// pattern index; the exposure times are 0.
 pub fn frame_of(samples: &Samples<'_>, (width, height): (usize, usize), place: usize) -> Frame {
     let (format, data) = match samples {
         Samples::U8(levels) => (PixelFormat::Grey, levels.to_vec()),
@@ -27,21 +27,21 @@ pub fn frame_of(samples: &Samples<'_>, (width, height): (usize, usize), place: u
     }
 }
 
-/// Whether pictures follow their sequence, as far as they tell. A sequence some of whose pictures
-/// nobody loaded, for no decoder needs them, cannot be checked and passes.
+/// Checks, as far as the images allow, that they follow their sequence. A sequence passes unchecked
+/// if some of its images were not loaded because no decoder needs them.
 ///
 /// # Errors
-/// How they depart from the sequence.
+/// Returns a description of how they depart from the sequence.
 pub fn check_pictures(manifest: &Manifest, stack: &FrameStack<'_>) -> Result<(), String> {
     frames_of(stack).map_or(Ok(()), |frames| check(manifest, &frames))
 }
 
-/// What a user should know of pictures that follow their sequence.
+/// Returns a warning about images that follow their sequence, if there is one.
 pub fn doubt_pictures(manifest: &Manifest, stack: &FrameStack<'_>) -> Option<String> {
     doubt(manifest, &frames_of(stack)?)
 }
 
-/// Frames of all pictures, if all were loaded.
+/// Converts all images to frames; `None` if some were not loaded.
 fn frames_of(stack: &FrameStack<'_>) -> Option<Vec<Frame>> {
     let size = (stack.width(), stack.height());
     let there = |(place, samples): (usize, &Samples<'_>)| {

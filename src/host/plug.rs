@@ -1,6 +1,10 @@
-//! Who a device node belongs to, when that is a USB device: plugged in again, a device may get other
-//! nodes (`ttyACM1` for `ttyACM0`, `video2` for `video0`), and another one may get those that it had.
-//! What stays is what the device says of itself, and where in it a node leads to.
+//! Identifies the USB device behind a device node. When plugged in again, a device may get other
+//! nodes (`ttyACM1` for `ttyACM0`, `video2` for `video0`), and its old ones may go to another
+//! device. What stays the same is the device's descriptors and the interface that the node belongs
+//! to.
+//!
+//! Linux publishes both in sysfs (Documentation/ABI/stable/sysfs-bus-usb and
+//! testing/sysfs-bus-usb). On systems without sysfs, no node is attributed to a device.
 //!
 //! Linux tells it in its sysfs (Documentation/ABI/stable/sysfs-bus-usb and testing/sysfs-bus-usb);
 //! where that is not, no node belongs to anybody.
@@ -11,26 +15,26 @@ use std::fmt::{self, Display};
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// Where the kernel tells it.
+/// Mount point of sysfs.
 const SYSFS: &str = "/sys";
 
-/// One function of a USB device, by which its node is found again.
+/// One function of a USB device, used to find its node again.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Plug {
-    /// What the kernel calls its kind of nodes: `tty` or `video4linux`.
+    /// Kernel class of its nodes: `tty` or `video4linux`.
     class: &'static str,
     device: Label,
     /// `bInterfaceNumber`.
     interface: String,
-    /// Which of the interface's nodes it is: uvcvideo's second one has no frames.
+    /// Index of the node within the interface, if any: uvcvideo's second node has no frames.
     index: Option<String>,
-    /// Where it was plugged in, such as `1-2.4`.
+    /// USB location, such as `1-2.4`.
     place: String,
-    /// Nothing but its place tells it from another device.
+    /// Only the location distinguishes it from another device.
     stays: bool,
 }
 
-/// What a device says of itself.
+/// Identity of a device by its descriptors.
 #[derive(Debug, Clone, PartialEq, Eq)]
 struct Label {
     vendor: String,
@@ -39,22 +43,21 @@ struct Label {
 }
 
 impl Plug {
-    /// The device that a node, or a link to one, belongs to; `None` where it is none of USB's. `class`
-    /// is what the kernel calls nodes of its kind, `tty` or `video4linux`.
+    /// Identifies the USB device that a node, or a link to one, belongs to; `None` if it is not a
+    /// USB device. `class` is the kernel class of the node, `tty` or `video4linux`.
     pub(super) fn of(class: &'static str, node: &str) -> Option<Self> {
         Self::of_node(Path::new(SYSFS), class, Path::new(node))
     }
 
-    /// The node under `/dev`, while the device is plugged in.
+    /// Returns the node under `/dev` while the device is plugged in.
     fn node(&self) -> Option<PathBuf> {
         self.node_in(Path::new(SYSFS))
     }
 
-    /// The path of the node while the device is plugged in: the one that was given, where it still
-    /// leads there.
+    /// Returns the path of the device's node: the path that was given if it still leads there.
     ///
     /// # Errors
-    /// A device that is not plugged in.
+    /// Returns an error if the device is not plugged in.
     pub(super) fn path(&self, given: &str) -> Result<String> {
         let node = self
             .node()
@@ -89,7 +92,7 @@ impl Plug {
         Some(Path::new("/dev").join(name))
     }
 
-    /// Nodes that may be this one's, by their names.
+    /// Lists nodes of the same class that may belong to this device, judged by their names.
     fn all(&self, sysfs: &Path) -> Vec<(PathBuf, Self)> {
         let Ok(entries) = fs::read_dir(sysfs.join(folder(self.class))) else {
             return Vec::new();
@@ -111,11 +114,11 @@ impl Plug {
             == (&other.device, &other.interface, &other.index)
     }
 
-    /// What sysfs says of a node; it may go while it is looked at.
+    /// Reads what sysfs says of a node; `None` if it disappears meanwhile.
     fn read(sysfs: &Path, class: &'static str, name: &Path) -> Option<Self> {
         let entry = sysfs.join(folder(class)).join(name);
         let lowest = fs::canonicalize(entry.join("device")).ok()?;
-        // An adapter's port hangs on the interface, and is not it.
+        // The port of an adapter is a child of the interface, not the interface itself.
         let interface = lowest
             .ancestors()
             .find(|folder| folder.join("bInterfaceNumber").exists())?;
@@ -144,7 +147,7 @@ impl Display for Plug {
         } = &self.device;
         write!(f, "USB device {vendor}:{product}")?;
         if let Some(serial) = serial {
-            // It is the device's own, and does not steer a terminal.
+            // The serial number comes from the device: keep control characters off the terminal.
             write!(f, " with serial number {}", printable(serial))?;
         }
         match self.stays {
@@ -154,12 +157,12 @@ impl Display for Plug {
     }
 }
 
-/// Where the kernel lists nodes of a kind.
+/// Returns the sysfs folder that lists the nodes of a class.
 fn folder(class: &str) -> PathBuf {
     Path::new("class").join(class)
 }
 
-/// An attribute; `None` where it is not, or empty.
+/// Reads an attribute; `None` if it is missing or empty.
 fn word(path: &Path) -> Option<String> {
     let word = fs::read_to_string(path).ok()?;
     let word = word.trim();
@@ -171,7 +174,7 @@ mod tests {
     use super::*;
     use std::os::unix::fs::symlink;
 
-    /// A folder that looks as sysfs does.
+    /// A temporary folder laid out like sysfs.
     struct Fake(tempfile::TempDir);
 
     impl Fake {
@@ -185,7 +188,7 @@ mod tests {
             fs::write(path, text).unwrap();
         }
 
-        /// A device with a camera (two nodes) at interface 0 and a port at interface 2.
+        /// Plugs in a device with a camera (two nodes) at interface 0 and a port at interface 2.
         fn plug(&self, place: &str, serial: &str, video: [&str; 2], tty: &str) {
             let device = format!("devices/usb1/{place}");
             self.put(&format!("{device}/idVendor"), "1209\n");
@@ -243,7 +246,7 @@ mod tests {
         let fake = Fake::new();
         fake.plug("1-1", "0001", ["video0", "video1"], "ttyACM0");
         fake.plug("1-2", "0002", ["video2", "video3"], "ttyACM1");
-        // A link that a user has, as udev makes them.
+        // A user's link, as udev creates them.
         symlink("ttyACM0", fake.0.path().join("dev/scanner")).unwrap();
         let port = fake.of("tty", "scanner").unwrap();
         let camera = fake.of("video4linux", "video0").unwrap();
@@ -254,7 +257,7 @@ mod tests {
             "USB device 1209:0001 with serial number 0001"
         );
         fake.unplug("1-1", &["video0", "video1", "ttyACM0"]);
-        // The other one is not it, nor is one that gets the old names.
+        // Neither the other device nor one that gets the old node names may be taken for it.
         assert_eq!((fake.node(&port), fake.node(&camera)), (None, None));
         fake.plug("1-1", "0003", ["video0", "video1"], "ttyACM0");
         assert_eq!((fake.node(&port), fake.node(&camera)), (None, None));
@@ -289,7 +292,7 @@ mod tests {
         symlink(&below, fake.0.path().join("class/tty/ttyUSB0/device")).unwrap();
         let port = fake.of("tty", "ttyUSB0").unwrap();
         assert_eq!(port.interface, "02");
-        // A serial port of the board, a pty, nothing at all.
+        // Not USB devices: a serial port on the mainboard, a pty, a node that does not exist.
         let board = fake.0.path().join("devices/pnp0");
         fs::create_dir(&board).unwrap();
         fake.put("class/tty/ttyS0/uevent", "DEVNAME=ttyS0\n");

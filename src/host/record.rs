@@ -1,5 +1,5 @@
-//! What a host and a device say to each other, recorded on the host's side: a camera and a port
-//! that are wrapped, and otherwise as they were.
+//! Recording, on the host's side, of the traffic between host and device. The wrappers around a
+//! camera and a port do not change their behaviour.
 
 use super::{Camera, CommandPort};
 use phasmid_core::error::{Error, Result};
@@ -8,7 +8,7 @@ use phasmid_protocol::record::{Channel, Event, Recorder};
 use std::sync::Arc;
 use std::time::Duration;
 
-/// A recording that a camera and a port share; it ends when both are gone.
+/// A recording shared by a camera and a port; it ends when both are dropped.
 #[derive(Clone)]
 pub struct Tape {
     recorder: Arc<Recorder>,
@@ -16,7 +16,7 @@ pub struct Tape {
 }
 
 impl Tape {
-    /// A recording, and the nanoseconds since its start.
+    /// Creates a tape; `now_ns` returns the nanoseconds since the start of the recording.
     pub fn new(recorder: Recorder, now_ns: impl Fn() -> u64 + Send + Sync + 'static) -> Self {
         Self {
             recorder: Arc::new(recorder),
@@ -29,16 +29,16 @@ impl Tape {
     }
 }
 
-/// A camera whose frames are recorded as the host gets them, if there is a tape.
+/// A camera whose frames are recorded as the host receives them, if there is a tape.
 pub struct RecordedCamera<C: Camera> {
     camera: C,
     tape: Option<Tape>,
-    /// The device's end has gone, and has not been had back.
+    /// The device is gone and has not been reopened.
     gone: bool,
 }
 
 impl<C: Camera> RecordedCamera<C> {
-    /// Wraps a camera that has just been opened.
+    /// Wraps a newly opened camera.
     pub fn new(camera: C, tape: Option<Tape>) -> Self {
         let recorded = Self {
             camera,
@@ -73,7 +73,7 @@ impl<C: Camera> Camera for RecordedCamera<C> {
                 Ok(Some(frame)) => self.put(Event::Frame(Arc::new(frame.clone()))),
                 Err(error) => {
                     self.put(Event::Note(error.to_string()));
-                    // No frame comes after an error that is not one frame's.
+                    // Unless the error concerns a single frame, no more frames follow.
                     if !self.camera.has_skipped() && !std::mem::replace(&mut self.gone, true) {
                         self.put(Event::Unplugged);
                     }
@@ -119,16 +119,16 @@ impl<C: Camera> Drop for RecordedCamera<C> {
     }
 }
 
-/// A port whose bytes are recorded in both directions, if there is a tape.
+/// A port whose traffic is recorded in both directions, if there is a tape.
 pub struct RecordedPort<P: CommandPort> {
     port: P,
     tape: Option<Tape>,
-    /// The device's end has gone, and has not been had back.
+    /// The device is gone and has not been reopened.
     unplugged: bool,
 }
 
 impl<P: CommandPort> RecordedPort<P> {
-    /// Wraps a port that has just been opened.
+    /// Wraps a newly opened port.
     pub fn new(port: P, tape: Option<Tape>) -> Self {
         let recorded = Self {
             port,
@@ -145,7 +145,7 @@ impl<P: CommandPort> RecordedPort<P> {
         }
     }
 
-    /// Records that the device's end has gone, once.
+    /// Records once that the device is gone.
     fn unplug(&mut self) {
         if !std::mem::replace(&mut self.unplugged, true) {
             self.put(|| Event::Unplugged);
@@ -159,8 +159,8 @@ impl<P: CommandPort> CommandPort for RecordedPort<P> {
     }
 
     fn send(&mut self, bytes: &[u8], timeout: Duration) -> Result<()> {
-        // Before they go: an answer is never recorded before its question. What is said to a device
-        // that is known to have gone is no part of the conversation.
+        // Record before sending, so that no answer precedes its question. Bytes sent to a device
+        // that is known to be gone are not part of the conversation.
         if !self.unplugged {
             self.put(|| Event::Sent(bytes.to_vec()));
         }
@@ -170,7 +170,8 @@ impl<P: CommandPort> CommandPort for RecordedPort<P> {
             Ok(()) => {}
             Err(error) => {
                 self.put(|| Event::Note(format!("these bytes did not leave: {error}")));
-                // The system's words; a device that takes nothing is still there.
+                // An I/O error means that the port is gone; a device that accepts no data is still
+                // there.
                 if matches!(error, Error::Io { .. }) {
                     self.unplug();
                 }
@@ -226,7 +227,7 @@ mod tests {
     use std::path::Path;
     use std::sync::atomic::{AtomicU64, Ordering};
 
-    /// A tape in a new file; its clock ticks with each look at it.
+    /// Creates a tape in a new file; its clock advances with every reading.
     fn tape(path: &Path) -> Tape {
         let file = File::create(path).unwrap();
         let about = About {
@@ -296,7 +297,7 @@ mod tests {
         assert_eq!(found[1..], want);
     }
 
-    /// A port that goes while it is spoken to, and comes back.
+    /// A port that disconnects when it is written to, and can be reopened.
     #[derive(Default)]
     struct Loose {
         gone: bool,
@@ -338,7 +339,7 @@ mod tests {
         assert!(port.receive(&mut [0; 9], Duration::ZERO).is_err());
         assert!(port.send(b"hello?\n", Duration::ZERO).is_err());
         port.reopen(Duration::ZERO).unwrap();
-        // One that takes nothing has not gone.
+        // A device that accepts no data is not gone.
         assert!(port.send(b"full\n", Duration::ZERO).is_err());
         port.reopen(Duration::ZERO).unwrap();
         drop(port);

@@ -1,14 +1,14 @@
-//! Connections to `HOST:PORT`.
+//! TCP connections to `HOST:PORT`.
 
 use phasmid_core::error::{Error, Result};
 use std::net::{TcpStream, ToSocketAddrs};
 use std::time::Duration;
 
-/// Connects to the first of a host's addresses that answers; each has `timeout`. `place` names the
-/// address in messages.
+/// Connects to the first of the host's addresses that answers, waiting up to `timeout` for each.
+/// `place` is the address as shown in messages.
 ///
 /// # Errors
-/// A host that cannot be found, or that does not answer.
+/// Returns an error if the host cannot be resolved or does not answer.
 pub(super) fn connect(host: &str, timeout: Duration, place: &str) -> Result<TcpStream> {
     let addresses = host
         .to_socket_addrs()

@@ -1,5 +1,13 @@
-//! Error against truth: distances between clouds and surfaces, overlap of solids, registration,
-//! pictures, plots.
+//! Compares measured clouds and meshes with the ground truth. Depends on `phasmid-core` and
+//! `phasmid-geometry` only, and on no device-side crate.
+//!
+//! | module | contents |
+//! | --- | --- |
+//! | `icp` | registration of a cloud onto a surface |
+//! | `metrics` | distances between cloud and truth in both directions |
+//! | `overlap` | overlap of closed meshes, target position errors |
+//! | `surface` | distance queries to meshes and clouds |
+//! | `visible` | the part of the truth that is lit and seen |
 
 mod icp;
 mod metrics;

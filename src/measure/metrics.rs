@@ -1,7 +1,7 @@
 //! Distances between a measured cloud and the truth, in both directions.
 //!
 //! Let d(p, S) be the distance of a point to the nearest point of a surface S (the mesh itself, or
-//! the discs of a cloud, see [`Surfels`]), and per direction X -> Y the values d(x, Y) over the
+//! the discs of a cloud, see [`Surfels`]). For a direction X -> Y, take the values d(x, Y) over the
 //! points x of X:
 //!
 //! - mean absolute error, MAE = mean d; it is that direction's mean distance to agreement;
@@ -9,14 +9,14 @@
 //! - directed Hausdorff distance h = max d (D. Huttenlocher, G. Klanderman and W. Rucklidge,
 //!   "Comparing Images Using the Hausdorff Distance", 1993, equations 1 and 2);
 //! - 95th percentile of d, by the nearest rank;
-//! - gross error rate: the share of d above [`GROSS_MM`].
+//! - gross error rate: the fraction of d above [`GROSS_MM`].
 //!
-//! Both directions together: the mean distance to agreement (MDTA) is the mean of the two directed
-//! means, and MAE the same; RMSE is the root of the mean of the two mean squares; the Hausdorff
-//! distance and the percentile are the larger of the two; the gross error rate is the mean of the
-//! two. Directions weigh the same, however many points each has: the average symmetric surface
-//! distance (T. Heimann et al., "Comparison and Evaluation of Methods for Liver Segmentation From CT
-//! Datasets", 2009) pools the points instead, which for clouds would weigh by their densities.
+//! Over both directions: the mean distance to agreement (MDTA) and the MAE are the mean of the two
+//! directed means; RMSE is the root of the mean of the two mean squares; the Hausdorff distance and
+//! the percentile are the larger of the two; the gross error rate is the mean of the two. Both
+//! directions weigh the same, regardless of their number of points: the average symmetric surface
+//! distance (T. Heimann et al., "Comparison and Evaluation of Methods for Liver Segmentation From
+//! CT Datasets", 2009) pools the points instead, which would weight clouds by their density.
 
 use super::surface::{Surface, Surfels, Truth};
 use super::visible::{all_of, lit_and_seen};
@@ -25,16 +25,16 @@ use phasmid_core::error::{Error, Result};
 use phasmid_geometry::{Cloud, Rig};
 use serde::Serialize;
 
-/// Beyond this a distance is a gross error, in millimetres.
+/// Distance above which an error counts as gross, in millimetres.
 pub const GROSS_MM: f64 = 1.0;
 
-/// Points tried on a true mesh, over its whole area.
+/// Maximum number of points sampled on a true mesh, over its whole area.
 const SAMPLES: usize = 200_000;
 
-/// Distances in one direction, or over both.
+/// Distance statistics in one direction, or over both.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Directed {
-    /// How many distances.
+    /// Number of distances.
     pub points: usize,
     /// Mean distance in millimetres: mean absolute error, mean distance to agreement.
     pub mae_mm: f64,
@@ -44,41 +44,41 @@ pub struct Directed {
     pub hausdorff_mm: f64,
     /// 95th percentile in millimetres.
     pub p95_mm: f64,
-    /// Share of distances above [`GROSS_MM`], 0 to 1.
+    /// Fraction of distances above [`GROSS_MM`], 0 to 1.
     pub gross_error_rate: f64,
-    /// Root of the mean square of the distances up to [`GROSS_MM`], in millimetres; 0 without any.
+    /// RMS of the distances up to [`GROSS_MM`], in millimetres; 0 if there are none.
     pub inlier_rmse_mm: f64,
 }
 
-/// A cloud against the truth.
+/// Comparison of a cloud with the truth.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Comparison {
-    /// Measured points that took part.
+    /// Number of measured points used.
     pub points: usize,
-    /// Measured points left out because a coordinate is not finite.
+    /// Number of measured points ignored because a coordinate is not finite.
     pub points_ignored: usize,
-    /// From each measured point to the true surface.
+    /// Distances from each measured point to the true surface.
     pub cloud_to_truth: Directed,
-    /// From each true point that is lit and seen to the measured surface.
+    /// Distances from each lit and seen true point to the measured surface.
     pub truth_to_cloud: Option<Directed>,
-    /// Why there is no `truth_to_cloud`.
+    /// Reason if `truth_to_cloud` is absent.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub truth_to_cloud_absent: Option<String>,
-    /// Both directions.
+    /// Statistics over both directions.
     pub both: Option<Directed>,
     /// Mean distance to agreement over both directions, in millimetres.
     pub mdta_mm: Option<f64>,
-    /// Share of the truth that is lit and seen and has measured surface within [`GROSS_MM`].
+    /// Fraction of the lit and seen truth with measured surface within [`GROSS_MM`].
     pub coverage: Option<f64>,
 }
 
 impl Directed {
-    /// The figures of a set of distances; `None` of an empty one.
+    /// Returns the statistics of a set of distances; `None` if it is empty.
     pub fn of(mut distances: Vec<f64>) -> Option<Self> {
         if distances.is_empty() {
             return None;
         }
-        // Summed in order of size: the same figures for any order of points.
+        // Sum in order of size, so that the result does not depend on the order of the points.
         distances.sort_unstable_by(f64::total_cmp);
         let points = distances.len();
         let n = points as f64;
@@ -111,10 +111,10 @@ impl Directed {
 }
 
 /// Compares a cloud with the truth, both in millimetres in the same frame. `surface` is
-/// `Surface::new(truth)`; `rig`, in that frame too, tells which parts of a true mesh count.
+/// `Surface::new(truth)`; `rig`, in the same frame, determines which parts of a true mesh count.
 ///
 /// # Errors
-/// A cloud without a finite point.
+/// Returns an error if the cloud has no finite point.
 pub fn compare(
     cloud: &Cloud,
     truth: &Truth,
@@ -158,7 +158,7 @@ pub fn compare(
     })
 }
 
-/// The finite points of a cloud.
+/// Returns the finite points of a cloud, or an error if there are none.
 pub(super) fn finite_points(cloud: &Cloud) -> Result<Vec<DVec3>> {
     let points = all_of(cloud);
     if points.is_empty() {
@@ -225,7 +225,7 @@ mod tests {
 
     #[test]
     fn an_offset_plane_with_a_hole() {
-        // A quarter millimetre off; the scan covers the left half of the floor.
+        // Offset by a quarter millimetre; the scan covers the left half of the floor.
         let truth = Truth::Mesh(floor(1000.0));
         let mut cloud = grid(100, 1000.25);
         cloud.points.retain(|p| p[0] <= 0.0);
@@ -237,8 +237,9 @@ mod tests {
             assert!((value - 0.25).abs() < 1e-12, "{value}");
         }
         let back = found.truth_to_cloud.unwrap();
-        // On its border a grid's fourth neighbour is the diagonal one, 2.83 mm away: so far discs
-        // reach beyond x = 0, and gross begins where 0.25 mm up makes 1 mm.
+        // At the border of a grid the fourth neighbour is the diagonal one, 2.83 mm away: discs
+        // extend that far beyond x = 0, and the error becomes gross where the distance reaches 1 mm
+        // at a height of 0.25 mm.
         let covered = 200.0 + 8_f64.sqrt() + (1.0_f64 - 0.0625).sqrt();
         let coverage = found.coverage.unwrap();
         assert!((coverage - covered / 400.0).abs() < 0.003, "{coverage}");
@@ -254,7 +255,7 @@ mod tests {
         assert_eq!(found.cloud_to_truth.mae_mm, 0.5);
         assert_eq!((found.truth_to_cloud, found.coverage), (None, None));
         assert!(found.truth_to_cloud_absent.unwrap().contains("calibration"));
-        // And a rig that looks elsewhere sees none of it.
+        // A rig that looks elsewhere sees nothing of the mesh.
         let behind = against(&grid(5, 1.0), &Truth::Mesh(floor(-1000.0)), Some(&rig()));
         assert!(behind.truth_to_cloud_absent.unwrap().contains("nothing"));
     }
@@ -265,8 +266,8 @@ mod tests {
         let found = against(&grid(50, 1000.125), &truth, None);
         assert_eq!(found.cloud_to_truth.hausdorff_mm, 0.125);
         let back = found.truth_to_cloud.unwrap();
-        // The truth's corner is 20 mm across both ways from the cloud's, whose disc reaches 4 mm:
-        // as far as the point after next, the fourth neighbour of a corner.
+        // The truth's corner is 20 mm from the cloud's along both axes. The disc of the cloud's
+        // corner has a radius of 4 mm: its fourth neighbour is the point after next.
         let corner = (20.0 * 2_f64.sqrt() - 4.0).hypot(0.125);
         assert!((back.hausdorff_mm - corner).abs() < 1e-6, "{back:?}");
         let measured = 101.0 * 101.0 / (121.0 * 121.0);

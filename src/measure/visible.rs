@@ -1,18 +1,19 @@
-//! Which parts of a true surface a rig can measure: lit by the projector and seen by the camera.
+//! Finds the parts of a true surface that a rig can measure: lit by the projector and seen by the
+//! camera.
 
 use super::surface::widened;
 use glam::DVec3;
 use phasmid_geometry::{Cloud, Mesh, MeshTree, Rig, View};
 use rayon::prelude::*;
 
-/// Rays that strike at this angle of incidence or a flatter one measure nothing, in degrees.
+/// Angle of incidence in degrees from which a ray measures nothing.
 pub const GRAZING_DEG: f64 = 80.0;
 
-/// How near to its end a ray is no longer tested, relative to its length: the surface it comes from
-/// must not stop it.
+/// Margin at both ends of an occlusion ray, relative to its length, so that the surface it starts
+/// from does not block it.
 const MARGIN: f64 = 1e-7;
 
-/// Points spread evenly over the area of a mesh, of those that the rig's camera sees and its
+/// Returns points evenly distributed over the part of a mesh that the rig's camera sees and its
 /// projector lights, both from the same side at less than [`GRAZING_DEG`] of incidence. `samples`
 /// points are tried over the whole mesh. Mesh and rig are in the same frame, in millimetres.
 pub fn lit_and_seen(mesh: &Mesh, tree: &MeshTree, rig: &Rig, samples: usize) -> Vec<DVec3> {
@@ -30,8 +31,8 @@ pub fn lit_and_seen(mesh: &Mesh, tree: &MeshTree, rig: &Rig, samples: usize) -> 
         .into_par_iter()
         .with_min_len(256)
         .filter_map(|k| {
-            // Evenly along the cumulated area, and within a triangle by the R2 sequence
-            // (M. Roberts, "The Unreasonable Effectiveness of Quasirandom Sequences", 2018).
+            // Evenly along the cumulative area, and within a triangle by the R2 sequence (M.
+            // Roberts, "The Unreasonable Effectiveness of Quasirandom Sequences", 2018).
             let at = area * (k as f64 + 0.5) / samples as f64;
             let i = ends.partition_point(|&end| end <= at).min(ends.len() - 1);
             let [a, b, c] = mesh.corners(i);
@@ -53,7 +54,7 @@ pub fn lit_and_seen(mesh: &Mesh, tree: &MeshTree, rig: &Rig, samples: usize) -> 
         .collect()
 }
 
-/// The finite points of a true cloud, which are all lit and seen.
+/// Returns the finite points of a true cloud, all of which are lit and seen.
 pub(super) fn all_of(cloud: &Cloud) -> Vec<DVec3> {
     cloud
         .points
@@ -63,8 +64,8 @@ pub(super) fn all_of(cloud: &Cloud) -> Vec<DVec3> {
         .collect()
 }
 
-/// The cosine of incidence, signed by the side of the surface, of a view's ray to a point in its
-/// field; `None` outside the field or where the ray grazes.
+/// Returns the cosine of the angle of incidence of a view's ray at a point in its field of view,
+/// signed by the side of the surface; `None` outside the field of view or at grazing incidence.
 fn reach(view: &View, p: DVec3, normal: DVec3) -> Option<f64> {
     let px = view.project(p)?;
     let cosine = (view.center() - p).normalize().dot(normal);
@@ -77,8 +78,8 @@ pub(super) mod tests {
     use glam::DVec2;
     use phasmid_geometry::{Lens, Pose};
 
-    /// A camera at the origin and a projector 400 mm to its right, both 1000 px wide with 45 degrees
-    /// to either side.
+    /// A camera at the origin and a projector 400 mm to its right, both 1000 px wide with a half
+    /// angle of 45 degrees.
     pub(crate) fn rig() -> Rig {
         let lens = Lens {
             width_px: 1000,
@@ -120,15 +121,16 @@ pub(super) mod tests {
 
     #[test]
     fn the_share_in_both_fields_and_out_of_the_shadow() {
-        // A floor of 4 m side at 1000 mm: both fields share 1.6 m by 2 m of it.
+        // A floor of 4 m side at 1000 mm: the fields of view overlap on 1.6 m by 2 m of it.
         let mut mesh = square(2000.0, 0.0, 1000.0);
         let share = |mesh: &Mesh| {
             let tree = MeshTree::new(mesh);
             lit_and_seen(mesh, &tree, &rig(), 40_000).len() as f64 / 40_000.0
         };
         assert!((share(&mesh) - 0.2).abs() < 0.001, "{}", share(&mesh));
-        // A plate of 200 mm side halfway up hides 400 mm squares of floor: from the camera at x =
-        // -200 to 200, from the projector at -600 to -200. Both the plate and the rest are seen.
+        // A plate of 200 mm side half-way up hides a 400 mm square of floor from each view: x =
+        // -200 to 200 from the camera, -600 to -200 from the projector. The plate itself and the
+        // rest are seen.
         let plate = square(100.0, 0.0, 500.0);
         mesh.vertices.extend(&plate.vertices);
         mesh.triangles
@@ -139,7 +141,8 @@ pub(super) mod tests {
 
     #[test]
     fn grazing_and_two_sided_views_do_not_count() {
-        // A sheet on edge between camera (x = 0) and projector (x = 400): each sees another side.
+        // A sheet seen edge-on between camera (x = 0) and projector (x = 400): each sees a
+        // different side.
         let sheet = quad([
             [200.0, -50.0, 800.0],
             [200.0, -50.0, 900.0],
@@ -147,7 +150,7 @@ pub(super) mod tests {
             [200.0, 50.0, 800.0],
         ]);
         assert!(lit_and_seen(&sheet, &MeshTree::new(&sheet), &rig(), 1000).is_empty());
-        // Flat along the camera's rays: 1 in 20 is 87 degrees of incidence.
+        // Nearly parallel to the camera's rays: 1 in 20 is 87 degrees of incidence.
         let flat = quad([
             [-10.0, 40.0, 800.0],
             [10.0, 40.0, 800.0],

@@ -1,10 +1,14 @@
-//! What a projector shows: fringes, Gray code, white, black, images; and the sequence manifest
-//! that lists them.
+//! Projected patterns (fringes, Gray code, white, black, images) and the sequence manifest that
+//! lists them, shared by device and host. Depends only on `phasmid-core`.
 //!
-//! A projector shows held pixels of its own bit depth: pixel i covers [i - 0.5, i + 0.5) along its
-//! axis and has one level over it. A fringe asks for `A + B cos(2 pi x / period_px + phase_rad)` at
-//! the pixel's index x, with A = B = half of full scale. Gray code is the reflected binary code of
-//! `floor(x / cell_px)`; bit 0 is the least significant.
+//! | module | contents |
+//! | --- | --- |
+//! | [`manifest`] | the sequence manifest: patterns and frame files, checked |
+//!
+//! A projector shows constant pixels of its own bit depth: pixel i covers [i - 0.5, i + 0.5) along
+//! its axis and has one level there. A fringe is `A + B cos(2 pi x / period_px + phase_rad)`,
+//! sampled at pixel index x, with A = B = half of full scale. Gray code is the reflected binary
+//! code of `floor(x / cell_px)`; bit 0 is the least significant.
 
 pub mod manifest;
 
@@ -18,9 +22,9 @@ use std::path::PathBuf;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Axis {
-    /// Along the rows: the column index counts.
+    /// Along the rows: the level depends on the column index.
     X,
-    /// Along the columns: the row index counts.
+    /// Along the columns: the level depends on the row index.
     Y,
 }
 
@@ -33,11 +37,11 @@ impl std::fmt::Display for Axis {
     }
 }
 
-/// One picture that a projector shows.
+/// One projected image.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "lowercase", deny_unknown_fields)]
 pub enum Pattern {
-    /// A sinusoid.
+    /// A sinusoidal fringe.
     Fringe {
         /// Axis of variation.
         axis: Axis,
@@ -52,27 +56,27 @@ pub enum Pattern {
         axis: Axis,
         /// Width of a code cell in projector pixels.
         cell_px: f64,
-        /// Bits of the whole code.
+        /// Number of bits of the complete code.
         bits: u32,
-        /// Which bit this picture shows; 0 is the least significant.
+        /// Index of the bit shown; 0 is the least significant.
         bit: u32,
-        /// Whether this is the complement.
+        /// Whether the bit is shown inverted.
         #[serde(default)]
         inverted: bool,
     },
-    /// Full on.
+    /// Uniform, full brightness.
     White {},
-    /// Full off.
+    /// Uniform, zero brightness.
     Black {},
-    /// A picture file, a pixel a pixel.
+    /// An image file, shown pixel for pixel.
     Image {
-        /// Path, relative to the file that names it.
+        /// Path, relative to the file that contains this entry.
         file: PathBuf,
     },
 }
 
 impl Pattern {
-    /// The axis that the pattern varies along; `None` for uniform ones and images.
+    /// Returns the axis along which the pattern varies; `None` for uniform patterns and images.
     #[inline]
     pub fn axis(&self) -> Option<Axis> {
         match self {
@@ -81,8 +85,8 @@ impl Pattern {
         }
     }
 
-    /// The relative level, 0 to 1, asked for at pixel index `x` along the pattern's axis, before
-    /// the projector's quantisation. Images have no formula: `None`.
+    /// Returns the nominal relative level, 0 to 1, at pixel index `x` along the pattern's axis,
+    /// before quantisation by the projector. `None` for images.
     pub fn level(&self, x: u32) -> Option<f64> {
         match *self {
             Self::Fringe {
@@ -90,7 +94,7 @@ impl Pattern {
                 phase_rad,
                 ..
             } => {
-                // Reduced to one turn in f64 before the cosine: exact for any index.
+                // Reduce to one turn in f64 before the cosine: exact for any index.
                 let turn = (f64::from(x) / period_px).fract();
                 Some(0.5 + 0.5 * (TAU * turn + phase_rad).cos())
             }
@@ -109,14 +113,14 @@ impl Pattern {
         }
     }
 
-    /// One row (or column) of `len` held pixels, quantised to `bits` bits: levels 0 to
-    /// 2^bits - 1. Images have none.
+    /// Returns one row (or column) of `len` projector pixels, quantised to `bits` bits: levels 0 to
+    /// 2^bits - 1. `None` for images.
     ///
-    /// A level half-way between two is rounded up wherever it stands in a fringe, however its phase
-    /// was written: where 1.57079632679 goes up and 4.71238898038 down, all of a 16-pixel fringe of
-    /// 12 steps is 0.0004 px off.
+    /// A level half-way between two integers is always rounded up, regardless of the rounding of
+    /// the written phase. Without this, 1.57079632679 rounds up and 4.71238898038 down, which
+    /// shifts a 16-pixel fringe with 12 phase steps by 0.0004 px.
     pub fn quantised_row(&self, len: u32, bits: u32) -> Option<Vec<u16>> {
-        /// Part of a level that phases of twelve digits leave open, and much more.
+        /// Tolerance in levels for ties; far above the error of phases written with twelve digits.
         const TIE: f64 = 1e-6;
         let full = f64::from((1u32 << bits) - 1);
         (0..len)
@@ -125,8 +129,8 @@ impl Pattern {
     }
 }
 
-/// Axis and period in pixels of the finest fringes among some patterns, x before y where both have
-/// it: the ones whose noise the truth speaks of.
+/// Returns the axis and period in pixels of the finest fringe among the patterns, x before y on a
+/// tie. Ground-truth noise refers to this fringe.
 pub fn finest_fringe<'a>(patterns: impl Iterator<Item = &'a Pattern>) -> Option<(Axis, f64)> {
     patterns
         .filter_map(|pattern| match *pattern {
@@ -141,10 +145,10 @@ pub fn finest_fringe<'a>(patterns: impl Iterator<Item = &'a Pattern>) -> Option<
         })
 }
 
-/// Index of the Gray cell that holds pixel index `x`.
+/// Returns the index of the Gray-code cell that contains pixel index `x`.
 ///
-/// A quotient within rounding of a whole number counts as that number, so that cells given as
-/// decimals (66.6666666667) start where they are meant to.
+/// A quotient within rounding error of an integer is taken as that integer, so that cell sizes
+/// written as decimals (66.6666666667) start on the intended pixel.
 #[inline]
 pub fn gray_cell(x: f64, cell_px: f64) -> u64 {
     let quotient = x / cell_px;
@@ -156,19 +160,19 @@ pub fn gray_cell(x: f64, cell_px: f64) -> u64 {
     }
 }
 
-/// Bit `bit` of the reflected binary Gray code of `cell`.
+/// Returns bit `bit` of the reflected binary Gray code of `cell`.
 #[inline]
 pub fn gray_bit(cell: u64, bit: u32) -> bool {
     (gray_encode(cell) >> bit) & 1 == 1
 }
 
-/// The reflected binary Gray code of a number.
+/// Returns the reflected binary Gray code of a number.
 #[inline]
 pub fn gray_encode(n: u64) -> u64 {
     n ^ (n >> 1)
 }
 
-/// The number that a reflected binary Gray code stands for.
+/// Returns the number encoded by a reflected binary Gray code.
 #[inline]
 pub fn gray_decode(code: u64) -> u64 {
     let mut n = code;
@@ -210,7 +214,7 @@ mod tests {
         assert_eq!((row[0], row[8], row[16], row[4]), (255, 0, 255, 128));
     }
 
-    /// Rounding to levels moves no fringe as a whole, with phases as profiles have them.
+    /// Rounding to levels does not shift a fringe, for phases written as in the profiles.
     #[test]
     fn rounding_has_no_side() {
         let (mut sine, mut cosine) = (0.0, 0.0);

@@ -1,5 +1,5 @@
-//! The sequence manifest: what was or will be projected, frame by frame, in a schema that the
-//! device's profile, the decoder and captures made elsewhere share.
+//! The sequence manifest: the projected patterns, frame by frame, in a schema shared by the device
+//! profiles, the decoder and captures from other systems.
 
 use super::Pattern;
 use phasmid_core::error::Result;
@@ -7,9 +7,9 @@ use phasmid_core::source::TomlSource;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
-/// More frames than any sequence has; a manifest beyond it is a mistake or an attack.
+/// Maximum number of frames; a larger manifest is a mistake or an attack.
 pub const MAX_FRAMES: usize = 4096;
-/// Largest image side in pixels, of projectors, cameras and pictures alike.
+/// Maximum image side in pixels, for projectors, cameras and images.
 pub const MAX_SIDE_PX: u32 = 32768;
 
 /// The projector's size in pixels.
@@ -22,24 +22,24 @@ pub struct ProjectorSize {
     pub height_px: u32,
 }
 
-/// One frame: the pattern shown and, where frames are files, the photograph of it.
+/// One frame: the projected pattern and, if frames are files, the photograph of it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ManifestFrame {
-    /// Photograph, relative to the folder of frames.
+    /// Photograph, relative to the folder of the frames.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub file: Option<PathBuf>,
-    /// What the projector showed.
+    /// The projected pattern.
     pub pattern: Pattern,
 }
 
-/// A sequence of patterns on a projector of a known size.
+/// A sequence of patterns and the size of the projector that shows it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Manifest {
     /// The projector that shows the sequence.
     pub projector: ProjectorSize,
-    /// The frames in order of time.
+    /// The frames in temporal order.
     pub frame: Vec<ManifestFrame>,
 }
 
@@ -47,16 +47,16 @@ impl Manifest {
     /// Reads and checks a manifest file.
     ///
     /// # Errors
-    /// A file that cannot be read, or what [`Self::parse`] refuses.
+    /// Returns an error if the file cannot be read or [`Self::parse`] rejects its content.
     pub fn read(path: &Path) -> Result<Self> {
         let source = TomlSource::read(path)?;
         Self::from_source(&source)
     }
 
-    /// Reads and checks a manifest from text; `place` stands for the file in messages.
+    /// Parses and checks a manifest; `place` is used as the file name in messages.
     ///
     /// # Errors
-    /// Unknown fields, wrong types and values that no sequence can have, each with its line.
+    /// Returns an error with the line for an unknown field, a wrong type or a value out of range.
     pub fn parse(text: &str, place: &str) -> Result<Self> {
         Self::from_source(&TomlSource::new(text, place))
     }
@@ -80,16 +80,16 @@ impl Manifest {
         Ok(manifest)
     }
 
-    /// The manifest as TOML.
+    /// Returns the manifest as TOML.
     pub fn to_toml(&self) -> String {
         toml::to_string(self).expect("numbers, strings and tables always serialise")
     }
 }
 
-/// Checks the values of a list of frames; `field` is the list's path in `source`.
+/// Checks a list of frames; `field` is the path of the list in `source`.
 ///
 /// # Errors
-/// The first value outside of its range, with its line.
+/// Returns an error with the line of the first value out of range.
 pub fn check_frames(frames: &[ManifestFrame], field: &str, source: &TomlSource) -> Result<()> {
     if frames.is_empty() || frames.len() > MAX_FRAMES {
         return Err(source.violation(

@@ -1,4 +1,4 @@
-//! The patients that ship inside the program.
+//! The built-in patients.
 
 /// Name and text of each patient.
 pub(super) const PATIENTS: [(&str, &str); 15] = [
@@ -61,7 +61,7 @@ pub(super) const PATIENTS: [(&str, &str); 15] = [
     ),
 ];
 
-/// Names of the built-in patients.
+/// Returns the names of the built-in patients.
 pub fn patient_names() -> impl Iterator<Item = &'static str> {
     PATIENTS.iter().map(|(name, _)| *name)
 }

@@ -1,4 +1,4 @@
-//! Named checks of a patient's values, and of what follows from them together.
+//! Checks of a patient's values, one by one and in combination.
 
 use super::breathing::Course;
 use super::modes::Modes;
@@ -10,9 +10,9 @@ use crate::tissue as skin;
 use phasmid_core::check::{Check, name};
 use phasmid_core::error::Result;
 
-/// Most coughs at stated times.
+/// Maximum number of coughs at given times.
 const MOST_COUGHS: usize = 64;
-/// How far along the front a scar may lie.
+/// Maximum absolute coordinate of a scar's ends.
 const SCAR_MM: f64 = 300.0;
 
 pub(super) fn check(p: &Patient, check: &Check<'_>) -> Result<()> {
@@ -87,7 +87,7 @@ fn check_treatment(t: &Treatment, check: &Check<'_>) -> Result<()> {
     check.all_within(&field("setup_deg"), &t.setup_deg, -10.0..=10.0)
 }
 
-/// What values that are possible each by itself may not make together.
+/// Checks combinations of values that are each valid on their own.
 fn together(p: &Patient, check: &Check<'_>) -> Result<()> {
     let [least, most] = Outline::masses_kg(p);
     check.that(
@@ -114,5 +114,5 @@ fn together(p: &Patient, check: &Check<'_>) -> Result<()> {
     )
 }
 
-/// Tissue keeps more than this share of its volume: the displacement never folds over.
+/// Minimum local volume ratio of tissue; above 0 the displacement never folds over.
 pub(super) const LEAST_DETERMINANT: f64 = 0.1;

@@ -1,4 +1,4 @@
-//! The planning folder of a generated patient: all that a host knows of one.
+//! Exports the planning folder of a generated patient, which is all that a host knows of it.
 
 use super::{PHASES, Phantom, REFERENCE_PHASE, SKIN_TRIANGLES, State, hounsfield};
 use glam::DVec3;
@@ -11,22 +11,23 @@ use phasmid_planning::volume::Grid;
 use rayon::prelude::*;
 use std::path::Path;
 
-/// Space around the skin.
+/// Margin around the skin.
 const MARGIN_MM: f64 = 10.0;
 const SPACING_MM: std::ops::RangeInclusive<f64> = 1.0..=20.0;
-/// Level of the tumour's mesh: 5120 triangles.
+/// Subdivision level of the tumour's mesh: 5120 triangles.
 const LEVEL: u32 = 4;
 
 impl Phantom {
-    /// Writes the planning folder, which is made if it is not there: `planning.toml`; `skin.ply` and
-    /// `tumour.ply` at the reference phase; `dvf_00.mha` to `dvf_90.mha`, the displacement of the
-    /// reference phase's points to each phase on a lattice around the body, in millimetres; and where
-    /// `ct` is asked for, `ct_50.mha`, the reference phase in Hounsfield units on the same lattice.
-    /// Voxels of the CT that a border of tissues crosses have a share of both, as a scanner's do, so
-    /// that the skin can be found in it to a small part of a voxel.
+    /// Writes the planning folder, which is created if it does not exist: `planning.toml`;
+    /// `skin.ply` and `tumour.ply` at the reference phase; `dvf_00.mha` to `dvf_90.mha`, the
+    /// displacement of the reference phase's points to each phase on a grid around the body, in
+    /// millimetres; and, if `ct` is set, `ct_50.mha`, the reference phase in Hounsfield units on
+    /// the same grid. CT voxels at a tissue border have partial volumes, as in a real scanner, so
+    /// the skin can be located to a small fraction of a voxel.
     ///
     /// # Errors
-    /// A spacing outside 1 to 20 mm, files that would be overwritten without `force`, and what the system refuses.
+    /// Returns an error if the spacing is outside 1 to 20 mm, if files exist and `force` is not
+    /// set, or if writing fails.
     pub fn export_planning(
         &self,
         folder: &Path,
@@ -82,19 +83,19 @@ impl Phantom {
             };
             write_volume_by_planes(&folder.join(name), grid, |k| plane(grid, k, voxel))?;
         }
-        // Last, so that a folder with a planning.toml is whole.
+        // Write it last, so that a folder with a planning.toml is complete.
         file.write(folder)
     }
 }
 
-/// A grid that holds a box and some space around it.
+/// Returns a grid that encloses a box plus the margin.
 fn around((lo, hi): (DVec3, DVec3), spacing_mm: f64) -> Grid {
     let (lo, hi) = (lo - MARGIN_MM, hi + MARGIN_MM);
     let steps = ((hi - lo) / spacing_mm).ceil().to_array();
     Grid::upright(steps.map(|n| n as usize + 1), DVec3::splat(spacing_mm), lo)
 }
 
-/// The voxels of one k.
+/// Returns the voxels of one k.
 fn plane<T: Copy + Default + Send>(
     grid: &Grid,
     k: usize,

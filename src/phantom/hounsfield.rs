@@ -1,9 +1,9 @@
-//! What a CT would measure: tissues by their organs, borders shared over some millimetres, as voxels
-//! that a border crosses are part of both.
+//! Hounsfield units of the phantom: tissues by organ, blended across borders of some millimetres to
+//! model partial volumes.
 //!
-//! Values are those of textbooks (Kalender, "Computed Tomography", 2011, fig. 1.12): air -1000, lung
-//! about -750 at end-exhale, fat -100, organs 20 to 60, bone some hundreds. Lung keeps its mass: where
-//! it is stretched to more volume, it is thinner.
+//! Values are from textbooks (Kalender, "Computed Tomography", 2011, fig. 1.12): air -1000, lung
+//! about -750 at end-exhale, fat -100, organs 20 to 60, bone some hundreds. Lung conserves its
+//! mass: where it is stretched, its density decreases.
 
 use super::organs::Organs;
 use super::skin::Skin;
@@ -11,7 +11,7 @@ use super::tumour::Shape;
 use glam::DVec3;
 
 const AIR: f64 = -1000.0;
-/// Skin has 0, so that the border with air is at -500.
+/// Skin has 0, so that its border with air is at -500.
 const SKIN: f64 = 0.0;
 const FAT: f64 = -100.0;
 const MUSCLE: f64 = 50.0;
@@ -21,22 +21,22 @@ const HEART: f64 = 42.0;
 const TUMOUR: f64 = 38.0;
 const RIB: f64 = 350.0;
 const SPINE: f64 = 220.0;
-/// Lung's mass over water's of the same volume at the reference phase.
+/// Mass density of lung relative to water at the reference phase.
 const LUNG_DENSITY: f64 = 0.25;
-/// Least half width of a border: that of the finest voxels.
+/// Minimum half width of a border, that of the finest voxels.
 pub(super) const BORDER_MM: f64 = 1.0;
-/// How thick the skin is.
+/// Thickness of the skin.
 const SKIN_MM: f64 = 2.0;
 
-/// A place of the reference phase.
+/// A point at the reference phase.
 pub(super) struct Place {
-    /// Where it is, in the body frame.
+    /// Position in the body frame.
     pub(super) x: DVec3,
-    /// How many times itself a volume there has become.
+    /// Current volume relative to the volume at the reference phase.
     pub(super) stretched: f64,
 }
 
-/// Hounsfield units at a place; borders are `border_mm` wide to either side.
+/// Returns the Hounsfield units at a point; borders extend `border_mm` to either side.
 pub(super) fn value(
     (skin, organs, tumour): (&Skin, &Organs, &Shape),
     &Place { x, stretched }: &Place,
@@ -60,7 +60,7 @@ pub(super) fn value(
         let lungs = organs.lungs(x);
         lay(1000.0 * (LUNG_DENSITY / stretched - 1.0), lungs);
         lay(SPINE, organs.spine(x));
-        // Only lungs have it.
+        // Only lungs contain tumours.
         lay(TUMOUR, tumour.outside(x));
     } else if wall < 20.0 {
         lay(RIB, organs.ribs(x));

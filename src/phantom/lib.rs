@@ -1,4 +1,20 @@
-//! A breathing thorax with a tumour, generated: skin, lungs, tumour and motion in closed form.
+//! A generated, breathing thorax with a tumour: skin, lungs, tumour and motion in closed form. It
+//! is ground truth for the device side; no host-side crate may depend on it, and the host reads
+//! only the exported planning folder ([`Phantom::export_planning`]). Depends on `phasmid-core`,
+//! `phasmid-geometry`, `phasmid-planning` and `phasmid-device-profiles`.
+//!
+//! | module | contents |
+//! | --- | --- |
+//! | `breathing` | weights of the motion modes over time |
+//! | `catalogue` | the built-in patients |
+//! | `checks`, `parameters` | the patient file and its validation |
+//! | `export` | the planning folder |
+//! | `hounsfield` | CT values |
+//! | `modes` | displacement fields |
+//! | `organs`, `tumour` | lungs, other organs and the tumour |
+//! | `outline`, `relief`, `skin`, `skin_mesh` | the body's surface and its mesh |
+//! | `random`, `real`, `spline` | random numbers, automatic differentiation, splines |
+//! | [`tissue`] | optical properties of skin |
 //!
 //! ```text
 //!  patients/*.toml -> [ parameters, checks ] -> Phantom
@@ -8,17 +24,14 @@
 //!                                                 '-- breathing: how many millimetres, when
 //! ```
 //!
-//! Displacement is u(x, t) = sum over k of w_k(t) m_k(x): five fields of the body (`modes.rs`) and their
-//! weights over device time (`breathing.rs`). At the reference phase, the end of exhaling of the mean
-//! cycle at planning, all weights are 0. Three fields move the skin, so that it is at any time a
-//! blend of four key meshes; the others move lungs, diaphragm and tumour under it and lag behind,
-//! which makes the hysteresis between skin and tumour.
+//! Displacement is u(x, t) = sum over k of w_k(t) m_k(x): five fields of the body (`modes.rs`) with
+//! weights over device time (`breathing`). At the reference phase, end-exhale of the mean cycle at
+//! planning, all weights are 0. Three fields move the skin, which is therefore at any time a blend
+//! of four key meshes. The others move lungs, diaphragm and tumour and lag behind, which causes the
+//! hysteresis between skin and tumour.
 //!
-//! This is truth, for whoever plays the device. The host's half reads the planning folder
-//! ([`Phantom::export_planning`]) and never this module.
-//!
-//! Places are in the patient frame: LPS in millimetres, the origin at the planning isocentre, which is
-//! the tumour's centroid at the reference phase.
+//! Coordinates are in the patient frame: LPS in millimetres, with the origin at the planning
+//! isocentre, which is the tumour's centroid at the reference phase.
 
 mod breathing;
 mod catalogue;
@@ -53,16 +66,16 @@ use phasmid_geometry::{Mesh, Pose};
 use skin::Skin;
 use tumour::Shape;
 
-/// How many triangles a skin has unless asked otherwise.
+/// Default number of triangles of a skin.
 pub const SKIN_TRIANGLES: u32 = 60_000;
-/// How far a key mesh is from the one at rest, in millimetres of its mode.
+/// Weight of its mode at which a key mesh is made, in millimetres.
 pub const KEY_MM: f64 = 10.0;
-/// Fewest and most triangles of a skin.
+/// Allowed number of triangles of a skin.
 pub const TRIANGLES: std::ops::RangeInclusive<u32> = 1000..=4_000_000;
-/// Finest tumour: 20 * 4^7 triangles.
+/// Maximum subdivision level of a tumour mesh: 20 * 4^7 triangles.
 const FINEST: u32 = 7;
 
-/// A patient in motion.
+/// A generated patient that can be evaluated at any time.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Phantom {
     patient: Patient,
@@ -74,18 +87,18 @@ pub struct Phantom {
     isocentre: DVec3,
 }
 
-/// Where a patient is at a moment: how much of each mode, and the set-up.
+/// A patient's state at a time: mode weights and set-up.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct State {
-    /// Weights of the modes in millimetres, by [`THORAX`] and its like.
+    /// Weights of the modes in millimetres, indexed by [`THORAX`] etc.
     pub weights_mm: [f64; MODES],
-    /// Takes the planned place to the one on the couch, in the patient frame.
+    /// Maps planned positions to those on the couch, in the patient frame.
     pub setup: Pose,
-    /// How far the cycle is, 0 to 1: 0 is the end of inhaling.
+    /// Phase of the cycle, 0 to 1; 0 is end-inhale.
     pub phase: f64,
 }
 
-/// The truth about the tumour at a moment, set-up included.
+/// True position and volume of the tumour at a time, including set-up.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Target {
     /// Centroid in the patient frame in millimetres.
@@ -104,7 +117,7 @@ impl State {
 }
 
 impl Phantom {
-    /// Makes a patient. Those that were loaded or parsed have been checked.
+    /// Creates a patient. Loaded or parsed parameters have already been checked.
     pub fn new(patient: &Patient) -> Self {
         let tumour = Shape::new(patient);
         Self {
@@ -117,13 +130,13 @@ impl Phantom {
         }
     }
 
-    /// What it was made of.
+    /// Returns the patient's parameters.
     pub fn patient(&self) -> &Patient {
         &self.patient
     }
 
-    /// One of the ten phases of planning, in tenths of the mean cycle from the end of inhaling; tens
-    /// are left out of what is larger.
+    /// Returns one of the ten planning phases, in tenths of the mean cycle from end-inhale; `tenth`
+    /// wraps around.
     pub fn planning_phase(&self, tenth: usize) -> State {
         let phase = (tenth % PHASES) as f64 / PHASES as f64;
         State {
@@ -133,8 +146,8 @@ impl Phantom {
         }
     }
 
-    /// Where the patient is at a device time in seconds, of any sign. Nothing has to be computed
-    /// before it.
+    /// Returns the state at a device time in seconds, which may be negative. It is computed
+    /// independently of other times.
     pub fn state(&self, day: Day, time_s: f64) -> State {
         State {
             weights_mm: self.course.weights(day, time_s),
@@ -143,8 +156,8 @@ impl Phantom {
         }
     }
 
-    /// Breath held on a day, at a share of planning's mean cycle from the end of inhaling: 0.5 is the
-    /// reference phase.
+    /// Returns the state with the breath held on a day, at a phase of planning's mean cycle: 0 is
+    /// end-inhale, 0.5 the reference phase.
     pub fn held(&self, day: Day, phase: f64) -> State {
         State {
             weights_mm: self.course.mean(phase),
@@ -153,7 +166,7 @@ impl Phantom {
         }
     }
 
-    /// The set-up of a day.
+    /// Returns the set-up error of a day.
     pub fn setup(&self, day: Day) -> Pose {
         let t = &self.patient.treatment;
         match day {
@@ -165,43 +178,45 @@ impl Phantom {
         }
     }
 
-    /// Ranges in millimetres that hold the weights of each mode at every moment of both days.
+    /// Returns bounds of each mode's weight over all times of both days, in millimetres.
     pub fn weight_bounds_mm(&self) -> [[f64; 2]; MODES] {
         Course::bounds(&self.patient)
     }
 
-    /// How far tissue that is at `x_mm` at the reference phase has gone, without set-up, in
-    /// millimetres. It is twice continuously differentiable everywhere.
+    /// Returns the displacement, without set-up, of tissue that is at `x_mm` at the reference
+    /// phase, in millimetres. It is twice continuously differentiable everywhere.
     pub fn displacement(&self, x_mm: DVec3, state: &State) -> DVec3 {
         let body = x_mm + self.isocentre;
         self.modes.displacement(body, &state.weights_mm)
     }
 
-    /// The derivative of [`Self::displacement`]: column j is that by coordinate j.
+    /// Returns the gradient of [`Self::displacement`]; column j is the derivative by coordinate j.
     pub fn gradient(&self, x_mm: DVec3, state: &State) -> DMat3 {
         let body = x_mm + self.isocentre;
         self.modes.gradient(body, &state.weights_mm)
     }
 
-    /// Where tissue that is at `x_mm` at the reference phase is now, set-up included.
+    /// Returns the current position, including set-up, of tissue that is at `x_mm` at the reference
+    /// phase.
     pub fn place(&self, x_mm: DVec3, state: &State) -> DVec3 {
         state.setup.point(x_mm + self.displacement(x_mm, state))
     }
 
-    /// Where tissue that is now at `y_mm` is at the reference phase: [`Self::place`] takes it back to
-    /// within 1e-9 mm.
+    /// Returns the position at the reference phase of tissue that is now at `y_mm`, such that
+    /// [`Self::place`] maps it back to within 1e-9 mm.
     pub fn origin(&self, y_mm: DVec3, state: &State) -> DVec3 {
         let deformed = state.setup.inverse().point(y_mm) + self.isocentre;
         self.modes.inverse(deformed, &state.weights_mm) - self.isocentre
     }
 
-    /// Hounsfield units at a place now, set-up included. The skin's border with air is at -500.
+    /// Returns the Hounsfield units at a current position, including set-up. The skin's border with
+    /// air is at -500.
     pub fn hounsfield(&self, y_mm: DVec3, state: &State) -> f64 {
         self.hounsfield_of(y_mm, state, hounsfield::BORDER_MM)
     }
 
-    /// [`Self::hounsfield`] where borders are `border_mm` wide to either side: what a voxel of twice
-    /// that size measures.
+    /// [`Self::hounsfield`] with borders that extend `border_mm` to either side: the value of a
+    /// voxel of twice that size.
     fn hounsfield_of(&self, y_mm: DVec3, state: &State, border_mm: f64) -> f64 {
         let x = self.origin(y_mm, state);
         let place = hounsfield::Place {
@@ -212,21 +227,22 @@ impl Phantom {
         hounsfield::value(parts, &place, border_mm)
     }
 
-    /// How far a place of the reference phase is outside the skin, negative inside: exactly 0 on it
-    /// and in millimetres near it.
+    /// Returns the signed distance of a point of the reference phase from the skin, negative
+    /// inside: exactly 0 on the skin and in millimetres near it.
     pub fn outside_skin(&self, x_mm: DVec3) -> f64 {
         self.skin.outside(x_mm + self.isocentre)
     }
 
-    /// The lobe that a place of the reference phase is in; none outside the lungs.
+    /// Returns the lobe that contains a point of the reference phase; `None` outside the lungs.
     pub fn lobe(&self, x_mm: DVec3) -> Option<Lobe> {
         self.modes.organs().lobe(x_mm + self.isocentre)
     }
 
-    /// The skin at the reference phase: closed, outward, of about so many triangles of even size.
+    /// Returns the skin at the reference phase as a closed mesh with outward triangles of even
+    /// size, about `triangles` in number.
     ///
     /// # Errors
-    /// Fewer than 1000 triangles or more than 4 million.
+    /// Returns an error for fewer than 1000 or more than 4 million triangles.
     pub fn skin(&self, triangles: u32) -> Result<Mesh> {
         if !TRIANGLES.contains(&triangles) {
             let (least, most) = (TRIANGLES.start(), TRIANGLES.end());
@@ -243,11 +259,11 @@ impl Phantom {
         Ok(mesh)
     }
 
-    /// The meshes that the skin is a blend of, by [`Self::skin_weights`]: at rest, and at
-    /// [`KEY_MM`] of each mode that moves it. All have the same triangles.
+    /// Returns the meshes that [`Self::skin_weights`] blends: at rest, and at [`KEY_MM`] of each
+    /// mode that moves the skin. All have the same triangles.
     ///
     /// # Errors
-    /// As for [`Self::skin`].
+    /// Returns the errors of [`Self::skin`].
     pub fn skin_keys(&self, triangles: u32) -> Result<[Mesh; 4]> {
         let rest = self.skin(triangles)?;
         let key = |mode: usize| {
@@ -263,13 +279,13 @@ impl Phantom {
         Ok([rest, thorax, abdomen, posture])
     }
 
-    /// How much of each key mesh the skin has, without set-up; the sum is 1.
+    /// Returns the weight of each key mesh in the skin, without set-up; the sum is 1.
     pub fn skin_weights(&self, state: &State) -> [f64; 4] {
         let [a, b, c] = [THORAX, ABDOMEN, POSTURE].map(|mode| state.weights_mm[mode] / KEY_MM);
         [1.0 - a - b - c, a, b, c]
     }
 
-    /// A mesh of the reference phase where its tissue is now, set-up included.
+    /// Returns a mesh of the reference phase moved to the current state, including set-up.
     pub fn deformed(&self, rest: &Mesh, state: &State) -> Mesh {
         let mut mesh = rest.clone();
         for v in &mut mesh.vertices {
@@ -278,8 +294,8 @@ impl Phantom {
         mesh
     }
 
-    /// The tumour's surface now, set-up included: closed, outward, 20 * 4^level triangles, at most
-    /// those of level 7.
+    /// Returns the tumour's current surface, including set-up: closed, with 20 * 4^level outward
+    /// triangles; `level` is limited to 7.
     pub fn tumour_mesh(&self, state: &State, level: u32) -> Mesh {
         let mut rest = self.tumour.mesh(level.min(FINEST));
         for v in &mut rest.vertices {
@@ -288,7 +304,7 @@ impl Phantom {
         self.deformed(&rest, state)
     }
 
-    /// The tumour's centroid and volume now, by quadrature over the tissue.
+    /// Returns the tumour's current centroid and volume, by quadrature over its tissue.
     pub fn target(&self, state: &State) -> Target {
         let (mut volume_mm3, mut moment) = (0.0, DVec3::ZERO);
         for (body, volume) in self.tumour.inside() {

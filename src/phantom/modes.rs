@@ -1,9 +1,10 @@
-//! The few fields that all motion is made of: u(x) = sum over k of w_k m_k(x), in the body frame.
+//! The displacement fields (modes) that make up all motion: u(x) = sum over k of w_k m_k(x), in the
+//! body frame.
 //!
-//! Weights are millimetres of what the mode is named for. Three modes move the skin, two move only
-//! what is inside the cavity of ribs and abdominal wall, where they begin smoothly at its wall, so
-//! that lungs slide along ribs within some 50 mm instead of along a slit. All are twice continuously
-//! differentiable, and so is everything that is made of them.
+//! Weights are in millimetres of the motion for which the mode is named. Three modes move the skin.
+//! The other two only move the inside of the cavity of ribs and abdominal wall and fade smoothly to
+//! zero at its wall, so that lungs slide along the ribs within some 50 mm instead of along a slit.
+//! All modes, and all combinations of them, are twice continuously differentiable.
 
 use super::organs::Organs;
 use super::outline::STATURE_MM;
@@ -12,21 +13,21 @@ use super::real::{Jet, Real};
 use glam::{DMat3, DVec3};
 use rayon::prelude::*;
 
-/// How many modes there are. The first three move the skin.
+/// Number of modes. The first three move the skin.
 pub const MODES: usize = 5;
-/// The breastbone's way to the front (pump handle) with the lower ribs' to the sides (bucket
+/// Forward motion of the breastbone (pump handle) with sideways motion of the lower ribs (bucket
 /// handle).
 pub const THORAX: usize = 0;
-/// The abdominal wall's way to the front.
+/// Forward motion of the abdominal wall.
 pub const ABDOMEN: usize = 1;
-/// Abdomen in and chest up: coughs and posture.
+/// Abdomen in, chest up: coughs and posture.
 pub const POSTURE: usize = 2;
-/// The diaphragm's way to the feet, with the lungs above and the organs below it.
+/// Motion of the diaphragm towards the feet, with the lungs above and the organs below it.
 pub const DIAPHRAGM: usize = 3;
-/// The lungs' own way to the front and to the sides.
+/// Motion of the lungs themselves to the front and the sides.
 pub const LUNG: usize = 4;
 
-/// The cavity's share that moves as a whole with the inner modes, by [`Organs::cavity`].
+/// Part of the cavity, measured by [`Organs::cavity`], that moves rigidly with the inner modes.
 const WHOLE: f64 = 0.1;
 
 /// The modes of one patient.
@@ -46,13 +47,13 @@ impl Modes {
         }
     }
 
-    /// The displacement of each mode's unit.
+    /// Displacement of each mode per unit weight.
     fn fields<T: Real>(&self, [x, y, z]: [T; 3]) -> [[T; 3]; MODES] {
         let (s, none) = (self.scale, x.constant(0.0));
         let h = z * (1.0 / self.stature_mm);
-        // From one height over the stature to another.
+        // Smooth step from 0 to 1 between two heights relative to stature.
         let from_to = |none: f64, all: f64| ((h - none) * (1.0 / (all - none))).rise();
-        // The front moves, spine and back do not.
+        // The front moves; the spine and back do not.
         let front = ((y - 70.0 * s) * (-1.0 / (175.0 * s))).rise();
         let aside =
             (x * (1.0 / (60.0 * s))).saturated() * ((y - 90.0 * s) * (-1.0 / (120.0 * s))).rise();
@@ -62,7 +63,7 @@ impl Modes {
         let wall = from_to(0.04, -0.05) * from_to(-0.19, -0.07);
         let belly = front * wall;
 
-        // Inside the cavity, and nothing at its wall.
+        // 1 inside the cavity, fading to 0 at its wall.
         let out = (self.organs.cavity([x, y, z]) - WHOLE) * (1.0 / (1.0 - WHOLE));
         let inside = -out.rise() + 1.0;
         let pushed = inside * from_to(0.13, 0.0) * from_to(-0.19, -0.04);
@@ -80,18 +81,18 @@ impl Modes {
         ]
     }
 
-    /// The displacement of each mode's unit at a place, per millimetre of weight.
+    /// Returns the displacement of each mode at a point, per millimetre of weight.
     pub(super) fn units(&self, x: DVec3) -> [DVec3; MODES] {
         self.fields(x.to_array()).map(DVec3::from_array)
     }
 
-    /// The displacement under weights, in millimetres.
+    /// Returns the displacement for given weights, in millimetres.
     pub(super) fn displacement(&self, x: DVec3, weights: &[f64; MODES]) -> DVec3 {
         let units = self.units(x);
         (0..MODES).map(|k| units[k] * weights[k]).sum()
     }
 
-    /// The gradients of the modes, per millimetre of weight: column j is the derivative by
+    /// Returns the gradients of the modes, per millimetre of weight; column j is the derivative by
     /// coordinate j.
     fn gradients(&self, x: DVec3) -> [DMat3; MODES] {
         self.fields(Jet::place(x)).map(|field| {
@@ -99,14 +100,14 @@ impl Modes {
         })
     }
 
-    /// The gradient of the displacement under weights.
+    /// Returns the gradient of the displacement for given weights.
     pub(super) fn gradient(&self, x: DVec3, weights: &[f64; MODES]) -> DMat3 {
         let gradients = self.gradients(x);
         (0..MODES).fold(DMat3::ZERO, |sum, k| sum + gradients[k] * weights[k])
     }
 
-    /// The least determinant of I + grad u over a lattice of the body and all corners of the
-    /// weights' ranges: what is left of a volume.
+    /// Returns the smallest determinant of I + grad u, the local volume ratio, over a lattice of
+    /// the body and all corners of the weights' bounds.
     pub(super) fn least_determinant(&self, bounds: &[[f64; 2]; MODES]) -> f64 {
         const ACROSS: i32 = 9;
         const DEEP: i32 = 7;
@@ -123,7 +124,7 @@ impl Modes {
                         let place = DVec3::new(f64::from(j) * step, f64::from(k) * step, 0.0);
                         let x = place + DVec3::Z * h * self.stature_mm;
                         let gradients = self.gradients(x);
-                        // The determinant is no less than (1 - |grad u|)^3.
+                        // The determinant is at least (1 - |grad u|)^3.
                         let norm: f64 = (0..MODES).map(|k| most[k] * norm(&gradients[k])).sum();
                         if (1.0 - norm).max(0.0).powi(3) < least {
                             least = least.min(corners(&gradients, bounds));
@@ -135,14 +136,14 @@ impl Modes {
             .reduce(|| 1.0, f64::min)
     }
 
-    /// The organs that the modes are made for.
+    /// Returns the organs on which the modes are based.
     pub(super) fn organs(&self) -> &Organs {
         &self.organs
     }
 
-    /// The place that the displacement takes to `y`: Newton's method, halved where it goes astray.
-    /// Where I + grad u nowhere folds over there is one, and what is returned is within 1e-9 mm of
-    /// being taken there.
+    /// Returns the point that the displacement maps to `y`, by Newton's method with step halving.
+    /// If I + grad u folds nowhere, there is exactly one, and the result maps to within 1e-9 mm of
+    /// `y`.
     pub(super) fn inverse(&self, y: DVec3, weights: &[f64; MODES]) -> DVec3 {
         let miss = |x: DVec3| x + self.displacement(x, weights) - y;
         let mut x = y - self.displacement(y, weights);
@@ -163,7 +164,7 @@ impl Modes {
                 share *= 0.5;
             }
             if share < 1e-3 {
-                // Rounding leaves no better.
+                // Rounding prevents further improvement.
                 break;
             }
         }
@@ -171,12 +172,12 @@ impl Modes {
     }
 }
 
-/// Frobenius' norm, which no stretch exceeds.
+/// Frobenius norm, an upper bound of the stretch.
 fn norm(m: &DMat3) -> f64 {
     m.to_cols_array().iter().map(|v| v * v).sum::<f64>().sqrt()
 }
 
-/// The least determinant over the corners of the weights' box.
+/// Smallest determinant over the corners of the weights' box.
 fn corners(gradients: &[DMat3; MODES], bounds: &[[f64; 2]; MODES]) -> f64 {
     (0..1usize << MODES)
         .map(|corner| {

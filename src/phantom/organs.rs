@@ -1,12 +1,13 @@
 //! Organs in the body frame at the reference phase: the cavity within ribs and abdominal wall, the
 //! diaphragm's domes, two lungs with their fissures, the heart and the spine.
 //!
-//! Distances are signed, negative inside, and close to millimetres near a surface: they say which
-//! side a place is on and how a voxel at the border is shared, not how far it is elsewhere.
+//! Distances are signed, negative inside, and approximately in millimetres near a surface: they
+//! determine the side and the partial volume of a voxel at the border, but are not accurate
+//! elsewhere.
 //!
-//! At end-exhale the right dome stands 2 cm above the breastbone's tip and the left one 12 mm lower,
-//! and the lungs hold with their tissue some 4 litres in a man (functional residual capacity 3.3 l and
-//! 0.5 kg of tissue: ICRP Publication 89, 2002).
+//! At end-exhale the right dome is 2 cm above the tip of the breastbone and the left one 12 mm
+//! lower, and the lungs including tissue have a volume of some 4 litres in a man (functional
+//! residual capacity 3.3 l and 0.5 kg of tissue: ICRP Publication 89, 2002).
 
 use super::outline::{FIRST, ROWS, STATURE_MM, STEP};
 use super::parameters::{Lobe, Patient, Sex};
@@ -27,7 +28,7 @@ const BACK: [f64; ROWS] = [
     55., 62., 68., 72., 74., 74., 74., 74., 75., 77., 80., 84., 88., 90., 91., 90., 86., 78., 66.,
     52., 42., 38., 38., 38.,
 ];
-/// A woman's cavity over a man's of the same stature.
+/// Size of a woman's cavity relative to that of a man of the same stature.
 const FEMALE: f64 = 0.93;
 
 /// The organs of one patient.
@@ -36,17 +37,20 @@ pub(super) struct Organs {
     side: Spline,
     front: Spline,
     back: Spline,
-    /// Stature over that of the tables, and the same across the body.
+    /// Stature relative to that of the tables.
     scale: f64,
+    /// The same factor across the body, smaller for women.
     across: f64,
     stature_mm: f64,
 }
 
-/// Where lungs, fissures and what is between them stand, in units of the tables.
+/// Centre and height of the right and the left dome, in units of the tables.
 const DOMES: [([f64; 2], f64); 2] = [([-66.0, 0.0], 22.0), ([66.0, 0.0], 10.0)];
+/// Centre and half axes of the heart, in units of the tables.
 const HEART: ([f64; 3], [f64; 3]) = ([24.0, -34.0, 48.0], [50.0, 44.0, 58.0]);
+/// Centre and radius of the spine, in units of the tables.
 const SPINE: ([f64; 2], f64) = ([0.0, 62.0], 24.0);
-/// Half the width of what is between the lungs above the heart.
+/// Half the width of the mediastinum above the heart.
 const BETWEEN: f64 = 25.0;
 
 impl Organs {
@@ -70,8 +74,9 @@ impl Organs {
         }
     }
 
-    /// Where a place is between the axis (0) and the cavity's wall (1): the 2.5th power of its
-    /// distance from the axis over the wall's, twice continuously differentiable.
+    /// Returns the relative position between the axis (0) and the cavity's wall (1): the 2.5th
+    /// power of the distance from the axis over that of the wall, twice continuously
+    /// differentiable.
     pub(super) fn cavity<T: Real>(&self, [x, y, z]: [T; 3]) -> T {
         let depth = if y.value() < 0.0 {
             &self.front
@@ -82,14 +87,14 @@ impl Organs {
         (x * inverse(a)).abs_pow_5_2() + (y * inverse(b)).abs_pow_5_2()
     }
 
-    /// How far a place is outside the cavity.
+    /// Signed distance from the cavity, positive outside.
     pub(super) fn wall(&self, x: DVec3) -> f64 {
         let depth = if x.y < 0.0 { &self.front } else { &self.back };
         let inwards = self.side.at(x.z).min(depth.at(x.z));
         (self.cavity(x.to_array()).powf(0.4) - 1.0) * inwards
     }
 
-    /// How far a place is outside the lungs.
+    /// Signed distance from the lungs, positive outside.
     pub(super) fn lungs(&self, x: DVec3) -> f64 {
         let s = self.scale;
         let (u, v) = (x.x.abs() / self.across - 52.0, x.y / self.across);
@@ -100,19 +105,19 @@ impl Organs {
             self.diaphragm(x),
             -self.between(x),
         ];
-        // A smooth maximum, so that edges are rounded by some 3 mm.
+        // A smooth maximum, which rounds edges by some 3 mm.
         const ROUND: f64 = 2.0;
         let most = outside.into_iter().fold(f64::MIN, f64::max);
         let sum: f64 = outside.iter().map(|d| ((d - most) / ROUND).exp()).sum();
         most + ROUND * sum.ln()
     }
 
-    /// How far a place is below the domes.
+    /// Distance below the domes of the diaphragm.
     pub(super) fn diaphragm(&self, x: DVec3) -> f64 {
         let height = |(at, top): ([f64; 2], f64)| {
             let u = (x.x / self.across - at[0]) / 66.0;
             let v = (x.y / self.across - at[1]) / 78.0;
-            // It falls to the recess at the wall behind, less in front.
+            // It descends deeper to the recess at the back wall than in front.
             (top - 34.0 * u * u - if v > 0.0 { 52.0 } else { 30.0 } * v * v) * self.scale
         };
         let [right, left] = DOMES.map(height);
@@ -123,7 +128,7 @@ impl Organs {
         top - x.z
     }
 
-    /// How far a place is outside heart, spine and what else is between the lungs.
+    /// Signed distance from the mediastinum: heart, spine and the tissue between the lungs.
     pub(super) fn between(&self, x: DVec3) -> f64 {
         let middle = x.x.abs() - BETWEEN * self.across;
         self.heart(x)
@@ -143,7 +148,7 @@ impl Organs {
         (x.x - at[0] * self.across).hypot(x.y - at[1] * self.across) - radius * self.across
     }
 
-    /// How far a place is outside the ribs, which slope down to the front within the cavity's wall.
+    /// Signed distance from the ribs, which slope down to the front within the cavity's wall.
     pub(super) fn ribs(&self, x: DVec3) -> f64 {
         let s = self.scale;
         let shell = (self.wall(x) - 4.0 * s).abs() - 3.5 * s;
@@ -154,7 +159,7 @@ impl Organs {
         shell.max(rib).max(caged)
     }
 
-    /// How far a place is outside the liver, which fills the right half under the dome.
+    /// Signed distance from the liver, which fills the right half under the dome.
     pub(super) fn liver(&self, x: DVec3) -> f64 {
         let low = -0.065 * self.stature_mm + 0.35 * x.x - x.z;
         let left = x.x - 40.0 * self.across;
@@ -165,12 +170,12 @@ impl Organs {
             .max(6.0 * self.scale - self.spine(x))
     }
 
-    /// The lobe that a place of a lung is in.
+    /// Returns the lobe of a point in a lung.
     pub(super) fn lobe(&self, x: DVec3) -> Option<Lobe> {
         if self.lungs(x) > 0.0 {
             return None;
         }
-        // The oblique fissures run from high behind to low in front.
+        // The oblique fissures run from high in the back to low in the front.
         let s = self.scale;
         let lower = x.z < 66.0 * s + 0.73 * x.y;
         let middle = x.z < 97.0 * s;
@@ -183,7 +188,7 @@ impl Organs {
         })
     }
 
-    /// Where tumours of a lobe stand.
+    /// Default position of tumours in a lobe.
     pub(super) fn place(&self, lobe: Lobe) -> DVec3 {
         let at = match lobe {
             Lobe::RightUpper => [-66.0, -4.0, 148.0],
@@ -195,7 +200,7 @@ impl Organs {
         DVec3::from_array(at) * DVec3::new(self.across, self.across, self.scale)
     }
 
-    /// What of a tumour is not where its lobe is, in words.
+    /// Describes how a tumour lies outside its lobe or the lungs; `None` if it does not.
     pub(super) fn out_of_lobe(&self, lobe: Lobe, shape: &Shape) -> Option<String> {
         let found = self.lobe(shape.centre());
         if found != Some(lobe) {
@@ -209,7 +214,7 @@ impl Organs {
     }
 }
 
-/// 1 / v of what is never 0.
+/// 1 / v for a non-zero v.
 fn inverse<T: Real>(v: T) -> T {
     let value = v.value();
     v.chain(1.0 / value, -1.0 / (value * value))

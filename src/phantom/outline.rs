@@ -1,29 +1,30 @@
-//! The smooth outline of a trunk: cross-sections between an ellipse and a rectangle about a straight
-//! axis, with a core of bone and muscle that grows with stature, and a layer over it whose
-//! thickness follows from body mass.
+//! The smooth outline of a trunk: cross-sections between an ellipse and a rectangle around a
+//! straight axis, with a core of bone and muscle that scales with stature, and a layer over it
+//! whose thickness follows from body mass.
 //!
 //! Body frame: the patient's axes (x left, y posterior, z to the head) with the origin on the axis
-//! at the height of the breastbone's tip, in millimetres.
+//! at the height of the tip of the breastbone, in millimetres.
 //!
-//! Proportions are those of the mean adult: heights of landmarks, breadths and depths as in Gordon
-//! et al., "1988 Anthropometric Survey of U.S. Army Personnel", NATICK/TR-89/044, lean side of the
-//! mean for the core. The trunk between the notch of the breastbone and the hip joints has 43.46 %
-//! (male) or 42.57 % (female) of the body's mass at a mass index of 24 kg/m2 (de Leva, J.
-//! Biomechanics 29, 1996, table 4), and 0.6 % of that more for each further kg/m2, which is the slope
-//! of Pearsall, Reid and Ross, Annals of Biomedical Engineering 22, 1994, for a man of 175 cm. It is
-//! taken for as dense as water, lungs included. Children are small adults here.
+//! Proportions are those of the mean adult: heights of landmarks, breadths and depths from Gordon
+//! et al., "1988 Anthropometric Survey of U.S. Army Personnel", NATICK/TR-89/044, with the core on
+//! the lean side of the mean. The trunk between the notch of the breastbone and the hip joints has
+//! 43.46 % (male) or 42.57 % (female) of the body's mass at a mass index of 24 kg/m2 (de Leva, J.
+//! Biomechanics 29, 1996, table 4), and 0.6 % of that more for each further kg/m2, the slope of
+//! Pearsall, Reid and Ross, Annals of Biomedical Engineering 22, 1994, for a man of 175 cm. Its
+//! density is taken as that of water, lungs included. Children are modelled as small adults.
 
 use super::parameters::{Patient, Sex};
 use super::spline::Spline;
 
-/// Rows stand every 0.02 statures, the first here.
+/// Height of the first table row, relative to stature.
 pub(super) const FIRST: f64 = -0.24;
+/// Distance of table rows, relative to stature.
 pub(super) const STEP: f64 = 0.02;
 pub(super) const ROWS: usize = 24;
-/// Stature that the tables are for.
+/// Stature of the tables.
 pub(super) const STATURE_MM: f64 = 1760.0;
 
-/// Of one sex: core, and thickness of the layer over it relative to its measure.
+/// Tables of one sex: core, and relative thickness of the layer over it.
 struct Table {
     side: [f64; ROWS],
     front: [f64; ROWS],
@@ -89,32 +90,34 @@ const FEMALE: Table = Table {
     share: 0.4257,
 };
 
-/// Over stature: where the body ends, how high its rounded ends are, and between which heights the
-/// trunk is weighed (hip joints and notch of the breastbone).
+/// Heights of the ends of the body, relative to stature.
 pub(super) const LOWER_END: f64 = -0.21;
 pub(super) const UPPER_END: f64 = 0.2;
+/// Lengths of the rounded ends, relative to stature.
 const LOWER_CAP: f64 = 0.035;
 const UPPER_CAP: f64 = 0.02;
+/// Levels between which the trunk is weighed, relative to stature: hip joints and notch of the
+/// breastbone.
 const HIPS: f64 = -0.16;
 const NOTCH: f64 = 0.122;
 
-/// Measure of the layer: what skin and the thinnest fat have, and more than anyone's who lies on a
-/// couch.
+/// Range of the layer's scale: skin with the thinnest fat, and more than anyone lying on a couch.
 const LAYER_MM: [f64; 2] = [1.5, 70.0];
 
-/// Area of |x/a|^2.5 + |y/b|^2.5 <= 1 over that of the box around it: gamma(1.4)^2 / gamma(1.8).
+/// Area of |x/a|^2.5 + |y/b|^2.5 <= 1 relative to its bounding box: gamma(1.4)^2 / gamma(1.8).
 const FILL: f64 = 0.845_233_8;
 
 /// The outline of one patient.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Outline {
-    /// Half the width, and how far front and back are from the axis, over z.
+    /// Half width over z.
     pub(super) side: Spline,
+    /// Distances of front and back from the axis, over z.
     pub(super) front: Spline,
     pub(super) back: Spline,
-    /// The same of bone and muscle.
+    /// The same for bone and muscle.
     pub(super) core: [Spline; 3],
-    /// Measure of the layer over the core.
+    /// Scale of the layer over the core.
     pub(super) layer_mm: f64,
     pub(super) stature_mm: f64,
 }
@@ -126,7 +129,8 @@ fn table(sex: Sex) -> &'static Table {
     }
 }
 
-/// Volume between hips and notch in cubic millimetres, by powers of the layer's measure.
+/// Volume between hips and notch in cubic millimetres, as coefficients of a polynomial in the
+/// layer's scale.
 fn volumes_mm3(p: &Patient) -> [f64; 3] {
     let t = table(p.sex);
     let scale = p.stature_mm / STATURE_MM;
@@ -148,13 +152,13 @@ fn volumes_mm3(p: &Patient) -> [f64; 3] {
     sums.map(|sum| 2.0 * FILL * sum * thick)
 }
 
-/// Volume of the trunk that has a body mass, in cubic millimetres.
+/// Volume of the trunk for a body mass, in cubic millimetres.
 fn trunk_mm3(p: &Patient, mass_kg: f64) -> f64 {
     let index = mass_kg / (p.stature_mm * 1e-3).powi(2);
     1e6 * mass_kg * table(p.sex).share * (1.0 + 0.006 * (index - 24.0))
 }
 
-/// Breasts in cubic millimetres.
+/// Volume of the breasts in cubic millimetres.
 fn breasts_mm3(p: &Patient) -> f64 {
     1e3 * p.chest.breast_ml.iter().sum::<f64>()
 }
@@ -165,7 +169,7 @@ impl Outline {
         let scale = p.stature_mm / STATURE_MM;
         let [c, b, a] = volumes_mm3(p);
         let missing = trunk_mm3(p, p.mass_kg) - breasts_mm3(p) - c;
-        // The root of a g^2 + b g = missing that grows with what is missing.
+        // Root of a g^2 + b g = missing that increases with `missing`.
         let root = (b * b + 4.0 * a * missing).max(0.0).sqrt();
         let layer_mm = (2.0 * missing / (b + root)).clamp(LAYER_MM[0], LAYER_MM[1]);
         let spline = |core: &[f64; ROWS], over: &[f64; ROWS], layer: f64| {
@@ -188,20 +192,20 @@ impl Outline {
         }
     }
 
-    /// The least and the largest mass that a body of these measures can have, in kg.
+    /// Returns the minimum and maximum mass of a body with these dimensions, in kg.
     pub(super) fn masses_kg(p: &Patient) -> [f64; 2] {
         let [c, b, a] = volumes_mm3(p);
         LAYER_MM.map(|g| {
             let volume = c + g * (b + g * a) + breasts_mm3(p);
-            // The trunk's share grows with the mass: a few steps settle it.
+            // The trunk's share depends on the mass; the iteration converges quickly.
             (0..60).fold(volume / (1e6 * 0.43), |mass, _| {
                 mass * volume / trunk_mm3(p, mass).max(1.0)
             })
         })
     }
 
-    /// How far the outline is from the axis at an angle (from x over y) whose sine and cosine are
-    /// given, before the ends are rounded, in millimetres.
+    /// Returns the distance of the outline from the axis, before the ends are rounded, in
+    /// millimetres. `sin` and `cos` are of the angle from x towards y.
     pub(super) fn radius(&self, sin: f64, cos: f64, z: f64) -> f64 {
         radius(
             [self.side.at(z), self.front.at(z), self.back.at(z)],
@@ -210,17 +214,17 @@ impl Outline {
         )
     }
 
-    /// The same of bone and muscle.
+    /// The same for bone and muscle.
     pub(super) fn core_radius(&self, sin: f64, cos: f64, z: f64) -> f64 {
         radius([0, 1, 2].map(|i| self.core[i].at(z)), sin, cos)
     }
 
-    /// Where the body ends at the feet's and at the head's side.
+    /// Heights of the ends of the body towards the feet and the head.
     pub(super) fn ends(&self) -> [f64; 2] {
         [LOWER_END, UPPER_END].map(|end| end * self.stature_mm)
     }
 
-    /// Factor on cross-sections that rounds the ends: 1 between them, 0 at and beyond both.
+    /// Scale factor of cross-sections that rounds the ends: 1 between them, 0 at and beyond both.
     pub(super) fn cap(&self, z: f64) -> f64 {
         let h = z / self.stature_mm;
         let into = ((LOWER_END + LOWER_CAP - h) / LOWER_CAP)
@@ -270,7 +274,7 @@ mod tests {
             let found = weighed_kg(&p) / mass;
             assert!((found / share - 1.0).abs() < 1e-3, "{found} {share}");
         }
-        // At the ends of the range the layer is at its own ends.
+        // At the ends of the mass range, the layer is at the ends of its own range.
         for (mass, layer) in Outline::masses_kg(&p).into_iter().zip(LAYER_MM) {
             p.mass_kg = mass;
             assert!((Outline::new(&p).layer_mm / layer - 1.0).abs() < 1e-6);

@@ -1,4 +1,4 @@
-//! What a patient's file says: `device-profiles/patients/*.toml`.
+//! Patient parameters, read from `device-profiles/patients/*.toml`.
 
 use super::{catalogue, checks};
 use crate::tissue::Skin;
@@ -8,43 +8,43 @@ use phasmid_core::numbers::exactly;
 use phasmid_core::source::{self, TomlSource};
 use serde::{Deserialize, Serialize};
 
-/// A generated patient: body, tumour, breathing, and the day of the treatment. Every body of the
-/// same values is the same.
+/// Parameters of a generated patient: body, tumour, breathing, and the day of the treatment.
+/// Generation is deterministic: equal parameters give identical patients.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Patient {
-    /// Name by which it is chosen.
+    /// Name for selection.
     pub name: String,
-    /// One line for listings.
+    /// One-line description for listings.
     pub description: String,
-    /// Which outlines the body has.
+    /// Selects the outlines of the body.
     pub sex: Sex,
-    /// Age in years, 5 to 100; what follows from it is the reader's to judge.
+    /// Age in years, 5 to 100; informative, generation does not use it.
     pub age_years: u32,
-    /// Height standing, 1000 to 2100 mm.
+    /// Standing height, 1000 to 2100 mm.
     pub stature_mm: f64,
-    /// Body mass, 14 to 200 kg; it decides how thick what lies over bone and muscle is.
+    /// Body mass, 14 to 200 kg; determines the thickness of the layer over bone and muscle.
     pub mass_kg: f64,
-    /// Which of many bodies of these measures, tumours of this size, and days.
+    /// Seed of the variation of the body, the tumour and the treatment day.
     pub seed: u64,
-    /// What the skin is made of, as for any object of a scene.
+    /// Optical properties of the skin, as for any object of a scene.
     pub skin: Skin,
-    /// What stands out of the chest and cuts into the abdomen.
+    /// Breasts and skin folds.
     #[serde(default)]
     pub chest: Chest,
-    /// Where skin has been cut; none when absent.
+    /// A surgical scar, if any.
     #[serde(default)]
     pub scar: Option<Scar>,
-    /// The target.
+    /// The target tumour.
     pub tumour: Tumour,
-    /// How the patient breathes when the treatment is planned.
+    /// Breathing at planning.
     pub breathing: Breathing,
-    /// How the day of the treatment differs.
+    /// Differences on the day of the treatment.
     #[serde(default)]
     pub treatment: Treatment,
 }
 
-/// Outlines of the body.
+/// Sex, which selects the outlines of the body.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Sex {
@@ -54,15 +54,15 @@ pub enum Sex {
     Male,
 }
 
-/// Breasts and folds.
+/// Breasts and skin folds.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Chest {
     /// Volume of the right and the left breast in millilitres, 0 to 1500.
     #[serde(default, deserialize_with = "exactly")]
     pub breast_ml: [f64; 2],
-    /// Depth of the skin folds across the abdomen and the flanks, 0 to 16 mm; 0.8 mm for each
-    /// kg/m2 of body mass index above 27 when absent.
+    /// Depth of the skin folds across the abdomen and the flanks, 0 to 16 mm. Default: 0.8 mm for
+    /// each kg/m2 of body mass index above 27.
     #[serde(default)]
     pub fold_mm: Option<f64>,
 }
@@ -71,32 +71,32 @@ pub struct Chest {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Scar {
-    /// Where it begins: along the skin from the middle of the front to the patient's left, and
-    /// from the tip of the breastbone to the head, in millimetres; within 300.
+    /// Start: along the skin from the middle of the front to the patient's left, and from the tip
+    /// of the breastbone towards the head, in millimetres; within 300.
     #[serde(deserialize_with = "exactly")]
     pub from_mm: [f64; 2],
-    /// Where it ends, by the same measures.
+    /// End, in the same coordinates.
     #[serde(deserialize_with = "exactly")]
     pub to_mm: [f64; 2],
-    /// Half its width, to where its height is 0.6 of the whole: 2 to 40 mm.
+    /// Half width, 2 to 40 mm, measured where the height is 0.6 of the maximum.
     pub half_width_mm: f64,
-    /// How far it stands out, -8 to 6 mm; below 0 it is sunk.
+    /// Height above the skin, -8 to 6 mm; negative for a sunken scar.
     pub height_mm: f64,
 }
 
-/// A part of a lung.
+/// A lobe of a lung.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Lobe {
-    /// Of the right lung, above both fissures.
+    /// Right lung, above both fissures.
     RightUpper,
-    /// Of the right lung, between its fissures.
+    /// Right lung, between its fissures.
     RightMiddle,
-    /// Of the right lung, below the oblique fissure.
+    /// Right lung, below the oblique fissure.
     RightLower,
-    /// Of the left lung, above its fissure.
+    /// Left lung, above its fissure.
     LeftUpper,
-    /// Of the left lung, below it.
+    /// Left lung, below its fissure.
     LeftLower,
 }
 
@@ -104,54 +104,54 @@ pub enum Lobe {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Tumour {
-    /// Where it has grown.
+    /// The lobe that contains it.
     pub lobe: Lobe,
-    /// Of the ball of its volume, 5 to 70 mm.
+    /// Diameter of the ball of equal volume, 5 to 70 mm.
     pub diameter_mm: f64,
-    /// How far its surface is from that ball at most, as a share of its radius, 0 to 0.35.
+    /// Maximum deviation of the surface from that ball, as a fraction of its radius, 0 to 0.35.
     #[serde(default)]
     pub roughness: f64,
-    /// Its place in the lobe, from where the lobe's tumours stand otherwise, along the patient's
-    /// axes (left, posterior, head), within 60 mm; it has to stay inside the lobe.
+    /// Offset from the default position in the lobe, along the patient's axes (left, posterior,
+    /// head), within 60 mm; the tumour must stay inside the lobe.
     #[serde(default, deserialize_with = "exactly")]
     pub offset_mm: [f64; 3],
 }
 
-/// Breathing at planning: the mean cycle, and how cycles vary on the day of the treatment.
+/// Breathing at planning: the mean cycle, and the variation of cycles on the day of the treatment.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Breathing {
-    /// Mean length of a cycle, 1.5 to 12 s.
+    /// Mean period of a cycle, 1.5 to 12 s.
     pub period_s: f64,
-    /// n of the course cos^2n, 1 to 6: from a sine to breath held at the end of exhaling.
+    /// Exponent n of cos^2n, 1 to 6: from a sine to a long rest at end-exhale.
     #[serde(default = "exponent")]
     pub exponent: u32,
-    /// How far the breastbone rises from end-exhale to end-inhale, 0 to 15 mm.
+    /// Rise of the breastbone from end-exhale to end-inhale, 0 to 15 mm.
     pub thorax_mm: f64,
-    /// How far the abdomen rises, 0 to 25 mm.
+    /// Rise of the abdomen, 0 to 25 mm.
     pub abdomen_mm: f64,
-    /// How far the diaphragm's dome goes down, 0 to 35 mm.
+    /// Descent of the diaphragm's dome, 0 to 35 mm.
     pub diaphragm_mm: f64,
-    /// How far the middle of the lungs goes to the front of itself, 0 to 8 mm.
+    /// Forward motion of the middle of the lungs themselves, 0 to 8 mm.
     #[serde(default)]
     pub lung_mm: f64,
-    /// How long the thorax is behind the abdomen, as a share of a cycle, -0.2 to 0.2.
+    /// Lag of the thorax behind the abdomen, as a fraction of a cycle, -0.2 to 0.2.
     #[serde(default)]
     pub thorax_lag: f64,
-    /// How long the diaphragm is behind it.
+    /// Lag of the diaphragm behind the abdomen.
     #[serde(default)]
     pub diaphragm_lag: f64,
-    /// How long the lungs' way to the front is behind it.
+    /// Lag of the lungs' forward motion behind the abdomen.
     #[serde(default)]
     pub lung_lag: f64,
-    /// Standard deviation of the length of cycles over the mean, 0 to 0.2.
+    /// Standard deviation of the cycle length relative to the mean, 0 to 0.2.
     #[serde(default)]
     pub period_sd: f64,
-    /// Standard deviation of the depth of cycles over the mean, 0 to 0.3.
+    /// Standard deviation of the cycle depth relative to the mean, 0 to 0.3.
     #[serde(default)]
     pub amplitude_sd: f64,
-    /// The same of thorax, abdomen, diaphragm and lungs each by itself, 0 to 0.1: what no surface
-    /// tells of the inside.
+    /// Standard deviation of the depths of thorax, abdomen, diaphragm and lungs independently, 0 to
+    /// 0.1: internal motion that cannot be inferred from the surface.
     #[serde(default)]
     pub decoupling_sd: f64,
 }
@@ -160,47 +160,48 @@ fn exponent() -> u32 {
     2
 }
 
-/// What is different on the day of the treatment. Set-up is a rigid motion of the whole patient
-/// about the isocentre, along and about the patient's axes (left, posterior, head).
+/// Differences on the day of the treatment. Set-up is a rigid motion of the whole patient about the
+/// isocentre, along and about the patient's axes (left, posterior, head).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Treatment {
-    /// Depth of breathing over that at planning, 0.3 to 2.
+    /// Depth of breathing relative to planning, 0.3 to 2.
     #[serde(default = "one")]
     pub amplitude: f64,
-    /// Length of cycles over that at planning, 0.5 to 2.
+    /// Cycle length relative to planning, 0.5 to 2.
     #[serde(default = "one")]
     pub period: f64,
-    /// How far the abdomen's baseline goes in the end, up being positive, -10 to 10 mm; the thorax
-    /// goes 0.4 of it.
+    /// Final drift of the abdomen's baseline, positive upwards, -10 to 10 mm; the thorax drifts by
+    /// 0.4 of it.
     #[serde(default)]
     pub drift_mm: f64,
-    /// How far the diaphragm's baseline goes in the end, to the feet being positive, -10 to 10 mm.
+    /// Final drift of the diaphragm's baseline, positive towards the feet, -10 to 10 mm.
     #[serde(default)]
     pub diaphragm_drift_mm: f64,
-    /// After how long 0.7 of a drift is done, 10 to 3600 s.
+    /// Time until 0.7 of a drift is reached, 10 to 3600 s.
     #[serde(default = "drift_time")]
     pub drift_time_s: f64,
-    /// Standard deviation of a baseline that wanders within half a minute, 0 to 2 mm, of the
-    /// abdomen and the diaphragm alike.
+    /// Standard deviation of the baseline's wander on a time scale of half a minute, 0 to 2 mm, for
+    /// abdomen and diaphragm alike.
     #[serde(default)]
     pub wander_mm: f64,
-    /// Coughs at random, 0 to 6 a minute.
+    /// Rate of random coughs, 0 to 6 per minute.
     #[serde(default)]
     pub coughs_per_min: f64,
-    /// Device times at which the patient coughs for certain, in seconds, at most 64.
+    /// Device times of additional coughs, in seconds, at most 64.
     #[serde(default)]
     pub coughs_at_s: Vec<f64>,
-    /// How far the abdomen is drawn in at most by a cough, 0 to 12 mm.
+    /// Maximum inward motion of the abdomen during a cough, 0 to 12 mm.
     #[serde(default = "cough")]
     pub cough_mm: f64,
-    /// How far the posture (chest up, abdomen in) differs from that at planning, -5 to 5 mm.
+    /// Change of posture (chest up, abdomen in) relative to planning, -5 to 5 mm.
     #[serde(default)]
     pub posture_mm: f64,
-    /// Set-up error, within 50 mm.
+    /// Translational set-up error, within 50 mm.
     #[serde(default, deserialize_with = "exactly")]
     pub setup_mm: [f64; 3],
-    /// Set-up error about the isocentre, within 10 degrees, about the fixed x, then y, then z axis.
+    /// Rotational set-up error about the isocentre, within 10 degrees, about the fixed x, then y,
+    /// then z axis.
     #[serde(default, deserialize_with = "exactly")]
     pub setup_deg: [f64; 3],
 }
@@ -235,20 +236,21 @@ impl Default for Treatment {
 }
 
 impl Patient {
-    /// Loads a patient that ships by its name, or else a file by its path.
+    /// Loads a built-in patient by name, or else a file by path.
     ///
     /// # Errors
-    /// A name that is neither, unreadable files, and all that [`Self::parse`] refuses.
+    /// Returns an error if the name is neither, if the file cannot be read, or if [`Self::parse`]
+    /// rejects it.
     pub fn load(name_or_path: &str) -> Result<Self> {
         let (source, _) = source::load(name_or_path, &catalogue::PATIENTS, "patient")?;
         Self::from_source(&source)
     }
 
-    /// Reads and checks a patient from text; `place` stands for the file in messages.
+    /// Parses and checks a patient; `place` is used as the file name in messages.
     ///
     /// # Errors
-    /// Syntax, unknown fields, wrong types, values out of their ranges and measures that make no
-    /// body, each with its line.
+    /// Returns an error with the line for a syntax error, an unknown field, a wrong type, a value
+    /// out of range or dimensions that do not form a body.
     pub fn parse(text: &str, place: &str) -> Result<Self> {
         Self::from_source(&TomlSource::new(text, place))
     }
@@ -259,12 +261,12 @@ impl Patient {
         Ok(patient)
     }
 
-    /// Body mass index in kg/m2.
+    /// Returns the body mass index in kg/m2.
     pub fn body_mass_index(&self) -> f64 {
         self.mass_kg / (self.stature_mm * 1e-3).powi(2)
     }
 
-    /// Depth of its folds in millimetres.
+    /// Returns the depth of the skin folds in millimetres.
     pub fn fold_mm(&self) -> f64 {
         let by_mass = (0.8 * (self.body_mass_index() - 27.0)).clamp(0.0, 16.0);
         self.chest.fold_mm.unwrap_or(by_mass)

@@ -1,12 +1,12 @@
-//! Random numbers of a patient: Philox4x32-10 by seed, stream and index, so that the number of a
-//! breath does not depend on the breaths before it.
+//! Random numbers of a patient: Philox4x32-10 by seed, stream and index, so that the numbers of a
+//! breath do not depend on those before it.
 
 use phasmid_core::philox::philox;
 
-/// Sets this module's counters apart from those of others under the same seed.
+/// Separates this module's counters from others under the same seed.
 const PATIENT: u32 = 0x7061_7469;
 
-/// The numbers of one stream.
+/// A random stream.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Draws {
     key: [u32; 2],
@@ -21,7 +21,7 @@ impl Draws {
         }
     }
 
-    /// A number in (0, 1), of 53 bits.
+    /// Returns a uniform number in (0, 1) with 53 random bits.
     pub(super) fn unit(self, index: i64) -> f64 {
         let counter = [index as u32, (index >> 32) as u32, self.stream, PATIENT];
         let [high, low, ..] = philox(counter, self.key);
@@ -29,7 +29,7 @@ impl Draws {
         (bits as f64 + 0.5) * (-53f64).exp2()
     }
 
-    /// A number in (-1, 1).
+    /// Returns a uniform number in (-1, 1).
     pub(super) fn even(self, index: i64) -> f64 {
         2.0 * self.unit(index) - 1.0
     }

@@ -1,11 +1,11 @@
-//! Numbers, and numbers with their gradient: a formula that is written once, over [`Real`], gives a
-//! value fast and its exact derivatives where they are asked for (forward differentiation: Griewank
-//! and Walther, "Evaluating Derivatives", 2008, chapter 3).
+//! Numbers, and numbers with their gradient: a formula written once over [`Real`] gives a fast
+//! value or, if needed, exact derivatives (forward-mode automatic differentiation: Griewank and
+//! Walther, "Evaluating Derivatives", 2008, chapter 3).
 
 use glam::DVec3;
 use std::ops::{Add, Mul, Neg, Sub};
 
-/// What formulas of the phantom are written over.
+/// Number type of the phantom's formulas.
 pub(super) trait Real:
     Copy
     + Add<Output = Self>
@@ -16,34 +16,34 @@ pub(super) trait Real:
     + Sub<f64, Output = Self>
     + Mul<f64, Output = Self>
 {
-    /// Its value.
+    /// Returns the value.
     fn value(self) -> f64;
 
-    /// A function of it, by the function's value and slope there.
+    /// Applies a function, given its value and slope at this number.
     fn chain(self, value: f64, slope: f64) -> Self;
 
-    /// A number that does not depend on the place.
+    /// Returns a number that does not depend on the position.
     fn constant(self, value: f64) -> Self {
         self.chain(value, 0.0)
     }
 
-    /// |v|^2.5, which bends cross-sections between an ellipse and a rectangle: twice continuously
-    /// differentiable, with no call but a square root.
+    /// Returns |v|^2.5, the exponent of cross-sections between an ellipse and a rectangle: twice
+    /// continuously differentiable, and computed with only a square root.
     fn abs_pow_5_2(self) -> Self {
         let v = self.value();
         let root = v.abs().sqrt();
         self.chain(v * v * root, 2.5 * v * root)
     }
 
-    /// v / sqrt(v^2 + 1): an odd function that is a line near 0 and ends at +-1.
+    /// v / sqrt(v^2 + 1): an odd function, linear near 0, with limits of +-1.
     fn saturated(self) -> Self {
         let v = self.value();
         let root = (v * v + 1.0).sqrt();
         self.chain(v / root, 1.0 / (root * root * root))
     }
 
-    /// A smooth step: 0 up to 0, 1 from 1 on, twice continuously differentiable (Perlin, "Improving
-    /// Noise", 2002). Its slope is 1.875 at most.
+    /// A smooth step: 0 for v <= 0, 1 for v >= 1, twice continuously differentiable (Perlin,
+    /// "Improving Noise", 2002). Its slope is at most 1.875.
     fn rise(self) -> Self {
         let v = self.value().clamp(0.0, 1.0);
         let value = v * v * v * (v * (6.0 * v - 15.0) + 10.0);
@@ -70,7 +70,7 @@ pub(super) struct Jet {
 }
 
 impl Jet {
-    /// The coordinates of a place.
+    /// Returns the coordinates of a point as jets.
     pub(super) fn place(x: DVec3) -> [Self; 3] {
         DVec3::AXES.map(|axis| Self {
             value: x.dot(axis),

@@ -1,9 +1,9 @@
-//! What stands out of the outline and cuts into it: breasts or chest, collar bones, ribs' edge,
-//! navel, folds, the spine's groove, a scar, and a body's own waves.
+//! Relief on the outline: breasts or chest muscles, collar bones, edge of the ribs, navel, folds,
+//! the groove of the spine, a scar, and individual waves.
 //!
-//! Places are along the skin: q from the middle of the front to the patient's left, measured on the
-//! chest's mean circle, and z to the head, both in millimetres. All features are smooth functions
-//! of the angle and z.
+//! Positions are along the skin: q from the middle of the front to the patient's left, measured on
+//! the chest's mean circle, and z towards the head, both in millimetres. All features are smooth
+//! functions of the angle and z.
 
 use super::outline::{Outline, STATURE_MM};
 use super::parameters::{Patient, Scar};
@@ -11,32 +11,34 @@ use super::random::Draws;
 use super::real::Real;
 use std::f64::consts::{PI, TAU};
 
-/// Waves of a body's own.
+/// Number of individual waves.
 const WAVES: i64 = 8;
-/// Stream of the numbers that tell bodies apart.
+/// Random stream of the individual variation.
 const STREAM: u32 = 1;
-/// Exponent of a breast's profile exp(-(r^2/2)^k), fuller than a Gaussian, and its volume over that
-/// of the Gaussian: gamma(1/k)/k.
+/// Exponent k of a breast's profile exp(-(r^2/2)^k), fuller than a Gaussian.
 const FULLNESS: f64 = 1.3;
+/// Volume of that profile relative to the Gaussian's: gamma(1/k)/k.
 const FULL_VOLUME: f64 = 0.915_0;
-/// How far the lower and the upper part of a breast reach over its width.
+/// Extent of the lower part of a breast, relative to its width.
 const BELOW: f64 = 0.78;
+/// Extent of the upper part of a breast, relative to its width.
 const ABOVE: f64 = 1.12;
 
 /// The relief of one patient.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Relief {
-    /// Stature over that of the tables, and the chest's mean radius.
+    /// Stature relative to that of the tables.
     scale: f64,
+    /// Mean radius of the chest.
     chest_mm: f64,
     stature_mm: f64,
-    /// Right and left.
+    /// Right and left breast.
     breasts: [Option<Breast>; 2],
     fold_mm: f64,
     navel_mm: f64,
-    /// How much of bones and muscles shows under the layer, 0 to 1.
+    /// Visibility of bones and muscles under the layer, 0 to 1.
     lean: f64,
-    /// Factors of variation on muscles, ribs and the midline.
+    /// Variation factors of muscles, ribs and midline.
     own: [f64; 3],
     waves: Vec<Wave>,
     scar: Option<Scar>,
@@ -68,7 +70,7 @@ impl Relief {
                 let width_mm = 44.0 * (volume_ml / 300.0).cbrt();
                 let area = TAU * FULL_VOLUME * width_mm * width_mm * 0.5 * (BELOW + ABOVE);
                 Breast {
-                    // Of larger ones more lies to the side.
+                    // Larger breasts are centred further to the side.
                     at_mm: [
                         side * (76.0 * scale + 0.35 * width_mm),
                         (0.034 * p.stature_mm) - 0.1 * width_mm,
@@ -102,14 +104,14 @@ impl Relief {
         }
     }
 
-    /// How far the skin is above the outline, at an angle from the middle of the front to the left
-    /// (-pi to pi) and at z, along the radius in millimetres.
+    /// Returns the height of the skin above the outline, along the radius in millimetres, at an
+    /// angle from the middle of the front to the left (-pi to pi) and at z.
     pub(super) fn at(&self, angle: f64, z: f64) -> f64 {
         let q = angle * self.chest_mm;
         let waves: f64 = (self.waves.iter())
             .map(|w| w.height_mm * (w.around * angle + w.along * z + w.phase).cos())
             .sum();
-        // Everything of the front fades towards the back.
+        // All features of the front fade towards the back.
         let front = 1.0 - ((angle.abs() - 1.2) / 1.2).rise();
         let mut height = waves + self.spine(angle, z) + self.folds(angle, q, z);
         if front > 0.0 {
@@ -132,7 +134,7 @@ impl Relief {
         let collar = 3.0 * both(72.0, 206.0, [42.0, 9.0]);
         let notch = -5.0 * hill([0.0, 214.0], [15.0, 13.0]);
         let breastbone = -3.5 * hill([0.0, 80.0], [17.0, 75.0]);
-        // The ribs' edge runs down to both sides of the breastbone's tip.
+        // The edge of the ribs descends on both sides of the tip of the breastbone.
         let s = self.scale;
         let edge = -12.0 - 62.0 * (q / s / 110.0).powi(2);
         let across = (z / s - edge) / 17.0;
@@ -165,8 +167,8 @@ impl Relief {
             .sum()
     }
 
-    /// Grooves across the abdomen, one below the ribs and one above the hips with what hangs over
-    /// it, and two on each flank.
+    /// Grooves across the abdomen, one below the ribs and one above the hips, with the overhang
+    /// above it, and two on each flank.
     fn folds(&self, angle: f64, q: f64, z: f64) -> f64 {
         if self.fold_mm <= 0.0 {
             return 0.0;
@@ -182,7 +184,7 @@ impl Relief {
         let aside = (-0.5 * ((angle.abs() - 1.75) / 0.33).powi(2)).exp();
         let slant = 0.3 * (q.abs() - 1.75 * self.chest_mm);
         let flank = |at: f64| -0.8 * line(z - at * self.stature_mm - slant, 8.0);
-        // No fold is as deep everywhere.
+        // The depth of a fold varies around the body.
         let deep = 0.8 + 0.2 * (2.0 * angle + 9.0 * self.own[0]).sin();
         let d = d * deep;
         d * (across * abdomen + aside * (flank(-0.045) + flank(-0.095)))
@@ -245,7 +247,7 @@ mod tests {
         let without = of(|p| p.chest.breast_ml = [0.0, 1e-9]);
         for volume in [150.0, 500.0] {
             let mut with = of(|p| p.chest.breast_ml = [0.0, volume]);
-            // What else depends on the body's mass stays as it was.
+            // Keep everything else that depends on the body's mass.
             with.clone_from(&Relief {
                 breasts: with.breasts,
                 ..without.clone()
@@ -269,7 +271,7 @@ mod tests {
             with.at(angle, z) - without.at(angle, z)
         };
         assert!((off(70.0, -5.0) + 3.0).abs() < 1e-9);
-        // 5 mm across its direction.
+        // 5 mm across the scar's direction.
         let across = 5.0 / 100f64.hypot(70.0);
         let side = off(70.0 - 70.0 * across, -5.0 + 100.0 * across);
         assert!((side + 3.0 * (-0.5f64).exp()).abs() < 1e-9, "{side}");

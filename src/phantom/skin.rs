@@ -1,4 +1,4 @@
-//! The skin: a closed surface that is star-shaped about the body's axis at every height.
+//! The skin: a closed surface that is star-shaped around the body's axis at every height.
 
 use super::outline::Outline;
 use super::parameters::Patient;
@@ -21,32 +21,32 @@ impl Skin {
         }
     }
 
-    /// The distance from the axis to the skin at an angle from x over y, in millimetres; 0 at and
-    /// beyond both ends.
+    /// Returns the distance from the axis to the skin at an angle from x towards y, in millimetres;
+    /// 0 at and beyond both ends.
     pub(super) fn radius(&self, angle: f64, z: f64) -> f64 {
         let cap = self.outline.cap(z);
         if cap <= 0.0 {
             return 0.0;
         }
         let (sin, cos) = angle.sin_cos();
-        // The middle of the front is at -y; from there to the left.
+        // The middle of the front is at -y; angles count from there to the left.
         let from_front = cos.atan2(-sin);
         cap * (self.outline.radius(sin, cos, z) + self.relief.at(from_front, z))
     }
 
-    /// The point of the skin at an angle and a height.
+    /// Returns the point of the skin at an angle and a height.
     pub(super) fn point(&self, angle: f64, z: f64) -> DVec3 {
         let (sin, cos) = angle.sin_cos();
         let radius = self.radius(angle, z);
         DVec3::new(radius * cos, radius * sin, z)
     }
 
-    /// Heights of the lower and the upper end.
+    /// Returns the heights of the lower and the upper end.
     pub(super) fn ends(&self) -> [f64; 2] {
         self.outline.ends()
     }
 
-    /// How far a place is outside the skin, negative inside: exactly 0 on it, and right to a few per
+    /// Signed distance from the skin, negative inside: exactly 0 on it, and accurate to a few per
     /// cent within some millimetres of it.
     pub(super) fn outside(&self, x: DVec3) -> f64 {
         let [lower, upper] = self.ends();
@@ -61,7 +61,7 @@ impl Skin {
         if off.abs() > 40.0 && self.outline.cap(x.z) == 1.0 {
             return off;
         }
-        // Over the length of the gradient of `across - radius`.
+        // Divided by the length of the gradient of `across - radius`.
         let step = 0.05f64.min(-0.5 * beyond);
         let along =
             (self.radius(angle, x.z + step) - self.radius(angle, x.z - step)) / (2.0 * step);
@@ -71,7 +71,7 @@ impl Skin {
         off / (1.0 + along * along + around * around).sqrt()
     }
 
-    /// How far a place is outside bone and muscle, along the radius.
+    /// Distance from bone and muscle along the radius, positive outside.
     pub(super) fn outside_core(&self, x: DVec3) -> f64 {
         let across = x.x.hypot(x.y);
         let (sin, cos) = match across > 0.0 {
@@ -81,7 +81,7 @@ impl Skin {
         across - self.outline.cap(x.z) * self.outline.core_radius(sin, cos, x.z)
     }
 
-    /// Measure of the layer over bone and muscle, in millimetres.
+    /// Returns the scale of the layer over bone and muscle, in millimetres.
     #[cfg(test)]
     pub(super) fn layer_mm(&self) -> f64 {
         self.outline.layer_mm

@@ -1,19 +1,20 @@
-//! The skin as triangles of nearly equal size: rings at equal distances along the body, each with as
-//! many points as it is long, zipped together; one point closes each end.
+//! The skin as triangles of nearly equal size: rings at equal distances along the body, each with a
+//! number of points proportional to its length, zipped together; one point closes each end.
 
 use super::skin::Skin;
 use glam::DVec3;
 use phasmid_geometry::Mesh;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
-/// Heights at which the body is measured for where rings go, and angles at each.
+/// Number of heights at which the body is measured to place the rings.
 const HEIGHTS: usize = 900;
+/// Number of angles measured at each height.
 const ANGLES: usize = 64;
-/// Steps by which a ring's length is parted.
+/// Number of steps in which a ring's length is measured.
 const FINE: usize = 360;
 
-/// A closed mesh of the skin of about so many triangles, in the body frame, seen from outside
-/// anticlockwise.
+/// Returns a closed mesh of the skin with about `triangles` triangles, in the body frame,
+/// counter-clockwise seen from outside.
 pub(super) fn mesh(skin: &Skin, triangles: u32) -> Mesh {
     let measure = Measure::new(skin);
     let mut edge = (4.0 * measure.area() / (3f64.sqrt() * f64::from(triangles))).sqrt();
@@ -31,7 +32,7 @@ pub(super) fn mesh(skin: &Skin, triangles: u32) -> Mesh {
         let ring = Ring {
             first: vertices.len() as u32,
             count: points,
-            // Every other ring is turned by half a step.
+            // Every other ring is rotated by half a step.
             turn: 0.5 * (i % 2) as f64,
         };
         vertices.extend(around(skin, z, &ring));
@@ -53,11 +54,12 @@ pub(super) fn mesh(skin: &Skin, triangles: u32) -> Mesh {
     }
 }
 
-/// How long the body is, and how long around, at heights that crowd at both ends.
+/// Lengths along and around the body, at heights that are denser at both ends.
 struct Measure {
     z: Vec<f64>,
     /// Mean length of the meridians from the lower end.
     along: Vec<f64>,
+    /// Circumference.
     around: Vec<f64>,
 }
 
@@ -99,7 +101,7 @@ impl Measure {
             .sum()
     }
 
-    /// Height and number of points of each ring of triangles with this edge.
+    /// Returns height and number of points of each ring, for triangles with this edge length.
     fn rings(&self, edge: f64) -> Vec<(f64, usize)> {
         let length = self.along[self.along.len() - 1];
         let count = (length / (edge * 0.75f64.sqrt())).round().max(4.0) as usize;
@@ -119,7 +121,7 @@ impl Measure {
     }
 }
 
-/// Points of a ring among all vertices.
+/// The points of a ring within all vertices.
 struct Ring {
     first: u32,
     count: usize,
@@ -131,13 +133,13 @@ impl Ring {
         self.first + (k % self.count) as u32
     }
 
-    /// Where a point is on the ring's length, in turns from the middle of the back.
+    /// Position of a point along the ring, in turns from the middle of the back.
     fn share(&self, k: usize) -> f64 {
         (k as f64 + self.turn) / self.count as f64
     }
 }
 
-/// The points of a ring, at equal distances from the middle of the back on.
+/// Returns the points of a ring at equal distances, starting at the middle of the back.
 fn around(skin: &Skin, z: f64, ring: &Ring) -> Vec<DVec3> {
     let angle = |i: usize| FRAC_PI_2 + TAU * i as f64 / FINE as f64;
     let mut length = vec![0.0];
@@ -161,7 +163,7 @@ fn around(skin: &Skin, z: f64, ring: &Ring) -> Vec<DVec3> {
         .collect()
 }
 
-/// Triangles between a ring and the next one towards the head.
+/// Adds the triangles between a ring and the next one towards the head.
 fn zip(low: &Ring, high: &Ring, triangles: &mut Vec<[u32; 3]>) {
     let (mut i, mut j) = (0, 0);
     while i < low.count || j < high.count {
@@ -208,7 +210,7 @@ mod tests {
                 "{least} {hundredth} degrees"
             );
         }
-        // The volume by the closed form of the radius.
+        // Reference: the volume by integration of the radius.
         let [lower, upper] = skin.ends();
         const N: usize = 700;
         let mut volume = 0.0;

@@ -1,14 +1,14 @@
-//! Uniform cubic B-splines: outlines along the body, and smooth random courses of time.
+//! Uniform cubic B-splines: outlines along the body, and smooth random functions of time.
 //!
-//! Value and slope are convex combinations of the coefficients and of their differences over a step
-//! (de Boor, "A Practical Guide to Splines", 1978, chapters IX and X), so that bounds on them hold
-//! at every moment.
+//! The value is a convex combination of the coefficients, and the slope one of their differences
+//! over a step (de Boor, "A Practical Guide to Splines", 1978, chapters IX and X), so that bounds
+//! on these hold everywhere.
 
 use super::random::Draws;
 use super::real::Real;
 
-/// A course over evenly spaced coefficients, constant beyond both ends, twice continuously
-/// differentiable.
+/// A twice continuously differentiable function over evenly spaced coefficients, constant beyond
+/// both ends.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Spline {
     first: f64,
@@ -17,7 +17,8 @@ pub(super) struct Spline {
 }
 
 impl Spline {
-    /// Takes where the first coefficient stands, the step between them, and one or more of them.
+    /// Creates a spline from the position of the first coefficient, the step and one or more
+    /// coefficients.
     pub(super) fn new(first: f64, step: f64, coefficients: Vec<f64>) -> Self {
         Self {
             first,
@@ -26,7 +27,7 @@ impl Spline {
         }
     }
 
-    /// Its value at a place.
+    /// Returns the value at a position.
     pub(super) fn at<T: Real>(&self, place: T) -> T {
         let last = self.coefficients.len() as f64;
         let at = ((place.value() - self.first) / self.step).clamp(-1.0, last);
@@ -41,7 +42,7 @@ impl Spline {
     }
 }
 
-/// Value and slope of the part between the middle two of four coefficients, `share` of 0 to 1 on.
+/// Value and slope between the middle two of four coefficients, at `share` (0 to 1) of the way.
 fn blend(c: [f64; 4], share: f64) -> (f64, f64) {
     let (u, v) = (share, 1.0 - share);
     let value = [
@@ -58,27 +59,27 @@ fn blend(c: [f64; 4], share: f64) -> (f64, f64) {
     )
 }
 
-/// Standard deviation of [`wander`] at whole numbers, and of its difference between neighbouring
-/// ones, over that of its coefficients.
+/// Standard deviation of [`wander`] at integers, relative to that of its coefficients.
 const AT_KNOTS: f64 = std::f64::consts::FRAC_1_SQRT_2;
+/// Standard deviation of the difference between adjacent integers, on the same scale.
 const BETWEEN_KNOTS: f64 = 0.745_355_992_499_929_9;
 
-/// A random course without end, at any moment without those before it: coefficients at the whole
-/// numbers, even between -1 and 1 times `most`. Returns value and slope; neither is ever beyond
-/// `most` and twice `most`.
+/// An unbounded random function that can be evaluated at any time independently: its coefficients
+/// at the integers are uniform between -1 and 1 times `most`. Returns value and slope, whose
+/// magnitudes never exceed `most` and twice `most`.
 pub(super) fn wander(draws: Draws, time: f64, most: f64) -> (f64, f64) {
     let whole = time.floor();
     let coefficient = |i: i64| most * draws.even((whole as i64).wrapping_add(i));
     blend([-1, 0, 1, 2].map(coefficient), time - whole)
 }
 
-/// The `most` of a wander whose standard deviation at whole numbers is `deviation`.
+/// Returns the `most` of a wander with standard deviation `deviation` at integers.
 pub(super) fn most_of(deviation: f64) -> f64 {
     3f64.sqrt() * deviation / AT_KNOTS
 }
 
-/// The `most` of a wander whose differences between neighbouring whole numbers have that standard
-/// deviation.
+/// Returns the `most` of a wander whose differences between adjacent integers have the standard
+/// deviation `deviation`.
 pub(super) fn most_of_differences(deviation: f64) -> f64 {
     3f64.sqrt() * deviation / BETWEEN_KNOTS
 }

@@ -1,25 +1,26 @@
-//! Skin: a surface under whose boundary light travels before it comes back.
+//! Optical properties of skin, a material with subsurface scattering.
 
 use phasmid_core::check::Check;
 use phasmid_core::error::Result;
 use serde::{Deserialize, Serialize};
 
-/// Optical properties of skin, by class or by coefficients at the projector's wavelength. What
-/// follows from either, with its sources, is in `emulator::render::skin`.
+/// Optical properties of skin, by class or by coefficients at the projector's wavelength. The
+/// derived quantities and their sources are in `emulator::render::skin`.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Skin {
-    /// Class of Fitzpatrick's scale, 1 (palest) to 6: melanin of the epidermis over one dermis. For
-    /// wavelengths of 310 to 1000 nm; blood absorbs beyond them as at the nearer end.
+    /// Fitzpatrick class, 1 (palest) to 6: melanin of the epidermis over the same dermis. For
+    /// wavelengths of 310 to 1000 nm; outside this range, the absorption of blood at the nearer
+    /// limit is used.
     #[serde(default)]
     pub fitzpatrick: Option<u8>,
     /// Absorption coefficient in 1/mm, instead of a class.
     #[serde(default)]
     pub absorption_per_mm: Option<f64>,
-    /// Reduced scattering coefficient in 1/mm, beside the absorption.
+    /// Reduced scattering coefficient in 1/mm, given with the absorption.
     #[serde(default)]
     pub reduced_scattering_per_mm: Option<f64>,
-    /// Refractive index; 1.4 when absent (Jacques, Physics in Medicine and Biology 58, 2013).
+    /// Refractive index; default 1.4 (Jacques, Physics in Medicine and Biology 58, 2013).
     #[serde(default = "index")]
     pub refractive_index: f64,
 }

@@ -1,4 +1,4 @@
-//! Profiles, stations and scenes that ship inside the program.
+//! Built-in profiles, stations and scenes.
 
 use phasmid_core::error::Result;
 use phasmid_core::source::{self, TomlSource};
@@ -63,7 +63,7 @@ pub(super) fn profile_source(name_or_path: &str) -> Result<(TomlSource, PathBuf)
     source::load(name_or_path, &PROFILES, "profile")
 }
 
-/// A profile or a station.
+/// Loads the TOML of a built-in profile or station, or of a file.
 pub(super) fn configuration_source(name_or_path: &str) -> Result<(TomlSource, PathBuf)> {
     let shipped = [&PROFILES[..], &STATIONS].concat();
     source::load(name_or_path, &shipped, "profile")

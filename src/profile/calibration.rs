@@ -1,4 +1,4 @@
-//! How a scanner of this model is calibrated: what `phasmid calibrate` uses unless told otherwise.
+//! Calibration defaults of a scanner model, used by `phasmid calibrate` unless overridden.
 
 use super::Profile;
 use phasmid_core::check::Check;
@@ -6,26 +6,25 @@ use phasmid_core::error::Result;
 use phasmid_pattern::Axis;
 use serde::{Deserialize, Serialize};
 
-/// What a calibration of the device uses.
+/// Calibration defaults of a device.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Calibration {
-    /// Name of the sequence that tells both columns and rows of the projector; the first of them
-    /// when absent.
+    /// Name of a sequence that encodes both projector axes; when absent, the first such sequence.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub sequence: Option<String>,
-    /// Factor on the size of the usual board of dots, so that the camera tells them: 1 when absent.
+    /// Scale factor of the default dot board, so that the camera resolves the dots; 1 when absent.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub board_scale: Option<f64>,
-    /// Distance from the camera at which boards are shown, in millimetres; when absent, where the
-    /// middles of the camera's and the projector's fields meet.
+    /// Distance from the camera at which boards are placed, in millimetres; when absent, where the
+    /// centres of the camera's and the projector's fields of view meet.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub distance_mm: Option<f64>,
 }
 
 impl Profile {
-    /// The sequence that a calibration uses: the one that is named, or else the first that has
-    /// patterns along both axes.
+    /// Returns the calibration sequence: the named one, or else the first with patterns along both
+    /// axes.
     pub fn calibration_sequence(&self) -> Option<&super::Sequence> {
         let wanted = self.calibration.sequence.as_ref();
         self.sequence.iter().find(|sequence| match wanted {

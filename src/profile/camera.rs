@@ -1,4 +1,4 @@
-//! The camera of a profile: optics, timing, link.
+//! Camera of a profile: optics, timing and output format.
 
 use super::{Glare, Sensor, Vignetting, distortion, vignetting};
 use glam::DVec2;
@@ -9,10 +9,10 @@ use phasmid_pattern::manifest::MAX_SIDE_PX;
 use phasmid_protocol::{PixelFormat, data_line};
 use serde::{Deserialize, Serialize};
 
-/// Longest line time; sensors have some microseconds.
+/// Maximum line time; real sensors need a few microseconds.
 const MAX_LINE_TIME_US: f64 = 1000.0;
 
-/// Optics and timing of the camera. Its frame is the rig's frame.
+/// Optics and timing of the camera, whose frame is the rig's frame.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Camera {
@@ -22,7 +22,7 @@ pub struct Camera {
     pub height_px: u32,
     /// Focal length of the lens in millimetres.
     pub focal_length_mm: f64,
-    /// Width of the sensor that the columns divide, in millimetres; pixels are square.
+    /// Width of the sensor's active area in millimetres; pixels are square.
     pub sensor_width_mm: f64,
     /// Principal point in pixels; the image's centre when absent.
     #[serde(default, deserialize_with = "phasmid_core::numbers::exactly_if_any")]
@@ -30,41 +30,42 @@ pub struct Camera {
     /// OpenCV's k1 k2 p1 p2 k3.
     #[serde(default, deserialize_with = "phasmid_core::numbers::exactly")]
     pub distortion: [f64; 5],
-    /// Working f-number, for the light that reaches the sensor, and for the blur out of focus.
+    /// Working f-number; determines the light that reaches the sensor and the defocus blur.
     pub f_number: f64,
     /// Fall of light towards the edge of the image; none when absent.
     #[serde(default)]
     pub vignetting: Vignetting,
-    /// Distance of the plane in focus from the pupil in millimetres; absent, all is in focus.
+    /// Distance of the focal plane from the pupil in millimetres; everything is in focus when
+    /// absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub focus_mm: Option<f64>,
     /// Pixel format on the link at power-on.
     pub format: PixelFormat,
-    /// Puts the embedded data line above each image, one row more on every link: see
+    /// Puts the embedded data line above each image, which adds one row on every link: see
     /// [`data_line`].
     #[serde(default)]
     pub data_line: bool,
     /// Exposure at power-on in microseconds.
     pub exposure_us: f64,
-    /// Shortest and longest exposure in microseconds.
+    /// Minimum and maximum exposure in microseconds.
     #[serde(deserialize_with = "phasmid_core::numbers::exactly")]
     pub exposure_range_us: [f64; 2],
-    /// Largest gain in decibels above the sensor's base gain; 0 at power-on.
+    /// Maximum gain in decibels above the sensor's base gain; the gain is 0 dB at power-on.
     pub max_gain_db: f64,
     /// Interval of free-running frames in microseconds.
     pub frame_interval_us: f64,
-    /// Line time of a rolling shutter in microseconds, as data sheets of CMOS sensors state it: row
-    /// r of the region that is read out starts to expose r line times after its first row, and the
-    /// frame is read in rows times that. 0, or absent: a global shutter. Whole nanoseconds count.
+    /// Line time of a rolling shutter in microseconds, as stated in CMOS data sheets: row r of the
+    /// readout region starts its exposure r line times after the first row, and reading the frame
+    /// takes one line time per row. 0 or absent means a global shutter. Rounded to nanoseconds.
     #[serde(default)]
     pub line_time_us: f64,
-    /// How long a global shutter's frame takes to be read, in microseconds, all rows of it: it
-    /// leaves the camera when it has been read, and the next exposure starts no earlier. A region
-    /// takes its share of the rows. At once when absent; a rolling shutter is read by `line_time_us`.
+    /// Readout time of a full frame with a global shutter, in microseconds: the frame leaves the
+    /// camera, and the next exposure may start, once it has been read. A region of interest takes
+    /// time in proportion to its rows. Zero when absent; for a rolling shutter use `line_time_us`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub readout_us: Option<f64>,
-    /// Shortest time in microseconds from the start of one frame to that of the next, however short
-    /// they are; none when absent.
+    /// Minimum time in microseconds between the starts of consecutive frames, regardless of
+    /// exposure; no minimum when absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub shortest_interval_us: Option<f64>,
     /// Veiling glare of the lens.
@@ -75,7 +76,8 @@ pub struct Camera {
 }
 
 impl Camera {
-    /// Intrinsics and pose: the rig's frame is the camera's.
+    /// Returns intrinsics and pose; the pose is the identity because the rig's frame is the
+    /// camera's.
     pub fn view(&self) -> View {
         let focal_px = self.focal_length_mm / self.pixel_pitch_mm();
         View {
@@ -96,31 +98,30 @@ impl Camera {
         }
     }
 
-    /// The line time in nanoseconds.
+    /// Returns the line time in nanoseconds.
     pub fn line_time_ns(&self) -> u64 {
         (self.line_time_us * 1e3).round() as u64
     }
 
-    /// How long a global shutter's whole frame takes to be read, in nanoseconds.
+    /// Returns the readout time of a full frame with a global shutter, in nanoseconds.
     pub fn readout_ns(&self) -> u64 {
         (self.readout_us.unwrap_or(0.0) * 1e3).round() as u64
     }
 
-    /// Shortest time from one frame's start to the next one's, however short they are, in
-    /// nanoseconds.
+    /// Returns the minimum time between the starts of consecutive frames, in nanoseconds.
     pub fn shortest_interval_ns(&self) -> u64 {
         (self.shortest_interval_us.unwrap_or(0.0) * 1e3).round() as u64
     }
 
-    /// Shortest time in microseconds from one exposure at power-on to the next: no row is exposed
-    /// again before it has been, nor before all rows have been read.
+    /// Returns the minimum frame period in microseconds at the power-on exposure: no row starts its
+    /// next exposure before its previous one has ended and all rows have been read.
     pub fn shortest_period_us(&self) -> f64 {
         let rolling_ns = self.line_time_ns() * u64::from(self.height_px);
         let least_ns = rolling_ns.max(self.shortest_interval_ns());
         (self.exposure_us + self.readout_ns() as f64 / 1e3).max(least_ns as f64 / 1e3)
     }
 
-    /// Side of a square pixel in millimetres.
+    /// Returns the pixel pitch in millimetres.
     pub fn pixel_pitch_mm(&self) -> f64 {
         self.sensor_width_mm / f64::from(self.width_px)
     }
@@ -192,7 +193,8 @@ pub(super) fn check(c: &Camera, check: &Check<'_>) -> Result<()> {
             format!("a line above {} columns", c.width_px),
             format!("false, or a width_px of {} or more", data_line::WIDTH_PX),
         )?;
-        // It tells the time from the first row's start to the last one's end.
+        // The data line reports the time from the start of the first row's exposure to the end of
+        // the last row's.
         let skew_ns = c.line_time_ns() * u64::from(c.height_px - 1);
         let longest_told_us = (data_line::MAX_EXPOSURE_NS.saturating_sub(skew_ns)) as f64 / 1e3;
         check.that(

@@ -1,21 +1,21 @@
-//! A camera's response: how the numbers in its frames follow from light.
+//! Camera response: the curve from linear digital numbers to those stored in the frame.
 
 use phasmid_core::check::Check;
 use phasmid_core::error::Result;
 use serde::{Deserialize, Serialize};
 
-/// The curve from the converter's linear numbers to the numbers in the frame.
+/// Response curve from the converter's linear digital numbers (DN) to the DN in the frame.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
 pub enum CameraResponse {
-    /// The linear numbers themselves.
+    /// No change: frames contain the linear DN.
     Linear {},
-    /// DN = full (linear / full)^(1 / gamma), full the converter's largest number and the black
-    /// level a part of what is bent: what industrial cameras call gamma (GenICam Standard Features
-    /// Naming Convention 2.7, `Gamma`, whose value is our 1 / gamma). Its inverse is
+    /// DN = full (linear / full)^(1 / gamma), where `full` is the converter's full scale; the curve
+    /// applies to the black level too. Industrial cameras call this gamma (GenICam Standard
+    /// Features Naming Convention 2.7, `Gamma`, whose value is our 1 / gamma). Its inverse is
     /// linear = full (DN / full)^gamma.
     Gamma {
-        /// 2.2 for pictures that are to look right on a screen.
+        /// Exponent; 2.2 for images meant for display.
         gamma: f64,
     },
 }
@@ -27,13 +27,13 @@ impl Default for CameraResponse {
 }
 
 impl CameraResponse {
-    /// Whether the curve is any other than the straight line.
+    /// Returns whether the curve is non-linear.
     #[inline]
     pub fn is_bent(&self) -> bool {
         !matches!(self, Self::Linear {} | Self::Gamma { gamma: 1.0 })
     }
 
-    /// The number in the frame, not rounded, of a linear one in 0 to `full_scale`.
+    /// Returns the frame DN, unrounded, for a linear DN in 0 to `full_scale`.
     #[inline]
     pub fn apply(&self, linear_dn: f64, full_scale: f64) -> f64 {
         match self {
@@ -42,7 +42,7 @@ impl CameraResponse {
         }
     }
 
-    /// The linear number, not rounded, of one in the frame: the inverse of [`Self::apply`].
+    /// Returns the linear DN, unrounded, for a frame DN: the inverse of [`Self::apply`].
     pub fn invert(&self, dn: f64, full_scale: f64) -> f64 {
         match self {
             Self::Linear {} => dn,
@@ -50,8 +50,9 @@ impl CameraResponse {
         }
     }
 
-    /// The line (slope, value at the dark end) that fits the variance of the frame's numbers best
-    /// over those numbers, given the `variance` of linear ones between two ends.
+    /// Fits a straight line to the variance of frame DN over frame DN between two linear DN
+    /// (`ends`: dark, light), given the `variance` of linear DN. Returns (slope, value at the dark
+    /// end).
     pub(super) fn line(
         &self,
         variance: impl Fn(f64) -> f64,
@@ -62,7 +63,7 @@ impl CameraResponse {
         let samples = (0..64).map(|k| {
             let dn = dark + (light - dark) * (f64::from(k) + 0.5) / 64.0;
             let linear = self.invert(dn, full_scale);
-            // The slope of the curve there, over one number.
+            // Slope of the curve, averaged over one DN.
             let (low, high) = ((dn - 0.5).max(0.0), (dn + 0.5).min(full_scale));
             let span = self.invert(high, full_scale) - self.invert(low, full_scale);
             let slope = (high - low) / span;
@@ -81,7 +82,7 @@ impl CameraResponse {
         } else {
             0.0
         };
-        // Neither may be negative: then the other alone fits.
+        // Neither coefficient may be negative; if one would be, it is set to zero.
         let slope = slope.clamp(0.0, if x > 0.0 { y / x } else { 0.0 });
         (slope, y - slope * x)
     }

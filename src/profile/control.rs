@@ -1,4 +1,4 @@
-//! The control port: `[control]` of a profile.
+//! Control port: `[control]` of a profile.
 
 use super::TomlSource;
 use phasmid_core::check::Check;
@@ -8,32 +8,33 @@ use phasmid_protocol::usb::cdc::LineCoding;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
-/// How a device is spoken to; every field may be left out.
+/// Control port of a device: dialect and serial settings. Every field is optional.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Control {
-    /// The dialect of its port: a built-in name, or a file relative to the profile's folder.
+    /// Dialect of the port: a built-in name, or a file relative to the profile's folder.
     pub dialect: String,
-    /// Bits per second. With it bytes take their time on the line, both ways; without it none.
+    /// Bits per second. If set, transfers are paced in both directions; if absent, they take no
+    /// time.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub baud: Option<u32>,
-    /// Bits of a byte: 8, or 7, of which a byte's highest bit is not carried.
+    /// Data bits: 8, or 7, which drops the highest bit of each byte.
     pub data_bits: u8,
-    /// The bit behind them.
+    /// Parity bit after the data bits.
     pub parity: Parity,
-    /// Bits that end a byte: 1, 1.5 or 2.
+    /// Stop bits: 1, 1.5 or 2.
     pub stop_bits: f64,
-    /// Where that stands, for messages.
+    /// Source locations of these settings, for messages.
     #[serde(skip)]
     pub places: Places,
 }
 
-/// Where the settings stand that only the dialect's own file can judge.
+/// Source locations of the settings that can only be checked once the dialect is loaded.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Places {
-    /// Of the dialect: `FILE:LINE: control.dialect`, or an option.
+    /// Location of the dialect: `FILE:LINE: control.dialect`, or a command-line option.
     pub dialect: String,
-    /// Of the data bits.
+    /// Location of the data bits.
     pub data_bits: String,
 }
 
@@ -47,7 +48,7 @@ impl Default for Places {
 }
 
 impl Places {
-    /// Those of a profile.
+    /// Looks up the locations in a profile's source.
     pub(super) fn of(source: &TomlSource) -> Self {
         let all = Self::default();
         Self {
@@ -70,39 +71,39 @@ impl Default for Control {
     }
 }
 
-/// Parity bits of a serial line.
+/// Parity of a serial line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Parity {
-    /// There is none.
+    /// No parity bit.
     None,
-    /// An odd number of ones with it.
+    /// Odd number of ones, parity bit included.
     Odd,
-    /// An even number of ones with it.
+    /// Even number of ones, parity bit included.
     Even,
-    /// It is one.
+    /// Parity bit is always 1.
     Mark,
-    /// It is zero.
+    /// Parity bit is always 0.
     Space,
 }
 
 impl Control {
-    /// The dialect as [`Dialect::load`] takes it: a built-in name, or a file's path, which is
-    /// relative to the profile's folder where it is written.
+    /// Returns the dialect as [`Dialect::load`] expects it: a built-in name or a file path. Paths
+    /// in the profile are relative to the profile's `folder`.
     pub fn dialect_path(&self, folder: &Path) -> String {
         let name = &self.dialect;
         let built_in = Dialect::names().any(|built_in| built_in == name);
-        // A name that is no file is said as it was written.
+        // A name that is not a file is returned unchanged, so that messages quote it as written.
         let path = Some(folder.join(name)).filter(|path| !built_in && path.is_file());
         let path = path.and_then(|path| path.to_str().map(str::to_owned));
         path.unwrap_or_else(|| name.clone())
     }
 
-    /// The dialect; a file's path is relative to the profile's folder.
+    /// Loads the dialect; a file path is relative to the profile's folder.
     ///
     /// # Errors
-    /// What [`Dialect::load`] refuses, and packets on a line that carries seven bits of a byte, each
-    /// with the place that says so.
+    /// Returns an error if [`Dialect::load`] fails or if a binary dialect is combined with 7 data
+    /// bits. Both name the location of the setting.
     pub fn load_dialect(&self, folder: &Path) -> Result<Dialect> {
         let dialect = Dialect::load(&self.dialect_path(folder));
         let dialect = dialect.map_err(|error| error.at(&self.places.dialect))?;
@@ -119,7 +120,7 @@ impl Control {
         Ok(dialect)
     }
 
-    /// The line's settings as the serial class of USB has them; 115,200 baud where none are stated.
+    /// Returns the line settings as USB CDC encodes them; 115,200 baud if no baud rate is set.
     pub fn line_coding(&self) -> LineCoding {
         LineCoding {
             baud: self.baud.unwrap_or(LineCoding::default().baud),
@@ -135,7 +136,7 @@ impl Control {
         }
     }
 
-    /// Half bits of a byte on the line: start bit, data, parity, stop bits.
+    /// Returns the length of a byte on the line in half bits: start bit, data, parity, stop bits.
     pub fn half_bits(&self) -> u32 {
         let parity = u32::from(self.parity != Parity::None);
         2 * (1 + u32::from(self.data_bits) + parity) + self.stop_half_bits()
@@ -146,7 +147,7 @@ impl Control {
     }
 }
 
-/// Checks what no line has.
+/// Rejects settings that no serial line supports.
 pub(super) fn check(control: &Control, check: &Check<'_>) -> Result<()> {
     if let Some(baud) = control.baud {
         check.within("control.baud", baud, 50..=12_000_000)?;

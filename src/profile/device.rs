@@ -1,4 +1,4 @@
-//! A device profile: everything that makes one scanner model differ from another.
+//! Device profile: the complete description of a scanner model.
 
 use super::{Calibration, Camera, Projector, Sequence, TomlSource};
 use super::{builtin, calibration, camera, control, projector, sequence, usb};
@@ -13,33 +13,33 @@ use std::path::PathBuf;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Profile {
-    /// Name by which it is chosen.
+    /// Name used to select the profile.
     pub name: String,
     /// One line for listings.
     pub description: String,
-    /// What the device says of itself.
+    /// Identity that the device reports.
     pub identity: Identity,
     /// The camera.
     pub camera: Camera,
     /// The projector.
     pub projector: Projector,
-    /// How it enumerates as a USB device.
+    /// USB enumeration.
     #[serde(default)]
     pub usb: super::Usb,
-    /// How it is spoken to.
+    /// Control port.
     #[serde(default)]
     pub control: super::Control,
-    /// How it is calibrated.
+    /// Calibration defaults.
     #[serde(default)]
     pub calibration: Calibration,
     /// The sequences in the device's memory; the first is selected at power-on.
     pub sequence: Vec<Sequence>,
-    /// Folder that pattern images are relative to; the profile file's own.
+    /// Folder of the profile file, to which pattern image paths are relative.
     #[serde(skip)]
     pub folder: PathBuf,
 }
 
-/// The fields of `*IDN?` (IEEE 488.2, 10.14); no commas.
+/// Fields of `*IDN?` (IEEE 488.2, 10.14), without commas.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Identity {
@@ -57,7 +57,8 @@ impl Profile {
     /// Loads a built-in profile by its name, or else a file by its path.
     ///
     /// # Errors
-    /// A name that is neither, unreadable files, and all that [`Self::parse`] refuses.
+    /// Returns an error if the name is neither built in nor a file, if the file cannot be read, or
+    /// if [`Self::parse`] fails.
     pub fn load(name_or_path: &str) -> Result<Self> {
         let (source, folder) = builtin::profile_source(name_or_path)?;
         let mut profile = Self::from_source(&source)?;
@@ -65,10 +66,11 @@ impl Profile {
         Ok(profile)
     }
 
-    /// Reads and checks a profile from text; `place` stands for the file in messages.
+    /// Parses and checks a profile; `place` is the file name used in messages.
     ///
     /// # Errors
-    /// Syntax, unknown fields, wrong types and impossible values, each with its line.
+    /// Returns an error with its line on a syntax error, an unknown field, a wrong type or an
+    /// invalid value.
     pub fn parse(text: &str, place: &str) -> Result<Self> {
         Self::from_source(&TomlSource::new(text, place))
     }
@@ -80,7 +82,7 @@ impl Profile {
         Ok(profile)
     }
 
-    /// The manifest of one of the profile's sequences.
+    /// Returns the manifest of one of the profile's sequences.
     pub fn manifest(&self, sequence: &Sequence) -> Manifest {
         Manifest {
             projector: ProjectorSize {
@@ -91,7 +93,7 @@ impl Profile {
         }
     }
 
-    /// The rig as it was designed: what a calibration would find if it were perfect.
+    /// Returns the rig as designed, which is what a perfect calibration would find.
     pub fn nominal_rig(&self) -> Rig {
         Rig {
             camera: self.camera.view(),

@@ -1,4 +1,4 @@
-//! Where a lens is sharp, and how fast it blurs elsewhere.
+//! Focus distance and aperture of a lens, which determine its defocus blur.
 
 use phasmid_core::check::Check;
 use phasmid_core::error::Result;
@@ -6,16 +6,16 @@ use serde::{Deserialize, Serialize};
 
 /// Focus and aperture of a thin lens.
 ///
-/// Off the focused distance a point is spread over a disc. Seen on the focused plane its diameter
-/// is aperture |z - distance| / z, so in pixels of an image of `focal_px` it is
-/// focal_px aperture |1/distance - 1/z| (similar triangles; any textbook of optics, e.g. Hecht:
-/// "Optics", on the depth of field).
+/// A point out of focus is spread over a disc. Its diameter on the focal plane is aperture |z -
+/// distance| / z, hence focal_px aperture |1/distance - 1/z| in image pixels for a focal length of
+/// `focal_px` (similar triangles; see the depth of field in any optics textbook, e.g. Hecht:
+/// "Optics").
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Focus {
     /// Distance of sharp focus along the axis in millimetres.
     pub distance_mm: f64,
-    /// Diameter of the lens's aperture in millimetres: focal length over f-number. 0 is a pinhole.
+    /// Aperture diameter in millimetres: focal length over f-number. 0 is a pinhole.
     pub aperture_mm: f64,
 }
 

@@ -4,15 +4,16 @@ use phasmid_core::check::Check;
 use phasmid_core::error::Result;
 use serde::{Deserialize, Serialize};
 
-/// Light that the lens scatters over the image: the halo about strong light (ISO 9358 measures it
-/// as the veiling glare index, the share of a white field's light that lands in a black hole).
+/// Light that the lens scatters over the image, as in the halo around a bright source. ISO 9358
+/// measures it as the veiling glare index: the fraction of a white field's light that falls on a
+/// black hole.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Glare {
-    /// Per cent of each point's light that is scattered.
+    /// Percentage of each point's light that is scattered.
     pub percent: f64,
-    /// Standard deviation in pixels of the Gaussian that it is scattered over; what would fall
-    /// beside the image is reflected into it, so that no light is lost.
+    /// Standard deviation of the Gaussian scattering kernel in pixels. Light that would fall
+    /// outside the image is reflected back into it, so that none is lost.
     pub sigma_px: f64,
 }
 

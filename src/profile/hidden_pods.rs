@@ -1,4 +1,4 @@
-//! Which pods of the built-in ceiling station the linac's head hides from the isocentre.
+//! Tests which pods of the built-in ceiling station the linac head hides from the isocentre.
 
 use super::{Configuration, Profile};
 use glam::{DVec3, Vec3};
@@ -6,7 +6,8 @@ use phasmid_geometry::Pose;
 use phasmid_geometry::raycast::{Bvh, LANES, Packet, Scratch};
 use phasmid_geometry::shapes::linac_head;
 
-/// Whether the head at a gantry angle in degrees is between the isocentre and a place.
+/// Returns whether the linac head at a gantry angle in degrees blocks the line from the isocentre
+/// to `place` (mm).
 fn hides(gantry_deg: f64, place: DVec3) -> bool {
     let gantry = Pose::from_xyz_deg(DVec3::ZERO, DVec3::new(0.0, gantry_deg, 0.0));
     let mesh = linac_head();
@@ -24,7 +25,7 @@ fn pods_are_hidden_from_the_isocentre_at_some_gantry_angles() {
     let Configuration::Station(station) = Configuration::load("sgrt-ceiling").unwrap() else {
         panic!("no station");
     };
-    // Of the left, the right and the foot pod, in the order of the station.
+    // Left, right and foot pod, in the station's order.
     for (gantry_deg, hidden) in [
         (0.0, [false, false, false]),
         (40.0, [false, true, false]),
@@ -42,7 +43,7 @@ fn pods_are_hidden_from_the_isocentre_at_some_gantry_angles() {
                 "{} at {gantry_deg} degrees",
                 device.name
             );
-            // The projector beside it is hidden with it.
+            // If the camera is hidden, the projector next to it is too.
             let profile = Profile::load(&station.profile(device)).unwrap();
             let room_from_rig = Pose::from_xyz_deg(camera, DVec3::from_array(place.rotation_deg));
             let projector = DVec3::from_array(profile.projector.position_mm);

@@ -1,22 +1,22 @@
-//! Light that surfaces throw on each other.
+//! Interreflection: indirect light between surfaces.
 
 use phasmid_core::check::Check;
 use phasmid_core::error::Result;
 use serde::{Deserialize, Serialize};
 
-/// One diffuse bounce of the light of projector and lamps, from every surface on every other that
-/// it can see. What bounces twice is left out: of the light that reaches a surface in a concavity
-/// no more than (albedo F)^2 / (1 - albedo F), F the largest share of a point's sky that other
-/// surfaces fill. Constant ambient light does not bounce: it falls on every surface alike, so its
-/// bounces are in it.
+/// One diffuse bounce of projector and lamp light between all mutually visible surfaces. Further
+/// bounces are neglected: in a concavity they add at most (albedo F)^2 / (1 - albedo F) of the
+/// light that reaches a surface, where F is the largest fraction of a point's hemisphere filled by
+/// other surfaces. Constant ambient light does not bounce: it is the same on every surface and
+/// includes its bounces.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Interreflection {
-    /// Rays that gather the light of a point: a multiple of 16 from 16 to 1024. The bounced light
-    /// is off by some 0.3 / samples^0.75 of what would bounce if all of the sky were lit surface.
+    /// Rays per gather point: a multiple of 16 from 16 to 1024. The error of the indirect light is
+    /// about 0.3 / samples^0.75 of the indirect light from a hemisphere filled with lit surface.
     pub samples: u32,
-    /// Light is gathered at every so many columns and rows of the camera, and in between where no
-    /// such place is on the same smooth surface.
+    /// Spacing of the gather points in camera columns and rows. Pixels without a gather point on
+    /// the same smooth surface get their own.
     #[serde(default = "step_px")]
     pub step_px: u32,
 }

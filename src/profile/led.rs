@@ -1,19 +1,19 @@
-//! The light source of a projector: how fast it rises, and how it fades as it warms.
+//! Projector light source: rise time and thermal droop.
 
 use phasmid_core::check::Check;
 use phasmid_core::error::Result;
 use serde::{Deserialize, Serialize};
 
-/// A light source that follows its current with a delay and loses light with its own heat. Data
-/// sheets give both: rise and fall time, and relative flux over the junction's temperature.
+/// Light source with a finite rise time that loses output as it warms. Data sheets give both: rise
+/// and fall time, and relative flux over junction temperature.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Led {
-    /// Time of the rise from 10 to 90 per cent, and of the fall back, in microseconds: 2.2 time
+    /// Rise time from 10 to 90 per cent, equal to the fall time, in microseconds: 2.2 time
     /// constants.
     pub rise_us: f64,
-    /// What warms: junction, board, heat sink, each with its own time. At most
-    /// [`Self::MAX_DROOPS`].
+    /// Parts that warm up, such as junction, board and heat sink, each with its own time constant.
+    /// At most [`Self::MAX_DROOPS`].
     #[serde(default)]
     pub droop: Vec<Droop>,
 }
@@ -24,14 +24,15 @@ pub struct Led {
 pub struct Droop {
     /// Thermal time constant in seconds.
     pub time_constant_s: f64,
-    /// Share of the light that is lost when this part is as warm as full current makes it.
+    /// Fraction of the light lost when this part has reached its steady temperature at full
+    /// current.
     pub fraction: f64,
 }
 
 impl Led {
-    /// Most entries of `droop`.
+    /// Maximum number of `droop` entries.
     pub const MAX_DROOPS: usize = 8;
-    /// Most light that may be lost: a source without any would be a lamp that is off.
+    /// Maximum total fraction of light lost. At 1 the source would be off.
     pub const MOST_LOST: f64 = 0.9;
 }
 

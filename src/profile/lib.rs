@@ -1,4 +1,35 @@
-//! `device-profiles/*.toml` and scene files as typed, validated structs.
+//! Typed, validated device profiles, scenes and stations, loaded from TOML: what a scanner, the
+//! scene in front of it and a group of scanners are. A device-side crate: it depends on core,
+//! geometry, pattern, protocol, phantom and device-profiles, and no host-side crate may depend on
+//! it.
+//!
+//! | module | contents |
+//! | --- | --- |
+//! | `builtin` | built-in profiles, stations and scenes |
+//! | `calibration` | defaults of `phasmid calibrate` for a device |
+//! | `camera` | camera optics, timing and output format |
+//! | `camera_response` | response curve from linear to frame digital numbers |
+//! | `control` | control port: dialect and serial settings |
+//! | `device` | a complete device profile |
+//! | `distortion` | check of lens distortion |
+//! | `focus` | focus distance and aperture of a lens |
+//! | `glare` | veiling glare of the camera lens |
+//! | `interreflection` | indirect light between surfaces |
+//! | `led` | rise time and thermal droop of the light source |
+//! | `light` | lamps, ambient light and mains flicker |
+//! | `motion` | keyframed motion and deformation |
+//! | `object` | shapes, poses and surfaces of a scene |
+//! | `placing` | changing an object's pose at run time |
+//! | `projector` | projector optics and light |
+//! | `response` | light over displayed level |
+//! | `scene` | a complete scene |
+//! | `sensor` | image sensor in EMVA 1288 parameters |
+//! | `sequence` | pattern sequences |
+//! | `station` | several devices that observe one scene |
+//! | `surface` | specular reflection |
+//! | `timing` | display timing of a DLP projector |
+//! | `usb` | USB enumeration |
+//! | `vignetting` | light falloff towards the edge of the field |
 
 mod builtin;
 mod calibration;

@@ -1,69 +1,69 @@
-//! Light in a scene that is not the projector's.
+//! Light in a scene other than the projector's.
 
 use phasmid_core::check::Check;
 use phasmid_core::error::Result;
 use serde::{Deserialize, Serialize};
 
-/// Most lamps in a scene: a shadow's edge is found by a bit for each.
+/// Maximum number of lamps in a scene: shadow edges are detected with one bit per lamp.
 const MAX_LIGHTS: usize = 32;
 
-/// Constant light that falls on every surface alike.
+/// Constant light that is equal on all surfaces.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Ambient {
     /// Irradiance in W/m^2 at the projector's wavelength.
     pub irradiance_w_m2: f64,
-    /// How it pulsates with the mains; steady when absent.
+    /// Mains flicker; steady when absent.
     #[serde(default)]
     pub flicker: Option<Flicker>,
 }
 
-/// A lamp that casts shadows. Its light joins the ambient light: the projector's slides do not
-/// change it.
+/// A lamp that casts shadows. Its light adds to the ambient light and does not depend on the
+/// projected pattern.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "lowercase", deny_unknown_fields)]
 pub enum Light {
-    /// A lamp that is small against its distance, alike in all directions; it cannot be seen.
+    /// An isotropic point source, itself invisible to the camera.
     Point {
-        /// Place in the scene's frame in millimetres.
+        /// Position in the scene's frame in millimetres.
         #[serde(deserialize_with = "phasmid_core::numbers::exactly")]
         position_mm: [f64; 3],
         /// Radiant intensity in W/sr at the projector's wavelength.
         intensity_w_sr: f64,
-        /// How it pulsates with the mains; steady when absent.
+        /// Mains flicker; steady when absent.
         #[serde(default)]
         flicker: Option<Flicker>,
     },
-    /// Light from one direction, as the sun's.
+    /// Light from one direction, such as sunlight.
     Directional {
-        /// Where it goes, in the scene's frame, of any length.
+        /// Direction of travel in the scene's frame, of any length.
         #[serde(deserialize_with = "phasmid_core::numbers::exactly")]
         direction: [f64; 3],
-        /// Irradiance in W/m^2 of a surface that faces it, at the projector's wavelength.
+        /// Irradiance in W/m^2 of a surface perpendicular to it, at the projector's wavelength.
         irradiance_w_m2: f64,
-        /// How it pulsates with the mains; steady when absent.
+        /// Mains flicker; steady when absent.
         #[serde(default)]
         flicker: Option<Flicker>,
     },
 }
 
-/// Light that follows the mains' power, 1 + depth cos(2 pi f t + phase) of its mean, t the time of
-/// the device: the modulation of IEEE Std 1789-2015 (`depth` is its modulation percentage over
-/// 100). All that flickers in a scene hangs on one mains: frequency and phase are the same.
+/// Mains flicker: light is its mean times 1 + depth cos(2 pi f t + phase), where t is device time.
+/// This is the modulation of IEEE Std 1789-2015 (`depth` is its modulation percentage over 100).
+/// All flickering light in a scene shares one mains supply, hence frequency and phase.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Flicker {
-    /// Twice the mains' frequency: 100 or 120 Hz.
+    /// Twice the mains frequency: 100 or 120 Hz.
     pub frequency_hz: u32,
     /// Amplitude relative to the mean, 0 to 1.
     pub depth: f64,
-    /// Phase at time 0 of the device in degrees.
+    /// Phase at device time 0 in degrees.
     #[serde(default)]
     pub phase_deg: f64,
 }
 
 impl Ambient {
-    /// How it pulsates, if it does.
+    /// Returns the flicker; `None` if there is no light or it is steady.
     #[inline]
     pub fn pulse(&self) -> Option<Flicker> {
         let pulsates = |f: &Flicker| f.depth > 0.0 && self.irradiance_w_m2 > 0.0;
@@ -72,7 +72,7 @@ impl Ambient {
 }
 
 impl Light {
-    /// Whether it gives any light.
+    /// Returns whether it emits any light.
     #[inline]
     pub fn is_on(&self) -> bool {
         match *self {
@@ -83,13 +83,13 @@ impl Light {
         }
     }
 
-    /// How it pulsates, if it does.
+    /// Returns the flicker; `None` if there is no light or it is steady.
     pub fn pulse(&self) -> Option<Flicker> {
         let pulsates = |f: &Flicker| f.depth > 0.0 && self.is_on();
         self.flicker().filter(pulsates)
     }
 
-    /// How it pulsates.
+    /// Returns the flicker as configured.
     #[inline]
     pub fn flicker(&self) -> Option<Flicker> {
         match *self {

@@ -1,4 +1,4 @@
-//! How the objects of a scene move and deform, by keyframes in device time.
+//! Motion and deformation of scene objects by keyframes in device time.
 
 use glam::DVec3;
 use phasmid_core::check::Check;
@@ -7,72 +7,73 @@ use phasmid_geometry::{Timeline, Trajectory};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
-/// Keyframes closer together than this are a mistake.
+/// Minimum time between keyframes in seconds.
 const CLOSEST_S: f64 = 1e-6;
-/// Most keyframes of a motion.
+/// Maximum number of keyframes of a motion.
 const MAX_KEYFRAMES: usize = 4096;
-/// Most meshes of a deformation.
+/// Maximum number of meshes of a deformation.
 const MAX_MESHES: usize = 1024;
 
-/// A rigid motion: poses through which an object passes, smoothly ([`Trajectory`] says how), in the
-/// object's own frame. Without a period it stands still before the first and after the last one.
+/// A rigid motion: poses in the object's own frame, interpolated smoothly (see [`Trajectory`]).
+/// Without a period the object is at rest before the first and after the last keyframe.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Motion {
-    /// Time in seconds after which the keyframes come again, without a seam.
+    /// Period in seconds after which the keyframes repeat without a discontinuity.
     #[serde(default)]
     pub period_s: Option<f64>,
-    /// At least two, their times ascending, less than a period from first to last.
+    /// At least two, in ascending order of time, spanning less than a period.
     pub keyframes: Vec<Keyframe>,
 }
 
-/// A place on an object's way.
+/// A pose of a moving object.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Keyframe {
-    /// Device time, which power-on begins, in seconds.
+    /// Device time in seconds since power-on.
     pub time_s: f64,
-    /// Where the object is moved to, along its own axes, in millimetres: before its `rotation_deg`
-    /// and `position_mm`, and not scaled.
+    /// Translation along the object's own axes in millimetres, applied before the object's
+    /// `rotation_deg` and `position_mm` and not affected by its scale.
     #[serde(default, deserialize_with = "phasmid_core::numbers::exactly")]
     pub position_mm: [f64; 3],
-    /// Its rotation there in degrees about its own x, then y, then z axis, fixed. The way from one
-    /// keyframe to the next is the short one.
+    /// Rotation in degrees about the object's fixed x, then y, then z axis. Interpolation takes the
+    /// shorter arc.
     #[serde(default, deserialize_with = "phasmid_core::numbers::exactly")]
     pub rotation_deg: [f64; 3],
 }
 
-/// A deformation: meshes that an object's own becomes one after the other. Each vertex follows a
-/// [`Timeline`]'s spline. It may move at the same time.
+/// A deformation through a series of meshes that replace the object's own. Each vertex follows a
+/// [`Timeline`]'s spline. The object may also have a [`Motion`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Deform {
-    /// Time in seconds after which the keyframes come again, without a seam.
+    /// Period in seconds after which the keyframes repeat without a discontinuity.
     #[serde(default)]
     pub period_s: Option<f64>,
-    /// At least two, their times ascending, less than a period from first to last.
+    /// At least two, in ascending order of time, spanning less than a period.
     pub keyframes: Vec<MeshKeyframe>,
 }
 
-/// A shape on a mesh's way.
+/// The shape of a deforming mesh at one time.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct MeshKeyframe {
-    /// Device time, which power-on begins, in seconds.
+    /// Device time in seconds since power-on.
     pub time_s: f64,
-    /// STL, OBJ or PLY, relative to the scene file, with the triangles of the object's own mesh over
-    /// as many vertices; scaled as it is.
+    /// STL, OBJ or PLY file, relative to the scene file, with the same triangles and the same
+    /// number of vertices as the object's own mesh. The object's scale applies.
     pub file: PathBuf,
 }
 
 impl Motion {
-    /// Whether some keyframe is elsewhere than where the object rests.
+    /// Returns whether any keyframe differs from the rest pose.
     pub fn goes_anywhere(&self) -> bool {
         let elsewhere = |k: &Keyframe| k.position_mm != [0.0; 3] || k.rotation_deg != [0.0; 3];
         self.keyframes.iter().any(elsewhere)
     }
 
-    /// The pose over time that takes the object's coordinates to those that it has at rest.
+    /// Returns the pose over time that maps the moving object's coordinates to those of its rest
+    /// frame.
     pub fn trajectory(&self) -> Trajectory {
         let key = |k: &Keyframe| {
             (
@@ -87,7 +88,7 @@ impl Motion {
 }
 
 impl Deform {
-    /// Which meshes make the shape at a moment.
+    /// Returns the timeline that gives the meshes and weights at a time.
     pub fn timeline(&self) -> Timeline {
         let times = self.keyframes.iter().map(|k| k.time_s).collect();
         Timeline::new(times, self.period_s)

@@ -1,4 +1,4 @@
-//! The objects of a scene: shapes, places, surfaces.
+//! Objects of a scene: shapes, poses, surfaces.
 
 use super::motion::{self, Deform, Motion};
 use super::placing::{POSITION_MM, ROTATION_DEG};
@@ -12,49 +12,49 @@ use phasmid_phantom::{self as phantom, Day, Patient};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
-/// A shape with its place and its surface.
+/// A shape with its pose and surface.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Object {
-    /// What it is, in its own frame.
+    /// Shape in the object's own frame.
     pub shape: Shape,
-    /// Its origin in the scene's frame in millimetres.
+    /// Position of the origin in the scene's frame in millimetres.
     #[serde(default, deserialize_with = "phasmid_core::numbers::exactly")]
     pub position_mm: [f64; 3],
     /// Rotation in degrees about the fixed x, then y, then z axis.
     #[serde(default, deserialize_with = "phasmid_core::numbers::exactly")]
     pub rotation_deg: [f64; 3],
-    /// Factor on its size, before rotation and position.
+    /// Scale factor, applied before rotation and position.
     #[serde(default = "one")]
     pub scale: f64,
-    /// Diffuse reflectance of its Lambertian surface, 0 to 1; of skin a factor on the reflectance
-    /// that follows from its coefficients.
+    /// Diffuse (Lambertian) reflectance, 0 to 1; for skin, a factor on the reflectance that follows
+    /// from its coefficients.
     pub albedo: f64,
-    /// Light travels under the surface: fringes lose contrast and oblique light emerges shifted. A
-    /// surface that reflects where it is hit when absent.
+    /// Subsurface scattering: fringes lose contrast and oblique light emerges shifted. When absent,
+    /// light is reflected where it hits.
     #[serde(default)]
     pub skin: Option<Skin>,
-    /// Whether the albedo varies with the colours of the mesh's vertices: it is multiplied by
-    /// their reflectance, interpolated, which is the luminance of sRGB at any wavelength.
+    /// Whether the albedo is multiplied by the interpolated reflectance of the mesh's vertex
+    /// colours: their sRGB luminance, at any wavelength.
     #[serde(default)]
     pub vertex_colours: bool,
-    /// A picture (PNG, BMP, TIFF or JPEG, at most 4096 pixels a side, relative to the scene file)
-    /// that the albedo is multiplied by: the luminance of its sRGB at any wavelength. Its pixels
-    /// are held squares, and it repeats without end.
+    /// Texture image (PNG, BMP, TIFF or JPEG, at most 4096 pixels a side, relative to the scene
+    /// file) by which the albedo is multiplied: its sRGB luminance, at any wavelength.
+    /// Nearest-neighbour sampling; the texture repeats.
     #[serde(default)]
     pub texture: Option<PathBuf>,
-    /// Width and height of the picture laid over the shape, in millimetres of its own frame after
-    /// scaling: about a sphere by longitude and latitude, about a cylinder by its angle and y, over
-    /// anything else along x and y. When absent, a mesh has it by its own texture coordinates.
+    /// Width and height of the texture on the shape, in millimetres of the object's frame after
+    /// scaling. It is mapped by longitude and latitude on a sphere, by angle and y on a cylinder,
+    /// and along x and y on any other shape. When absent, a mesh uses its own texture coordinates.
     #[serde(default, deserialize_with = "phasmid_core::numbers::exactly_if_any")]
     pub texture_size_mm: Option<[f64; 2]>,
-    /// A specular lobe above the diffuse body; none when absent.
+    /// Specular lobe on top of the diffuse reflection; none when absent.
     #[serde(default)]
     pub specular: Option<Specular>,
-    /// How it moves as a rigid body; at rest when absent.
+    /// Rigid motion; at rest when absent.
     #[serde(default)]
     pub motion: Option<Motion>,
-    /// How its mesh deforms; stiff when absent.
+    /// Mesh deformation; rigid when absent.
     #[serde(default)]
     pub deform: Option<Deform>,
 }
@@ -63,32 +63,32 @@ fn one() -> f64 {
     1.0
 }
 
-/// Shapes in their own frame, in millimetres. They stand on their z = 0 plane and rise towards
-/// -z, which is towards a camera that looks along +z.
+/// Shapes in their own frame, in millimetres. Solids rest on the plane z = 0 and extend towards -z,
+/// that is, towards a camera looking along +z.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "lowercase", deny_unknown_fields)]
 pub enum Shape {
-    /// The plane z = 0, endless or a rectangle about the origin.
+    /// The plane z = 0, infinite or a rectangle centred on the origin.
     Plane {
-        /// Sides along x and y; endless when absent.
+        /// Sides along x and y; infinite when absent.
         #[serde(default, deserialize_with = "phasmid_core::numbers::exactly_if_any")]
         size_mm: Option<[f64; 2]>,
     },
-    /// A calibration board: a sheet in the plane z = 0 with the grid's middle at the origin, x along
-    /// the columns' numbers and y along the rows'. It is printed on the side towards -z.
+    /// A calibration board: a sheet in the plane z = 0, centred on its grid, x along increasing
+    /// columns and y along increasing rows. The side facing -z is printed.
     Board {
-        /// What is printed on it. Its lengths are before scaling.
+        /// Printed pattern. Its lengths are before scaling.
         board: Board,
-        /// Factor on the albedo, which is the paper's, where there is ink: 0 to 1.
+        /// Reflectance of ink relative to the paper, whose reflectance is the albedo: 0 to 1.
         #[serde(default = "ink")]
         ink: f64,
     },
-    /// A sphere about the origin.
+    /// A sphere centred on the origin.
     Sphere {
         /// Radius.
         radius_mm: f64,
     },
-    /// A closed cylinder about the origin, its axis along y.
+    /// A closed cylinder centred on the origin, its axis along y.
     Cylinder {
         /// Radius.
         radius_mm: f64,
@@ -104,7 +104,7 @@ pub enum Shape {
         /// Height.
         height_mm: f64,
     },
-    /// A human torso lying on its back, generated.
+    /// A generated human torso lying on its back.
     Torso {
         /// Variation of the body.
         #[serde(default)]
@@ -118,37 +118,37 @@ pub enum Shape {
         /// Size along z.
         #[serde(default = "torso_depth")]
         depth_mm: f64,
-        /// About how many triangles.
+        /// Approximate number of triangles.
         #[serde(default = "torso_triangles")]
         triangles: u32,
     },
-    /// A treatment couch top, generated.
+    /// A generated treatment couch top.
     Couch {},
-    /// The head of a C-arm linear accelerator with its arm and drum, generated, in the fixed frame of
-    /// IEC 61217 about the isocentre at a gantry angle of 0: head above the patient, drum towards +y.
-    /// With `position_mm` of the isocentre a gantry angle is the `rotation_deg` about y.
+    /// A generated head of a C-arm linear accelerator with its arm and drum, in the IEC 61217 fixed
+    /// frame about the isocentre at gantry angle 0: head above the patient, drum towards +y. With
+    /// `position_mm` at the isocentre, the `rotation_deg` about y is the gantry angle.
     #[serde(rename = "linac-head")]
     LinacHead {},
-    /// A generated patient that breathes, in the patient's frame: x to its left, y to its back, z to
-    /// its head, the origin at the planning isocentre, which is the middle of its tumour. Its skin is what
-    /// its own file says unless the object has one.
+    /// A generated breathing patient, in the patient's frame: x to the patient's left, y to the
+    /// back, z to the head, origin at the planning isocentre, which is the centre of the tumour.
+    /// The skin comes from the patient's file unless the object sets its own.
     Patient {
         /// A built-in patient, or a file relative to the scene file.
         patient: String,
-        /// The day: as planned, or as treated, with the set-up, drift and depth of that day.
+        /// Day: as planned, or as treated with that day's set-up error, drift and breathing depth.
         #[serde(default = "treatment")]
         day: Day,
-        /// Breath held at this phase of planning, in per cent of the cycle from the end of inhaling;
+        /// Breath held at this planning phase, in per cent of the cycle from end-inhale; free
         /// breathing when absent.
         #[serde(default)]
         held_percent: Option<f64>,
-        /// About how many triangles the skin has.
+        /// Approximate number of triangles of the skin.
         #[serde(default = "patient_triangles")]
         triangles: u32,
     },
     /// A triangle mesh from a file.
     Mesh {
-        /// STL, OBJ or PLY, relative to the scene file.
+        /// STL, OBJ or PLY file, relative to the scene file.
         file: PathBuf,
     },
 }
@@ -176,10 +176,10 @@ fn torso_triangles() -> u32 {
 }
 
 impl Shape {
-    /// The patient that it is, of files relative to a folder; `None` of any other shape.
+    /// Loads the patient, with file paths relative to `folder`; `None` for any other shape.
     ///
     /// # Errors
-    /// A name that is neither built in nor a file, and all that [`Patient::parse`] refuses.
+    /// Returns an error if the name is neither built in nor a file, or if [`Patient::parse`] fails.
     pub fn patient(&self, folder: &Path) -> Result<Option<Patient>> {
         let Self::Patient { patient, .. } = self else {
             return Ok(None);
@@ -193,7 +193,7 @@ impl Shape {
         Patient::load(&name).map(Some)
     }
 
-    /// Whether it is a patient that breathes.
+    /// Returns whether it is a freely breathing patient.
     pub fn breathes(&self) -> bool {
         let held = |held: &Option<f64>| held.is_some();
         matches!(self, Self::Patient { held_percent, .. } if !held(held_percent))
@@ -201,10 +201,10 @@ impl Shape {
 }
 
 impl Object {
-    /// The skin of a patient that the object does not say otherwise of.
+    /// Sets the skin from the patient's file unless the object has its own.
     ///
     /// # Errors
-    /// As for [`Shape::patient`].
+    /// Returns an error if [`Shape::patient`] fails.
     pub(super) fn settle(&mut self, folder: &Path) -> Result<()> {
         if let Some(patient) = self.shape.patient(folder)?
             && self.skin.is_none()
@@ -214,13 +214,13 @@ impl Object {
         Ok(())
     }
 
-    /// Its specular lobe; none of a surface that reflects nothing at right angles, whose refractive
-    /// index is the air's.
+    /// Returns the specular lobe; `None` if `f0` is 0, that is, if the refractive index equals that
+    /// of air.
     pub fn lobe(&self) -> Option<Specular> {
         self.specular.filter(|specular| specular.f0 > 0.0)
     }
 
-    /// Takes the object's own coordinates, after scaling, to the scene's, where it rests.
+    /// Returns the rest pose, which maps the object's coordinates, after scaling, to the scene's.
     pub fn scene_from_object(&self) -> Pose {
         Pose::from_xyz_deg(
             DVec3::from_array(self.position_mm),

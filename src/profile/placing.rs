@@ -1,21 +1,21 @@
-//! An object at another place than its scene file says.
+//! Changing an object's pose at run time.
 
 use super::{Motion, Scene};
 use phasmid_core::error::{Error, Result};
 use std::ops::RangeInclusive;
 
-/// Where an object's origin may be, in millimetres.
+/// Allowed coordinates of an object's origin in millimetres.
 pub(super) const POSITION_MM: RangeInclusive<f64> = -1e9..=1e9;
-/// An object's rotations in degrees.
+/// Allowed rotations of an object in degrees.
 pub(super) const ROTATION_DEG: RangeInclusive<f64> = -360.0..=360.0;
 
 impl Scene {
-    /// Gives an object, counted from 0 in the order of the file, another position and rotation;
-    /// they mean what they mean in the file.
+    /// Sets the position and rotation of an object, which have the same meaning as in the file.
+    /// `object` counts from 0 in file order.
     ///
     /// # Errors
-    /// An object that is not there or moves along a path, and numbers that a file may not have
-    /// either; the scene is as it was.
+    /// Returns an error if the object does not exist or moves, or if a number is outside the
+    /// range allowed in a file. The scene is then unchanged.
     pub fn place(
         &mut self,
         object: usize,

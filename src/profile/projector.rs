@@ -1,4 +1,4 @@
-//! The projector of a profile: an inverse camera and its light.
+//! Projector of a profile: an inverse camera and its light.
 
 use super::{Focus, Led, Response, Timing, Vignetting};
 use super::{distortion, focus, led, response, timing, vignetting};
@@ -17,12 +17,12 @@ pub struct Projector {
     pub width_px: u32,
     /// Rows.
     pub height_px: u32,
-    /// Distance over picture width; pixels are square.
+    /// Throw distance over image width; pixels are square.
     pub throw_ratio: f64,
-    /// Shift of the principal point from the picture's centre in pixels.
+    /// Offset of the principal point from the image centre in pixels.
     #[serde(default, deserialize_with = "phasmid_core::numbers::exactly")]
     pub lens_shift_px: [f64; 2],
-    /// Pupil in the rig's frame in millimetres.
+    /// Position of the pupil in the rig's frame in millimetres.
     #[serde(deserialize_with = "phasmid_core::numbers::exactly")]
     pub position_mm: [f64; 3],
     /// Rotation in degrees about the fixed x, then y, then z axis of the rig.
@@ -31,18 +31,18 @@ pub struct Projector {
     /// OpenCV's k1 k2 p1 p2 k3.
     #[serde(default, deserialize_with = "phasmid_core::numbers::exactly")]
     pub distortion: [f64; 5],
-    /// Bits of a displayed level, 1 to 8.
+    /// Bits per displayed level, 1 to 8.
     pub bits: u32,
-    /// Radiant intensity of full white in watts per steradian, the same over the field but for
+    /// Radiant intensity of full white in watts per steradian, uniform over the field except for
     /// `vignetting`.
     pub radiant_intensity_w_sr: f64,
     /// Wavelength of the light in nanometres.
     pub wavelength_nm: f64,
-    /// How light follows the level shown; linear when absent.
+    /// Response of light to the displayed level; linear when absent.
     #[serde(default)]
     pub response: Option<Response>,
-    /// Light of full white over that of full black (full on / full off, as data sheets state it);
-    /// black is dark when absent.
+    /// Ratio of full white to full black (full on / full off, as in data sheets); black emits no
+    /// light when absent.
     #[serde(default)]
     pub contrast_ratio: Option<f64>,
     /// Fall of light towards the edge of the field; none when absent.
@@ -51,16 +51,16 @@ pub struct Projector {
     /// Focus and aperture; sharp everywhere when absent.
     #[serde(default)]
     pub focus: Option<Focus>,
-    /// When it shows what; a pattern for its whole period, at once, when absent.
+    /// Display timing; when absent, each pattern is shown immediately and for its whole period.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub timing: Option<Timing>,
-    /// How its light rises and fades with heat; at once, and not at all, when absent.
+    /// Rise time and thermal droop; when absent, light rises instantly and does not droop.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub led: Option<Led>,
 }
 
 impl Projector {
-    /// Light of a level from 0 to 2^bits - 1, relative to full white.
+    /// Returns the light of a level from 0 to 2^bits - 1, relative to full white.
     pub fn light(&self, level: u16) -> f64 {
         let level = f64::from(level) / f64::from((1u32 << self.bits) - 1);
         let shown = self.response.as_ref().map_or(level, |r| r.light(level));
@@ -68,7 +68,7 @@ impl Projector {
         black + (1.0 - black) * shown
     }
 
-    /// Intrinsics and pose of the inverse camera.
+    /// Returns the intrinsics and pose of the inverse camera.
     pub fn view(&self) -> View {
         View {
             lens: Lens {

@@ -1,24 +1,24 @@
-//! How a projector's light follows the levels that it shows.
+//! Projector response: light as a function of displayed level.
 
 use phasmid_core::check::Check;
 use phasmid_core::error::Result;
 use serde::{Deserialize, Serialize};
 
-/// Light over level, both from 0 to 1: what lies between black and full white.
+/// Light over level, both from 0 (black) to 1 (full white).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Response {
-    /// Light is the level to this power (Zhang and Yau: "Generic nonsinusoidal phase error
-    /// correction for three-dimensional shape measurement using a digital video projector",
-    /// Applied Optics 46, 2007); 1 is linear.
+    /// Light is the level raised to this power (Zhang and Yau: "Generic nonsinusoidal phase error
+    /// correction for three-dimensional shape measurement using a digital video projector", Applied
+    /// Optics 46, 2007); 1 is linear.
     Gamma(f64),
-    /// Light measured at equal steps of the level from black to full white, and linear between
-    /// them: 0 to 1, the last one 1.
+    /// Light measured at equally spaced levels from black to full white, interpolated linearly: 0
+    /// to 1, the last value 1.
     Table(Vec<f64>),
 }
 
 impl Response {
-    /// Whether light just follows the level.
+    /// Returns whether the response is linear.
     #[inline]
     pub fn is_straight(&self) -> bool {
         match self {
@@ -31,7 +31,7 @@ impl Response {
         }
     }
 
-    /// Light, 0 to 1, of a level from 0 to 1.
+    /// Returns the light, 0 to 1, of a level from 0 to 1.
     #[inline]
     pub fn light(&self, level: f64) -> f64 {
         match self {

@@ -1,4 +1,4 @@
-//! A scene: what stands before the scanner, where the scanner stands, and the light that is not the
+//! Scene: objects in front of the scanner, the pose of the rig, and light other than the
 //! projector's. Without a `[rig]` the scene's frame is the rig's.
 
 use super::{Ambient, Interreflection, Light, Object, TomlSource};
@@ -14,35 +14,35 @@ use std::path::PathBuf;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Scene {
-    /// Name by which it is chosen.
+    /// Name used to select the scene.
     pub name: String,
     /// One line for listings.
     pub description: String,
-    /// Where the rig stands.
+    /// Pose of the rig.
     #[serde(default)]
     pub rig: RigPlace,
-    /// Light from everywhere.
+    /// Ambient light.
     #[serde(default)]
     pub ambient: Ambient,
     /// Lamps.
     #[serde(default)]
     pub light: Vec<Light>,
-    /// Light that surfaces throw on each other; left out when absent.
+    /// Indirect light between surfaces; not computed when absent.
     #[serde(default)]
     pub interreflection: Option<Interreflection>,
-    /// What can be seen; later objects win nothing over earlier ones.
+    /// Visible objects; their order has no effect on visibility.
     #[serde(default)]
     pub object: Vec<Object>,
-    /// Folder that mesh files are relative to; the scene file's own.
+    /// Folder of the scene file, to which mesh file paths are relative.
     #[serde(skip)]
     pub folder: PathBuf,
 }
 
-/// Where the rig stands in the scene: its frame is the camera's.
+/// Pose of the rig in the scene; the rig's frame is the camera's.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RigPlace {
-    /// Camera's pupil in the scene's frame in millimetres.
+    /// Position of the camera's pupil in the scene's frame in millimetres.
     #[serde(default, deserialize_with = "phasmid_core::numbers::exactly")]
     pub position_mm: [f64; 3],
     /// Rotation in degrees about the scene's fixed x, then y, then z axis.
@@ -51,7 +51,7 @@ pub struct RigPlace {
 }
 
 impl Scene {
-    /// Takes the scene's coordinates to the rig's.
+    /// Returns the pose that maps scene coordinates to rig coordinates.
     pub fn rig_from_scene(&self) -> Pose {
         Pose::from_xyz_deg(
             DVec3::from_array(self.rig.position_mm),
@@ -60,7 +60,7 @@ impl Scene {
         .inverse()
     }
 
-    /// Takes an object's own coordinates, after scaling, to the rig's.
+    /// Returns the pose that maps an object's coordinates, after scaling, to rig coordinates.
     pub fn rig_from_object(&self, object: &Object) -> Pose {
         self.rig_from_scene() * object.scene_from_object()
     }
@@ -68,16 +68,18 @@ impl Scene {
     /// Loads a built-in scene by its name, or else a file by its path.
     ///
     /// # Errors
-    /// A name that is neither, unreadable files, and all that [`Self::parse`] refuses.
+    /// Returns an error if the name is neither built in nor a file, if the file cannot be read, or
+    /// if [`Self::parse`] fails.
     pub fn load(name_or_path: &str) -> Result<Self> {
         let (source, folder) = builtin::scene_source(name_or_path)?;
         Self::from_source(&source, folder)
     }
 
-    /// Reads and checks a scene from text; `place` stands for the file in messages.
+    /// Parses and checks a scene; `place` is the file name used in messages.
     ///
     /// # Errors
-    /// Syntax, unknown fields, wrong types and impossible values, each with its line.
+    /// Returns an error with its line on a syntax error, an unknown field, a wrong type or an
+    /// invalid value.
     pub fn parse(text: &str, place: &str) -> Result<Self> {
         Self::from_source(&TomlSource::new(text, place), PathBuf::new())
     }

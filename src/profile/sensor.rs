@@ -1,4 +1,4 @@
-//! The sensor of a profile, in the terms of EMVA 1288.
+//! Image sensor of a profile, described by EMVA 1288 parameters.
 
 use super::CameraResponse;
 use phasmid_core::check::Check;
@@ -7,53 +7,53 @@ use phasmid_geometry::NoiseModel;
 use phasmid_protocol::PixelFormat;
 use serde::{Deserialize, Serialize};
 
-/// A sensor in the terms of EMVA 1288.
+/// An image sensor described by EMVA 1288 parameters.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Sensor {
     /// Electrons per photon at the projector's wavelength, 0 to 1.
     pub quantum_efficiency: f64,
-    /// Electrons that a pixel holds.
+    /// Full-well capacity of a pixel in electrons.
     pub full_well_e: f64,
     /// Standard deviation of the dark signal in electrons.
     pub read_noise_e: f64,
     /// Overall system gain K at 0 dB, in digital numbers per electron.
     pub gain_dn_per_e: f64,
-    /// Digital number of no light.
+    /// Digital number without light.
     pub black_level_dn: f64,
-    /// Bits of the converter, 8 to 16.
+    /// Converter resolution in bits, 8 to 16.
     pub bits: u32,
-    /// Electrons that gather in a pixel in a second without light, at the sensor's temperature
-    /// (EMVA 1288 release 4.0, section 2: the mean dark signal grows linearly with the exposure, and
-    /// its electrons make shot noise as those of light do). 0 leaves it out.
+    /// Dark current in electrons per pixel and second, at the sensor's temperature (EMVA 1288
+    /// release 4.0, section 2: the mean dark signal grows linearly with the exposure, and its
+    /// electrons have shot noise like photoelectrons). 0 disables it.
     #[serde(default)]
     pub dark_current_e_s: f64,
     /// Photo response non-uniformity, PRNU1288: standard deviation of the pixels' sensitivities in
-    /// per cent of their mean (EMVA 1288 release 4.0, section 4). 0 leaves it out.
+    /// per cent of their mean (EMVA 1288 release 4.0, section 4). 0 disables it.
     #[serde(default)]
     pub prnu_percent: f64,
     /// Dark signal non-uniformity, DSNU1288: standard deviation in electrons of the pixels' offsets
-    /// from the mean dark signal (EMVA 1288 release 4.0, section 4). 0 leaves it out.
+    /// from the mean dark signal (EMVA 1288 release 4.0, section 4). 0 disables it.
     #[serde(default)]
     pub dsnu_e: f64,
-    /// Which device of the model it is: the seed of its fixed pattern, whatever the seed of the
-    /// noise.
+    /// Seed of the fixed pattern, independent of the noise seed; identifies one specimen of the
+    /// model.
     #[serde(default)]
     pub pattern_seed: u64,
-    /// Per cent of the charge beyond the full well that spills along the column, half of it each
-    /// way, into pixels that have room; an anti-blooming drain takes the rest. 0 leaves it out.
+    /// Percentage of the charge beyond the full well that spills along the column, half each way,
+    /// into unsaturated pixels; an anti-blooming drain removes the rest. 0 disables it.
     #[serde(default)]
     pub blooming_percent: f64,
-    /// From the converter's linear numbers to the numbers in the frame.
+    /// Response curve from linear DN to frame DN.
     #[serde(default)]
     pub response: CameraResponse,
-    /// Leaves shot and read noise out: chosen at run time, not a property of a model.
+    /// Disables shot and read noise. Set at run time, not a property of the model.
     #[serde(skip)]
     pub noiseless: bool,
 }
 
 impl Sensor {
-    /// What the converter's words are: GREY up to 8 bits, Y16 beyond.
+    /// Returns the native pixel format of the converter: GREY up to 8 bits, Y16 above.
     pub fn native_format(&self) -> PixelFormat {
         if self.bits <= 8 {
             PixelFormat::Grey
@@ -62,7 +62,7 @@ impl Sensor {
         }
     }
 
-    /// Formats that a link can carry the converter's words in.
+    /// Returns the pixel formats in which a link can carry the samples.
     pub fn formats(&self) -> &'static [PixelFormat] {
         if self.bits <= 8 {
             &[PixelFormat::Grey, PixelFormat::Yuyv]
@@ -71,26 +71,27 @@ impl Sensor {
         }
     }
 
-    /// Largest digital number.
+    /// Returns the largest digital number.
     pub fn full_scale_dn(&self) -> f64 {
         f64::from((1u32 << self.bits) - 1)
     }
 
-    /// System gain in DN per electron at a gain in decibels (20 dB a factor of ten).
+    /// Returns the system gain in DN per electron at a gain in decibels (20 dB is a factor of ten).
     pub fn gain_at(&self, gain_db: f64) -> f64 {
         self.gain_dn_per_e * 10f64.powf(gain_db / 20.0)
     }
 
-    /// Mean electrons that gather without light in an exposure in seconds.
+    /// Returns the mean dark electrons of an exposure in seconds.
     pub fn dark_e(&self, exposure_s: f64) -> f64 {
         self.dark_current_e_s * exposure_s
     }
 
-    /// The noise that a host may expect at a gain in decibels and an exposure in seconds. Electrons
-    /// of the dark current belong to the dark signal: to its mean, and as shot noise to its noise.
+    /// Returns the noise model that a host may expect at a gain in decibels and an exposure in
+    /// seconds. Dark current contributes to the mean of the dark signal and, as shot noise, to its
+    /// variance.
     ///
-    /// The fixed pattern is in every frame alike and no noise. With a bent response the model is the
-    /// straight line of variance over mean that fits it best from the dark to saturation.
+    /// Fixed-pattern noise is the same in every frame and not included. For a non-linear response
+    /// the model is the best straight-line fit of variance over mean from dark to saturation.
     pub fn noise_model(&self, gain_db: f64, exposure_s: f64) -> NoiseModel {
         let gain = self.gain_at(gain_db);
         let dark_e = self.dark_e(exposure_s);

@@ -1,4 +1,4 @@
-//! The pattern sequences of a profile.
+//! Pattern sequences of a profile.
 
 use super::Profile;
 use super::timing::on_clock;
@@ -12,10 +12,10 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Sequence {
-    /// Name by which `SEQuence:SELect` takes it.
+    /// Name used by `SEQuence:SELect`.
     pub name: String,
-    /// Time from one pattern to the next in microseconds; at least the exposure, and what a frame
-    /// takes to be read; with [`Timing`](super::Timing), what the projector takes.
+    /// Pattern period in microseconds: at least exposure plus readout, and a period that satisfies
+    /// [`Timing`](super::Timing) if the projector has it.
     pub period_us: f64,
     /// The patterns in order.
     pub frame: Vec<ManifestFrame>,
@@ -41,7 +41,7 @@ pub(super) fn check(s: &Sequence, index: usize, p: &Profile, check: &Check<'_>) 
     Ok(())
 }
 
-/// The projector has to have the time to show the patterns.
+/// Checks that the period gives the projector time to show every pattern.
 fn shown_in_time(s: &Sequence, field: &str, p: &Profile, check: &Check<'_>) -> Result<()> {
     let Some(timing) = &p.projector.timing else {
         return Ok(());
@@ -66,7 +66,7 @@ fn shown_in_time(s: &Sequence, field: &str, p: &Profile, check: &Check<'_>) -> R
     )
 }
 
-/// A Gray code has to number every fringe that the projector shows.
+/// Checks that a Gray code covers all fringes across the projector.
 fn gray_reaches(
     s: &Sequence,
     index: usize,

@@ -1,5 +1,5 @@
-//! A station: several devices that look at one scene. What `phasmid serve --profile` takes is a
-//! station's file where it lists `[[device]]`, and a device's profile otherwise.
+//! Station: several devices that observe one scene. `phasmid serve --profile` treats a file with
+//! `[[device]]` as a station and any other as a device profile.
 
 use super::placing::{POSITION_MM, ROTATION_DEG};
 use super::{Profile, RigPlace, TomlSource, builtin, profile_names, scene_names};
@@ -9,10 +9,10 @@ use phasmid_protocol::dialect::Dialect;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
-/// Most devices of a station, and of a server.
+/// Maximum number of devices in a station or a server.
 pub const MAX_DEVICES: usize = 64;
 
-/// Several devices that look at one scene, as `phasmid serve --profile` takes them:
+/// Several devices that observe one scene, as accepted by `phasmid serve --profile`:
 ///
 /// ```toml
 /// name = "two-pods"
@@ -28,21 +28,21 @@ pub const MAX_DEVICES: usize = 64;
 /// dialect = "scpi"                     # of its control port, in place of the profile's
 /// ```
 ///
-/// Devices of a station share scene and clock. The light of a projector is seen by the cameras of
-/// its own device only: devices that are to expose at a time are taken to tell their light apart.
+/// Devices of a station share scene and clock. A camera sees only the light of its own device's
+/// projector: devices that expose at the same time are assumed to separate their light.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Station {
-    /// Name by which it is chosen.
+    /// Name used to select the station.
     pub name: String,
     /// One line for listings.
     pub description: String,
-    /// What they look at: a built-in scene's name, or a file relative to this one.
+    /// Scene: a built-in name, or a file relative to this one.
     #[serde(default)]
     pub scene: Option<String>,
     /// The devices.
     pub device: Vec<StationDevice>,
-    /// Folder that files are relative to; the station file's own.
+    /// Folder of the station file, to which file paths are relative.
     #[serde(skip)]
     pub folder: PathBuf,
 }
@@ -51,45 +51,45 @@ pub struct Station {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct StationDevice {
-    /// Its name, which no other of the station has.
+    /// Name, unique within the station.
     pub name: String,
-    /// Its profile: a built-in name, or a file relative to the station's.
+    /// Profile: a built-in name, or a file relative to the station's.
     pub profile: String,
-    /// Camera's pupil in the scene's frame in millimetres; as the scene says where this and the
-    /// rotation are absent.
+    /// Position of the camera's pupil in the scene's frame in millimetres. If both this and the
+    /// rotation are absent, the scene's rig pose applies.
     #[serde(default, deserialize_with = "phasmid_core::numbers::exactly_if_any")]
     pub position_mm: Option<[f64; 3]>,
     /// Rotation in degrees about the scene's fixed x, then y, then z axis.
     #[serde(default, deserialize_with = "phasmid_core::numbers::exactly_if_any")]
     pub rotation_deg: Option<[f64; 3]>,
-    /// Dialect of its control port instead of the profile's: a built-in name, or a file relative to
-    /// the station's.
+    /// Dialect of the control port, overriding the profile's: a built-in name, or a file relative
+    /// to the station's.
     #[serde(default)]
     pub dialect: Option<String>,
-    /// Seed of its noise, to which that of the command line is added; one that goes by its place in
-    /// the list when absent.
+    /// Noise seed, to which the command-line seed is added; derived from the device's index when
+    /// absent.
     #[serde(default)]
     pub seed: Option<u64>,
-    /// Where its dialect stands, for messages.
+    /// Source location of the dialect, for messages.
     #[serde(skip)]
     pub dialect_place: String,
 }
 
-/// What a name or a file may stand for.
+/// A device profile or a station.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Configuration {
     /// One device.
     Device(Box<Profile>),
-    /// Several.
+    /// Several devices.
     Station(Station),
 }
 
 impl Configuration {
-    /// Loads what is built in by its name, or else a file by its path.
+    /// Loads a built-in profile or station by its name, or else a file by its path.
     ///
     /// # Errors
-    /// A name that is neither, unreadable files, and all that [`Profile::parse`] and
-    /// [`Station::parse`] refuse.
+    /// Returns an error if the name is neither built in nor a file, if the file cannot be read, or
+    /// if [`Profile::parse`] or [`Station::parse`] fails.
     pub fn load(name_or_path: &str) -> Result<Self> {
         let (source, folder) = builtin::configuration_source(name_or_path)?;
         Ok(if source.has("device") {
@@ -107,10 +107,11 @@ impl Configuration {
 }
 
 impl Station {
-    /// Reads and checks a station from text; `place` stands for the file in messages.
+    /// Parses and checks a station; `place` is the file name used in messages.
     ///
     /// # Errors
-    /// Syntax, unknown fields, wrong types and impossible values, each with its line.
+    /// Returns an error with its line on a syntax error, an unknown field, a wrong type or an
+    /// invalid value.
     pub fn parse(text: &str, place: &str) -> Result<Self> {
         Self::from_source(&TomlSource::new(text, place))
     }
@@ -124,20 +125,20 @@ impl Station {
         Ok(station)
     }
 
-    /// The scene as [`Scene::load`](super::Scene::load) takes it.
+    /// Returns the scene as [`Scene::load`](super::Scene::load) expects it.
     pub fn scene(&self) -> Option<String> {
         let scene = self.scene.as_deref()?;
         let built_in = scene_names().any(|name| name == scene);
         Some(self.resolve(scene, built_in))
     }
 
-    /// A device's profile as [`Profile::load`] takes it.
+    /// Returns a device's profile as [`Profile::load`] expects it.
     pub fn profile(&self, device: &StationDevice) -> String {
         let built_in = profile_names().any(|name| name == device.profile);
         self.resolve(&device.profile, built_in)
     }
 
-    /// A device's dialect, if it says so.
+    /// Returns a device's dialect, if it sets one.
     pub fn dialect(&self, device: &StationDevice) -> Option<String> {
         let dialect = device.dialect.as_deref()?;
         let built_in = Dialect::names().any(|name| name == dialect);
@@ -153,7 +154,7 @@ impl Station {
 }
 
 impl StationDevice {
-    /// Where its rig stands in the scene, if it says so.
+    /// Returns the pose of its rig in the scene, if it sets one.
     pub fn rig(&self) -> Option<RigPlace> {
         (self.position_mm.is_some() || self.rotation_deg.is_some()).then(|| RigPlace {
             position_mm: self.position_mm.unwrap_or_default(),
@@ -173,7 +174,7 @@ fn check(s: &Station, check: &Check<'_>) -> Result<()> {
     for (i, device) in s.device.iter().enumerate() {
         let field = |name: &str| format!("device[{i}].{name}");
         name(&device.name, &field("name"), check)?;
-        // They are names of directories.
+        // Device names are also directory names.
         check.that(
             !device.name.starts_with('.'),
             &field("name"),

@@ -1,12 +1,12 @@
-//! What the surface of an object does besides reflecting a constant part of the light in all
-//! directions.
+//! Specular reflection of an object's surface.
 
 use phasmid_core::check::Check;
 use phasmid_core::error::Result;
 use serde::{Deserialize, Serialize};
 
-/// A specular lobe over the diffuse body: GGX microfacets. The body reflects `albedo` of what the
-/// lobe lets in. A highlight narrower than a pixel is sampled at the pixel's centre.
+/// A GGX microfacet lobe on top of the diffuse reflection. The diffuse part reflects `albedo` of
+/// the light the lobe transmits. A highlight narrower than a pixel is sampled at the pixel's
+/// centre.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Specular {

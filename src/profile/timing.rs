@@ -1,5 +1,5 @@
-//! The time of a projector whose picture is made of mirrors that are on or off: a DLP controller's
-//! rules for how long a pattern is shown and how often, as `[projector.timing]` of a profile.
+//! Timing of a DLP projector, `[projector.timing]` of a profile: the controller's constraints on
+//! exposure and period of a pattern.
 //!
 //! ```text
 //!            |<------------------------- period ------------------------->|
@@ -8,64 +8,64 @@
 //!   delays   |             |<- the camera's exposure, by default
 //! ```
 //!
-//! The exposure is the whole period, or shorter by at least a margin in which the controller loads
-//! the next pattern (TI's DLP SDK: 230 us for the LightCrafter 4500 with its DLPC350, 105 us for
-//! the LightCrafter 6500 with its DLPC900), it leaves room for the darkness around it, and it is no
-//! shorter than the pattern's bits take. Between patterns the light is off. All times are whole
-//! steps of the controller's clock.
+//! The exposure is the whole period, or shorter than it by at least a margin in which the
+//! controller loads the next pattern (TI's DLP SDK: 230 us for the LightCrafter 4500 with its
+//! DLPC350, 105 us for the LightCrafter 6500 with its DLPC900). It leaves room for the dark times
+//! around it and is no shorter than the pattern's bits take. Between patterns the light is off. All
+//! times are multiples of the controller's clock step.
 
 use phasmid_core::check::Check;
 use phasmid_core::error::Result;
 use phasmid_pattern::Pattern;
 use serde::{Deserialize, Serialize};
 
-/// Longest time that a profile may state, in microseconds.
+/// Maximum time in a profile in microseconds.
 const MAX_US: f64 = 60e6;
-/// Bit planes of a buffer, one image of 24 bits (DLP LightCrafter 4500 user's guide DLPU011,
+/// Bit planes per buffer, which holds one 24-bit image (DLP LightCrafter 4500 user's guide DLPU011,
 /// section 4.1).
 const BUFFER_PLANES: usize = 24;
 
-/// When a projector shows what. Times are whole multiples of `resolution_us`.
+/// Display timing of a projector. All times are multiples of `resolution_us`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Timing {
-    /// Step of all times of the controller in microseconds, of whole nanoseconds.
+    /// Time step of the controller in microseconds; a whole number of nanoseconds.
     #[serde(default = "microsecond")]
     pub resolution_us: f64,
-    /// Shortest exposure in microseconds of a pattern of 1, 2, up to 8 bits; as many as the
-    /// projector has bits count.
+    /// Minimum exposure in microseconds of a pattern of 1, 2, up to 8 bits; entries beyond the
+    /// projector's bit depth are unused.
     #[serde(deserialize_with = "phasmid_core::numbers::exactly")]
     pub min_exposure_us: [f64; 8],
-    /// How long a pattern is shown after power-on and `*RST`, in microseconds; as long as the period
-    /// allows when absent.
+    /// Pattern exposure after power-on and `*RST`, in microseconds; as long as the period allows
+    /// when absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub exposure_us: Option<f64>,
-    /// The exposure is shorter than the period by at least this, in microseconds, unless it is the
-    /// whole period.
+    /// Minimum difference of period and exposure in microseconds, unless they are equal.
     #[serde(default)]
     pub margin_us: f64,
-    /// Darkness before each pattern in microseconds, from the start of its period on.
+    /// Dark time before each pattern in microseconds, from the start of its period.
     #[serde(default)]
     pub dark_before_us: f64,
-    /// Darkness after each pattern in microseconds.
+    /// Dark time after each pattern in microseconds.
     #[serde(default)]
     pub dark_after_us: f64,
-    /// From a trigger to the start of the first pattern's period in microseconds; `TRIGger:DELay`
-    /// adds to it.
+    /// Delay from a trigger to the start of the first pattern's period in microseconds;
+    /// `TRIGger:DELay` adds to it.
     #[serde(default)]
     pub trigger_delay_us: f64,
-    /// From the start of a pattern's period to that of the camera's exposure, by the controller's
-    /// trigger output, in microseconds; `dark_before_us` when absent, so that both start together.
+    /// Delay of the controller's trigger output, from the start of a pattern's period to the start
+    /// of the camera's exposure, in microseconds; `dark_before_us` when absent, so that pattern and
+    /// exposure start together.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub camera_delay_us: Option<f64>,
-    /// How long a selected sequence takes from the flash memory to the controller's, in
-    /// microseconds for each buffer of 24 bit planes that it fills. Buffers that would be loaded
-    /// while others are shown are not: all come first.
+    /// Time to load a selected sequence from flash into the controller's memory, in microseconds
+    /// per buffer of 24 bit planes. All buffers are loaded before the first pattern, none during
+    /// display.
     #[serde(default)]
     pub load_us: f64,
-    /// Grey patterns are shown bit by bit, the least significant first, so that an exposure which
-    /// does not cover a pattern sees some of its bits only. Without it a level is light of that
-    /// strength all the time.
+    /// Whether grey patterns are shown bit by bit, the least significant first, so that an exposure
+    /// that does not cover the whole pattern sees only some of its bits. If false, a level is
+    /// constant light of that intensity.
     #[serde(default)]
     pub bit_planes: bool,
 }
@@ -74,12 +74,12 @@ fn microsecond() -> f64 {
     1.0
 }
 
-/// Nanoseconds of a checked time.
+/// Converts a checked time to nanoseconds.
 fn ns(us: f64) -> u64 {
     (us * 1e3).round() as u64
 }
 
-/// Bits of a pattern on a projector of so many.
+/// Returns the bit depth of a pattern on a projector with `bits` bits.
 fn depth(pattern: &Pattern, bits: u32) -> u32 {
     match pattern {
         Pattern::White {} | Pattern::Black {} | Pattern::Gray { .. } => 1,
@@ -88,39 +88,39 @@ fn depth(pattern: &Pattern, bits: u32) -> u32 {
 }
 
 impl Timing {
-    /// Step of all times in nanoseconds.
+    /// Returns the time step in nanoseconds.
     pub fn resolution_ns(&self) -> u64 {
         ns(self.resolution_us).max(1)
     }
 
-    /// The nearest time that the controller knows, in nanoseconds; halves go up.
+    /// Rounds a time to the controller's step, in nanoseconds; halves round up.
     pub fn quantise_ns(&self, time_ns: u64) -> u64 {
         let step = self.resolution_ns();
         time_ns.saturating_add(step / 2) / step * step
     }
 
-    /// The exposure after `*RST` in nanoseconds, where the profile states one.
+    /// Returns the exposure after `*RST` in nanoseconds, if the profile sets one.
     pub fn exposure_ns(&self) -> Option<u64> {
         self.exposure_us.map(ns)
     }
 
-    /// From the start of a period to that of its pattern in nanoseconds.
+    /// Returns the time from the start of a period to its pattern in nanoseconds.
     pub fn dark_before_ns(&self) -> u64 {
         ns(self.dark_before_us)
     }
 
-    /// From the start of a period to that of the camera's exposure in nanoseconds.
+    /// Returns the time from the start of a period to the camera's exposure in nanoseconds.
     pub fn camera_delay_ns(&self) -> u64 {
         self.camera_delay_us.map_or(self.dark_before_ns(), ns)
     }
 
-    /// From a trigger to the start of the camera's first exposure in nanoseconds.
+    /// Returns the time from a trigger to the camera's first exposure in nanoseconds.
     pub fn first_delay_ns(&self) -> u64 {
         ns(self.trigger_delay_us) + self.camera_delay_ns()
     }
 
-    /// Shortest exposure in nanoseconds in which all of the patterns can be shown by a projector of
-    /// so many bits.
+    /// Returns the minimum exposure in nanoseconds that suffices for each of the patterns on a
+    /// projector with `bits` bits.
     pub fn shortest_exposure_ns<'a>(
         &self,
         patterns: impl IntoIterator<Item = &'a Pattern>,
@@ -133,7 +133,7 @@ impl Timing {
         patterns.into_iter().map(shortest).max().unwrap_or(0)
     }
 
-    /// Longest exposure in nanoseconds that a period has room for; 0 where it has none.
+    /// Returns the maximum exposure in nanoseconds that fits a period; 0 if none fits.
     pub fn longest_exposure_ns(&self, period_ns: u64) -> u64 {
         match self.dark_ns() {
             0 => period_ns,
@@ -141,7 +141,7 @@ impl Timing {
         }
     }
 
-    /// Shortest period in nanoseconds that has room for an exposure.
+    /// Returns the minimum period in nanoseconds that fits an exposure.
     pub fn shortest_period_ns(&self, exposure_ns: u64) -> u64 {
         match self.dark_ns() {
             0 => exposure_ns,
@@ -153,8 +153,8 @@ impl Timing {
         ns(self.dark_before_us) + ns(self.dark_after_us)
     }
 
-    /// What is wrong with an exposure in a period, of patterns that take `shortest_ns` at least: what
-    /// was found, and what is allowed. All in nanoseconds.
+    /// Returns `(found, allowed)` if an exposure does not fit a period or is shorter than
+    /// `shortest_ns`, the patterns' minimum. All in nanoseconds.
     pub fn conflict(
         &self,
         period_ns: u64,
@@ -186,20 +186,20 @@ impl Timing {
         None
     }
 
-    /// How long the patterns take into the controller's memory, in nanoseconds.
+    /// Returns the time to load the patterns into the controller's memory, in nanoseconds.
     pub fn load_ns<'a>(&self, patterns: impl IntoIterator<Item = &'a Pattern>, bits: u32) -> u64 {
         let planes = patterns.into_iter().map(|p| depth(p, bits) as usize);
         let buffers = planes.sum::<usize>().div_ceil(BUFFER_PLANES);
         (buffers as u64).saturating_mul(ns(self.load_us))
     }
 
-    /// Whether a time in microseconds is a whole number of the controller's steps.
+    /// Returns whether a time in microseconds is a multiple of the controller's step.
     fn is_step(&self, time_us: f64) -> bool {
         whole(time_us) && ns(time_us).is_multiple_of(self.resolution_ns())
     }
 }
 
-/// Whether a time in microseconds is a whole number of nanoseconds, but for what its decimals lose.
+/// Returns whether a time in microseconds is a whole number of nanoseconds, within rounding error.
 fn whole(time_us: f64) -> bool {
     let time_ns = time_us * 1e3;
     (time_ns - time_ns.round()).abs() <= 1e-6_f64.max(time_ns * 1e-12)
@@ -244,7 +244,7 @@ pub(super) fn check(t: &Timing, responds: bool, check: &Check<'_>) -> Result<()>
     )
 }
 
-/// Refuses a time that the controller's clock cannot tell.
+/// Rejects a time that is not a multiple of the controller's step.
 pub(super) fn on_clock(t: &Timing, us: f64, field: &str, check: &Check<'_>) -> Result<()> {
     check.that(
         t.is_step(us),
@@ -299,7 +299,7 @@ mod tests {
         }
     }
 
-    /// The rules of a DLPC350, and those of a DLPC3478 with its darkness.
+    /// Checks the rules of a DLPC350, and those of a DLPC3478 with its dark times.
     #[test]
     fn an_exposure_is_the_period_or_shorter_by_the_margin() {
         let dlpc350 = timing();

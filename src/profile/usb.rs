@@ -1,29 +1,29 @@
-//! How a device enumerates as a USB device: `[usb]` of a profile.
+//! USB enumeration of a device: `[usb]` of a profile.
 
 use phasmid_core::check::Check;
 use phasmid_core::error::Result;
 use serde::{Deserialize, Serialize};
 
-/// The USB side of a scanner; every field may be left out. The strings are the identity's:
-/// manufacturer, model and serial number.
+/// USB properties of a scanner; every field is optional. The string descriptors come from the
+/// identity: manufacturer, model and serial number.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Usb {
-    /// Vendor id. 0x1209, of pid.codes, as long as nothing else is said.
+    /// Vendor id. Defaults to 0x1209, which belongs to pid.codes.
     pub vendor_id: u16,
-    /// Product id. 0x0001, which pid.codes leaves for tests, as long as nothing else is said.
+    /// Product id. Defaults to 0x0001, which pid.codes reserves for tests.
     pub product_id: u16,
     /// Release of the device, binary coded decimal: 0x0100 is 1.00.
     pub release_bcd: u16,
     /// Speed of its link.
     pub speed: Speed,
-    /// Most current that it draws in milliamperes.
+    /// Maximum current draw in milliamperes.
     pub max_power_ma: u32,
-    /// How frames travel.
+    /// Transfer type of frames.
     pub transfer: Transfer,
-    /// What a rising edge of the host's RTS line does.
+    /// Effect of a rising edge of the host's RTS line.
     pub rts: RtsUse,
-    /// What the device's DSR line tells.
+    /// Meaning of the device's DSR line.
     pub dsr: DsrUse,
 }
 
@@ -52,27 +52,27 @@ pub enum Speed {
     Super,
 }
 
-/// How frames travel.
+/// Transfer type of frames.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Transfer {
-    /// As fast as the link goes, without loss.
+    /// Bulk transfers: as fast as the link allows, without loss.
     Bulk,
-    /// In packets at fixed times, as most webcams do.
+    /// Isochronous transfers: packets at fixed intervals, as in most webcams.
     Isochronous,
 }
 
-/// What a rising edge of RTS does.
+/// Effect of a rising edge of RTS.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum RtsUse {
     /// Nothing.
     None,
-    /// It is a pulse on the external trigger input.
+    /// Acts as a pulse on the external trigger input.
     Trigger,
 }
 
-/// What DSR tells.
+/// Meaning of DSR.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum DsrUse {
@@ -82,9 +82,10 @@ pub enum DsrUse {
     Sync,
 }
 
-/// Checks what the types allow and USB does not.
+/// Rejects values that the types allow but USB does not.
 pub(super) fn check(usb: &Usb, check: &Check<'_>) -> Result<()> {
-    // Two milliamperes a step at high speed, eight at SuperSpeed, in one byte.
+    // The descriptor stores the current in one byte, in units of 2 mA at high speed and 8 mA at
+    // SuperSpeed.
     let most = match usb.speed {
         Speed::High => 500,
         Speed::Super => 900,

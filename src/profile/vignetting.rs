@@ -1,4 +1,4 @@
-//! The fall of light from a lens's axis to the edge of its field.
+//! Vignetting: decrease of light from a lens's axis to the edge of its field.
 
 use glam::DVec2;
 use phasmid_core::check::Check;
@@ -6,29 +6,30 @@ use phasmid_core::error::Result;
 use phasmid_geometry::Lens;
 use serde::{Deserialize, Serialize};
 
-/// A factor on the light that depends on the angle to the axis.
+/// Light attenuation factor that depends on the angle to the axis.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Vignetting {
-    /// The natural fall with the fourth power of the cosine, of the light on a flat sensor or
+    /// Whether to apply natural vignetting, the cosine-fourth law for light on a flat sensor or
     /// screen (e.g. Ray: "Applied Photographic Optics"; Kingslake: "Illumination in Optical
-    /// Images"). A projector of constant radiant intensity has three of the four cosines already.
+    /// Images"). For a projector of constant radiant intensity, three of the four cosines are
+    /// already accounted for.
     pub natural: bool,
     /// a2, a4, a6 of the factor 1 + a2 r^2 + a4 r^4 + a6 r^6, with r the distance from the
-    /// principal point in the undistorted image over half of the image's diagonal (the "pa" model
-    /// of the Lensfun data base).
+    /// principal point in the undistorted image, in half diagonals of the image (the "pa" model of
+    /// the Lensfun database).
     #[serde(deserialize_with = "phasmid_core::numbers::exactly")]
     pub falloff: [f64; 3],
 }
 
 impl Vignetting {
-    /// Whether the factor is 1 everywhere.
+    /// Returns whether the factor is 1 everywhere.
     #[inline]
     pub fn is_none(&self) -> bool {
         !self.natural && self.falloff == [0.0; 3]
     }
 
-    /// The polynomial's factor at r in half diagonals.
+    /// Returns the polynomial factor at r in half diagonals.
     #[inline]
     pub fn falloff_at(&self, r: f64) -> f64 {
         let [a2, a4, a6] = self.falloff;
@@ -37,7 +38,7 @@ impl Vignetting {
     }
 }
 
-/// Half of the image's diagonal in ideal image coordinates.
+/// Returns half of the image diagonal in ideal (undistorted, normalised) image coordinates.
 pub fn half_diagonal(lens: &Lens) -> f64 {
     let size = DVec2::new(f64::from(lens.width_px), f64::from(lens.height_px));
     (size / lens.focal_px).length() / 2.0
@@ -52,7 +53,7 @@ pub(super) fn check(v: &Vignetting, lens: &Lens, field: &str, check: &Check<'_>)
         .into_iter()
         .fold(0.0, f64::max)
         / half_diagonal(lens);
-    // A cubic in r^2 does nothing of note between 256 steps.
+    // 256 steps suffice for a cubic in r^2.
     for i in 0..=256 {
         let r = far * f64::from(i) / 256.0;
         let factor = v.falloff_at(r);

@@ -1,9 +1,9 @@
-//! The embedded data line: a row above the image that says which frame this is, as the embedded data
-//! rows of CMOS sensors do, for links that cannot carry identity beside the pixels.
+//! Embedded data line: a row above the image that identifies the frame, like the embedded data rows
+//! of CMOS sensors, for links that cannot carry metadata next to the pixels.
 //!
-//! 32 bytes, little-endian, each bit a pixel, most significant first: dark for 0, bright for 1, so
-//! that luma, limited range or a slight change of contrast do not touch them. The rest of the row is
-//! dark.
+//! 32 bytes, little-endian, one pixel per bit, most significant first: dark for 0, bright for 1, so
+//! that luma conversion, limited range or a slight contrast change do not corrupt them. The rest of
+//! the row is dark.
 //!
 //! | offset | bytes | field |
 //! | --- | --- | --- |
@@ -18,9 +18,9 @@
 
 use super::{Frame, PixelFormat};
 
-/// Pixels that the line takes: images are at least so wide.
+/// Width of the line in pixels, and minimum image width.
 pub const WIDTH_PX: u32 = 8 * LEN as u32;
-/// Longest exposure that the line can tell, in nanoseconds.
+/// Maximum exposure that the line can represent, in nanoseconds.
 pub const MAX_EXPOSURE_NS: u64 = u32::MAX as u64;
 
 const LEN: usize = 32;
@@ -28,21 +28,21 @@ const MAGIC: [u8; 2] = [0xA5, 0x5D];
 const VERSION: u8 = 1;
 const HAS_PATTERN: u8 = 1;
 
-/// What is found above an image.
+/// Result of looking for a data line above an image.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Found {
-    /// Something else: the first row belongs to the image.
+    /// No data line: the first row belongs to the image.
     Nothing,
-    /// A line that does not match its checksum, or of a version that is not known.
+    /// A line with a wrong checksum or an unknown version.
     Damaged,
-    /// A line.
+    /// A valid line.
     Line,
 }
 
-/// Puts the line above an image: a row more. `full_scale_dn` is the largest pixel value.
+/// Adds the line as an extra row above an image. `full_scale_dn` is the maximum pixel value.
 ///
-/// Images narrower than [`WIDTH_PX`] stay as they are; exposures longer than [`MAX_EXPOSURE_NS`]
-/// are told as that.
+/// Images narrower than [`WIDTH_PX`] are unchanged; exposures longer than [`MAX_EXPOSURE_NS`] are
+/// stored as that maximum.
 #[must_use]
 pub fn prepend(frame: Frame, full_scale_dn: u16) -> Frame {
     if frame.width < WIDTH_PX {
@@ -70,8 +70,8 @@ pub fn prepend(frame: Frame, full_scale_dn: u16) -> Frame {
     }
 }
 
-/// Takes the line off an image, and its identity and times over into the frame. Without a sound
-/// line the frame stays as it is.
+/// Removes the line from an image and copies its identity and times into the frame. Without a valid
+/// line the frame is unchanged.
 #[must_use]
 pub fn strip(mut frame: Frame) -> (Frame, Found) {
     let row = frame.width as usize * frame.format.bytes_per_pixel();
@@ -98,7 +98,7 @@ pub fn strip(mut frame: Frame) -> (Frame, Found) {
     (frame, Found::Line)
 }
 
-/// The line's bits in the order of the pixels.
+/// Returns the line's bits in pixel order.
 fn encode(frame: &Frame) -> [bool; 8 * LEN] {
     let mut bytes = [0u8; LEN];
     let exposure_ns = frame
@@ -121,8 +121,8 @@ fn encode(frame: &Frame) -> [bool; 8 * LEN] {
     std::array::from_fn(|i| bytes[i / 8] >> (7 - i % 8) & 1 == 1)
 }
 
-/// The first row's bits, by the level halfway between its darkest and its brightest pixel; `None`
-/// when the two are too close for a line. The number of bits of a Y16 sensor is not known here.
+/// Returns the first row's bits, thresholded midway between its darkest and brightest pixel; `None`
+/// if these are too close for a line. The bit depth of a Y16 sensor is unknown here.
 fn read_bits(frame: &Frame) -> Option<[u8; LEN]> {
     let level = |i: usize| match frame.format {
         PixelFormat::Grey => u16::from(frame.data[i]),

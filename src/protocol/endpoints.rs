@@ -1,4 +1,4 @@
-//! `device.json`: what a device that is served says of itself and of where it can be reached.
+//! `device.json`: identity and addresses of a served device.
 
 use super::service::ClockPace;
 use phasmid_core::error::{Error, Result};
@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 /// Name of the file in the run directory.
 pub const FILE_NAME: &str = "device.json";
-/// Bytes of it at most: it names a dozen paths.
+/// Maximum file size in bytes; it contains about a dozen paths.
 const MOST_BYTES: u64 = 1 << 20;
 
 /// The endpoints of one device.
@@ -26,19 +26,18 @@ pub struct Endpoints {
     /// Seed of its noise; absent where a recording does not say.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub seed: Option<u64>,
-    /// How its time passes, where that is known.
+    /// Time mode of the device, if known.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub clock: Option<ClockPace>,
     /// Path of the control port.
     pub control: PathBuf,
-    /// What the control port speaks, where that is known: a built-in dialect's name, or the path of a
-    /// dialect's file.
+    /// Dialect of the control port, if known: a built-in name or the path of a dialect file.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub dialect: Option<String>,
     /// Bits per second of the control port; absent where bytes take no time.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub baud: Option<u32>,
-    /// Its other end on USB, where this machine's kernel has the device: `/dev/ttyACMN`.
+    /// Control port over USB, if the device is attached to this machine's kernel: `/dev/ttyACMN`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub control_usb: Option<PathBuf>,
     /// Address of the camera: `/dev/videoN`, `usb:HOST:PORT/BUSID` or `socket:PATH`.
@@ -64,7 +63,7 @@ impl Endpoints {
     /// Reads `device.json` in a run directory.
     ///
     /// # Errors
-    /// A file that is not there, cannot be read, or is something else.
+    /// Returns an error if the file is missing, unreadable or not a `device.json`.
     pub fn read(run_dir: &Path) -> Result<Self> {
         let path = run_dir.join(FILE_NAME);
         let bytes = phasmid_core::file::read(&path, MOST_BYTES)?;
@@ -77,7 +76,7 @@ impl Endpoints {
     /// Reads what a `device.json` holds; `place` is named in errors.
     ///
     /// # Errors
-    /// Text that is something else.
+    /// Returns an error if the text is not a valid `device.json`.
     pub fn parse(text: &str, place: &str) -> Result<Self> {
         serde_json::from_str(text)
             .map_err(|e| Error::input(place, e, "the device.json of a served device"))

@@ -1,4 +1,20 @@
-//! What both halves speak: commands, replies, device errors, and every wire format.
+//! Protocols shared by the device side and the host side: commands, replies, device errors, and
+//! every wire and file format between them. It depends on core, pattern and device-profiles only,
+//! so both sides may use it; nothing here performs rendering or decoding.
+//!
+//! | module | contents |
+//! | --- | --- |
+//! | `data_line` | embedded data line above an image |
+//! | `dialect` | control-port dialects, described by TOML files |
+//! | `endpoints` | `device.json`: addresses of a served device |
+//! | `faults` | fault schedules |
+//! | `frame` | frame and pixel format |
+//! | `printable` | escaping of text for terminals |
+//! | `record` | recordings of a device's traffic |
+//! | `scpi` | SCPI messages, parameters, blocks and errors |
+//! | `service` | service channel of an emulated device |
+//! | `usb` | USB requests and descriptors, UVC, CDC-ACM, USB/IP |
+//! | `wire` | frames on the frame socket |
 
 pub mod data_line;
 pub mod dialect;

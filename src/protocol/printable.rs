@@ -1,6 +1,6 @@
-//! Words of devices and servers, made fit for a terminal.
+//! Escaping of text from devices and servers for display on a terminal.
 
-/// A text with whatever would steer a terminal escaped.
+/// Escapes terminal control characters in a text.
 pub fn printable(text: &str) -> String {
     let mut shown = String::with_capacity(text.len());
     for c in text.chars() {

@@ -22,8 +22,8 @@
 //! With flag 1 the id only counts, there is no pattern index, and both times are the driver's time of
 //! the frame, on the system's monotonic clock for most drivers. A device never sends such a frame.
 //!
-//! A reader checks the header before it makes room for the payload, and the payload before it
-//! hands the frame on.
+//! A reader checks the header before allocating the payload, and the payload before passing the
+//! frame on.
 
 use super::{Frame, PixelFormat};
 use phasmid_core::error::{Error, Result};
@@ -95,7 +95,7 @@ impl FrameHeader {
     /// Checks and reads a header.
     ///
     /// # Errors
-    /// A device failure that names what is wrong with it.
+    /// Returns a device failure that describes the defect.
     pub fn decode(bytes: &[u8; HEADER_LEN]) -> Result<Self> {
         let bad = |what: String| Err(Error::device(format!("frame header: {what}")));
         let u32_at = |at: usize| u32::from_le_bytes(bytes[at..at + 4].try_into().expect("4 bytes"));
@@ -171,7 +171,7 @@ impl FrameHeader {
     /// The frame with its payload.
     ///
     /// # Errors
-    /// A payload of another length or with another checksum.
+    /// Returns an error if the payload has a wrong length or checksum.
     pub fn with_payload(self, data: Vec<u8>) -> Result<Frame> {
         if data.len() != self.payload_len() || crc32fast::hash(&data) != self.payload_crc {
             return Err(Error::device(format!(
@@ -219,11 +219,11 @@ impl FrameDecoder {
         &mut self.buffer[self.filled..]
     }
 
-    /// Takes the first `len` bytes of the space as read; gives the frame that they complete.
+    /// Marks the first `len` bytes of the space as read; returns the frame they complete, if any.
     ///
     /// # Errors
-    /// What [`FrameHeader`] refuses; [`Self::in_step`] says whether the stream can be trusted after
-    /// that.
+    /// Returns an error if [`FrameHeader`] rejects the header or payload; [`Self::in_step`] tells
+    /// whether the stream can still be read.
     pub fn advance(&mut self, len: usize) -> Result<Option<Frame>> {
         self.filled = (self.filled + len).min(self.buffer.len());
         if self.filled < self.buffer.len() {

@@ -1,26 +1,26 @@
-//! The camera's pupil as a disc rather than a point: depth of field.
+//! Depth of field: the camera's pupil as a disc instead of a point.
 //!
 //! A thin lens (e.g. Ray: "Applied Photographic Optics", chapter 22): all rays from the lens to a
-//! pixel come from one point of the plane in focus. In units of the focal length a point at depth z
-//! is imaged to a disc of radius r |1/z - 1/z_focus|, r the radius of the pupil.
+//! pixel come from one point of the plane in focus. In units of the focal length, a point at depth
+//! z is imaged to a disc of radius r |1/z - 1/z_focus|, where r is the radius of the pupil.
 
 use super::buffer::GeometryBuffer;
 use glam::{DVec2, DVec3};
 use phasmid_profile::Camera;
 use rayon::prelude::*;
 
-/// Discs of a smaller radius in pixels blur nothing.
+/// Blur discs with a radius below this, in pixels, are ignored.
 const SHARP_PX: f64 = 1e-3;
-/// Larger discs count as this large: what touches the pupil has no end of a disc.
+/// Maximum radius of a blur disc in pixels; it would be infinite for a point in the pupil.
 const LARGEST_PX: f64 = 1e6;
-/// Angle between one point of a disc and the next, as florets have it (Vogel: "A better way to
+/// Golden angle between consecutive points of a Vogel spiral on the disc (Vogel: "A better way to
 /// construct the sunflower head", Mathematical Biosciences 44, 1979): pi (3 - sqrt 5).
 const GOLDEN: f64 = 2.399_963_229_728_653;
 
 /// The pupil in the plane z = 0 of the camera's frame.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Aperture {
-    /// Radius in millimetres; 0 without a focus, where everything is sharp.
+    /// Radius in millimetres; 0 without a focus distance, when everything is sharp.
     pub(super) radius_mm: f64,
     /// Inverse distance of the plane in focus, in 1/mm.
     pub(super) focus: f64,
@@ -29,7 +29,7 @@ pub(super) struct Aperture {
 }
 
 impl Aperture {
-    /// The pupil's diameter is the image distance, which a profile's focal length stands for, over
+    /// The pupil's diameter is the image distance, approximated by the profile's focal length, over
     /// the working f-number.
     pub(super) fn new(camera: &Camera) -> Self {
         let radius_mm = camera.focal_length_mm / camera.f_number / 2.0;
@@ -40,11 +40,11 @@ impl Aperture {
         }
     }
 
-    /// Radius in pixels of the disc that a point at a depth in millimetres is imaged to; NaN or 0
-    /// where nothing is seen.
+    /// Returns the radius in pixels of the blur disc of a point at a depth in millimetres; NaN or 0
+    /// where no surface is visible.
     pub(super) fn blur_px(&self, depth_mm: f64) -> f64 {
         let radius = self.focal_px * self.radius_mm * (1.0 / depth_mm - self.focus).abs();
-        // NaN stays.
+        // NaN is passed through, unlike with `min`.
         if radius > LARGEST_PX {
             LARGEST_PX
         } else {
@@ -52,19 +52,20 @@ impl Aperture {
         }
     }
 
-    /// One of `count` points spread evenly over the pupil, the spread turned by an angle.
+    /// Returns one of `count` points evenly distributed over the pupil; the distribution is rotated
+    /// by `turn`.
     pub(super) fn point(&self, index: usize, count: usize, turn: f64) -> DVec3 {
         let radius = self.radius_mm * ((index as f64 + 0.5) / count as f64).sqrt();
         (DVec2::from_angle(index as f64 * GOLDEN + turn) * radius).extend(0.0)
     }
 
-    /// Takes the direction, with z = 1, of the ray through the pupil's middle to that through
-    /// another point of it.
+    /// Converts the direction (z = 1) of the ray through the pupil's centre to that of the ray
+    /// through another point of the pupil.
     pub(super) fn through(&self, point: DVec3, direction: DVec3) -> DVec3 {
         direction - point * self.focus
     }
 
-    /// Widens the footprints of all pixels by the blur of what their centres see.
+    /// Widens the footprints of all pixels by the defocus blur at their centres' depth.
     pub(super) fn widen(&self, map: &mut GeometryBuffer) {
         for slopes in [&mut map.x_slope, &mut map.y_slope] {
             slopes
@@ -77,16 +78,16 @@ impl Aperture {
     }
 }
 
-/// The widths of two boxes whose convolution stands for that of a footprint, two boxes itself, and
-/// a disc of a radius in pixels: same variance, and same fourth cumulant where two boxes can have
-/// it, so that contrast is right to the fourth order in frequency.
+/// Returns the widths of two boxes whose convolution approximates that of a footprint (itself two
+/// boxes) with a disc of a radius in pixels: same variance and, where two boxes allow it, same
+/// fourth cumulant, so that contrast is correct to fourth order in frequency.
 ///
 /// Along the slide's axis the disc is a semicircle (Wigner's distribution) of radius
 /// rho = radius |(a, b)|: variance rho^2 / 4, fourth cumulant -rho^4 / 16; a box of width w has
 /// w^2 / 12 and -w^4 / 120. Hence two boxes with w1^2 + w2^2 = a^2 + b^2 + 3 rho^2 and
 /// w1^4 + w2^4 = a^4 + b^4 + 7.5 rho^4.
 pub(super) fn widened(slope: [f32; 2], radius_px: f64) -> [f32; 2] {
-    // Where nothing is seen the depth is NaN.
+    // The radius is NaN where no surface is visible.
     if !(radius_px > SHARP_PX) {
         return slope;
     }
@@ -109,13 +110,13 @@ mod tests {
     use super::*;
     use std::f64::consts::PI;
 
-    /// Share of a unit disc to the left of t.
+    /// Fraction of a unit disc to the left of t.
     fn disc(t: f64) -> f64 {
         let t = t.clamp(-1.0, 1.0);
         0.5 + (t * (1.0 - t * t).sqrt() + t.asin()) / PI
     }
 
-    /// Share of the convolution of two boxes to the left of x.
+    /// Fraction of the convolution of two boxes to the left of x.
     fn boxes(x: f64, [a, b]: [f64; 2]) -> f64 {
         let n = 400;
         let at = |i: i32| x + a * ((f64::from(i) + 0.5) / f64::from(n) - 0.5);
@@ -140,7 +141,7 @@ mod tests {
             let mut worst = 0.0f64;
             for k in -300..=300 {
                 let x = f64::from(k) / 200.0 * (rho + pixel[0] + pixel[1]);
-                // The disc under both of the pixel's boxes.
+                // Disc convolved with both of the pixel's boxes.
                 let n = 60;
                 let mut exact = 0.0;
                 for i in 0..n * n {

@@ -1,5 +1,5 @@
-//! A mesh that moves: its hierarchy stands in its own frame, so that a rigid motion costs nothing,
-//! and its boxes follow where it deforms.
+//! A moving mesh. Its bounding volume hierarchy is in its own frame, so that rigid motion costs
+//! nothing; deformation refits the boxes.
 
 use super::look::{Smoother, Spot};
 use super::path::Blend;
@@ -10,35 +10,35 @@ use phasmid_geometry::Pose;
 use phasmid_geometry::raycast::Bvh;
 use std::sync::Arc;
 
-/// What no motion changes.
+/// The time-independent part of a moving mesh.
 pub(super) struct Model {
-    /// Number of its first triangle among the world's surfaces.
+    /// Surface number in the world of its first triangle.
     pub(super) first: u32,
     pub(super) triangles: Vec<[u32; 3]>,
-    /// Where its vertices rest in its own frame, scaled.
+    /// Rest positions of the vertices in its own frame, scaled.
     pub(super) vertices: Vec<DVec3>,
     pub(super) rig_from_rest: Pose,
-    /// The same vertices at each keyframe of its deformation; empty where it is stiff.
+    /// Vertex positions at each keyframe of its deformation; empty if it is rigid.
     pub(super) keys: Vec<Vec<DVec3>>,
-    /// The farthest that any shape has a vertex from the mesh's own origin, in millimetres,
+    /// Maximum distance of a vertex from the mesh's own origin over all keyframes, in millimetres.
     pub(super) radius_mm: f64,
-    /// and the farthest that each keyframe takes a vertex from where it rests.
+    /// Maximum displacement of a vertex from its rest position, for each keyframe.
     pub(super) key_reach_mm: Vec<f64>,
-    /// Makes its smooth normals, where something needs them and it deforms.
+    /// Computes smooth normals, if the mesh deforms and they are needed.
     pub(super) smoother: Option<Smoother>,
 }
 
-/// Its shape at an instant, in its own frame.
+/// Shape at an instant, in the mesh's own frame.
 #[derive(Clone)]
 struct Form {
-    /// The keyframes that it is made of; `None` where it rests.
+    /// Keyframes and weights of the shape; `None` for the rest shape.
     blend: Option<Blend>,
     vertices: Vec<DVec3>,
     bvh: Bvh,
     normals: Vec<[Vec3; 3]>,
 }
 
-/// A mesh that moves, where it is at an instant.
+/// A moving mesh at an instant.
 #[derive(Clone)]
 pub(super) struct Body {
     model: Arc<Model>,
@@ -65,7 +65,7 @@ impl Body {
         }
     }
 
-    /// Takes it to another place as it is.
+    /// Sets its pose, keeping its shape.
     pub(super) fn carry(&mut self, rig_from_body: Pose) {
         self.frame = Elsewhere {
             rig_from_tree: rig_from_body,
@@ -73,7 +73,7 @@ impl Body {
         };
     }
 
-    /// Triangles of a mesh that deforms.
+    /// Returns the number of triangles if the mesh deforms, else 0.
     pub(super) fn deforming_triangles(&self) -> usize {
         match self.model.keys.is_empty() {
             true => 0,
@@ -81,22 +81,23 @@ impl Body {
         }
     }
 
-    /// What no motion changes.
+    /// The time-independent part of a moving mesh.
     pub(super) fn model(&self) -> &Model {
         &self.model
     }
 
-    /// Smooth normals of its triangles' corners in its own frame; empty where those at rest count.
+    /// Returns the smooth normals at its triangles' corners in its own frame; empty if the rest
+    /// normals apply.
     pub(super) fn smooth_normals(&self) -> &[[Vec3; 3]] {
         &self.form.normals
     }
 
-    /// The keyframes that its shape is made of; `None` where it rests.
+    /// Returns the keyframes and weights of its shape; `None` for the rest shape.
     pub(super) fn blend(&self) -> Option<Blend> {
         self.form.blend
     }
 
-    /// Gives it another shape.
+    /// Sets its shape.
     pub(super) fn deform(&mut self, blend: Blend) {
         let (keys, weights) = blend;
         let model = &self.model;
@@ -112,12 +113,12 @@ impl Body {
         }
     }
 
-    /// Number of its first triangle among the world's surfaces.
+    /// Surface number in the world of its first triangle.
     pub(super) fn first(&self) -> u32 {
         self.model.first
     }
 
-    /// What rays can meet.
+    /// Returns the hierarchy for ray casting.
     pub(super) fn tree(&self) -> Tree<'_, Elsewhere> {
         Tree {
             bvh: &self.form.bvh,
@@ -128,18 +129,18 @@ impl Body {
         }
     }
 
-    /// Whether a surface is one of its triangles.
+    /// Returns whether a surface is one of its triangles.
     pub(super) fn holds(&self, surface: Surface) -> bool {
         let id = surface.0.wrapping_sub(self.model.first);
         (id as usize) < self.model.triangles.len()
     }
 
-    /// The corners of one of its triangles now, in the rig's frame.
+    /// Returns the current corners of one of its triangles, in the rig's frame.
     pub(super) fn corners(&self, surface: Surface) -> [DVec3; 3] {
         self.tree().corners(surface.0 - self.model.first)
     }
 
-    /// A spot on one of its triangles where it rests.
+    /// Maps a spot on one of its triangles to the rest shape.
     pub(super) fn at_rest(&self, surface: Surface, spot: Spot) -> Spot {
         let (model, id) = (&self.model, (surface.0 - self.model.first) as usize);
         if model.keys.is_empty() {
@@ -149,7 +150,8 @@ impl Body {
         spot.on(model.triangles[id].map(corner))
     }
 
-    /// The smooth normals at the corners of one of its triangles now, of those that it has at rest.
+    /// Returns the current smooth normals at the corners of one of its triangles, given those at
+    /// rest.
     pub(super) fn smooth(&self, surface: Surface, rest: [DVec3; 3]) -> [DVec3; 3] {
         let id = (surface.0 - self.model.first) as usize;
         match self.form.normals.get(id) {

@@ -1,4 +1,4 @@
-//! What the geometry pass leaves for the passes after it: one value a pixel and quantity.
+//! Output of the geometry pass: one value per pixel and quantity.
 
 use super::bounce::Bounce;
 use super::light::{Blurred, Kernels};
@@ -7,52 +7,54 @@ use super::world::Surface;
 use super::{Plan, Term};
 use phasmid_pattern::Axis;
 
-/// Maps over the camera's pixels, row by row, and the samples of mixed pixels.
+/// Maps over the camera's pixels in row-major order, and the samples of mixed pixels.
 #[derive(Debug, Clone, Default)]
 pub(super) struct GeometryBuffer {
     pub(super) width: usize,
     pub(super) height: usize,
-    /// Projector coordinate that the pixel's centre is lit from, in pixels; NaN where nothing is.
+    /// Projector coordinate at the pixel's centre, in pixels; NaN where there is none.
     pub(super) x: Vec<f32>,
     pub(super) y: Vec<f32>,
-    /// Derivatives of x by the camera's column and row; empty when no slide varies along x.
+    /// Derivatives of x with respect to camera column and row; empty when no pattern varies along
+    /// x.
     pub(super) x_slope: Vec<[f32; 2]>,
-    /// Derivatives of y; empty when no slide varies along y.
+    /// Derivatives of y; empty when no pattern varies along y.
     pub(super) y_slope: Vec<[f32; 2]>,
     /// Electrons per second under full white; 0 where unlit.
     pub(super) projected: Vec<f32>,
     /// Electrons per second of ambient light.
     pub(super) ambient: Vec<f32>,
-    /// Electrons per second by which the ambient light swings; empty when all is steady.
+    /// Flicker amplitude of the ambient light in electrons per second; empty when all light is
+    /// steady.
     pub(super) flickering: Vec<f32>,
-    /// A bit for each lamp that lights the pixel's centre; empty without lamps.
+    /// One bit per lamp, set if it lights the pixel's centre; empty without lamps.
     pub(super) lamps: Vec<u32>,
-    /// Depth z in the camera's frame in millimetres; NaN where nothing is seen.
+    /// Depth z in the camera's frame in millimetres; NaN where no surface is visible.
     pub(super) depth: Vec<f32>,
-    /// Surface that the pixel's centre sees.
+    /// Surface seen by the pixel's centre.
     pub(super) surface: Vec<u32>,
-    /// Its unit normal on the camera's side.
+    /// Unit normal of that surface, facing the camera.
     pub(super) normal: Vec<[f32; 3]>,
-    /// Standard deviation of the projector's blur in slide pixels; empty without defocus.
+    /// Standard deviation of the projector's blur in projector pixels; empty without defocus.
     pub(super) blur: Vec<f32>,
-    /// Electrons per second for 1 W/m^2 of light from everywhere; empty without interreflection.
+    /// Electrons per second for 1 W/m^2 of uniform ambient light; empty without interreflection.
     pub(super) evenly: Vec<f32>,
-    /// Light that surfaces throw on each other; nothing without interreflection.
+    /// Indirect light between surfaces; empty without interreflection.
     pub(super) bounce: Bounce,
-    /// Weights of the slide's columns (x) and rows (y) under blur: of each pixel, then of the
-    /// sixteen samples of each mixed one; `None` without defocus and skin, or without slides that
-    /// vary so.
+    /// Weights of the pattern's columns (x) and rows (y) under blur: for each pixel, then for the
+    /// sixteen samples of each mixed pixel. `None` without defocus and skin, or if no pattern
+    /// varies along that axis.
     pub(super) kernels: [Option<Kernels>; 2],
-    /// Where light comes from and how far it spreads under skin; `None` without.
+    /// Entry point and spread of light under skin; `None` without skin.
     pub(super) skin: Option<SkinMaps>,
-    /// `Truth::SEEN` and so on.
+    /// Flags such as `Truth::SEEN`.
     pub(super) flags: Vec<u8>,
-    /// Pixels whose footprint meets more than one surface, in order, and their samples.
+    /// Samples of the mixed pixels, whose footprint covers more than one surface, in pixel order.
     pub(super) mixed: Vec<Mixed>,
 }
 
-/// Sixteen samples of a mixed pixel's footprint. A pixel with more has several of these, one after
-/// the other, whose electrons add up.
+/// Sixteen samples of a mixed pixel's footprint. A pixel with more samples has several consecutive
+/// entries, whose electrons are summed.
 #[derive(Debug, Clone)]
 pub(super) struct Mixed {
     /// Row-major pixel index.
@@ -65,16 +67,16 @@ pub(super) struct Mixed {
     pub(super) projected: [f32; 16],
     /// Electrons per second of ambient light, averaged.
     pub(super) ambient: f32,
-    /// Electrons per second by which the ambient light swings, averaged.
+    /// Flicker amplitude of the ambient light in electrons per second, averaged.
     pub(super) flickering: f32,
-    /// Blur of each sample as in the maps; 0 without defocus.
+    /// Blur of each sample, as in the maps; 0 without defocus.
     pub(super) blur: [f32; 16],
-    /// How light spreads under each sample; `None` where none is skin.
+    /// Subsurface spread at each sample; `None` if no sample is skin.
     pub(super) skin: Option<Box<Samples>>,
 }
 
 impl Mixed {
-    /// A pixel whose samples see nothing.
+    /// Creates an entry whose samples see no surface.
     pub(super) fn new(pixel: u32) -> Self {
         Self {
             pixel,
@@ -91,7 +93,7 @@ impl Mixed {
     }
 }
 
-/// Some rows of the maps, for one task.
+/// A band of rows of the maps, for one task.
 pub(super) struct Band<'a> {
     pub(super) first_row: usize,
     /// Rows of a band; the last one may have fewer.
@@ -113,7 +115,7 @@ pub(super) struct Band<'a> {
 }
 
 impl GeometryBuffer {
-    /// Takes the size and the maps that the plan asks for; what was there is overwritten.
+    /// Resizes the maps and allocates those the plan needs, overwriting previous contents.
     pub(super) fn resize(&mut self, width: usize, height: usize, plan: &Plan) {
         let n = width * height;
         (self.width, self.height) = (width, height);
@@ -149,7 +151,7 @@ impl GeometryBuffer {
         self.mixed.clear();
     }
 
-    /// The maps in bands of `rows` rows.
+    /// Splits the maps into bands of `rows` rows.
     pub(super) fn bands(&mut self, rows: usize) -> Vec<Band<'_>> {
         let n = rows * self.width;
         let (mut xs, mut ys) = (self.x_slope.chunks_mut(n), self.y_slope.chunks_mut(n));
@@ -191,7 +193,7 @@ impl GeometryBuffer {
 }
 
 impl GeometryBuffer {
-    /// The coordinate along an axis of the slide that each pixel's light comes from.
+    /// Returns the projector coordinate along an axis from which each pixel's light comes.
     pub(super) fn lit_from(&self, axis: Axis) -> &[f32] {
         match (&self.skin, axis) {
             (Some(skin), Axis::X) => &skin.from[0],
@@ -201,7 +203,7 @@ impl GeometryBuffer {
         }
     }
 
-    /// Works out the kernels that the plan asks for, on a slide of `size` columns and rows.
+    /// Computes the blur kernels the plan needs, for a pattern of `size` columns and rows.
     pub(super) fn blur_footprints(&mut self, size: [usize; 2], plan: &Plan) {
         if !plan.has(Term::ProjectorDefocus) && !plan.has(Term::Subsurface) {
             return;

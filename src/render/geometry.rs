@@ -1,5 +1,5 @@
-//! The geometry pass: once per camera and state of the scene, per pixel what it sees, where on the
-//! slide its light comes from, and how much of it arrives.
+//! Geometry pass: computes, once per camera and scene state, what each pixel sees, the projector
+//! coordinate of its light and how much light arrives.
 
 use super::aperture::Aperture;
 use super::buffer::{Band, GeometryBuffer};
@@ -14,42 +14,43 @@ use glam::{DMat2, DVec2, DVec3};
 use phasmid_geometry::raycast::{LANES, Scratch};
 use rayon::prelude::*;
 
-/// Side of the tile of pixels that one packet of rays covers.
+/// Side of the pixel tile covered by one ray packet.
 pub(super) const TILE: usize = 4;
 
-/// How the pixels of a packet lie: as a tile, or, where rows are not together, as a part of a row.
+/// Arrangement of a packet's pixels: a square tile or, where rows are exposed at different times, a
+/// segment of a row.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Layout {
-    /// Binary logarithm of how many lie side by side.
+    /// Binary logarithm of the number of columns.
     across: u32,
 }
 
 impl Layout {
-    /// Where so many rows are together: the side of a tile, or one.
+    /// Returns the layout for `rows` rows: the side of a tile, or one.
     pub(super) fn of(rows: usize) -> Self {
         Self {
             across: if rows == TILE { 2 } else { 4 },
         }
     }
 
-    /// How many columns and rows a lane's pixel is from the first one. Without a division, which
-    /// would cost as much as some of the tracing.
+    /// Returns the column and row offset of a lane's pixel. Uses no division, whose cost would be
+    /// noticeable next to the tracing.
     #[inline(always)]
     pub(super) fn place(self, lane: usize) -> (usize, usize) {
         (lane & ((1 << self.across) - 1), lane >> self.across)
     }
 }
 
-/// Directions of the camera's rays: computed, or looked up where the lens is distorted.
+/// Directions of the camera's rays: computed, or looked up if the lens has distortion.
 pub(super) struct Rays<'a> {
     pub(super) optics: &'a Optics,
-    /// Ideal image points of all pixels, where the lens is distorted.
+    /// Ideal (undistorted) image points of all pixels, if the lens has distortion.
     pub(super) table: Option<&'a [DVec2]>,
     pub(super) width: usize,
 }
 
 impl Rays<'_> {
-    /// Direction with z = 1 through a pixel's centre.
+    /// Returns the direction, with z = 1, through a pixel's centre.
     pub(super) fn center(&self, column: usize, row: usize) -> DVec3 {
         match self.table {
             Some(table) => table[row * self.width + column].extend(1.0),
@@ -57,7 +58,7 @@ impl Rays<'_> {
         }
     }
 
-    /// Derivatives of a direction with z = 1 by the pixel.
+    /// Returns the derivatives of a direction, with z = 1, with respect to the pixel.
     pub(super) fn slope(&self, direction: DVec3) -> DMat2 {
         let lens = &self.optics.camera.lens;
         let scale = DMat2::from_diagonal(1.0 / lens.focal_px);
@@ -67,14 +68,14 @@ impl Rays<'_> {
         }
     }
 
-    /// Direction with z = 1 through any point of the image.
+    /// Returns the direction, with z = 1, through any image point.
     pub(super) fn through(&self, px: DVec2) -> DVec3 {
         self.optics.camera.lens.ray(px)
     }
 }
 
-/// Fills the buffer: first every pixel's centre, then the samples of pixels that their centres do
-/// not stand for, which it flags as creases.
+/// Fills the buffer: first every pixel's centre, then the samples of pixels not represented by
+/// their centre, which it flags as creases.
 pub(super) fn run(
     worlds: &Worlds,
     optics: &Optics,
@@ -150,7 +151,7 @@ fn tile(
     });
     let directions = std::array::from_fn(|lane| {
         let (u, v) = place(lane);
-        // Lanes beyond the image repeat a pixel, so that the packet stays narrow.
+        // Lanes outside the image repeat a border pixel, which keeps the packet coherent.
         rays.center(u.min(width - 1), band.first_row + v.min(rows - 1))
     });
     let bundle = Bundle {
@@ -166,28 +167,28 @@ fn tile(
     }
 }
 
-/// Sixteen rays of the camera, to be cast.
+/// Sixteen camera rays to cast.
 pub(super) struct Bundle {
-    /// Where they start: a point of the camera's pupil.
+    /// Origin: a point of the camera's pupil.
     pub(super) origin: DVec3,
-    /// With z = 1.
+    /// Directions, with z = 1.
     pub(super) directions: [DVec3; LANES],
     pub(super) used: [bool; LANES],
-    /// Side in pixels of the square that each ray stands for.
+    /// Side in pixels of the square each ray represents.
     pub(super) cell: f64,
 }
 
-/// Sixteen rays with all that is known of where they end.
+/// Sixteen cast rays with their hits and shading.
 pub(super) struct Cast {
-    /// Where the rays start: a point of the camera's pupil.
+    /// Origin of the rays: a point of the camera's pupil.
     pub(super) origin: DVec3,
     pub(super) hits: Hits,
     pub(super) shaded: Shaded,
-    /// Lanes that the projector lights.
+    /// Lanes lit by the projector.
     pub(super) lit: [bool; LANES],
 }
 
-/// Casts sixteen rays of the camera, and the shadow rays that matter.
+/// Casts sixteen camera rays, and the shadow rays they need.
 pub(super) fn cast(
     world: &World,
     optics: &Optics,
@@ -198,7 +199,7 @@ pub(super) fn cast(
     let (origin, directions) = (bundle.origin, &bundle.directions);
     let hits = world.nearest(origin, directions, &bundle.used, scratch);
     let mut shaded = optics.shade(plan, origin, directions, &hits, world);
-    // Rays to points that the projector cannot light anyway are not traced.
+    // Skip shadow rays to points outside the projector's reach.
     let mut lit: [bool; LANES] =
         std::array::from_fn(|lane| hits.is_hit(lane) && shaded.reachable[lane]);
     if plan.has(Term::Shadows) && lit.contains(&true) {
@@ -233,7 +234,7 @@ pub(super) fn cast(
 }
 
 impl Cast {
-    /// Where a lane's ray ends, from its origin.
+    /// Returns the hit point of a lane's ray, relative to its origin.
     pub(super) fn point(&self, lane: usize) -> DVec3 {
         DVec3::from_array(std::array::from_fn(|axis| self.shaded.point[axis][lane]))
     }

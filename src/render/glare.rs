@@ -1,19 +1,20 @@
-//! Veiling glare: a share of the light is spread over the whole image by a wide Gaussian.
+//! Veiling glare: spreads a fraction of the light over the whole image with a wide Gaussian.
 //!
-//! A blur as wide as that is made on cells of some pixels' side, a quarter to an eighth of its standard
-//! deviation: mean of each cell, Gaussian along both axes, bilinear interpolation. The mean and the
-//! interpolation blur too, by variances of 1/12 and 1/6 of a squared cell, which the Gaussian leaves
-//! out. Light that would fall beside the image is reflected into it, and the sum is kept exactly.
+//! The blur is computed on a coarse grid with cells of a quarter to an eighth of its standard
+//! deviation: mean of each cell, separable Gaussian, bilinear interpolation. Averaging and
+//! interpolation add variances of 1/12 and 1/6 of a squared cell, which are subtracted from the
+//! Gaussian's. Light that would fall outside the image is reflected into it, and the total is
+//! preserved exactly.
 
 use phasmid_profile as profile;
 use rayon::prelude::*;
 
-/// The Gaussian ends at this many standard deviations.
+/// The Gaussian is truncated at this many standard deviations.
 const REACH: f64 = 4.0;
-/// Cells are no larger, so that an image has some.
+/// Maximum cell size in pixels, so that an image has several cells.
 const LARGEST_CELL: usize = 64;
 
-/// Spreads the scattered light of a frame's mean electrons, `width` a row.
+/// Applies glare to a frame of mean electrons with `width` pixels per row.
 pub(super) fn spread(electrons: &mut [f32], width: usize, glare: &profile::Glare) {
     let share = (glare.percent / 100.0) as f32;
     if share == 0.0 || electrons.is_empty() {
@@ -39,7 +40,7 @@ pub(super) fn spread(electrons: &mut [f32], width: usize, glare: &profile::Glare
         });
 }
 
-/// About how many pixels wide a cell is.
+/// Returns the approximate cell width in pixels.
 fn cell_px(sigma_px: f64) -> usize {
     let mut cell = 8;
     while cell < LARGEST_CELL && (8 * cell) as f64 <= sigma_px {
@@ -52,11 +53,11 @@ fn sum(values: &[f32]) -> f64 {
     values.iter().map(|&e| f64::from(e)).sum()
 }
 
-/// Means over cells, as many whole ones as fit the image.
+/// Cell means; a whole number of cells covers the image.
 struct Grid {
     width: usize,
     height: usize,
-    /// Width and height of a cell in pixels, not whole.
+    /// Width and height of a cell in pixels, generally fractional.
     pitch: [f64; 2],
     values: Vec<f32>,
 }
@@ -120,7 +121,7 @@ impl Grid {
         out
     }
 
-    /// A row of pixels, interpolated between the cells' centres.
+    /// Returns a row of pixels, interpolated between the cells' centres.
     fn row(&self, row: usize, width: usize) -> Vec<f32> {
         let (top, bottom, down) = between(row, self.pitch[1], self.height);
         let line = |r: usize| &self.values[r * self.width..(r + 1) * self.width];
@@ -138,19 +139,19 @@ impl Grid {
     }
 }
 
-/// How many cells of about a side in pixels fit an image along each axis, and how many pixels they
-/// are wide then.
+/// Returns, for each axis, the number of cells of about `cell` pixels that fit the image, and their
+/// exact width in pixels.
 fn cells(size: [usize; 2], cell: usize) -> ([usize; 2], [f64; 2]) {
     let count = size.map(|side| side.div_ceil(cell));
     let pitch = std::array::from_fn(|axis| size[axis] as f64 / count[axis] as f64);
     (count, pitch)
 }
 
-/// The Gaussian on cells, of a deviation in cells, less what means and interpolation blur; `most`
-/// is the number of cells along the longer side.
+/// Returns the Gaussian kernel for a standard deviation in cells, minus the variance added by
+/// averaging and interpolation; `most` is the number of cells along the longer side.
 fn kernel(sigma: f64, most: usize) -> Vec<f64> {
     let variance = sigma.powi(2) - 1.0 / 12.0 - 1.0 / 6.0;
-    // Beyond the image's own size, reflections make it even anyway.
+    // For a larger sigma the reflections make the result uniform anyway.
     let most = 2.0 * most as f64;
     let sigma = variance.sqrt().min(most);
     let reach = (REACH * sigma).ceil() as usize;
@@ -158,7 +159,8 @@ fn kernel(sigma: f64, most: usize) -> Vec<f64> {
     (0..=2 * reach).map(bell).collect()
 }
 
-/// A kernel folded onto a line: weights of each of `length` values for each place.
+/// Folds a kernel onto a line with reflection: for each position, the weights of all `length`
+/// values.
 fn folded(kernel: &[f64], length: usize) -> Vec<f64> {
     (0..length)
         .flat_map(|place| {
@@ -173,18 +175,18 @@ fn folded(kernel: &[f64], length: usize) -> Vec<f64> {
         .collect()
 }
 
-/// What spreading takes along one axis of an image of one size, whatever its light.
+/// Precomputed tables along one axis, valid for all images of one size.
 pub(super) struct Axis {
     pub(super) cells: usize,
-    /// Of each cell the first pixel that it covers, and the shares of it that it and the next are.
+    /// For each cell, the first pixel it covers and the weights of that and the following pixels.
     pub(super) covers: Vec<(usize, Vec<f32>)>,
-    /// Weights of all cells of a line for each of them.
+    /// For each cell, the weights of all cells in the line.
     pub(super) weights: Vec<f64>,
-    /// Of each pixel the cell before it, and how far it is to the next.
+    /// For each pixel, the preceding cell and the fraction of the way to the next.
     pub(super) between: Vec<(usize, f32)>,
 }
 
-/// Along columns and rows, for passes that have weights made beforehand.
+/// Returns the tables along columns and rows, for the GPU pass.
 pub(super) fn axes(size: [usize; 2], sigma_px: f64) -> [Axis; 2] {
     let (counts, pitch) = cells(size, cell_px(sigma_px));
     let most = counts[0].max(counts[1]);
@@ -204,7 +206,7 @@ pub(super) fn axes(size: [usize; 2], sigma_px: f64) -> [Axis; 2] {
     })
 }
 
-/// The first pixel that a cell covers, and the share of the cell that it and the next ones are.
+/// Returns the first pixel that a cell covers and the weights of that and the following pixels.
 fn cover(cell: usize, pitch: f64, pixels: usize) -> (usize, Vec<f32>) {
     let [from, to] = [cell, cell + 1].map(|c| (c as f64 * pitch).min(pixels as f64));
     let shares = (from as usize..to.ceil() as usize).map(|pixel| {
@@ -215,7 +217,8 @@ fn cover(cell: usize, pitch: f64, pixels: usize) -> (usize, Vec<f32>) {
     (from as usize, shares.collect())
 }
 
-/// The cells on both sides of a pixel, and how far it is from the first to the second.
+/// Returns the cells on both sides of a pixel and the fraction of the way from the first to the
+/// second.
 fn between(pixel: usize, pitch: f64, cells: usize) -> (usize, usize, f32) {
     let at = ((pixel as f64 + 0.5) / pitch - 0.5) as f32;
     let at = at.max(0.0);
@@ -223,7 +226,7 @@ fn between(pixel: usize, pitch: f64, cells: usize) -> (usize, usize, f32) {
     (first, (first + 1).min(cells - 1), at - first as f32)
 }
 
-/// An index beyond a line of `length` reflected into it, its ends repeated.
+/// Reflects an index into a line of `length`, repeating the end values.
 fn reflected(at: i64, length: usize) -> usize {
     let period = 2 * length as i64;
     let at = at.rem_euclid(period);
@@ -246,7 +249,7 @@ mod tests {
         picture
     }
 
-    /// A Gaussian about `from` integrated over [a, b] and over its reflections at 0 and `length`.
+    /// Integrates a Gaussian centred on `from`, reflected at 0 and `length`, over [a, b].
     fn share(from: f64, [a, b]: [f64; 2], length: f64, sigma: f64) -> f64 {
         let steps = 400;
         let h = (b - a) / f64::from(steps);
@@ -259,7 +262,7 @@ mod tests {
         middles.sum::<f64>() / (sigma * std::f64::consts::TAU.sqrt())
     }
 
-    /// Against the Gaussian integrated over the bright rectangle and its reflections.
+    /// Reference: the Gaussian integrated over the bright rectangle and its reflections.
     #[test]
     fn is_the_gaussian() {
         for sigma_px in [32.0, 63.0, 90.0] {

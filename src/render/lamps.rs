@@ -1,4 +1,5 @@
-//! Lamps: light that no slide changes, so the geometry pass sums it into the ambient light.
+//! Lamps. Their light does not depend on the pattern, so the geometry pass adds it to the ambient
+//! light.
 
 use super::Term;
 use super::look::{Local, Rays};
@@ -61,13 +62,14 @@ impl Lamp {
         }
     }
 
-    /// Direction to the lamp from a point, and irradiance in W/m^2 there of what faces it.
+    /// Returns the direction from a point to the lamp, and the irradiance in W/m^2 of a surface
+    /// there that faces it.
     pub(super) fn seen_from(&self, point: DVec3) -> (DVec3, f64) {
         match self.shape {
             LampShape::Point { at, intensity_w_sr } => {
                 let way = at - point;
-                // Inverse-square law, millimetres to metres. At the lamp itself there is no
-                // direction and, rather than no end, no light.
+                // Inverse-square law, millimetres to metres. At the lamp itself the direction is
+                // undefined and the light is set to zero instead of infinity.
                 let distance2 = way.length_squared();
                 let towards = way.try_normalize().unwrap_or(DVec3::ZERO);
                 (towards, intensity_w_sr * 1e6 / distance2)
@@ -79,7 +81,7 @@ impl Lamp {
         }
     }
 
-    /// Whether something stands between it and each point.
+    /// Returns for each point whether the lamp is occluded.
     pub(super) fn blocked(
         &self,
         world: &World,
@@ -93,7 +95,7 @@ impl Lamp {
     }
 }
 
-/// Adds the light of all lamps; sets a bit in `Shaded::lamps` for each that lights a lane.
+/// Adds the light of all lamps; sets a bit in `Shaded::lamps` for each lamp that lights a lane.
 pub(super) fn add(
     rays: &Rays<'_>,
     locals: &[Option<Local<'_>>; LANES],

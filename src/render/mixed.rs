@@ -1,9 +1,9 @@
-//! Mixed pixels: those whose footprint meets more than one surface, or a shadow's edge. A pixel's
-//! centre does not stand for them, so the light of 4 x 4 samples is averaged, as in life.
+//! Mixed pixels: those whose footprint covers more than one surface, or a shadow edge. The pixel's
+//! centre does not represent them, so the light of 4 x 4 samples is averaged.
 //!
 //! Candidates are pixels that differ from one of their eight neighbours; their samples then decide.
-//! A sliver thinner than a pixel that touches no pixel's centre is missed, unless more samples a
-//! pixel are asked for.
+//! A sliver thinner than a pixel that covers no pixel centre is missed, unless more samples per
+//! pixel are requested.
 
 use super::buffer::{GeometryBuffer, Mixed};
 use super::geometry::{Bundle, Cast, Rays, TILE, cast};
@@ -19,8 +19,8 @@ use rayon::prelude::*;
 /// Triangles of one mesh whose normals are closer than 15 degrees form one smooth surface.
 pub(super) const COS_CREASE: f32 = 0.965_925_8;
 
-/// Finds the mixed pixels of the maps and samples them. Pixels that are known to be `uneven` are
-/// candidates too; it may be empty.
+/// Finds and samples the mixed pixels of the maps. Pixels known to be `uneven` are candidates too;
+/// that list may be empty.
 pub(super) fn run(
     worlds: &Worlds,
     optics: &Optics,
@@ -63,7 +63,7 @@ struct Edges<'a> {
     pixel_slope: f32,
 }
 
-/// What decides whether two places belong to one smooth surface.
+/// Data to decide whether two points belong to one smooth surface.
 #[derive(Clone, Copy)]
 struct Place {
     surface: Surface,
@@ -142,7 +142,7 @@ impl Edges<'_> {
     }
 }
 
-/// Casts the samples of a pixel; `None` if they turn out to be one smooth and evenly lit surface.
+/// Casts the samples of a pixel; `None` if all see one smooth, evenly lit surface.
 fn sample(
     edges: &Edges<'_>,
     optics: &Optics,

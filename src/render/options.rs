@@ -1,37 +1,35 @@
-//! What a rendering may spend: the knob of its error against its time.
+//! Rendering options: trade-off between error and time.
 
 use phasmid_core::error::{Error, Result};
 use serde::Serialize;
 
-/// What a rendering may spend.
+/// Rendering options.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Options {
-    /// Rays a pixel: 1, 4, 16 or 64. With one, pixels that differ from a neighbour are sampled
-    /// (by sixteen), so that what is thinner than a pixel may be missed. With more, every pixel is
-    /// looked at by as many, and where they do not see one smooth surface, evenly lit, their mean
-    /// counts. Depth of field takes sixteen at least.
+    /// Rays per pixel: 1, 4, 16 or 64. With 1, only pixels that differ from a neighbour are sampled
+    /// (with 16 rays), so details thinner than a pixel may be missed. With more, every pixel is
+    /// sampled, and the samples' mean is used unless they see one smooth, evenly lit surface. Depth
+    /// of field uses at least 16.
     pub samples: u32,
-    /// Instants of an exposure at which a scene that moves is looked at, 1 to 256: each costs a
-    /// geometry pass, and the error of what they blur falls as the square of their number. A scene
-    /// in which nothing goes farther than an eighth of a pixel while an exposure lasts is looked at
-    /// once.
+    /// Instants per exposure at which a moving scene is evaluated, 1 to 256. Each costs a geometry
+    /// pass; the error of the motion blur falls with the square of their number. If nothing moves
+    /// by more than an eighth of a pixel during an exposure, one instant is used.
     pub time_samples: u32,
-    /// What runs the passes.
+    /// Processor that runs the passes.
     pub backend: Backend,
 }
 
-/// What runs the passes. Pictures of the two differ by the rounding of f32, and so now and then by a
-/// grey level; the truth behind them is always the CPU's, in f64.
+/// Processor that runs the passes. CPU and GPU images differ by f32 rounding, hence occasionally by
+/// a grey level; ground truth is always computed on the CPU, in f64.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Backend {
-    /// The processor: the same seed gives the same bytes on any machine.
+    /// CPU: the same seed gives the same bytes on any machine.
     #[default]
     Cpu,
-    /// A Vulkan adapter, software where there is no other; without one there is no rendering.
+    /// A Vulkan adapter, software if there is no other; rendering fails without one.
     Gpu,
-    /// A Vulkan adapter that is hardware, where there is one that holds the scene; else the
-    /// processor.
+    /// A hardware Vulkan adapter if there is one that can hold the scene, else the CPU.
     Auto,
 }
 
@@ -46,10 +44,10 @@ impl Default for Options {
 }
 
 impl Options {
-    /// The options, if there is such a rendering.
+    /// Returns the options if they are valid.
     ///
     /// # Errors
-    /// A number of samples that is not a grid's, or none or too many instants.
+    /// Returns an error if the number of samples or instants is not allowed.
     pub fn checked(self) -> Result<Self> {
         let refuse = |place, found: u32, allowed| {
             let found = found.to_string();

@@ -1,4 +1,4 @@
-//! The ways of what moves, and where all of it is at an instant.
+//! Motion paths of objects, and the state of all moving objects at an instant.
 
 use glam::DVec3;
 use phasmid_core::error::{Error, Result};
@@ -6,7 +6,7 @@ use phasmid_geometry::{Mesh, Pose, Timeline, Trajectory};
 use phasmid_phantom::{Day, Phantom};
 use phasmid_profile::{Motion, Object, Scene, Shape};
 
-/// Most vertices of all meshes of a deformation together: 1.2 GB.
+/// Maximum total number of vertices of a deformation's meshes: 1.2 GB.
 const MAX_KEY_VERTICES: usize = 50_000_000;
 
 /// An object that moves.
@@ -52,11 +52,12 @@ impl Deformation {
         }
     }
 
-    /// How far from its rest in millimetres it takes a vertex, beyond its keyframes.
+    /// Returns the maximum vertex displacement from rest in millimetres, beyond that of its
+    /// keyframes.
     fn reach_mm(&self) -> f64 {
         match self {
             Self::Keys(_) => 0.0,
-            // No mode takes tissue farther than twice its weight.
+            // No mode displaces tissue by more than twice its weight.
             Self::Breath(phantom, _) => {
                 let bounds = phantom.weight_bounds_mm();
                 bounds
@@ -68,14 +69,14 @@ impl Deformation {
     }
 }
 
-/// Which of the world's parts it is.
+/// Index of the part in the world.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Part {
     Solid(usize),
     Body(usize),
 }
 
-/// Where an object is at an instant.
+/// Pose and shape of an object at an instant.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Placement {
     pub(super) rig_from_object: Pose,
@@ -85,11 +86,11 @@ pub(super) struct Placement {
 /// The keyframes that make a shape, and their weights.
 pub(super) type Blend = ([usize; 4], [f64; 4]);
 
-/// Where everything that moves is at an instant.
+/// State of everything that moves at an instant.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct State(pub(super) Vec<Placement>);
 
-/// Whether an object ever leaves its place or its shape.
+/// Returns whether an object ever moves or deforms.
 pub(super) fn moves(object: &Object) -> bool {
     object.motion.as_ref().is_some_and(Motion::goes_anywhere)
         || object.deform.is_some()
@@ -107,13 +108,13 @@ impl Path {
         })
     }
 
-    /// How far its keyframes, or breathing, take it from where it rests, in millimetres.
+    /// Returns the maximum displacement from rest by keyframes or breathing, in millimetres.
     pub(super) fn reach_mm(&self) -> f64 {
         let carried = self.trajectory.as_ref().map_or(0.0, Trajectory::reach_mm);
         carried + self.deformation.as_ref().map_or(0.0, Deformation::reach_mm)
     }
 
-    /// Where the object is at a device time in nanoseconds.
+    /// Returns the object's placement at a device time in nanoseconds.
     pub(super) fn at(&self, time_ns: f64) -> Placement {
         let time_s = time_ns * 1e-9;
         Placement {
@@ -126,10 +127,10 @@ impl Path {
     }
 }
 
-/// The vertices, scaled, of the meshes that an object's own becomes.
+/// Returns the scaled vertices of an object's deformation meshes.
 ///
 /// # Errors
-/// Files that cannot be read, or whose triangles are not those of the object's own mesh.
+/// Returns an error if a file cannot be read or if its triangles differ from the object's own mesh.
 pub(super) fn keys(scene: &Scene, object: &Object, mesh: &Mesh) -> Result<Vec<Vec<DVec3>>> {
     if let Shape::Patient { triangles, day, .. } = object.shape
         && object.shape.breathes()

@@ -1,4 +1,4 @@
-//! Pictures that a projector is to show: PNG, BMP or TIFF to grey, within the projector's bounds.
+//! Pattern images: decodes PNG, BMP or TIFF to greyscale, limited to the projector's size.
 
 use image::{GrayImage, ImageReader, Limits};
 use phasmid_core::error::{Error, Result};
@@ -7,13 +7,13 @@ use phasmid_profile::Projector;
 use std::io::Cursor;
 use std::path::Path;
 
-/// Largest picture file in bytes.
+/// Maximum image file size in bytes.
 const MAX_FILE: u64 = 64 << 20;
 
-/// Decodes a picture of at most the projector's size; `place` names it in messages.
+/// Decodes an image of at most the projector's size; `place` names it in messages.
 ///
 /// # Errors
-/// Bytes that are no picture, or one larger than the projector.
+/// Returns an error if the bytes are not an image or if it is larger than the projector.
 pub fn decode(bytes: &[u8], projector: &Projector, place: &str) -> Result<GrayImage> {
     let allowed = "a PNG, BMP or TIFF file no larger than the projector";
     let bad = |e: &dyn std::fmt::Display| Error::input(place, e, allowed);
@@ -29,18 +29,18 @@ pub fn decode(bytes: &[u8], projector: &Projector, place: &str) -> Result<GrayIm
     Ok(reader.decode().map_err(|e| bad(&e))?.into_luma8())
 }
 
-/// Reads a picture file.
+/// Reads an image file.
 ///
 /// # Errors
-/// What `bytes_of` and [`decode`] refuse.
+/// Returns an error if the file cannot be read, exceeds 64 MiB, or if [`decode`] fails.
 pub fn read(path: &Path, projector: &Projector) -> Result<GrayImage> {
     decode(&bytes_of(path)?, projector, &path.display().to_string())
 }
 
-/// The bytes of a picture file.
+/// Reads the bytes of an image file.
 ///
 /// # Errors
-/// What the system refuses, and a file above 64 MiB.
+/// Returns an error if the file cannot be read or exceeds 64 MiB.
 pub(crate) fn bytes_of(path: &Path) -> Result<Vec<u8>> {
     file::read(path, MAX_FILE)
 }

@@ -1,5 +1,5 @@
-//! The plan: which terms of image formation a scene and its slides need, and why. What it leaves
-//! out changes no byte.
+//! Plan: which terms of image formation a scene and its patterns need, and why. Terms it omits
+//! would not change a byte.
 
 use super::term::{Needs, Pass, Term};
 use crate::slide::Slide;
@@ -13,7 +13,7 @@ pub struct Plan {
     terms: u64,
 }
 
-/// What the plan says of one term.
+/// The plan's decision on one term.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Decision {
     /// The pass that the term belongs to.
@@ -27,7 +27,7 @@ pub struct Decision {
 }
 
 impl Plan {
-    /// The terms that profile and scene need, before any slide is known.
+    /// Creates the plan for profile and scene, before any pattern is known.
     pub(super) fn new(needs: &Needs<'_>) -> Self {
         let mut plan = Self::default();
         for term in Term::ALL {
@@ -50,7 +50,7 @@ impl Plan {
         };
     }
 
-    /// Adds what a slide needs; tells whether that is more than before.
+    /// Adds the terms a pattern needs; returns whether the plan changed.
     pub(super) fn include(&mut self, slide: &Slide) -> bool {
         let before = *self;
         match slide {
@@ -65,7 +65,7 @@ impl Plan {
         *self != before
     }
 
-    /// What the plan says of every term, in the order of the passes.
+    /// Returns the decision on every term, in pass order.
     pub(super) fn decisions(&self, needs: &Needs<'_>) -> Vec<Decision> {
         let decision = |term: Term| {
             let (needed, why) = needs.decide(term);

@@ -1,12 +1,12 @@
-//! The reference path: slow, in f64, and without any shortcut of the fast path. Tests hold the
-//! passes against it.
+//! Reference path: slow, in f64, and without any shortcut of the fast path. Tests compare the
+//! passes with it.
 //!
 //! Every ray is tested against every triangle (Moller and Trumbore 1997) and every solid by a
 //! second method (a frustum as twelve triangles, quadrics by the plain quadratic formula). A
-//! pixel's signal is the mean over rays through its whole area, each of which looks up one held
-//! pixel of the slide: no footprints, no derivatives, no sums of the slide. With a focus they also
-//! go through its whole pupil. Surfaces have one texel, one blend of vertex colours and one value of
-//! the microfacet formula for each ray; facets shine by their own normals.
+//! pixel's signal is the mean over rays through its whole area, each of which looks up one pattern
+//! pixel: no footprints, derivatives or pattern sums. With a focus distance the rays also sample
+//! the whole pupil. Each ray evaluates one texel, one blend of vertex colours and one value of the
+//! microfacet formula; highlights use facet normals.
 
 mod look;
 mod microfacets;
@@ -21,8 +21,8 @@ use phasmid_pattern::Axis;
 use phasmid_profile::{Light, Profile, Response, Scene, Shape, Vignetting};
 use primitive::{Crossing, Primitive, frustum};
 
-/// A scene as the reference path sees it: lamps at their mean, everything where it rests, no light
-/// between surfaces, no skin.
+/// A scene for the reference path: lamps at their mean, objects at rest, without interreflection
+/// and skin.
 pub struct Reference {
     camera: View,
     projector: View,
@@ -39,29 +39,29 @@ struct Part {
     look: Look,
 }
 
-/// What one ray of the camera finds.
+/// Hit of one camera ray.
 #[derive(Debug, Clone, Copy)]
 pub struct Found {
     /// Point in the rig's frame in millimetres.
     pub point: DVec3,
     /// Unit normal on the camera's side.
     pub normal: DVec3,
-    /// Projector pixel that the point lies on the ray of.
+    /// Projector pixel whose ray passes through the point.
     pub projector_px: DVec2,
-    /// In the projector's field, facing it, and with nothing between.
+    /// Whether it is in the projector's field, faces the projector and is not occluded.
     pub lit: bool,
     /// Unit vector back along the ray.
     view: DVec3,
-    /// Which of the scene's objects, and its albedo there.
+    /// Index of the object in the scene, and its albedo there.
     part: usize,
     albedo: f64,
 }
 
 impl Reference {
-    /// Takes a scene; meshes are those that the fast path would load.
+    /// Loads a scene, with the same meshes as the fast path.
     ///
     /// # Errors
-    /// Mesh files and textures that cannot be read.
+    /// Returns an error if a mesh or texture cannot be read.
     pub fn new(profile: &Profile, scene: &Scene) -> Result<Self> {
         let parts = scene
             .object
@@ -113,12 +113,12 @@ impl Reference {
         })
     }
 
-    /// What the ray through a point of the image finds; `None` if it leaves the scene.
+    /// Returns the hit of the ray through an image point; `None` if it leaves the scene.
     pub fn look(&self, px: DVec2) -> Option<Found> {
         self.follow(self.camera.center(), self.camera.ray(px).normalize())
     }
 
-    /// What a ray with a unit direction finds.
+    /// Returns the hit of a ray with a unit direction.
     fn follow(&self, origin: DVec3, direction: DVec3) -> Option<Found> {
         let (
             part,
@@ -166,9 +166,9 @@ impl Reference {
         })
     }
 
-    /// Noise-free signal of a pixel in digital numbers, not rounded: the mean over `rays` rays
-    /// through its area, a Hammersley set: even along every direction, and with no period that a number
-    /// of rays could meet.
+    /// Returns the noise-free, unrounded signal of a pixel in digital numbers: the mean over `rays`
+    /// rays through its area, placed as a Hammersley set, which is uniform and has no period that
+    /// could alias with the pattern.
     pub fn signal_dn(&self, px: DVec2, slide: &Slide, exposure_s: f64, rays: u32) -> f64 {
         let mean = (0..rays)
             .map(|i| {
@@ -194,8 +194,9 @@ impl Reference {
         dn.min(f64::from((1u32 << sensor.bits) - 1))
     }
 
-    /// The ray through a point of the image and a place of the pupil, two numbers from 0 to 1: with
-    /// a focus it leaves that place for the point that the pinhole's ray has in the plane in focus.
+    /// Returns the ray through an image point and a pupil position (two numbers from 0 to 1). With
+    /// a focus distance it starts there and passes through the pinhole ray's point on the focal
+    /// plane.
     fn sight(&self, px: DVec2, [share, turn]: [f64; 2]) -> (DVec3, DVec3) {
         let (center, ray) = (self.camera.center(), self.camera.ray(px));
         let camera = &self.profile.camera;
@@ -209,9 +210,9 @@ impl Reference {
         (from, (center + ray * focus - from).normalize())
     }
 
-    /// What the surface throws back at a point of the image seen from a place of the
-    /// pupil, as the irradiance in W/m^2 of a white Lambertian one; the slide is looked up at one place of the blur about the point, which two
-    /// numbers of 0 to 1 choose.
+    /// Returns the light reflected towards an image point from a pupil position, as the equivalent
+    /// irradiance in W/m^2 of a white Lambertian surface. The pattern is sampled at one position
+    /// within the blur, chosen by two numbers from 0 to 1.
     fn irradiance(&self, px: DVec2, pupil: [f64; 2], slide: &Slide, blur: [f64; 2]) -> f64 {
         let (origin, direction) = self.sight(px, pupil);
         let Some(found) = self.follow(origin, direction) else {
@@ -281,8 +282,8 @@ impl Reference {
         DVec2::from_angle(v * std::f64::consts::TAU) * radius
     }
 
-    /// Direction of a lamp from a point, and the irradiance in W/m^2 there of what faces it; 0 where
-    /// it does not shine.
+    /// Returns the direction from a point to a lamp, and the irradiance in W/m^2 of a surface there
+    /// that faces it; 0 if occluded.
     fn lamp(&self, light: &Light, found: &Found) -> (DVec3, f64) {
         let (way, facing) = match *light {
             Light::Point {

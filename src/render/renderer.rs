@@ -1,4 +1,4 @@
-//! One camera before one scene: runs the passes that a shot needs.
+//! Renderer of one camera in front of one scene: runs the passes that a shot needs.
 
 mod place;
 mod time;
@@ -31,54 +31,54 @@ use std::sync::Arc;
 use time::Light;
 use under_way::News;
 
-/// Pixels that go through exposure and sensor together: they stay in the first-level cache, and
-/// are whole blocks of random numbers.
+/// Pixels that pass through exposure and sensor together. They fit in the L1 cache and are whole
+/// blocks of random numbers.
 const CHUNK: usize = 2048;
 
 /// Renders the frames of one camera in front of one scene.
 pub struct Renderer {
     profile: Profile,
-    /// What the worlds are made of.
+    /// Scene from which the worlds are built.
     scene: Scene,
     worlds: Worlds,
     optics: Optics,
-    /// When the worlds are; `None` at power-on.
+    /// Moment of the worlds; `None` at power-on.
     moment: Option<Moment>,
     plan: Plan,
     options: Options,
     seed: u64,
-    /// Ideal image points of the pixels, where the lens is distorted.
+    /// Ideal image points of the pixels, if the lens has distortion.
     rays: Option<Vec<DVec2>>,
     buffer: GeometryBuffer,
-    /// Whether the buffer holds this state of the scene under this plan.
+    /// Whether the buffer is valid for the current scene state and plan.
     geometry_done: bool,
-    /// Sensitivities and offsets of the pixels, where the plan has them.
+    /// Sensitivities and offsets of the pixels, if in the plan.
     fixed: Option<FixedPattern>,
-    /// Tables of the slides seen so far.
+    /// Tables of the patterns seen so far.
     tables: Vec<(Arc<Slide>, Arc<Table>)>,
-    /// Counts states of scene and plan.
+    /// Revision counter of scene and plan.
     revision: u64,
-    /// The passes on a GPU, where one runs them.
+    /// The GPU passes, if a GPU is used.
     gpu: Option<Box<Passes>>,
     news: News,
 }
 
-/// Memory for tables of slides: hundreds of fringes, or a dozen pictures. The oldest go first.
+/// Memory for pattern tables: hundreds of fringes, or a dozen images. The oldest are evicted first.
 const TABLE_BYTES: usize = 256 << 20;
 
 impl Renderer {
-    /// Prepares a scene, to be rendered by one ray a pixel. `seed` keys the sensor's noise.
+    /// Prepares a scene for rendering with one ray per pixel. `seed` keys the sensor noise.
     ///
     /// # Errors
-    /// Mesh files that cannot be read, or too many triangles.
+    /// Returns an error if a mesh cannot be read or if there are too many triangles.
     pub fn new(profile: &Profile, scene: &Scene, seed: u64) -> Result<Self> {
         Self::with_options(profile, scene, seed, Options::default())
     }
 
-    /// The same with as many rays a pixel as the options say.
+    /// As [`Self::new`], with the given options.
     ///
     /// # Errors
-    /// What [`Self::new`] and [`Options::checked`] refuse.
+    /// Returns an error if [`Self::new`] or [`Options::checked`] fails.
     pub fn with_options(
         profile: &Profile,
         scene: &Scene,
@@ -124,12 +124,12 @@ impl Renderer {
         })
     }
 
-    /// Which terms are computed for the slides seen so far.
+    /// Returns the terms computed for the patterns seen so far.
     pub fn plan(&self) -> Plan {
         self.plan
     }
 
-    /// What the plan says of every term, and why.
+    /// Returns the plan's decision on every term, with the reason.
     pub fn decisions(&self) -> Vec<Decision> {
         self.plan.decisions(&Needs {
             profile: &self.profile,
@@ -138,18 +138,19 @@ impl Renderer {
         })
     }
 
-    /// Computes a term, or leaves it out, whatever the scene needs: for tests and for costs. A
-    /// term that is not needed changes no byte.
+    /// Includes or excludes a term regardless of what the scene needs, for tests and cost
+    /// measurements. A term that is not needed changes no byte.
     pub fn force(&mut self, term: Term, included: bool) {
         let mut plan = self.plan;
         plan.set(term, included);
         self.go_by(plan);
     }
 
-    /// Takes another plan, and what follows from it.
+    /// Switches to another plan.
     fn go_by(&mut self, plan: Plan) {
         self.plan = plan;
-        // Rays are bent by the lens itself where no table is, so it must be straight without the term.
+        // Without a table the lens model distorts the rays, so its coefficients are cleared when
+        // the term is off.
         self.optics.camera.lens.distortion = match plan.has(Term::CameraDistortion) {
             true => self.profile.camera.distortion,
             false => [0.0; 5],
@@ -161,18 +162,18 @@ impl Renderer {
         self.tables.clear();
     }
 
-    /// Triangles in the scene.
+    /// Returns the number of triangles in the scene.
     pub fn triangle_count(&self) -> usize {
         self.worlds.any().triangle_count()
     }
 
-    /// Pixels in a frame.
+    /// Returns the number of pixels in a frame.
     pub fn pixel_count(&self) -> usize {
         let camera = &self.profile.camera;
         camera.width_px as usize * camera.height_px as usize
     }
 
-    /// Adds what slides need to the plan, so that one geometry pass serves them all.
+    /// Adds the terms that patterns need to the plan, so that one geometry pass serves them all.
     pub fn expect_slides<'a>(&mut self, slides: impl IntoIterator<Item = &'a Slide>) {
         for slide in slides {
             if self.plan.include(slide) {
@@ -181,8 +182,8 @@ impl Renderer {
         }
     }
 
-    /// Runs the geometry pass if its result is not at hand, for a scene that moves at the instant
-    /// that was looked at last; tells whether it ran.
+    /// Runs the geometry pass unless it is up to date; for a moving scene, at the current instant.
+    /// Returns whether it ran.
     pub fn prepare(&mut self) -> bool {
         if self.geometry_done {
             return false;
@@ -205,18 +206,18 @@ impl Renderer {
         true
     }
 
-    /// Forgets the geometry pass's result, as a scene that has moved does.
+    /// Discards the result of the geometry pass, as after a motion of the scene.
     pub fn invalidate(&mut self) {
         self.outdate();
     }
 
-    /// Scene or plan are others than they were.
+    /// Marks scene or plan as changed.
     fn outdate(&mut self) {
         self.geometry_done = false;
         self.revision += 1;
     }
 
-    /// The frame of one exposure, made by the processor.
+    /// Renders the frame of one exposure on the CPU.
     fn expose_here(&mut self, shot: &Shot) -> Frame {
         let light = self.light(shot);
         let sensor = self.sensor(shot);
@@ -246,7 +247,7 @@ impl Renderer {
         }
     }
 
-    /// Noise-free signal in digital numbers, before rounding: what the sensor would mean to say.
+    /// Returns the noise-free, unrounded signal in digital numbers.
     pub fn expected_dn(&mut self, shot: &Shot) -> Vec<f32> {
         let light = self.light(shot);
         self.expected(shot, light)
@@ -265,21 +266,22 @@ impl Renderer {
         out
     }
 
-    /// Prepares all that shots need before they are exposed: the geometry, and tables of slides.
+    /// Prepares geometry and pattern tables for shots before they are exposed.
     pub fn make_ready(&mut self, shots: &[Shot]) {
         for shot in shots {
             self.schedule(shot);
         }
     }
 
-    /// Prepares what a shot needs: the geometry, and tables of the slides that it sees.
+    /// Prepares geometry and pattern tables for a shot.
     fn schedule(&mut self, shot: &Shot) -> Schedule {
         let (when, tables) = self.slides(shot);
         self.prepare();
         Schedule::new(when, tables, &self.plan, &self.buffer)
     }
 
-    /// When a shot sees which slides, and their tables; the plan has what they need.
+    /// Returns the timetable of a shot's patterns, and their tables; updates the plan with their
+    /// terms.
     fn slides(&mut self, shot: &Shot) -> (Timetable, Vec<Arc<Table>>) {
         let camera = &self.profile.camera;
         let size = [camera.width_px, camera.height_px].map(|side| side as usize);
@@ -365,8 +367,8 @@ impl Renderer {
             .for_each(|(i, (electrons, out))| read(i * CHUNK, electrons, out));
     }
 
-    /// Runs the exposure pass over chunks of pixels in parallel and hands each chunk's electrons
-    /// on, with the `per_pixel` elements of `out` that belong to each pixel.
+    /// Runs the exposure pass over chunks of pixels in parallel and passes each chunk's electrons
+    /// on, with its `per_pixel` elements of `out` per pixel.
     fn electrons<T: Send>(
         &self,
         schedule: &Schedule,
@@ -387,7 +389,7 @@ impl Renderer {
             );
     }
 
-    /// The prepared table of a slide; of darkness without one.
+    /// Returns the prepared table of a pattern; a dark one for `None`.
     fn table(&mut self, slide: Option<&Arc<Slide>>) -> Arc<Table> {
         let Some(slide) = slide else {
             return Arc::new(Table::Uniform(0.0));

@@ -1,9 +1,10 @@
-//! Every pixel by several rays, through several points of the pupil where there is depth of field.
+//! Sampling of every pixel with several rays, through several points of the pupil with depth of
+//! field.
 //!
 //! Rays of a packet share an origin, so a packet is one sample of each of a tile's sixteen pixels,
-//! all of them through one point of the pupil. Where a pixel's samples see one smooth surface,
-//! evenly lit, the closed form of its footprint stands for them, and is better than their mean;
-//! where not, they are kept.
+//! all of them through one point of the pupil. If a pixel's samples see one smooth, evenly lit
+//! surface, the closed form of its footprint replaces them and is more accurate than their mean;
+//! otherwise they are kept.
 
 use super::aperture::{Aperture, widened};
 use super::buffer::{GeometryBuffer, Mixed};
@@ -18,7 +19,7 @@ use glam::{DMat2, DVec2, DVec3, Vec3};
 use phasmid_geometry::raycast::{LANES, Scratch};
 use rayon::prelude::*;
 
-/// Part of a footprint's width by which a sample may lie off where the closed form has it.
+/// Maximum deviation of a sample from the closed form, as a fraction of the footprint's width.
 const BENT: f64 = 0.02;
 
 /// Step from one sample's point of the pupil to the next's. Odd, it goes through all of them; this
@@ -38,8 +39,8 @@ pub(super) fn turn(tile: usize) -> f64 {
     (tile as f64 * 0.618_033_988_749_894_9).fract() * std::f64::consts::TAU
 }
 
-/// Place of the kth of `side` x `side` samples within its pixel: one a cell of the grid, sheared so
-/// that all differ in column and in row, as those of mixed pixels are.
+/// Returns the position of the kth of `side` x `side` samples within its pixel: one per grid cell,
+/// sheared so that all differ in column and row, as for mixed pixels.
 pub(super) fn offset(k: usize, side: usize) -> DVec2 {
     let n = side as f64;
     let (i, j) = ((k % side) as f64, (k / side) as f64);
@@ -47,7 +48,7 @@ pub(super) fn offset(k: usize, side: usize) -> DVec2 {
     DVec2::new(inside(i, j), inside(j, n - 1.0 - i))
 }
 
-/// What casts the samples.
+/// Casts the samples.
 pub(super) struct Sampler<'a> {
     pub(super) worlds: &'a Worlds,
     pub(super) optics: &'a Optics,
@@ -59,8 +60,8 @@ pub(super) struct Sampler<'a> {
 }
 
 impl Sampler<'_> {
-    /// Samples of the pixels for which the closed form does not stand, in the order of the pixels.
-    /// Needs sixteen samples a pixel or more.
+    /// Returns the samples of the pixels for which the closed form is invalid, in pixel order.
+    /// Needs at least sixteen samples per pixel.
     pub(super) fn gather(&self, map: &GeometryBuffer) -> Vec<Mixed> {
         let mut bands = self.visit(map, |found, pixel, lane, casts| {
             for group in casts.chunks(LANES) {
@@ -73,7 +74,7 @@ impl Sampler<'_> {
         bands.into_iter().flatten().collect()
     }
 
-    /// Whether the closed form does not stand, for each pixel.
+    /// Returns for each pixel whether the closed form is invalid.
     pub(super) fn uneven(&self, map: &GeometryBuffer) -> Vec<bool> {
         let bands = self.visit(map, |found, pixel, _, _| found.push(pixel));
         let mut uneven = vec![false; map.surface.len()];
@@ -83,8 +84,8 @@ impl Sampler<'_> {
         uneven
     }
 
-    /// Casts all samples, tile by tile, and hands those of uneven pixels on. A result a band of
-    /// rows, in no order within.
+    /// Casts all samples, tile by tile, and passes on those of uneven pixels. Returns one result
+    /// per band of rows, unordered within the band.
     fn visit<T: Send>(
         &self,
         map: &GeometryBuffer,
@@ -184,7 +185,8 @@ impl Sampler<'_> {
                 .vary(self.worlds.any().object(surface))
     }
 
-    /// Whether another triangle of the centre's mesh goes on without a crease.
+    /// Returns whether another triangle of the centre's mesh continues its surface without a
+    /// crease.
     fn smooth(&self, map: &GeometryBuffer, pixel: usize, lane: usize, cast: &Cast) -> bool {
         let (here, there) = (Surface(map.surface[pixel]), cast.hits.surface[lane]);
         here != Surface::NONE

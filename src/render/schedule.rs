@@ -1,7 +1,7 @@
-//! The schedule of an exposure: which slides each row of the sensor sees, for how long, and where in
-//! the mains' period it lies. With a global shutter all rows are as one.
+//! Schedule of an exposure: which patterns each sensor row sees, for how long, and at which phase
+//! of the mains period. With a global shutter all rows are the same.
 //!
-//! The timetable says who sees what; here it is run over pixels.
+//! The timetable defines it; this module applies it to pixels.
 
 use super::buffer::GeometryBuffer;
 use super::light::{self, Indirect, Table};
@@ -9,11 +9,11 @@ use super::timetable::{Line, Timetable};
 use super::{Plan, Term};
 use std::sync::Arc;
 
-/// What a shot exposes the pixels to, ready to be run over chunks of them.
+/// Light of a shot, ready to be applied to chunks of pixels.
 pub(super) struct Schedule {
-    /// Of the slides that are seen, as the timetable counts them.
+    /// Tables of the visible patterns, numbered as in the timetable.
     tables: Vec<Arc<Table>>,
-    /// What their light does by way of other surfaces; none where the plan leaves it out.
+    /// Indirect light of the patterns; empty if not in the plan.
     indirect: Vec<Indirect>,
     when: Timetable,
 }

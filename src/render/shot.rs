@@ -1,11 +1,11 @@
-//! A shot: one exposure that the firmware asks of the optics.
+//! A shot: one exposure requested by the firmware.
 
 use crate::led::Emission;
 use crate::slide::Slide;
 use std::ops::Range;
 use std::sync::Arc;
 
-/// What the camera exposes to, and when, in device time.
+/// One exposure: its light and its timing in device time.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Shot {
     /// The frame's identity, never repeated in a device's life.
@@ -13,30 +13,30 @@ pub struct Shot {
     /// Keys the noise. Triggered and free-running exposures are counted apart, so that a sequence
     /// looks the same however long the camera ran free before it.
     pub noise_id: u64,
-    /// Position of the slide in the selected sequence; `None` when running free.
+    /// Index of the pattern in the selected sequence; `None` when free-running.
     pub pattern_index: Option<u32>,
-    /// What the projector shows; `None` with its light off.
+    /// Pattern shown by the projector; `None` if its light is off.
     pub slide: Option<Arc<Slide>>,
     /// Projector light relative to full current, 0 to 1.
     pub light: f64,
-    /// What the projector shows after that, each from its time on, in the order of time. It takes
-    /// [`Term::RollingShutter`](crate::Term), with which only rows that still expose then
-    /// see it, or [`Term::PatternTiming`](crate::Term).
+    /// Later patterns, each with its start time, in time order. Requires
+    /// [`Term::RollingShutter`](crate::Term), where only rows still exposing at that time see them,
+    /// or [`Term::PatternTiming`](crate::Term).
     pub then: Vec<Showing>,
-    /// The light source's light in device time, in place of every `light`, while a slide is shown.
-    /// It takes [`Term::PatternTiming`](crate::Term).
+    /// Light source output over device time, which replaces every `light` while a pattern is shown.
+    /// Requires [`Term::PatternTiming`](crate::Term).
     pub emission: Option<Arc<Emission>>,
-    /// Start of the exposure, of its first row, in nanoseconds of device time.
+    /// Start of the first row's exposure in nanoseconds of device time.
     pub start_ns: u64,
-    /// Length of the exposure, of each row, in nanoseconds.
+    /// Exposure of each row in nanoseconds.
     pub exposure_ns: u64,
-    /// How the rows follow each other; by default they do not.
+    /// Shutter; global by default.
     pub shutter: Shutter,
     /// Gain in decibels above the sensor's base gain.
     pub gain_db: f64,
 }
 
-/// What the projector shows from a time on.
+/// A pattern shown from a time on.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Showing {
     /// Nanoseconds of device time.
@@ -60,7 +60,7 @@ pub struct Shutter {
 }
 
 impl Shutter {
-    /// How long after the first row a row of the sensor starts, in nanoseconds. Rows that are not
+    /// Returns the delay of a sensor row after the first row, in nanoseconds. Rows that are not
     /// read out start with the nearest one that is.
     pub fn delay_ns(&self, row: u32) -> u64 {
         let line = row
@@ -69,29 +69,29 @@ impl Shutter {
         u64::from(line).saturating_mul(self.line_time_ns)
     }
 
-    /// How long after the first row the last one starts, in nanoseconds.
+    /// Returns the delay of the last row after the first, in nanoseconds.
     pub fn skew_ns(&self) -> u64 {
         self.delay_ns(u32::MAX)
     }
 
-    /// How long the rows take to be read, in nanoseconds: no row can be exposed again before.
+    /// Returns the readout time of the rows in nanoseconds; no row can be exposed again earlier.
     pub fn readout_ns(&self) -> u64 {
         u64::from(self.rows).saturating_mul(self.line_time_ns)
     }
 }
 
 impl Shot {
-    /// When the exposure of a row of the sensor starts, in nanoseconds of device time.
+    /// Returns the start of a sensor row's exposure in nanoseconds of device time.
     pub fn row_start_ns(&self, row: u32) -> u64 {
         self.start_ns.saturating_add(self.shutter.delay_ns(row))
     }
 
-    /// When the exposure of the last row ends, in nanoseconds of device time.
+    /// Returns the end of the last row's exposure in nanoseconds of device time.
     pub fn end_ns(&self) -> u64 {
         self.row_start_ns(u32::MAX).saturating_add(self.exposure_ns)
     }
 
-    /// For what part of an exposure that starts at a time each of the slides is shown: its place
+    /// Returns the interval of each pattern within an exposure that starts at `start_ns`: its index
     /// (0 is `slide`, the others are those of `then`) and nanoseconds of device time. At least one;
     /// none is empty unless the exposure is.
     pub fn seen(&self, start_ns: u64) -> impl Iterator<Item = (usize, Range<u64>)> {

@@ -1,4 +1,4 @@
-//! A slide: a pattern as the projector really shows it, in held pixels of its own bit depth.
+//! A slide: a pattern as actually displayed, in pixels of the projector's bit depth.
 
 use image::GrayImage;
 use phasmid_core::error::{Error, Result};
@@ -25,10 +25,10 @@ pub enum Slide {
 }
 
 impl Slide {
-    /// The slide of a pattern; `images` finds the picture that an image pattern names.
+    /// Creates the slide of a pattern; `images` loads the image that an image pattern names.
     ///
     /// # Errors
-    /// What `images` refuses, and a picture that has not the projector's size.
+    /// Returns an error if `images` fails or if the image does not have the projector's size.
     pub fn new(
         pattern: &Pattern,
         projector: &Projector,
@@ -54,7 +54,7 @@ impl Slide {
         })
     }
 
-    /// A bit of each level, the least significant being 0: full where it is set, else 0.
+    /// Returns one bit plane (0 is the least significant): full level where the bit is set, else 0.
     #[must_use]
     pub fn plane(&self, bit: u32, bits: u32) -> Self {
         let full = (1u16 << bits) - 1;
@@ -74,7 +74,7 @@ impl Slide {
         }
     }
 
-    /// The levels that it holds: one, a row of them, or a picture of them.
+    /// Returns its levels: one, a row, or an image.
     pub fn levels(&self) -> &[u16] {
         match self {
             Self::Uniform(level) => std::slice::from_ref(level),
@@ -82,10 +82,10 @@ impl Slide {
         }
     }
 
-    /// The slide of a picture; its 8 bits are rounded to the projector's.
+    /// Creates the slide of an image, rounding its 8 bits to the projector's bit depth.
     ///
     /// # Errors
-    /// A picture that has not the projector's size.
+    /// Returns an error if the image does not have the projector's size.
     pub fn from_image(image: &GrayImage, projector: &Projector, place: &str) -> Result<Self> {
         let (width, height) = image.dimensions();
         if (width, height) != (projector.width_px, projector.height_px) {

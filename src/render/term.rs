@@ -18,8 +18,8 @@ pub enum Pass {
     Sensor,
 }
 
-/// A term that a scene may not need. Left out it is not computed at all: no factor of one, no
-/// branch a pixel.
+/// An optional term of image formation. If omitted, it costs nothing per pixel, not even a factor
+/// or a branch.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Term {
@@ -53,7 +53,7 @@ pub enum Term {
     FootprintY,
     /// Light follows the slide's levels by a curve.
     ProjectorResponse,
-    /// The projector's black is not dark.
+    /// The projector's black emits light.
     ContrastRatio,
     /// Objects move: an exposure is the mean over instants.
     Motion,
@@ -86,7 +86,7 @@ impl fmt::Display for Term {
     }
 }
 
-/// What decides whether a term is needed.
+/// Inputs that decide whether a term is needed.
 pub(super) struct Needs<'a> {
     pub(super) profile: &'a Profile,
     pub(super) optics: &'a Optics,

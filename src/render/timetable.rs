@@ -1,11 +1,11 @@
-//! The timetable of an exposure: which slides each row of the sensor sees, for how long, in how much
-//! light, and where in the mains' period it lies. With a global shutter all rows are as one.
+//! Timetable of an exposure: which patterns each sensor row sees, for how long, how bright, and at
+//! which phase of the mains period. With a global shutter all rows are the same.
 //!
-//! A row of a rolling shutter integrates from its own start, so a slide that follows before the last
-//! row has ended leaks into the lower rows, in proportion to the time that they share with it. Where
-//! patterns have a time of their own, every row sees them so. Darkness beside a slide needs no pass
-//! of its own: ambient light is the same in it, so its seconds join those of the slide at as much
-//! less light.
+//! A row of a rolling shutter integrates from its own start, so a pattern that starts before the
+//! last row has ended leaks into the lower rows in proportion to the shared time. With pattern
+//! timing this applies to all rows. Dark time next to a pattern needs no separate pass: ambient
+//! light is the same, so its duration is merged into the pattern's with the projector light reduced
+//! accordingly.
 
 use super::light::Flicker;
 use super::{Plan, Term};
@@ -43,7 +43,7 @@ pub(super) struct Part {
 type Share = (usize, u64, f64);
 
 impl Timetable {
-    /// Of a shot and an image of so many columns and rows.
+    /// Creates the timetable of a shot for an image of the given size.
     pub(super) fn new(
         shot: &Shot,
         plan: &Plan,
@@ -100,7 +100,7 @@ impl Timetable {
     }
 }
 
-/// What a row sees that starts at a time.
+/// Returns what a row sees that starts at `start_ns`.
 fn shares(shot: &Shot, plan: &Plan, start_ns: u64) -> Vec<Share> {
     let timed = plan.has(Term::PatternTiming);
     if !timed && !plan.has(Term::RollingShutter) {
@@ -136,7 +136,7 @@ fn light(shot: &Shot, place: usize) -> f64 {
     }
 }
 
-/// Gives the time of darkness to a slide that is lit; to darkness where none is.
+/// Merges dark time into a lit pattern, or into a single dark entry if none is lit.
 fn without_darkness(mut shares: Vec<Share>) -> Vec<Share> {
     let dark_ns: u64 = shares.iter().filter(|s| s.2 == 0.0).map(|s| s.1).sum();
     if shares.iter().any(|(.., light)| *light != 0.0) {

@@ -1,5 +1,5 @@
-//! Rays against the triangles of one hierarchy: f32 finds candidates, f64 puts them in order. The
-//! hierarchy may have a frame of its own that moves in the rig's: whole packets are taken there.
+//! Ray casting against the triangles of one hierarchy: f32 finds candidates, f64 orders them. The
+//! hierarchy may have its own frame that moves in the rig's; whole packets are transformed into it.
 
 use super::triangle::Triangle;
 use super::world::{Hits, OFF_POINT, Surface};
@@ -7,10 +7,10 @@ use glam::{DVec3, Vec3};
 use phasmid_geometry::Pose;
 use phasmid_geometry::raycast::{Bvh, LANES, NO_TRIANGLE, Packet, Parallel, Scratch};
 
-/// The points of surfaces that are asked about, a lane each.
+/// Surface points to test, one per lane.
 pub(super) type Points = [Option<(DVec3, Surface)>; LANES];
 
-/// Where a hierarchy stands in the rig's frame.
+/// Frame of a hierarchy relative to the rig.
 pub(super) trait Frame {
     /// A point or direction of the rig's in the hierarchy's frame.
     fn point(&self, p: DVec3) -> DVec3;
@@ -37,7 +37,7 @@ impl Frame for Here {
     }
 }
 
-/// The hierarchy is elsewhere.
+/// The hierarchy has its own frame.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Elsewhere {
     pub(super) rig_from_tree: Pose,
@@ -138,8 +138,7 @@ impl<F: Frame> Tree<'_, F> {
         hits
     }
 
-    /// Adds the points that its triangles keep from the light of a pupil; of those that are blocked
-    /// already nothing is asked.
+    /// Adds the points that its triangles occlude from a pupil; points already blocked are skipped.
     pub(super) fn blocked(
         &self,
         pupil: DVec3,
@@ -167,7 +166,7 @@ impl<F: Frame> Tree<'_, F> {
         }
     }
 
-    /// The same for light from far away, towards which a unit vector points.
+    /// As `blocked`, for distant light, towards which a unit vector points.
     pub(super) fn blocked_along(
         &self,
         towards: DVec3,

@@ -1,4 +1,4 @@
-//! A triangle that the f32 traversal has chosen, in f64: where a ray meets it, and whether it does.
+//! Exact f64 intersection of a ray with a triangle found by the f32 traversal.
 
 use super::world::{Hits, SHADOW_END, Surface};
 use glam::DVec3;
@@ -45,7 +45,7 @@ impl Triangle {
         hits.set(lane, t, normal, direction, Surface(self.id));
     }
 
-    /// Takes a meeting that f32 has found `near` a ray parameter, of a ray in any direction.
+    /// Takes an intersection that f32 has found `near` a ray parameter, for a ray in any direction.
     pub(super) fn take_near(&self, near: f64, direction: DVec3, lane: usize, hits: &mut Hits) {
         let normal = self.normal(direction);
         let t = normal.dot(self.corners[0]) / normal.dot(direction);

@@ -34,12 +34,12 @@ impl Truth {
     pub const SQUARE: u8 = 4;
     /// The pixel's footprint meets more than one facet, object or shadow.
     pub const CREASE: u8 = 8;
-    /// Without noise, some frame of the sequence's finest fringes reads there what a full well reads,
-    /// or the converter's last number: how much light there was is lost.
+    /// Without noise, some frame of the sequence's finest fringes is saturated there: it reads the
+    /// value of a full well or the converter's maximum.
     pub const SATURATED: u8 = 16;
-    /// The finest fringes of the sequence cannot be told there: the pixel's footprint spans one of
-    /// their periods or more, so that their contrast has vanished or inverted, or blur leaves
-    /// less than a twentieth of it.
+    /// The finest fringes of the sequence are unresolved there: the pixel's footprint spans at
+    /// least one period, so that the contrast has vanished or inverted, or blur leaves less than a
+    /// twentieth of it.
     pub const UNRESOLVED: u8 = 32;
 
     /// The surface belongs to an object that moves or deforms: the other maps hold at one instant.

@@ -1,10 +1,10 @@
-//! Ground truth as the service channel carries it.
+//! Ground truth in the format of the service channel.
 
 use crate::truth::Truth;
 use phasmid_core::error::{Error, Result};
 use phasmid_protocol::service::Maps;
 
-/// Maps that hang on the device's settings and not on the scene alone.
+/// Maps that depend on device settings, not only on the scene.
 const LEVELS: [&str; 2] = ["mean_dn", "modulation_dn"];
 
 impl Truth {
@@ -13,7 +13,7 @@ impl Truth {
         self.maps_but(&[])
     }
 
-    /// Those of them that are the same whatever the device's settings.
+    /// Returns the maps that do not depend on device settings.
     pub fn to_maps_of_geometry(&self) -> Maps {
         self.maps_but(&LEVELS)
     }
@@ -33,10 +33,10 @@ impl Truth {
         }
     }
 
-    /// The truth that came over the service channel; maps of other names are left aside.
+    /// Reads ground truth received over the service channel; unknown maps are ignored.
     ///
     /// # Errors
-    /// A map that is missing or has not width * height values.
+    /// Returns an error if a map is missing or does not have width * height values.
     pub fn from_maps(maps: Maps) -> Result<Self> {
         let pixels = maps.width as usize * maps.height as usize;
         let mut named = maps.maps;

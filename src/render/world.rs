@@ -1,5 +1,5 @@
-//! A scene made ready for rays at one instant: closed-form solids, all meshes that stand still in
-//! one hierarchy in the rig's frame, and each that moves in one of its own.
+//! A scene prepared for ray casting at one instant: closed-form solids, all static meshes in one
+//! hierarchy in the rig's frame, and each moving mesh in its own.
 
 mod build;
 mod extent;
@@ -60,7 +60,7 @@ impl Hits {
         DVec3::from_array(std::array::from_fn(|axis| self.normal[axis][lane]))
     }
 
-    /// Takes a hit, with its normal turned to the ray's side.
+    /// Records a hit, with its normal flipped to the ray's side.
     pub(super) fn set(
         &mut self,
         lane: usize,
@@ -118,7 +118,7 @@ impl Placed {
     }
 }
 
-/// What no instant changes.
+/// The time-independent part of a world.
 #[derive(Default)]
 struct Fixed {
     /// Of the meshes that stand still.
@@ -183,7 +183,7 @@ impl World {
         )
     }
 
-    /// Takes everything there, in the shape that it has there.
+    /// Applies a state: poses and shapes.
     pub(super) fn set(&mut self, state: &State) {
         for (path, placement) in self.fixed.paths.iter().zip(&state.0) {
             if let (Part::Body(i), Some(blend)) = (path.part, placement.blend) {
@@ -193,7 +193,7 @@ impl World {
         self.carry(state);
     }
 
-    /// Takes everything there in the shape that it has.
+    /// Applies the poses of a state, keeping shapes.
     pub(super) fn carry(&mut self, state: &State) {
         for (path, placement) in self.fixed.paths.iter().zip(&state.0) {
             match path.part {
@@ -258,7 +258,7 @@ impl World {
         }
     }
 
-    /// Takes a spot on a surface to where it rests, which is where looks are laid on.
+    /// Maps a spot on a surface to its rest position, where materials are defined.
     pub(super) fn at_rest(&self, surface: Surface, spot: Spot) -> Spot {
         if let Some(body) = self.body(surface) {
             return body.at_rest(surface, spot);
@@ -326,8 +326,8 @@ impl World {
         hits
     }
 
-    /// Whether something stands between the projector's pupil and each point; lanes with no point
-    /// are not asked.
+    /// Returns whether each point is occluded from the projector's pupil; lanes without a point are
+    /// skipped.
     pub(super) fn blocked(
         &self,
         pupil: DVec3,

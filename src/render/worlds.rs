@@ -1,8 +1,8 @@
-//! The scene as the rows of a frame see it: all at one instant, or each at its own time where the
-//! shutter rolls.
+//! The scene as seen by the rows of a frame: all at one instant, or each at its own time with a
+//! rolling shutter.
 //!
-//! What moves as a rigid body is for each row exactly where it is then. A mesh that deforms has one
-//! of a few shapes, spread over the time from the first row to the last.
+//! Rigid motion is exact for each row. A deforming mesh has one of a few shapes, spread over the
+//! time from the first row to the last.
 
 use super::geometry::TILE;
 use super::path::State;
@@ -15,7 +15,7 @@ const MOST_STEPS: usize = 16;
 /// Triangles that deform, of all shapes together: about 200 bytes each.
 const MOST_TRIANGLES: usize = 4_000_000;
 
-/// When the rows of a frame see the scene.
+/// Time at which the rows of a frame see the scene.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Moment {
     /// All of them in one state.
@@ -78,7 +78,7 @@ impl Worlds {
         &self.steps
     }
 
-    /// Takes the scene to another moment.
+    /// Moves the scene to another moment.
     pub(super) fn set(&mut self, moment: &Moment) {
         match moment {
             Moment::Instant(state) => {

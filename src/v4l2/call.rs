@@ -5,10 +5,10 @@ use std::os::raw::c_void;
 use v4l::device::Handle;
 use v4l::v4l2::{self, vidioc};
 
-/// Calls the driver, again when a signal interrupts.
+/// Calls the driver; retries if interrupted by a signal.
 ///
 /// # Safety
-/// `request` must be one whose argument is a `T`, and what pointers `T` carries must be valid for it.
+/// The argument of `request` must be of type `T`, and all pointers in `T` must be valid for it.
 #[allow(unsafe_code)]
 pub(super) unsafe fn ioctl<T>(
     handle: &Handle,
@@ -16,7 +16,7 @@ pub(super) unsafe fn ioctl<T>(
     argument: &mut T,
 ) -> io::Result<()> {
     loop {
-        // SAFETY: the handle's descriptor is open, and the caller vouches for the argument.
+        // SAFETY: the handle's descriptor is open, and the caller guarantees the argument.
         let done = unsafe {
             v4l2::ioctl(
                 handle.fd(),

@@ -1,7 +1,7 @@
-//! Controls of a node, as they are.
+//! Reads the controls of a node.
 //!
-//! Asked for here and not through the `v4l` crate, which panics on a type that it does not know and
-//! on a menu without steps.
+//! Implemented without the `v4l` crate, which panics on unknown control types and on menus without
+//! a step.
 
 use super::call::ioctl;
 use super::node::text;
@@ -13,48 +13,50 @@ use v4l::v4l_sys::{
 };
 use v4l::v4l2::vidioc;
 
-/// Most controls that are listed, and most entries of a menu.
+/// Maximum number of controls listed.
 const MAX_CONTROLS: usize = 512;
+/// Maximum number of entries of a menu.
 const MAX_ENTRIES: i64 = 64;
-/// Most bytes of a text.
+/// Maximum length of a text value in bytes.
 const MAX_TEXT: u32 = 64 << 10;
 
 /// One control.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Control {
-    /// Its number.
+    /// Control id.
     pub id: u32,
-    /// Its name.
+    /// Control name.
     pub name: String,
-    /// What its value is.
+    /// Type of the value.
     pub kind: &'static str,
-    /// Least value, greatest value, step and default; `None` where there is no range.
+    /// Minimum, maximum, step and default; `None` if there is no range.
     pub range: Option<(i64, i64, u64, i64)>,
-    /// The value, where it is one number or text, and could be read.
+    /// Current value, if it is a single number or text and could be read.
     pub value: Option<Value>,
-    /// Entries of a menu by their value.
+    /// Menu entries by value.
     pub menu: Vec<(i64, String)>,
-    /// It cannot be set, or not now.
+    /// Whether the control cannot be set, or not at present.
     pub read_only: bool,
 }
 
 /// A control's value.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Value {
-    /// A number, the index of a menu's entry among them.
+    /// A number, including the index of a menu entry.
     Number(i64),
-    /// Bits, without a sign.
+    /// An unsigned bit mask.
     Mask(u32),
     /// Text.
     Text(String),
 }
 
-/// The controls of a device, without headings and disabled ones; empty where there are none.
+/// Returns the controls of a device, without headings and disabled controls; empty if there are
+/// none.
 pub fn controls(device: &Device) -> Vec<Control> {
     let mut found = Vec::new();
     let mut id = 0;
     while found.len() < MAX_CONTROLS {
-        // SAFETY: a `v4l2_query_ext_ctrl` is plain numbers, and zero is a value of each.
+        // SAFETY: a `v4l2_query_ext_ctrl` consists of plain numbers, for which zero is valid.
         #[allow(unsafe_code)]
         let zero: v4l2_query_ext_ctrl = unsafe { std::mem::zeroed() };
         let mut query = v4l2_query_ext_ctrl {
@@ -64,7 +66,7 @@ pub fn controls(device: &Device) -> Vec<Control> {
         // SAFETY: VIDIOC_QUERY_EXT_CTRL takes a `v4l2_query_ext_ctrl`.
         #[allow(unsafe_code)]
         let done = unsafe { ioctl(&device.handle(), vidioc::VIDIOC_QUERY_EXT_CTRL, &mut query) };
-        // A driver that does not go on would be asked for ever.
+        // Stop if the driver does not advance, which would loop forever.
         if done.is_err() || query.id <= id {
             break;
         }
@@ -93,7 +95,7 @@ fn describe(device: &Device, query: &v4l2_query_ext_ctrl) -> Option<Control> {
     };
     let array = query.nr_of_dims > 0;
     let readable = !array && query.flags & V4L2_CTRL_FLAG_WRITE_ONLY == 0;
-    // Masks are of 32 bits without a sign, which drivers may have carried on into the 64.
+    // Masks are unsigned 32-bit values that drivers may have sign-extended to 64 bits.
     let limit = |value: i64| match query.type_ {
         MASK => i64::from(value as u32),
         _ => value,
@@ -122,7 +124,7 @@ fn value(device: &Device, query: &v4l2_query_ext_ctrl) -> Option<Value> {
         1..=3 | 9 => plain(device, query.id).map(|value| Value::Number(value.into())),
         5 => {
             let (control, _) = extended(device, query.id, 0)?;
-            // SAFETY: every member is plain bits, and all of them were set before.
+            // SAFETY: every member is plain bits, and all were initialised before.
             #[allow(unsafe_code)]
             let value = unsafe { control.__bindgen_anon_1.value64 };
             Some(Value::Number(value))
@@ -136,10 +138,10 @@ fn value(device: &Device, query: &v4l2_query_ext_ctrl) -> Option<Value> {
     }
 }
 
-/// A value that does not fit 32 bits; `size` is its text's in bytes, 0 where it is none.
+/// Reads a value that does not fit 32 bits; `size` is the length of a text in bytes, else 0.
 fn extended(device: &Device, id: u32, size: u32) -> Option<(v4l2_ext_control, Vec<u8>)> {
     let mut bytes = vec![0; size as usize];
-    // SAFETY: both structs are plain numbers and pointers, and zero is a value of each.
+    // SAFETY: both structs consist of plain numbers and pointers, for which zero is valid.
     #[allow(unsafe_code)]
     let (mut control, mut request): (v4l2_ext_control, v4l2_ext_controls) =
         unsafe { (std::mem::zeroed(), std::mem::zeroed()) };
@@ -150,8 +152,8 @@ fn extended(device: &Device, id: u32, size: u32) -> Option<(v4l2_ext_control, Ve
     }
     request.count = 1;
     request.controls = &raw mut control;
-    // SAFETY: VIDIOC_G_EXT_CTRLS takes a `v4l2_ext_controls`; its one control is there, and so are
-    // as many bytes as that one says.
+    // SAFETY: VIDIOC_G_EXT_CTRLS takes a `v4l2_ext_controls`; it points to one valid control and to
+    // a buffer of the size that the control states.
     #[allow(unsafe_code)]
     unsafe { ioctl(&device.handle(), vidioc::VIDIOC_G_EXT_CTRLS, &mut request) }.ok()?;
     Some((control, bytes))
@@ -168,7 +170,7 @@ fn plain(device: &Device, id: u32) -> Option<i32> {
 fn menu(device: &Device, query: &v4l2_query_ext_ctrl) -> Vec<(i64, String)> {
     let last = query.maximum.min(query.minimum.saturating_add(MAX_ENTRIES));
     let entry = |index: i64| {
-        // SAFETY: a `v4l2_querymenu` is plain numbers, and zero is a value of each.
+        // SAFETY: a `v4l2_querymenu` consists of plain numbers, for which zero is valid.
         #[allow(unsafe_code)]
         let zero: v4l2_querymenu = unsafe { std::mem::zeroed() };
         let mut item = v4l2_querymenu {
@@ -189,6 +191,6 @@ fn menu(device: &Device, query: &v4l2_query_ext_ctrl) -> Vec<(i64, String)> {
         };
         Some((index, words))
     };
-    // Drivers may leave entries out.
+    // Drivers may leave out entries.
     (query.minimum..=last).filter_map(entry).collect()
 }

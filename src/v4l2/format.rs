@@ -1,7 +1,7 @@
-//! Format and interval of a node's frames.
+//! Format and frame interval of a node.
 //!
-//! Not through the `v4l` crate: its `Format` panics on values of colour fields that it does not know,
-//! and a loopback node hands out whatever any program put there.
+//! Implemented without the `v4l` crate, whose `Format` panics on unknown values of the colour
+//! fields; a loopback node returns whatever its producer wrote there.
 
 use super::call::ioctl;
 use std::io;
@@ -14,7 +14,7 @@ use v4l::v4l_sys::{
 };
 use v4l::v4l2::vidioc;
 
-/// Size and layout of frames.
+/// Size and pixel format of frames.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct PixFormat {
     /// Columns.
@@ -23,7 +23,7 @@ pub struct PixFormat {
     pub height: u32,
     /// Four-character code.
     pub fourcc: [u8; 4],
-    /// Bytes of a frame.
+    /// Bytes per frame.
     pub size: u32,
 }
 
@@ -40,10 +40,10 @@ impl std::fmt::Display for PixFormat {
 }
 
 impl PixFormat {
-    /// What readers of the node get.
+    /// Returns the format that readers of the node receive.
     ///
     /// # Errors
-    /// What the driver says; EINVAL of v4l2loopback while nobody has announced anything.
+    /// Returns the driver's error; EINVAL from v4l2loopback while no producer has set a format.
     pub fn of_capture(device: &Device) -> io::Result<Self> {
         let mut format = zero_format(CAPTURE);
         // SAFETY: VIDIOC_G_FMT takes a `v4l2_format`.
@@ -54,11 +54,12 @@ impl PixFormat {
         Ok(Self::of(&format))
     }
 
-    /// What the node would make of this format for frames that are written to it. v4l2loopback says
-    /// here how many bytes a frame has; when the format is set, it says how many a buffer has.
+    /// Returns this format as the driver would adjust it for frames written to the node.
+    /// v4l2loopback reports the bytes per frame here, but the bytes per buffer when the format is
+    /// set.
     ///
     /// # Errors
-    /// What the driver says.
+    /// Returns the driver's error.
     pub fn tried(self, device: &Device) -> io::Result<Self> {
         let mut format = self.for_output();
         // SAFETY: VIDIOC_TRY_FMT takes a `v4l2_format`.
@@ -69,10 +70,10 @@ impl PixFormat {
         Ok(Self::of(&format))
     }
 
-    /// Sets the format of frames that are written to the node; the driver may choose another.
+    /// Sets the format of frames written to the node; the driver may choose another one.
     ///
     /// # Errors
-    /// What the driver says.
+    /// Returns the driver's error.
     pub fn set(self, device: &Device) -> io::Result<()> {
         let mut format = self.for_output();
         // SAFETY: VIDIOC_S_FMT takes a `v4l2_format`.
@@ -110,7 +111,8 @@ impl PixFormat {
 }
 
 fn pix_of(format: &v4l2_format) -> v4l2_pix_format {
-    // SAFETY: `zero_format` has made every byte of the union, and all of this member is plain numbers.
+    // SAFETY: `zero_format` initialised every byte of the union, and this member consists of plain
+    // numbers.
     #[allow(unsafe_code)]
     unsafe {
         format.fmt.pix
@@ -118,8 +120,8 @@ fn pix_of(format: &v4l2_format) -> v4l2_pix_format {
 }
 
 fn zero_format(kind: v4l2_buf_type) -> v4l2_format {
-    // SAFETY: plain numbers all through, and pointers of a member that is not used; zero is a value
-    // of each.
+    // SAFETY: all members are plain numbers, or pointers of an unused member; zero is valid for
+    // each.
     #[allow(unsafe_code)]
     let zero: v4l2_format = unsafe { std::mem::zeroed() };
     v4l2_format {
@@ -128,10 +130,10 @@ fn zero_format(kind: v4l2_buf_type) -> v4l2_format {
     }
 }
 
-/// Says how often frames are written: every `seconds.0 / seconds.1` s.
+/// Sets the interval of written frames to `seconds.0 / seconds.1` s.
 ///
 /// # Errors
-/// What the driver says.
+/// Returns the driver's error.
 pub fn announce_interval(device: &Device, seconds: (u32, u32)) -> io::Result<()> {
     let mut parm = zero_parm(OUTPUT);
     parm.parm.output.timeperframe = v4l2_fract {
@@ -145,10 +147,11 @@ pub fn announce_interval(device: &Device, seconds: (u32, u32)) -> io::Result<()>
     }
 }
 
-/// How often a reader of the node is told that frames come, numerator and denominator of seconds.
+/// Returns the frame interval reported to readers of the node, as numerator and denominator in
+/// seconds.
 ///
 /// # Errors
-/// What the driver says.
+/// Returns the driver's error.
 pub fn announced_interval(device: &Device) -> io::Result<(u32, u32)> {
     let mut parm = zero_parm(CAPTURE);
     // SAFETY: VIDIOC_G_PARM takes a `v4l2_streamparm`.
@@ -156,14 +159,14 @@ pub fn announced_interval(device: &Device) -> io::Result<(u32, u32)> {
     unsafe {
         ioctl(&device.handle(), vidioc::VIDIOC_G_PARM, &mut parm)?;
     }
-    // SAFETY: the type says that this member of the union is meant; plain numbers.
+    // SAFETY: the buffer type selects this member of the union; it consists of plain numbers.
     #[allow(unsafe_code)]
     let interval = unsafe { parm.parm.capture.timeperframe };
     Ok((interval.numerator, interval.denominator))
 }
 
 fn zero_parm(kind: v4l2_buf_type) -> v4l2_streamparm {
-    // SAFETY: plain numbers all through; zero is a value of each.
+    // SAFETY: all members are plain numbers, for which zero is valid.
     #[allow(unsafe_code)]
     let zero: v4l2_streamparm = unsafe { std::mem::zeroed() };
     v4l2_streamparm {

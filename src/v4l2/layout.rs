@@ -1,7 +1,7 @@
-//! Formats of a capture node: the one in use and the ones on offer.
+//! Pixel formats of a capture node: the current one and those offered.
 //!
-//! Asked for here and not through the `v4l` crate, which panics when a driver says a colour space,
-//! field order or description that the crate does not know.
+//! Implemented without the `v4l` crate, which panics on colour spaces, field orders and
+//! descriptions that it does not know.
 
 use super::call::ioctl;
 use std::io;
@@ -11,29 +11,29 @@ use v4l::v4l_sys::{
 };
 use v4l::v4l2::vidioc;
 
-/// Most formats that are listed; drivers have some dozens.
+/// Maximum number of formats listed; drivers offer a few dozen.
 const MAX_FORMATS: u32 = 256;
 
-/// A four-character code as V4L2 writes it.
+/// A four-character code in V4L2 byte order.
 pub type FourCc = [u8; 4];
 
-/// How a capture node lays out its frames.
+/// Frame layout of a capture node.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct PixelLayout {
     /// Columns.
     pub width: u32,
     /// Rows.
     pub height: u32,
-    /// The pixels' format.
+    /// Pixel format.
     pub fourcc: FourCc,
-    /// Bytes from a row to the next; 0 for compressed formats.
+    /// Bytes per row, including padding; 0 for compressed formats.
     pub stride: u32,
-    /// Most bytes that a frame takes.
+    /// Maximum bytes per frame.
     pub size: u32,
 }
 
 fn empty() -> v4l2_format {
-    // SAFETY: a `v4l2_format` is plain numbers, and zero is a value of each.
+    // SAFETY: a `v4l2_format` consists of plain numbers, for which zero is valid.
     #[allow(unsafe_code)]
     let zero: v4l2_format = unsafe { std::mem::zeroed() };
     v4l2_format {
@@ -43,7 +43,7 @@ fn empty() -> v4l2_format {
 }
 
 fn layout(format: &v4l2_format) -> PixelLayout {
-    // SAFETY: all members of the union are plain numbers; this is the one of capture formats.
+    // SAFETY: all members of the union are plain numbers; capture formats use this one.
     #[allow(unsafe_code)]
     let pix = unsafe { format.fmt.pix };
     PixelLayout {
@@ -55,10 +55,10 @@ fn layout(format: &v4l2_format) -> PixelLayout {
     }
 }
 
-/// The format in use.
+/// Returns the current format.
 ///
 /// # Errors
-/// What the driver says: EINVAL when a loopback node has no producer yet.
+/// Returns the driver's error: EINVAL if a loopback node has no producer yet.
 pub fn current_format(device: &Device) -> io::Result<PixelLayout> {
     let mut format = empty();
     // SAFETY: VIDIOC_G_FMT takes a `v4l2_format`.
@@ -69,17 +69,17 @@ pub fn current_format(device: &Device) -> io::Result<PixelLayout> {
     Ok(layout(&format))
 }
 
-/// Asks for a format of `width` x `height` and gives what the driver made of it.
+/// Requests a format of `width` x `height` and returns what the driver chose.
 ///
 /// # Errors
-/// What the driver says: EBUSY while somebody streams.
+/// Returns the driver's error: EBUSY while another program streams.
 pub fn set_format(
     device: &Device,
     (width, height): (u32, u32),
     fourcc: FourCc,
 ) -> io::Result<PixelLayout> {
     let mut format = empty();
-    // Fields of a `Copy` member of the union are written without reading it.
+    // Writing a field of a `Copy` union member does not read the union.
     format.fmt.pix.width = width;
     format.fmt.pix.height = height;
     format.fmt.pix.pixelformat = u32::from_le_bytes(fourcc);
@@ -91,11 +91,11 @@ pub fn set_format(
     Ok(layout(&format))
 }
 
-/// The formats on offer with the driver's words for each; empty where there is none yet.
+/// Returns the formats offered, with the driver's descriptions; empty if there are none yet.
 pub fn offered_formats(device: &Device) -> Vec<(FourCc, String)> {
     let mut found = Vec::new();
     for index in 0..MAX_FORMATS {
-        // SAFETY: a `v4l2_fmtdesc` is plain numbers, and zero is a value of each.
+        // SAFETY: a `v4l2_fmtdesc` consists of plain numbers, for which zero is valid.
         #[allow(unsafe_code)]
         let zero: v4l2_fmtdesc = unsafe { std::mem::zeroed() };
         let mut description = v4l2_fmtdesc {

@@ -1,11 +1,21 @@
-//! V4L2 as both halves need it: nodes and what they are, and queues of mapped buffers.
+//! V4L2 access shared by device and host: nodes, their formats and controls, and queues of
+//! memory-mapped buffers. Depends on no device-side or host-side crate. Contains all `unsafe` code
+//! for V4L2.
 //!
-//! Sizes and intervals that a node offers go through the `v4l` crate. The rest does not fit. Its
-//! formats and controls panic on what it does not know. Its output stream passes no timestamp and asks for
-//! buffers back in an order that v4l2loopback does not keep; its capture stream returns the whole
-//! mapping instead of the bytes used, and a timeout leaves it out of step; both panic when they are
-//! dropped on a device in trouble: the `queue` of buffers is our own. All `unsafe` code of V4L2 is
-//! in this module.
+//! | module | contents |
+//! | --- | --- |
+//! | `call` | one ioctl with a typed argument |
+//! | `control` | the controls of a node |
+//! | `format` | format and frame interval of a node |
+//! | `layout` | current and offered formats of a capture node |
+//! | `node` | device nodes and their capabilities |
+//! | `queue` | capture and output queues of mapped buffers |
+//!
+//! Only frame sizes and intervals offered by a node are read through the `v4l` crate. Its formats
+//! and controls panic on unknown values. Its output stream passes no timestamp and dequeues buffers
+//! in an order that v4l2loopback does not keep. Its capture stream returns the whole mapping
+//! instead of the used bytes, and is out of step after a timeout. Both streams panic when dropped
+//! on a failed device. Hence this crate's own `queue`.
 
 #![cfg(target_os = "linux")]
 

@@ -1,4 +1,4 @@
-//! A node under `/dev`: what it is and what it can do now.
+//! A device node under `/dev` and its current capabilities.
 
 use super::call::ioctl;
 use rustix::fs::{FlockOperation, flock};
@@ -12,39 +12,40 @@ use v4l::v4l_sys::{
 };
 use v4l::v4l2::vidioc;
 
-/// The driver's name that v4l2loopback gives.
+/// Driver name of v4l2loopback.
 pub const LOOPBACK_DRIVER: &str = "v4l2 loopback";
-/// What is wrong with a node that [`Node::is_forgotten`].
+/// Explanation of a node for which [`Node::is_forgotten`] holds.
 pub const FORGOTTEN: &str = "it has neither a capture nor an output side since a program that used write(), as ffmpeg does, has left it";
-/// Loads v4l2loopback anew, which brings lost sides back.
+/// Command that reloads v4l2loopback, which restores lost sides.
 pub const RELOAD: &str = "sudo modprobe -r v4l2loopback && sudo modprobe v4l2loopback";
 
-/// What a node says of itself.
+/// Identity and capabilities reported by a node.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Node {
     /// Its path.
     pub path: PathBuf,
-    /// The driver.
+    /// Driver name.
     pub driver: String,
-    /// The device's name: v4l2loopback's label.
+    /// Device name; for v4l2loopback, its label.
     pub card: String,
-    /// Where it is attached.
+    /// Bus address.
     pub bus: String,
-    /// The driver's version, as the kernel counts.
+    /// Driver version, in the kernel's format.
     pub version: (u8, u8, u8),
-    /// Frames can be read from it now.
+    /// Whether frames can be read from it now.
     pub captures: bool,
-    /// Frames can be written to it now.
+    /// Whether frames can be written to it now.
     pub outputs: bool,
-    /// It streams by queues of buffers.
+    /// Whether it supports streaming I/O with buffer queues.
     pub streams: bool,
 }
 
 impl Node {
-    /// Opens a device and asks it.
+    /// Opens a device and queries its capabilities.
     ///
     /// # Errors
-    /// A path that cannot be opened for reading and writing, or that is no V4L2 device (ENOTTY).
+    /// Returns an error if the path cannot be opened for reading and writing, or is not a V4L2
+    /// device (ENOTTY).
     pub fn open(path: &Path) -> io::Result<(Device, Self)> {
         if path.as_os_str().as_encoded_bytes().contains(&0) {
             return Err(io::Error::new(
@@ -67,7 +68,7 @@ impl Node {
         unsafe {
             ioctl(&device.handle(), vidioc::VIDIOC_QUERYCAP, &mut caps)?;
         }
-        // `capabilities` is the whole device's; a webcam's metadata node is no camera.
+        // `capabilities` covers the whole device; a webcam's metadata node is not a camera.
         let can = if caps.capabilities & V4L2_CAP_DEVICE_CAPS != 0 {
             caps.device_caps
         } else {
@@ -87,24 +88,24 @@ impl Node {
         Ok((device, node))
     }
 
-    /// Whether it is v4l2loopback's.
+    /// Returns whether it is a v4l2loopback node.
     pub fn is_loopback(&self) -> bool {
         self.driver == LOOPBACK_DRIVER
     }
 
-    /// Whether it is a loopback node that has lost both its sides. v4l2loopback 0.12 forgets the
-    /// output side of a node whose producer used write(), and the kernel then refuses formats in
-    /// either direction.
+    /// Returns whether it is a loopback node that has lost both its sides. v4l2loopback 0.12 drops
+    /// the output side of a node whose producer used write(), and the kernel then refuses formats
+    /// in either direction.
     pub fn is_forgotten(&self) -> bool {
         self.is_loopback() && !self.captures && !self.outputs
     }
 }
 
-/// Locks a node for its writer: `false` when another program of ours has done so. The lock ends
-/// when the device is closed. Programs that do not ask for it are not kept out.
+/// Locks a node for writing; returns `false` if another Phasmid process holds the lock. The lock is
+/// released when the device is closed. It is advisory: other programs are not kept out.
 ///
 /// # Errors
-/// What the system refuses.
+/// Returns the system's error.
 pub fn lock(device: &Device) -> io::Result<bool> {
     let handle = device.handle();
     // SAFETY: the handle keeps its descriptor open for as long as this function borrows it.
@@ -117,13 +118,13 @@ pub fn lock(device: &Device) -> io::Result<bool> {
     }
 }
 
-/// A string of C that ends at its zero or its end.
+/// Converts a C string that ends at its first NUL or at the end of the slice.
 pub(super) fn text(bytes: &[u8]) -> String {
     let used = bytes.split(|byte| *byte == 0).next().unwrap_or_default();
     String::from_utf8_lossy(used).into_owned()
 }
 
-/// The V4L2 nodes under a folder such as `/dev`, in the order of their numbers.
+/// Returns the V4L2 nodes in a folder such as `/dev`, in numerical order.
 pub fn node_paths(dev: &Path) -> Vec<PathBuf> {
     let Ok(entries) = std::fs::read_dir(dev) else {
         return Vec::new();

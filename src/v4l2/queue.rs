@@ -1,7 +1,7 @@
-//! Queues of buffers that driver and program share (V4L2's memory-mapped streaming I/O).
+//! Queues of buffers shared with the driver (V4L2 memory-mapped streaming I/O).
 //!
-//! Other processes write to and read from the same memory at any time, so no reference to it is ever
-//! made: bytes are copied out of it and into it.
+//! Other processes may access the same memory at any time, so no reference to it is ever created:
+//! bytes are copied in and out.
 
 use super::call::ioctl;
 use std::io;
@@ -19,37 +19,37 @@ use v4l::v4l_sys::{
 };
 use v4l::v4l2::{self, vidioc};
 
-/// Most buffers that are asked for; v4l2loopback's own limit.
+/// Maximum number of buffers requested, the limit of v4l2loopback.
 const MAX_BUFFERS: u32 = 32;
-/// Largest buffer that is mapped, in bytes.
+/// Maximum size of a mapped buffer in bytes.
 const MAX_BUFFER_BYTES: usize = 1 << 30;
 const PROT_READ_WRITE: i32 = 3;
 const MAP_SHARED: i32 = 1;
 const POLLIN: i16 = 1;
 const POLLOUT: i16 = 4;
 
-/// One buffer's memory.
+/// Mapped memory of one buffer.
 struct Mapping {
     start: NonNull<u8>,
     len: usize,
-    /// Where in the device's memory it lies: v4l2loopback's name of a buffer.
+    /// Offset in the device's memory, which v4l2loopback uses to identify a buffer.
     offset: u32,
 }
 
-// SAFETY: the memory belongs to the process, not to a thread, and is touched through `&mut` only.
+// SAFETY: the memory belongs to the process, not to a thread, and is accessed through `&mut` only.
 #[allow(unsafe_code)]
 unsafe impl Send for Mapping {}
 
 impl Drop for Mapping {
     fn drop(&mut self) {
-        // SAFETY: the mapping was made with this address and length and is unmapped once. What the
-        // system answers changes nothing any more.
+        // SAFETY: the mapping was created with this address and length and is unmapped once. The
+        // result is ignored, since nothing can be done about it.
         #[allow(unsafe_code)]
         let _ = unsafe { v4l2::munmap(self.start.as_ptr().cast(), self.len) };
     }
 }
 
-/// Buffers of one opened device, in one direction.
+/// Buffers of one open device, in one direction.
 struct Queue {
     handle: Arc<Handle>,
     kind: v4l2_buf_type,
@@ -88,8 +88,8 @@ impl Queue {
     }
 
     fn empty_buffer(&self) -> v4l2_buffer {
-        // SAFETY: a `v4l2_buffer` is plain numbers, and zero is a value of each; a union member's
-        // zero pointer is never followed for mapped buffers.
+        // SAFETY: a `v4l2_buffer` consists of plain numbers, for which zero is valid; the null
+        // pointer in its union is never followed for mapped buffers.
         #[allow(unsafe_code)]
         let zero: v4l2_buffer = unsafe { std::mem::zeroed() };
         v4l2_buffer {
@@ -99,9 +99,9 @@ impl Queue {
         }
     }
 
-    /// Passes a buffer to one of the requests that take one.
+    /// Calls a request that takes a buffer.
     fn call(&self, request: vidioc::_IOC_TYPE, mut buffer: v4l2_buffer) -> io::Result<v4l2_buffer> {
-        // SAFETY: this module passes QUERYBUF, QBUF and DQBUF only, which take a `v4l2_buffer`; of
+        // SAFETY: this module only passes QUERYBUF, QBUF and DQBUF, which take a `v4l2_buffer`, for
         // mapped single-plane buffers, which carry no pointers.
         #[allow(unsafe_code)]
         unsafe {
@@ -126,8 +126,8 @@ impl Queue {
             )));
         }
         let offset = offset(buffer);
-        // SAFETY: a new mapping of the driver's own length at the driver's own offset, at an
-        // address of the system's choice.
+        // SAFETY: a new mapping with the driver's own length and offset, at an address chosen by
+        // the system.
         #[allow(unsafe_code)]
         let start = unsafe {
             v4l2::mmap(
@@ -144,8 +144,9 @@ impl Queue {
         Ok(Mapping { start, len, offset })
     }
 
-    /// Maps the buffers again where the driver has forgotten that they are: v4l2loopback 0.12 does
-    /// so whenever any program asks for buffers or gives its own back, and then gives no frames.
+    /// Maps the buffers again if the driver no longer regards them as mapped: v4l2loopback 0.12
+    /// forgets mappings whenever any program requests or releases buffers, and then delivers no
+    /// frames.
     fn keep_mapped(&mut self) -> io::Result<()> {
         let first = self.query(0)?;
         if first.flags & V4L2_BUF_FLAG_MAPPED != 0 {
@@ -173,9 +174,9 @@ impl Queue {
         }
     }
 
-    /// Waits for readiness; `false` when it has not come in time.
+    /// Waits for readiness; returns `false` on timeout.
     fn ready(&self, events: i16, timeout: Duration) -> io::Result<bool> {
-        // Rounded up, so that a short wait is no busy loop.
+        // Round up, so that a short wait does not become a busy loop.
         let ms = timeout.as_nanos().div_ceil(1_000_000).min(i32::MAX as u128);
         match self.handle.poll(events, ms as i32) {
             Ok(count) => Ok(count > 0),
@@ -187,39 +188,41 @@ impl Queue {
 
 impl Drop for Queue {
     fn drop(&mut self) {
-        // A device that has gone is stopped already.
+        // A device that is gone has already stopped.
         let _ = self.stream(false);
     }
 }
 
 fn offset(buffer: &v4l2_buffer) -> u32 {
-    // SAFETY: all members of the union are plain numbers of at least this size, and this is the
-    // member that mapped buffers use.
+    // SAFETY: all members of the union are plain numbers of at least this size, and mapped buffers
+    // use this one.
     #[allow(unsafe_code)]
     unsafe {
         buffer.m.offset
     }
 }
 
-/// What the driver says of a frame.
+/// Frame time reported by the driver, for most drivers on the system's monotonic clock.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Taken {
     /// The driver's time of the frame, on the system's monotonic clock for most.
     pub timestamp: Duration,
-    /// The driver's own count.
+    /// Frame counter of the driver.
     pub sequence: u32,
-    /// The driver says that the frame is damaged.
+    /// Whether the driver marked the frame as damaged.
     pub damaged: bool,
 }
 
-/// Frames from a device.
+/// Capture stream of a device.
 pub struct CaptureQueue(Queue);
 
 impl CaptureQueue {
-    /// Asks for buffers (`count`, at most 32; the driver may give fewer or more) and starts.
+    /// Requests buffers (`count`, at most 32; the driver may give fewer or more) and starts
+    /// streaming.
     ///
     /// # Errors
-    /// What the driver refuses: no format yet (EINVAL, EIO), somebody else streams (EBUSY).
+    /// Returns the driver's error: EINVAL or EIO if there is no format yet, EBUSY if another
+    /// program streams.
     pub fn start(device: &Device, count: u32) -> io::Result<Self> {
         let queue = Queue::new(device, CAPTURE, count)?;
         for index in 0..queue.mappings.len() as u32 {
@@ -233,11 +236,11 @@ impl CaptureQueue {
         Ok(Self(queue))
     }
 
-    /// Copies the next frame's used bytes, no more than `limit` of them, to `bytes` and gives the
-    /// buffer back; `None` when no frame has come in time.
+    /// Copies the used bytes of the next frame, at most `limit`, to `bytes` and returns the buffer
+    /// to the driver; `None` on timeout.
     ///
     /// # Errors
-    /// What the driver says: ENODEV when the device has gone.
+    /// Returns the driver's error: ENODEV if the device is gone.
     pub fn take(
         &mut self,
         bytes: &mut Vec<u8>,
@@ -250,7 +253,7 @@ impl CaptureQueue {
         }
         queue.keep_mapped()?;
         let buffer = match queue.call(vidioc::VIDIOC_DQBUF, queue.empty_buffer()) {
-            // Another reader of the queue, or a spurious wake.
+            // Another reader of the queue took the frame, or the wake-up was spurious.
             Err(e) if e.kind() == io::ErrorKind::WouldBlock => return Ok(None),
             buffer => buffer?,
         };
@@ -262,7 +265,7 @@ impl CaptureQueue {
         bytes.clear();
         bytes.reserve(used);
         // SAFETY: the mapping holds `used` bytes, the vector has room for them, and they do not
-        // overlap. Others may write meanwhile: bytes have no invalid values.
+        // overlap. Others may write meanwhile, but any byte value is valid.
         #[allow(unsafe_code)]
         unsafe {
             std::ptr::copy_nonoverlapping(mapping.start.as_ptr(), bytes.as_mut_ptr(), used);
@@ -283,38 +286,40 @@ impl CaptureQueue {
     }
 }
 
-/// Frames to a v4l2loopback node.
+/// Output stream to a v4l2loopback node.
 ///
-/// v4l2loopback 0.12 gives back the buffer that was queued last, which readers may be reading, when
-/// one is dequeued; and a reader that asks for few buffers shrinks the ring for everybody. So
-/// buffers are filled in turn and never dequeued, and each time the driver is asked where the
-/// buffer lies now.
+/// When a buffer is dequeued, v4l2loopback 0.12 returns the one queued last, which readers may
+/// still be reading. A reader that requests few buffers shrinks the ring for everybody. So buffers
+/// are filled in turn and never dequeued, and the driver is asked for a buffer's current offset
+/// before each use.
 pub struct OutputQueue {
     queue: Queue,
     next: u32,
 }
 
 impl OutputQueue {
-    /// Asks for buffers (`count`, at most 32; the driver may give fewer or more) and starts.
+    /// Requests buffers (`count`, at most 32; the driver may give fewer or more) and starts
+    /// streaming.
     ///
     /// # Errors
-    /// What the driver refuses.
+    /// Returns the driver's error.
     pub fn start(device: &Device, count: u32) -> io::Result<Self> {
         let queue = Queue::new(device, OUTPUT, count)?;
         queue.stream(true)?;
         Ok(Self { queue, next: 0 })
     }
 
-    /// Bytes that the smallest buffer holds.
+    /// Returns the size of the smallest buffer in bytes.
     pub fn capacity(&self) -> usize {
         let lens = self.queue.mappings.iter().map(|mapping| mapping.len);
         lens.min().unwrap_or(0)
     }
 
-    /// Hands a frame on with its time on the system's monotonic clock.
+    /// Writes a frame with its time on the system's monotonic clock.
     ///
     /// # Errors
-    /// More bytes than a buffer holds; what the driver says: ENODEV when the device has gone.
+    /// Returns an error if the frame exceeds a buffer, `WouldBlock` if no buffer is ready, else the
+    /// driver's error: ENODEV if the device is gone.
     pub fn put(&mut self, bytes: &[u8], timestamp: Duration) -> io::Result<()> {
         let queue = &self.queue;
         if !queue.ready(POLLOUT, Duration::ZERO)? {
@@ -322,7 +327,7 @@ impl OutputQueue {
         }
         let index = self.next % queue.mappings.len() as u32;
         self.next = index + 1;
-        // A reader that shrinks the ring meanwhile moves the buffer: then once more.
+        // Retry once if a reader shrinks the ring meanwhile, which moves the buffer.
         for _ in 0..2 {
             let at = offset(&queue.query(index)?);
             let mapping = queue.mappings.iter().find(|mapping| mapping.offset == at);
@@ -331,7 +336,7 @@ impl OutputQueue {
                 .ok_or_else(|| {
                     io::Error::other(format!("no buffer of {} bytes at {at}", bytes.len()))
                 })?;
-            // SAFETY: the mapping holds as many bytes and nothing of ours points into it.
+            // SAFETY: the mapping holds as many bytes, and no reference of ours points into it.
             #[allow(unsafe_code)]
             unsafe {
                 std::ptr::copy_nonoverlapping(bytes.as_ptr(), mapping.start.as_ptr(), bytes.len());

@@ -1,4 +1,4 @@
-//! What a device answers on its service channel.
+//! Answers of a device to requests on its service channel.
 
 use super::optics::TruthJob;
 use super::server::Server;
@@ -13,15 +13,16 @@ use phasmid_protocol::service::{
 use std::time::Duration;
 use tokio::sync::oneshot;
 
-/// How long the kernel may take to hand on what was written to a port before a step was asked for.
+/// Maximum time that the kernel may take to deliver bytes written to a port before a step was
+/// requested.
 const IN_TRANSIT: Duration = Duration::from_millis(2);
 
 type Sender = oneshot::Sender<Answer>;
-/// The truth when the optics have it.
+/// Resolves to the truth when the render thread has computed it.
 type Truthful = oneshot::Receiver<Result<Truth>>;
 
 impl Server {
-    /// Does what a client of the service channel asks; the answer may come later.
+    /// Executes a request of a service client; the answer may come later.
     pub(super) fn serve_call(&mut self, (request, reply): Call, now_ns: u64) {
         let answer = match request {
             Request::Get(Item::Truth) => return self.truth(None, reply),
@@ -71,7 +72,7 @@ impl Server {
                 ..Reply::default()
             },
         };
-        // The client may have left meanwhile.
+        // The client may have disconnected.
         let _ = reply.send((answer, Vec::new()));
     }
 
@@ -87,7 +88,8 @@ impl Server {
         self.answer_truth(truth, Reply::default(), reply);
     }
 
-    /// The truth behind a frame, to be asked of the optics, and what is known without them.
+    /// Returns the render job for the truth of a frame, and the part of the reply that needs no
+    /// rendering.
     fn truth_of_frame(&mut self, id: u64) -> Result<(TruthJob, Reply, Truthful), String> {
         let _ = self.follow();
         let taken = self.history.find(id)?;
@@ -103,7 +105,8 @@ impl Server {
         let faults = struck.filter(|s| s.frame == Some(id)).cloned().collect();
         let (sender, truth) = oneshot::channel();
         let job = TruthJob {
-            // Levels hang on settings that may have changed since: there are none.
+            // Levels depend on settings that may have changed since the exposure, so there are
+            // none.
             sequence: Vec::new(),
             time_ns: Some(time_ns),
             back: (then, now),
@@ -116,7 +119,7 @@ impl Server {
         Ok((job, about, truth))
     }
 
-    /// Answers with the truth once it is there, and with what is known already.
+    /// Replies once the truth has been computed; `about` is the part already known.
     fn answer_truth(&self, truth: Truthful, about: Reply, reply: Sender) {
         let render_us = self.optics.render_us();
         tokio::spawn(async move {
@@ -138,12 +141,12 @@ impl Server {
                 Ok(Err(why)) => (Reply::refusal(why), Vec::new()),
                 Err(_) => (Reply::refusal("the device is going away"), Vec::new()),
             };
-            // The client may have left meanwhile.
+            // The client may have disconnected.
             let _ = reply.send(answer);
         });
     }
 
-    /// Answers once the optics see the object where it was put; one that they refuse goes back.
+    /// Replies once the optics have moved the object; an object that they reject is put back.
     fn answer_place(&mut self, before: Placement, reply: Sender) {
         let placed = self.follow();
         let render_us = self.optics.render_us();
@@ -159,19 +162,19 @@ impl Server {
                     ..Reply::default()
                 },
                 Ok(Err(why)) => {
-                    // It was there before.
+                    // This placement was valid before.
                     let _ = stage.place(before);
                     Reply::refusal(why)
                 }
                 Err(_) => Reply::refusal("the device is going away"),
             };
-            // The client may have left meanwhile.
+            // The client may have disconnected.
             let _ = reply.send((answer, Vec::new()));
         });
     }
 
-    /// Lets stepped time go on, and answers when it has; a client that leaves before that takes its
-    /// step back.
+    /// Advances stepped time and replies when it has arrived; if the client disconnects earlier,
+    /// its step is cancelled.
     fn step(&self, step: Step, mut reply: Sender) {
         let timeline = self.seat.timeline().clone();
         tokio::spawn(async move {
@@ -204,7 +207,7 @@ impl Server {
                 },
                 Err(why) => Reply::refusal(why),
             };
-            // The client may have left meanwhile.
+            // The client may have disconnected.
             let _ = reply.send((answer, Vec::new()));
         });
     }

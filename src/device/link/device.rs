@@ -1,5 +1,4 @@
-//! A device on its way into the world: its ports and sockets are opened, and the loop that serves it
-//! begins.
+//! Starts serving a device: opens its ports and sockets and enters the event loop.
 
 use super::frame_socket::FrameSocket;
 use super::history::History;
@@ -22,57 +21,58 @@ use std::future::Future;
 use std::path::Path;
 use std::time::Duration;
 
-/// What is served.
+/// A device to be served.
 pub struct Device {
-    /// All of it but the optics.
+    /// The device without its optics.
     pub machine: Machine,
     /// The optics.
     pub renderer: Renderer,
-    /// Its place in device time.
+    /// Its seat on the timeline.
     pub seat: Seat,
-    /// The scene that it looks at, with whoever else does.
+    /// The scene, shared with other devices.
     pub stage: Stage,
-    /// Where its rig stands there.
+    /// Pose of the device's rig in the scene.
     pub rig: RigPlace,
     /// `*IDN?` of the device, for `device.json`.
     pub name: String,
-    /// Profile as it was chosen, for `device.json`.
+    /// Profile as selected, for `device.json`.
     pub profile: String,
-    /// Scene as it was chosen, for `device.json`.
+    /// Scene as selected, for `device.json`.
     pub scene: String,
     /// Seed of the noise, for `device.json`.
     pub seed: u64,
-    /// Dialect of the control port, its name or the path of its file, for `device.json`.
+    /// Dialect of the control port, as a name or the path of its file, for `device.json`.
     pub dialect: String,
-    /// Bits per second of the control port, for `device.json`.
+    /// Baud rate of the control port, for `device.json`.
     pub baud: Option<u32>,
     /// Port on the loopback interface for frames; 0 picks a free one.
     pub tcp: Option<u16>,
-    /// The camera as a V4L2 node, ready for the firmware's stream; the frame socket is there too.
+    /// The camera as a V4L2 node, ready for the firmware's stream, in addition to the frame socket.
     pub video: Option<VideoOutput>,
-    /// Camera and port as a USB device; pty and frame socket are there too.
+    /// Camera and port as a USB device, in addition to pty and frame socket.
     pub usb: Option<UsbLink>,
-    /// Where what passes between it and its clients is recorded.
+    /// Recording of the traffic between the device and its clients.
     pub recording: Option<Recording>,
-    /// Takes what whoever looks after the device should know.
+    /// Called with messages for the operator.
     pub notice: fn(&str),
 }
 
 /// A device's USB side.
 pub struct UsbLink {
-    /// What its server serves.
+    /// The server's side of the USB device.
     pub binding: Binding,
-    /// Where it can be taken: `usb:HOST:PORT/BUSID`.
+    /// Address from which it can be attached: `usb:HOST:PORT/BUSID`.
     pub address: String,
-    /// What this machine's kernel has made of it.
+    /// Device nodes that this machine's kernel has created for it.
     pub nodes: Nodes,
 }
 
-/// Serves a device from a run directory until `shutdown` is done, in a tokio runtime. `wall` tells
-/// for how long the device has been on; `ready` is called once everything can be reached.
+/// Serves a device from a run directory, in a tokio runtime, until `shutdown` completes. `wall`
+/// returns how long the device has been on; `ready` is called once all ports and sockets are
+/// reachable.
 ///
 /// # Errors
-/// Ports and sockets that the system refuses, or optics that have died.
+/// Returns an error if the system refuses a port or socket, or if the render thread has failed.
 pub async fn serve(
     mut device: Device,
     mut run_dir: RunDir,
@@ -160,7 +160,7 @@ pub async fn serve(
     server.run(wall, shutdown).await
 }
 
-/// Puts a link to a pty.
+/// Points the control link to a pty.
 pub(super) fn point(control: &Path, pty: &Pty) -> Result<()> {
     std::os::unix::fs::symlink(pty.path(), control).map_err(|e| Error::io(control, e))
 }

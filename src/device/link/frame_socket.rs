@@ -1,6 +1,7 @@
-//! The camera as a socket: every client gets every frame exposed after it connected, in the format
-//! of [`phasmid_protocol::wire`]. A client that is too slow loses frames and sees it by their ids;
-//! one that breaks, or stops reading, is forgotten; none can hold up the device or another client.
+//! The camera as a socket: every client receives every frame exposed after it connected, in the
+//! format of [`phasmid_protocol::wire`]. A client that is too slow loses frames, which it can
+//! detect by their ids; one whose connection fails or that stops reading is dropped. No client can
+//! delay the device or another client.
 
 use super::readiness::{stirs, watched};
 use crate::FrameSink;
@@ -20,20 +21,20 @@ use tokio::io::unix::AsyncFd;
 use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, AsyncWriteExt};
 use tokio::sync::Notify;
 
-/// Clients at a time; more are turned away.
+/// Maximum number of clients; further ones are refused.
 const MAX_CLIENTS: usize = 32;
-/// Frames that wait for one client.
+/// Maximum number of frames queued for one client.
 const MAX_FRAMES: usize = 1024;
-/// Bytes of frames that wait for all clients together; frames are shared among clients.
+/// Maximum size of queued frames of all clients in bytes; clients share frames.
 const MAX_BYTES: usize = 256 << 20;
-/// A client that reads nothing for so long while frames wait for it is disconnected.
+/// A client that reads nothing for this long while frames are queued is disconnected.
 const STALL: Duration = Duration::from_secs(30);
 
-/// A frame on its way to clients.
+/// An encoded frame on its way to clients.
 struct Packet {
     header: [u8; wire::HEADER_LEN],
     frame: Arc<Frame>,
-    /// Bytes of all packets that there are, this one among them.
+    /// Total size of all packets, including this one.
     held: Arc<AtomicUsize>,
 }
 
@@ -55,7 +56,7 @@ impl Drop for Packet {
     }
 }
 
-/// What waits for one client.
+/// Packets queued for one client.
 #[derive(Default)]
 struct Queue {
     packets: Mutex<VecDeque<Arc<Packet>>>,
@@ -86,9 +87,9 @@ impl Queue {
 }
 
 struct Client {
-    /// Frames exposed before it connected are not its own.
+    /// Id of the first frame exposed after the client connected.
     first_id: u64,
-    /// Goes with the task that serves the client.
+    /// Dropped with the task that serves the client.
     queue: Weak<Queue>,
     task: tokio::task::AbortHandle,
 }
@@ -99,20 +100,21 @@ pub(super) struct FrameSocket {
     unix_ready: AsyncFd<OwnedFd>,
     tcp: Option<(TcpListener, AsyncFd<OwnedFd>)>,
     clients: Vec<Client>,
-    /// Clients that have come and gone so far.
+    /// Number of clients that have connected and disconnected so far.
     counts: (u64, u64),
-    /// Bytes of frames that wait or are being sent.
+    /// Size in bytes of the frames that are queued or being sent.
     held: Arc<AtomicUsize>,
     /// See [`MAX_BYTES`].
     max_bytes: usize,
     /// See [`STALL`].
     stall: Duration,
-    /// Woken when a client leaves.
+    /// Notified when a client disconnects.
     left: Arc<Notify>,
 }
 
 impl FrameSocket {
-    /// Listens on a path and, with a port, on the loopback interface; port 0 picks a free one.
+    /// Listens on a path and, if a port is given, on the loopback interface; port 0 picks a free
+    /// port.
     pub(super) fn open(path: &Path, port: Option<u16>) -> Result<Self> {
         let io = |e| Error::io(path, e);
         let unix = UnixListener::bind(path).map_err(io)?;
@@ -142,22 +144,22 @@ impl FrameSocket {
         })
     }
 
-    /// The address on the loopback interface.
+    /// Returns the address on the loopback interface.
     pub(super) fn tcp_address(&self) -> Option<SocketAddr> {
         self.tcp.as_ref()?.0.local_addr().ok()
     }
 
-    /// Clients that have come and gone so far, by the last look.
+    /// Returns how many clients have connected and disconnected, as of the last [`Self::accept`].
     pub(super) fn counts(&self) -> (u64, u64) {
         self.counts
     }
 
-    /// Bytes of frames that clients have not read yet.
+    /// Returns the size in bytes of the frames that clients have not read yet.
     pub(super) fn waiting(&self) -> usize {
         self.held.load(Ordering::Relaxed)
     }
 
-    /// Clients that are there.
+    /// Returns the number of connected clients.
     pub(super) fn readers(&self) -> usize {
         let clients = self.clients.iter();
         clients
@@ -165,7 +167,7 @@ impl FrameSocket {
             .count()
     }
 
-    /// Waits until clients may have come or gone.
+    /// Waits until clients may have connected or disconnected.
     pub(super) async fn changed(&mut self) -> std::io::Result<()> {
         let tcp = async {
             match &self.tcp {
@@ -180,14 +182,16 @@ impl FrameSocket {
         }
     }
 
-    /// Takes in who has connected, and forgets who has left. Called before a command is executed:
-    /// whoever connected before it was sent gets its frames, `first_id` being the first of them.
+    /// Accepts new clients and drops disconnected ones. Called before a command is executed, so
+    /// that a client that connected before the command was sent receives its frames; `first_id` is
+    /// the first of them.
     pub(super) fn accept(&mut self, first_id: u64) {
         let before = self.clients.len();
         self.clients
             .retain(|client| client.queue.strong_count() > 0);
         self.counts.1 += (before - self.clients.len()) as u64;
-        // An error other than "nobody is there" leaves the caller in the queue until the next time.
+        // After any error except "would block" the client stays in the kernel's queue until the
+        // next call.
         while let Ok((stream, _)) = self.unix.accept() {
             if stream.set_nonblocking(true).is_ok()
                 && let Ok(stream) = tokio::net::UnixStream::from_std(stream)
@@ -198,7 +202,7 @@ impl FrameSocket {
         while let Some((tcp, _)) = &self.tcp
             && let Ok((stream, _)) = tcp.accept()
         {
-            // Without delay: a header must not wait for the reader's acknowledgement.
+            // TCP_NODELAY: a header must not wait for the reader's acknowledgement.
             if stream.set_nonblocking(true).is_ok()
                 && stream.set_nodelay(true).is_ok()
                 && let Ok(stream) = tokio::net::TcpStream::from_std(stream)
@@ -208,7 +212,7 @@ impl FrameSocket {
         }
     }
 
-    /// Takes a frame that does not say which it is.
+    /// Queues a frame that carries no id.
     pub(super) fn put_counted(&mut self, frame: Arc<Frame>) {
         self.hand_on(wire::encode_counted_header(&frame), frame);
     }
@@ -244,15 +248,15 @@ impl FrameSocket {
         });
     }
 
-    /// Leaves all clients, as when the device has gone; frames that wait for them are lost.
+    /// Disconnects all clients, as when the device disappears; queued frames are lost.
     pub(super) fn hang_up(self) {
         for client in self.clients {
             client.task.abort();
         }
     }
 
-    /// Takes the newest frames from whoever is the furthest behind, until `len` bytes more fit. A
-    /// frame that is being sent stays, so one frame always fits, however large.
+    /// Drops the newest frames of the client that is furthest behind until `len` more bytes fit. A
+    /// frame being sent is kept, so a single frame always fits, however large.
     fn make_room(&self, len: usize) {
         let full = || self.held.load(Ordering::Relaxed) + len > self.max_bytes;
         if !full() {
@@ -264,7 +268,7 @@ impl FrameSocket {
             let waits_for = |queue: &&Arc<Queue>| queue.packets().front().map(|p| p.frame.id);
             let behind = queues.iter().filter(|queue| waits_for(queue).is_some());
             let slowest = behind.min_by_key(waits_for);
-            // The bytes are free when no other client waits for the same frame.
+            // The memory is freed only if no other client has the frame queued.
             if slowest.and_then(|q| q.packets().pop_back()).is_none() {
                 return;
             }
@@ -284,13 +288,14 @@ impl FrameSink for FrameSocket {
     }
 }
 
-/// The event loop has a descriptor of its own: the listener itself is asked at any time.
+/// Duplicates the descriptor for the event loop; the listener itself can then be polled at any
+/// time.
 fn duplicate(listener: &impl AsFd) -> std::io::Result<OwnedFd> {
     listener.as_fd().try_clone_to_owned()
 }
 
-/// Sends packets until the client leaves, or reads nothing for as long as `stall`. Clients have
-/// nothing to say; what they send is skipped.
+/// Sends packets until the client disconnects or reads nothing for `stall`. Input from clients is
+/// ignored.
 async fn send(stream: impl AsyncRead + AsyncWrite, queue: Arc<Queue>, stall: Duration) {
     let (mut reader, mut writer) = tokio::io::split(stream);
     let mut skipped = [0; 4096];
@@ -322,7 +327,7 @@ mod tests {
     use std::io::Read;
     use std::os::unix::net::UnixStream;
 
-    /// Far above what the kernel keeps of a stream.
+    /// Far above the kernel's buffer of a stream.
     const LEN: usize = 4 << 20;
 
     fn frame(id: u64) -> Arc<Frame> {
@@ -369,7 +374,7 @@ mod tests {
                 pause().await;
                 assert!(socket.held.load(Ordering::Relaxed) <= 10 * LEN, "{id}");
             }
-            // Who reads gets all of a burst, at the cost of those who do not.
+            // A reader receives a whole burst, at the expense of clients that do not read.
             let reader = UnixStream::connect(path).unwrap();
             socket.accept(40);
             for id in 40..44 {

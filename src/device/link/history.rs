@@ -1,14 +1,14 @@
-//! What the device remembers of its last frames: what lay behind them, for whoever asks afterwards.
+//! Metadata of the device's latest frames, for requests that refer to a frame after its exposure.
 
 use crate::{Firmware, Shot};
 use phasmid_protocol::faults::Struck;
 use phasmid_protocol::service::{FrameAbout, Objects, Shown};
 use std::collections::VecDeque;
 
-/// Frames that are remembered.
+/// Maximum number of frames kept.
 const MAX_FRAMES: usize = 4096;
 
-/// A frame as it was exposed.
+/// Metadata of an exposed frame.
 #[derive(Debug, Clone)]
 pub(super) struct Taken {
     id: u64,
@@ -19,17 +19,17 @@ pub(super) struct Taken {
     start_ns: u64,
     exposure_ns: u64,
     end_ns: u64,
-    /// Version of the scene that was looked at.
+    /// Version of the scene at the exposure.
     pub(super) version: u64,
 }
 
 impl Taken {
-    /// Half way between the start and the end of the exposure, in nanoseconds of device time.
+    /// Returns the middle of the exposure in nanoseconds of device time.
     pub(super) fn middle_ns(&self) -> u64 {
         self.start_ns + self.end_ns.saturating_sub(self.start_ns) / 2
     }
 
-    /// With the objects as they were then, and what struck the frame.
+    /// Combines it with the objects at that time and the faults that struck the frame.
     pub(super) fn about(self, scene: Objects, faults: Vec<Struck>) -> FrameAbout {
         FrameAbout {
             id: self.id,
@@ -46,14 +46,14 @@ impl Taken {
     }
 }
 
-/// The last frames, in the order of their ids.
+/// The latest frames, ordered by id.
 #[derive(Debug, Default)]
 pub(super) struct History {
     frames: VecDeque<Taken>,
 }
 
 impl History {
-    /// Remembers an exposure of a scene of a version.
+    /// Adds an exposure; `version` is the scene's.
     pub(super) fn push(&mut self, shot: &Shot, firmware: &Firmware, version: u64) {
         if self.frames.len() == MAX_FRAMES {
             self.frames.pop_front();
@@ -74,15 +74,16 @@ impl History {
         });
     }
 
-    /// Frames that are remembered.
+    /// Returns the number of frames kept.
     pub(super) fn len(&self) -> usize {
         self.frames.len()
     }
 
-    /// A frame by its id.
+    /// Returns a frame by its id.
     ///
     /// # Errors
-    /// One that is not there any more or not yet, worded for the reply.
+    /// Returns an error, worded for the reply, if the frame has been dropped or not been exposed
+    /// yet.
     pub(super) fn find(&self, id: u64) -> Result<&Taken, String> {
         let found = self.frames.binary_search_by_key(&id, |taken| taken.id);
         found.map(|at| &self.frames[at]).map_err(|_| {

@@ -1,15 +1,15 @@
-//! How late a device on the wall's time handles what is due: count, mean, largest, and a histogram
-//! from which any percentile follows. It takes the same memory however long it counts.
+//! How late a device in real time handles events: count, mean, maximum, and a histogram for
+//! percentiles. Memory use does not depend on the number of events.
 //!
-//! Bins are eight to a factor of two (one each below 16 ns), so that a percentile, which is told by
-//! the upper end of its bin, is at most an eighth too large and never too small.
+//! There are eight bins per factor of two (one for each value below 16 ns). A percentile is
+//! reported as the upper end of its bin: at most an eighth too large and never too small.
 
-/// Bins within a factor of two.
+/// Number of bins per factor of two.
 const PER_OCTAVE: u64 = 8;
-/// Two rows of exact bins, then one for each factor of two up to the largest number.
+/// Two octaves of exact bins, then eight bins for each factor of two up to the largest number.
 const BINS: usize = (PER_OCTAVE * (64 - 2)) as usize;
 
-/// Times by which events were handled late.
+/// Statistics of how late events were handled.
 #[derive(Debug, Clone)]
 pub struct Lateness {
     bins: Box<[u64; BINS]>,
@@ -30,7 +30,7 @@ impl Default for Lateness {
 }
 
 impl Lateness {
-    /// Counts an event that was handled so many nanoseconds after it was due.
+    /// Counts an event handled `late_ns` after it was due.
     pub fn count(&mut self, late_ns: u64) {
         self.bins[bin(late_ns)] += 1;
         self.count += 1;
@@ -38,22 +38,23 @@ impl Lateness {
         self.max_ns = self.max_ns.max(late_ns);
     }
 
-    /// Events.
+    /// Returns the number of events.
     pub fn events(&self) -> u64 {
         self.count
     }
 
-    /// The mean in nanoseconds; 0 without events.
+    /// Returns the mean in nanoseconds; 0 without events.
     pub fn mean_ns(&self) -> u64 {
         (self.sum_ns / u128::from(self.count.max(1))) as u64
     }
 
-    /// The largest in nanoseconds; 0 without events.
+    /// Returns the maximum in nanoseconds; 0 without events.
     pub fn max_ns(&self) -> u64 {
         self.max_ns
     }
 
-    /// What `percent` of 100 of the events did not exceed, in nanoseconds; 0 without events.
+    /// Returns an upper bound, in nanoseconds, of the lateness of `percent` of 100 events; 0
+    /// without events.
     pub fn percentile_ns(&self, percent: u64) -> u64 {
         let rank = u128::from(self.count) * u128::from(percent.min(100));
         let mut below = 0;
@@ -67,19 +68,20 @@ impl Lateness {
     }
 }
 
-/// The bin of a number.
+/// Returns the bin of a value.
 fn bin(ns: u64) -> usize {
-    // The octaves that begin at 8, 16, 32 ... are 0, 1, 2 ...; what is below 8 goes with the first.
+    // Octaves starting at 8, 16, 32 ... have numbers 0, 1, 2 ...; values below 8 belong to the
+    // first.
     let octave = u64::from((ns | PER_OCTAVE).ilog2() - PER_OCTAVE.ilog2());
     (octave * PER_OCTAVE + (ns >> octave)) as usize
 }
 
-/// The largest number of a bin.
+/// Returns the largest value of a bin.
 fn top_ns(bin: usize) -> u64 {
     let bin = bin as u64;
     let octave = (bin / PER_OCTAVE).saturating_sub(1);
     let first = bin - octave * PER_OCTAVE;
-    // In this order, as the end of the last bin is the largest number there is.
+    // In this order nothing overflows: the last bin ends at `u64::MAX`.
     (first << octave) + ((1 << octave) - 1)
 }
 

@@ -1,6 +1,7 @@
-//! How a device reaches the world: the control port as a pty, the camera as a frame socket and as a
-//! V4L2 node, the service channel, the run directory that holds them, the time and the scene that
-//! several devices share, the loop that serves them all, and the one that serves a recording of them.
+//! Links between a device and its clients: the control port as a pty, the camera as a frame socket,
+//! V4L2 node or USB device, the service channel, the run directory that holds them, the timeline
+//! and scene that several devices share, and the event loops that serve devices and replay
+//! recordings.
 
 mod call;
 mod device;

@@ -1,5 +1,5 @@
-//! The optics on a thread of their own: rendering takes all cores for milliseconds, and the ports
-//! stay responsive meanwhile. Jobs are done in order.
+//! Renders on a separate thread: rendering uses all cores for milliseconds, and the ports must stay
+//! responsive. Jobs run in order.
 
 use crate::{Exposure, Renderer, Shot, Truth};
 use phasmid_core::error::{Error, Result};
@@ -19,42 +19,42 @@ use tokio::sync::oneshot;
 enum Job {
     Expose(Box<Exposure>),
     Truth(Box<TruthJob>),
-    /// An object goes elsewhere.
+    /// Moves an object.
     Place(Placement, oneshot::Sender<Result<()>>),
 }
 
-/// Truth that is asked for.
+/// A request for ground truth.
 pub(super) struct TruthJob {
-    /// The sequence whose fringes it speaks of.
+    /// The sequence whose fringes the truth describes.
     pub(super) sequence: Vec<(Pattern, Shot)>,
-    /// Device time in nanoseconds; the sequence's middle when absent.
+    /// Device time in nanoseconds; `None` is the middle of the sequence.
     pub(super) time_ns: Option<u64>,
-    /// Where objects were then, and where they are to be again afterwards.
+    /// Places of the objects at that time, and the places to restore afterwards.
     pub(super) back: (Vec<Placement>, Vec<Placement>),
-    /// Takes the answer.
+    /// Receives the answer.
     pub(super) reply: oneshot::Sender<Result<Truth>>,
 }
 
-/// Frames that wait to be handed on; the optics stand still beyond that.
+/// Maximum number of finished frames in the channel; the thread blocks beyond that.
 const MAX_FRAMES: usize = 64;
 
-/// The thread's handle; dropping it stops the thread after the job in hand.
+/// Handle of the render thread; dropping it stops the thread after the current job.
 pub(super) struct Optics {
     jobs: Option<mpsc::Sender<Job>>,
-    /// Frames, and at the end why there are no more.
+    /// Finished frames, followed by the error that ended the thread, if any.
     frames: results::Receiver<Result<Arc<Frame>>>,
-    /// Exposures handed over whose frames have not come back.
+    /// Number of submitted exposures whose frames have not been received.
     backlog: usize,
     stop: Arc<AtomicBool>,
-    /// Microseconds spent on frames since power-on.
+    /// Time spent on frames since power-on, in microseconds.
     render_us: Arc<AtomicU64>,
     thread: Option<JoinHandle<()>>,
 }
 
-/// What the thread does.
+/// State of the render thread.
 struct Work<W> {
     renderer: Renderer,
-    /// Frames that the renderer has begun, in the order of their exposures.
+    /// Frames in progress, in order of exposure.
     under_way: VecDeque<(Box<Exposure>, Pending)>,
     wall: W,
     spent: Arc<AtomicU64>,
@@ -62,8 +62,8 @@ struct Work<W> {
 }
 
 impl<W: Fn() -> Duration> Work<W> {
-    /// The next job; frames that are under way are finished while there is none, or where there are
-    /// as many as the renderer works at together. `None` when nobody asks any more.
+    /// Returns the next job. Finishes frames in progress while there is none, or if the renderer is
+    /// at its limit of concurrent frames. Returns `None` when the handle has been dropped.
     fn next(&mut self, queue: &mpsc::Receiver<Job>, notice: fn(&str)) -> Option<Job> {
         loop {
             if self.under_way.is_empty() {
@@ -99,14 +99,14 @@ impl<W: Fn() -> Duration> Work<W> {
                     None => self.renderer.truth(&job.sequence),
                 });
                 let back = self.place_all(now);
-                // The client may have left meanwhile.
+                // The client may have disconnected.
                 let _ = job.reply.send(truth.and_then(|truth| back.map(|()| truth)));
             }
             Job::Place(placement, reply) => {
-                // They see the scene as it was when they were begun.
+                // Frames in progress show the scene before the move.
                 self.finish_all();
                 let placed = self.place_all(&[placement]);
-                // The client may have left meanwhile.
+                // The client may have disconnected.
                 let _ = reply.send(placed);
             }
         }
@@ -130,13 +130,13 @@ impl<W: Fn() -> Duration> Work<W> {
         }
     }
 
-    /// Hands on the frame that has been under way the longest.
+    /// Finishes the oldest frame in progress and sends it on.
     fn finish(&mut self) {
         if let Some((exposure, pending)) = self.under_way.pop_front() {
             let start = (self.wall)();
             let frame = self.renderer.finish(pending);
             self.account(start);
-            // The other end is gone when the device is switched off.
+            // The receiver is gone when the device is switched off.
             let _ = self
                 .done
                 .blocking_send(Ok(Arc::new(exposure.readout.read(frame))));
@@ -148,8 +148,8 @@ impl<W: Fn() -> Duration> Work<W> {
         self.spent.fetch_add(took, Ordering::Relaxed);
     }
 
-    /// Says what the user should know of the renderer; false when it cannot go on, and then all frames
-    /// that were begun are handed on before the reason.
+    /// Reports the renderer's messages for the user. Returns `false` if the renderer has failed;
+    /// all frames in progress are then sent before the error.
     fn goes_on(&mut self, notice: fn(&str)) -> bool {
         match self.renderer.news() {
             Ok(news) => {
@@ -168,7 +168,8 @@ impl<W: Fn() -> Duration> Work<W> {
 }
 
 impl Optics {
-    /// `wall` tells for how long the device has been on; `notice` hears what the user should know.
+    /// Starts the thread. `wall` returns how long the device has been on; `notice` receives
+    /// messages for the user.
     pub(super) fn start(
         renderer: Renderer,
         wall: impl Fn() -> Duration + Send + 'static,
@@ -219,32 +220,32 @@ impl Optics {
         self.submit(Job::Expose(Box::new(exposure)));
     }
 
-    /// Asks for the truth.
+    /// Requests ground truth.
     pub(super) fn truth(&self, job: TruthJob) {
         self.submit(Job::Truth(Box::new(job)));
     }
 
-    /// Takes an object elsewhere, after the exposures that were handed over before.
+    /// Moves an object, after the exposures submitted earlier.
     pub(super) fn place(&self, placement: Placement, reply: oneshot::Sender<Result<()>>) {
         self.submit(Job::Place(placement, reply));
     }
 
-    /// Microseconds spent on frames since power-on.
+    /// Returns the time spent on frames since power-on, in microseconds.
     pub(super) fn render_us(&self) -> u64 {
         self.render_us.load(Ordering::Relaxed)
     }
 
     fn submit(&self, job: Job) {
         if let Some(jobs) = &self.jobs {
-            // A thread that has died shows as the end of the frames.
+            // If the thread has died, the frames' channel ends.
             let _ = jobs.send(job);
         }
     }
 
-    /// The next frame.
+    /// Receives the next frame.
     ///
     /// # Errors
-    /// Why there are no more: a renderer that cannot go on, or a thread that has died.
+    /// Returns an error if the renderer has failed or the thread has died.
     pub(super) async fn next(&mut self) -> Result<Arc<Frame>> {
         let died = || Err(Error::device("the optics have died"));
         let frame = self.frames.recv().await.unwrap_or_else(died)?;
@@ -257,7 +258,7 @@ impl Drop for Optics {
     fn drop(&mut self) {
         self.stop.store(true, Ordering::Relaxed);
         self.jobs = None;
-        // The thread may stand still for want of room.
+        // The thread may be blocked on a full channel.
         self.frames.close();
         if let Some(thread) = self.thread.take() {
             let _ = thread.join();

@@ -1,33 +1,33 @@
-//! Keeps frames apart as far as their exposures were.
+//! Keeps frames as far apart as their exposures were.
 //!
-//! Frames that were rendered late come in a burst, and a V4L2 reader that finds more than a few new
-//! ones skips to the newest (v4l2loopback 0.12: more than two, whatever the number of buffers). So
-//! the frames of a sequence go out no closer to each other than they were exposed. A free-running
-//! camera's frames do not wait: one more or less is nobody's loss.
+//! Frames that were rendered late arrive in a burst, and a V4L2 reader that finds more than a few
+//! new frames skips to the newest (v4l2loopback 0.12: more than two, regardless of the number of
+//! buffers). Frames of a sequence therefore leave no closer to each other than they were exposed.
+//! Frames of a free-running camera are not delayed, since skipping one does no harm.
 
 use phasmid_protocol::Frame;
 use std::sync::Arc;
 use std::time::Duration;
 use tokio::time::{Instant, sleep_until};
 
-/// Longest that a frame waits; exposures that are further apart are no burst.
+/// Maximum delay of a frame; exposures further apart than this do not form a burst.
 const MAX_WAIT: Duration = Duration::from_secs(1);
 
-/// Holds one frame until its time.
+/// Holds one frame until it is due.
 #[derive(Default)]
 pub(super) struct Pace {
     held: Option<(Arc<Frame>, Instant)>,
-    /// When the last frame went out, and when its exposure had started, in device time.
+    /// When the last frame left, and the start of its exposure in device time.
     last: Option<(Instant, u64)>,
 }
 
 impl Pace {
-    /// Whether a frame waits; then no other may come.
+    /// Returns whether a frame is held; no other frame may be added then.
     pub(super) fn holds(&self) -> bool {
         self.held.is_some()
     }
 
-    /// Takes the next frame.
+    /// Adds the next frame.
     pub(super) fn take(&mut self, frame: Arc<Frame>, now: Instant) {
         let due = match self.last {
             Some((went, start_ns)) if frame.pattern_index.is_some() => {
@@ -39,8 +39,7 @@ impl Pace {
         self.held = Some((frame, due.max(now)));
     }
 
-    /// The frame that is held, once it may go; forever without one. Nothing is lost when this is
-    /// dropped before.
+    /// Returns the held frame once it is due; waits forever if there is none. Safe to cancel.
     pub(super) async fn due(&mut self) -> Arc<Frame> {
         let Some((_, due)) = &self.held else {
             return std::future::pending().await;
@@ -77,7 +76,7 @@ mod tests {
         })
     }
 
-    /// When each frame goes out in milliseconds, all having come at once.
+    /// Returns when each frame leaves, in milliseconds, if all arrive at once.
     fn burst(frames: &[Arc<Frame>]) -> Vec<u128> {
         let runtime = tokio::runtime::Builder::new_current_thread()
             .enable_time()
@@ -90,7 +89,7 @@ mod tests {
             for frame in frames {
                 pace.take(frame.clone(), Instant::now());
                 assert!(pace.holds());
-                // Given up and asked again, as an event loop does.
+                // Cancelled and awaited again, as in an event loop.
                 let short = tokio::time::timeout(Duration::from_millis(1), pace.due()).await;
                 let out = match short {
                     Ok(out) => out,

@@ -1,9 +1,9 @@
 //! The control port: a pseudo-terminal whose other end a client opens as a serial port.
 //!
-//! The device holds a descriptor of the client's side too, so that the port outlives its clients;
-//! an inotify watch tells when the last of them has left. Then what it did not read is thrown away
-//! and its exclusive lock cleared (a crashed client's lock would outlive it), as if a cable had
-//! been pulled. While no client is there, replies go nowhere, as on a wire.
+//! The device keeps a descriptor of the client's side open, so that the port outlives its clients;
+//! an inotify watch reports when the last client has closed it. Unread output is then discarded and
+//! an exclusive lock is cleared (that of a crashed client would remain), as if a cable had been
+//! pulled. Replies sent while there is no client are lost, as on a wire.
 
 use super::readiness::{stirs, watched};
 use phasmid_core::error::{Error, Result};
@@ -19,19 +19,20 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 use tokio::io::unix::AsyncFd;
 
-/// Bytes of replies that wait for a client to read them.
+/// Maximum size of replies queued for a client in bytes.
 const MAX_OUTPUT: usize = 1 << 20;
-/// Bytes that are read at a time. Few commands: the first one's reply must not wait for the last one's.
+/// Maximum number of bytes read at a time; small, so that the reply to the first command does not
+/// wait for the last command.
 const MOST_AT_ONCE: usize = 1 << 10;
-/// How often replies that found no room are offered again.
+/// Interval at which replies are retried when the kernel's buffer was full.
 const RETRY: Duration = Duration::from_millis(5);
 
-/// What happened on the port.
+/// An event on the port.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) enum Event {
-    /// Bytes came.
+    /// Bytes have arrived.
     Data(Vec<u8>),
-    /// The last client left.
+    /// The last client has closed the port.
     HungUp,
 }
 
@@ -40,28 +41,29 @@ pub(super) struct Pty {
     master: AsyncFd<OwnedFd>,
     slave: OwnedFd,
     path: PathBuf,
-    /// Tells of clients that open and close; `None` where the system cannot.
+    /// Reports clients that open or close the port; `None` if the system does not support it.
     watch: Option<AsyncFd<OwnedFd>>,
     clients: usize,
-    /// The last client has left, and nobody has been told yet.
+    /// The last client has closed the port and this has not been reported yet.
     hung_up: bool,
-    /// The system tells of writes: one has been seen.
+    /// The system reports writes: one has been observed.
     tells_writes: bool,
-    /// Nothing has been seen written since a client found the port free.
+    /// No write has been observed since a client opened the unused port.
     unwritten: bool,
-    /// A write has been told of that is not known to have been read;
+    /// A write was reported that is not known to have been read.
     written: bool,
-    /// when the last client left, this was so.
+    /// Value of `written` when the last client closed the port.
     left_unread: bool,
-    /// What was read last has not been told of yet: a write is told of after its bytes can be read.
+    /// The write of the bytes read last has not been reported yet: writes are reported after their
+    /// bytes can be read.
     owed: bool,
-    /// Bytes that were read and are to be handed on next.
+    /// Bytes read and to be returned next.
     unread: Option<Vec<u8>>,
     output: Vec<u8>,
 }
 
 impl Pty {
-    /// Makes a port, raw and without echo before anybody can open it.
+    /// Creates a port in raw mode, without echo, before any client can open it.
     pub(super) fn open() -> Result<Self> {
         let io = |e: Errno| Error::io("/dev/ptmx", e.into());
         let flags = OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC;
@@ -95,12 +97,12 @@ impl Pty {
         })
     }
 
-    /// The client's side.
+    /// Returns the path of the client's side.
     pub(super) fn path(&self) -> &Path {
         &self.path
     }
 
-    /// Waits for what happens next, and sends what is to be sent meanwhile.
+    /// Waits for the next event; meanwhile sends queued replies.
     pub(super) async fn next(&mut self) -> Result<Event> {
         loop {
             if let Some(bytes) = self.unread.take() {
@@ -109,12 +111,13 @@ impl Pty {
             match self.read() {
                 Ok(bytes) => {
                     self.count_clients();
-                    // What came before the last client left belongs to it and is handed on before
-                    // its leaving is. With a new client there already, the leaving comes first.
+                    // Bytes that arrived before the last client closed the port belong to that
+                    // client and are returned before the hang-up. If a new client is already there,
+                    // the hang-up comes first.
                     if self.hung_up && self.clients > 0 {
                         self.hung_up = false;
-                        // Its writes are told of before it can leave: what came without a word is
-                        // the new one's.
+                        // The old client's writes are reported before its close: bytes without a
+                        // report belong to the new client.
                         let of_old = std::mem::take(&mut self.left_unread);
                         self.unread = match of_old {
                             true => self.skip_old(bytes),
@@ -124,18 +127,18 @@ impl Pty {
                         return Ok(Event::HungUp);
                     }
                     if bytes.len() < MOST_AT_ONCE {
-                        // There is no more.
+                        // Nothing more is buffered.
                         self.owed |= !self.written;
                         (self.written, self.left_unread) = (false, false);
                     }
                     return Ok(Event::Data(bytes));
                 }
-                // All that was told of has been read.
+                // Everything reported has been read.
                 Err(Errno::WOULDBLOCK) => (self.written, self.left_unread) = (false, false),
                 Err(e) => return Err(Error::io(&self.path, e.into())),
             }
             self.count_clients();
-            // It may have written and left since the reading.
+            // The client may have written and closed after the read.
             if self.hung_up && self.left_unread {
                 continue;
             }
@@ -144,8 +147,8 @@ impl Pty {
             }
             self.write();
             let io = |e| Error::io(&self.path, e);
-            // Each branch only forgets a readiness that the calls above have used up; they are
-            // made again at the top of the loop.
+            // Each branch only clears a readiness that the calls above have used up; they are
+            // repeated at the top of the loop.
             tokio::select! {
                 ready = watch_stirs(self.watch.as_ref()) => ready.map_err(io)?,
                 ready = stirs(&self.master) => ready.map_err(io)?,
@@ -155,10 +158,11 @@ impl Pty {
         }
     }
 
-    /// Sends a reply, or keeps it until the client reads; false when there is no room for it.
+    /// Sends a reply or queues it until the client reads; returns `false` if the queue is full.
     pub(super) fn send(&mut self, reply: &[u8]) -> bool {
         self.count_clients();
-        // Until its leaving has been told, a reply is the last client's, whoever is there now.
+        // Until the hang-up has been reported, replies belong to the last client, even if a new one
+        // is there.
         if self.watch.is_some() && (self.clients == 0 || self.hung_up) {
             return true;
         }
@@ -171,12 +175,13 @@ impl Pty {
         true
     }
 
-    /// Throws away what the last client wrote and nobody read, as long as the new one has written
-    /// nothing; from then on the two cannot be told apart. Gives what may be the new one's.
+    /// Discards bytes that the last client wrote and the device did not read, as long as the new
+    /// client has written nothing; after that the two cannot be distinguished. Returns the bytes
+    /// that may be the new client's.
     fn skip_old(&mut self, mut bytes: Vec<u8>) -> Option<Vec<u8>> {
         loop {
             let more = self.read();
-            // A write is told of after its bytes can be read, hence the look after the reading.
+            // Writes are reported after their bytes can be read, so the check follows the read.
             self.count_clients();
             if !(self.tells_writes && self.unwritten) {
                 bytes.extend(more.unwrap_or_default());
@@ -202,8 +207,8 @@ impl Pty {
         }
     }
 
-    /// Brings the count of clients up to date. Called after every reading and before every reply:
-    /// when it finds that the last client has left, every reply so far was that client's.
+    /// Updates the number of clients. Called after every read and before every reply: if it finds
+    /// that the last client has closed the port, all earlier replies were for that client.
     fn count_clients(&mut self) {
         let Some(watch) = &self.watch else { return };
         let mut buffer = [MaybeUninit::uninit(); 4096];
@@ -231,8 +236,8 @@ impl Pty {
         if left {
             self.hung_up = true;
             self.output.clear();
-            // Replies on their way through the kernel, then those that have arrived. Failing does
-            // no harm: a client has to expect stale replies on any line.
+            // Discards replies in the kernel's buffer, then those that have arrived. Failure is
+            // harmless: a client must expect stale replies on any line.
             let _ = termios::tcflush(&self.master, QueueSelector::OFlush);
             let _ = termios::tcflush(&self.slave, QueueSelector::IFlush);
             if self.clients == 0 {
@@ -291,7 +296,7 @@ mod tests {
         run(async |mut pty| {
             let mut old = client(&pty);
             old.write_all(&b"*IDN?\n".repeat(500)).unwrap();
-            // As many queries as are taken at a time are answered, and the others wait.
+            // The queries of one read are answered, the others wait.
             assert_eq!(data(&mut pty).await.len(), 1024);
             drop(old);
             let mut new = client(&pty);
@@ -323,7 +328,7 @@ mod tests {
     #[test]
     fn what_a_client_wrote_before_it_left_is_its_own() {
         run(async |mut pty| {
-            // Known to be there, and nothing to be read.
+            // The client is counted, and there is nothing to read.
             let mut old = client(&pty);
             assert!(tokio::time::timeout(RETRY, pty.next()).await.is_err());
             old.write_all(b"*IDN?\n").unwrap();
@@ -333,7 +338,7 @@ mod tests {
         });
     }
 
-    /// Ends when it is dropped, by a failing test too.
+    /// Ends when dropped, also by a failing test.
     struct Busy(Arc<AtomicBool>);
 
     impl Busy {
@@ -353,8 +358,8 @@ mod tests {
         }
     }
 
-    /// Clients that come as soon as the last one has left, while others take the processor from them
-    /// between their writing and its being told.
+    /// Clients that open the port as soon as the last one has closed it, while other threads
+    /// preempt them between their write and its report.
     #[test]
     fn clients_in_quick_succession_are_all_heard() {
         const CLIENTS: usize = 3000;

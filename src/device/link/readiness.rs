@@ -1,12 +1,12 @@
-//! A descriptor in the event loop.
+//! Descriptors in the event loop.
 
 use std::os::fd::OwnedFd;
 use tokio::io::unix::AsyncFd;
 
-/// Hands a non-blocking descriptor to the running event loop.
+/// Registers a non-blocking descriptor with the running event loop.
 ///
 /// # Errors
-/// What the system refuses.
+/// Returns the system's error.
 pub(super) fn watched(fd: OwnedFd) -> std::io::Result<AsyncFd<OwnedFd>> {
     // SAFETY: an `OwnedFd` is an open descriptor of its own until it is dropped, which `AsyncFd`
     // does after taking it out of the event loop. Nothing in this module calls `get_mut`, the only
@@ -16,8 +16,8 @@ pub(super) fn watched(fd: OwnedFd) -> std::io::Result<AsyncFd<OwnedFd>> {
     registered.map_err(std::io::Error::from)
 }
 
-/// Waits until a descriptor may be ready and forgets that it is; the caller then uses it until the
-/// system says that it would block.
+/// Waits until a descriptor may be ready and clears its readiness; the caller then uses it until
+/// the system reports that it would block.
 pub(super) async fn stirs(fd: &AsyncFd<OwnedFd>) -> std::io::Result<()> {
     fd.readable().await?.clear_ready();
     Ok(())

@@ -1,8 +1,8 @@
-//! The run directory of a device that is served: `0700`, and after the device is gone just as it
-//! was before.
+//! The run directory of a served device: mode `0700`, and restored to its earlier state when the
+//! device ends.
 //!
-//! A lock on the directory itself says that it is in use; the system lets go of it even when the
-//! process is killed. What a killed device left behind is told by name and kind and removed.
+//! A lock on the directory marks it as in use; the system releases it even if the process is
+//! killed. Files left by a killed device are recognised by name and kind, and removed.
 
 use phasmid_core::error::{Error, Result};
 use phasmid_protocol::Endpoints;
@@ -22,26 +22,27 @@ pub(super) const CAMERA: &str = "camera.sock";
 pub(super) const SERVICE: &str = "service.sock";
 const UNFINISHED: &str = "device.json.new";
 
-/// Longest path of a Unix socket on Linux, without its closing zero.
+/// Maximum length of a Unix socket's path on Linux, without the terminating zero.
 const MAX_SOCKET_PATH: usize = 107;
 
-/// A claimed run directory; dropping it removes what was made in it, and itself if it was made.
+/// A claimed run directory; dropping it removes the files made in it, and the directory itself if
+/// it was created.
 #[derive(Debug)]
 pub struct RunDir {
     path: PathBuf,
     made: bool,
-    /// Mode to give back to a directory that was there before.
+    /// Mode to restore if the directory existed before.
     mode: Option<u32>,
     files: Vec<PathBuf>,
     _lock: OwnedFd,
 }
 
 impl RunDir {
-    /// Claims a directory: makes it, or takes an empty one or one that a device left behind.
+    /// Claims a directory: creates it, or takes an empty one or one left by a killed device.
     ///
     /// # Errors
-    /// A directory that another device is served from, belongs to somebody else or holds anything
-    /// that is not a device's, and what the system refuses.
+    /// Returns an error if another device uses the directory, if it belongs to another user or
+    /// holds files that are not a device's, or if the system refuses.
     pub fn claim(path: &Path) -> Result<Self> {
         let place = path.display();
         let io = |e: std::io::Error| Error::io(path, e);
@@ -60,7 +61,7 @@ impl RunDir {
             Err(e) if e.kind() == std::io::ErrorKind::AlreadyExists => false,
             Err(e) => return Err(io(e)),
         };
-        // Not through a link: in a shared temporary directory anybody could have put one here.
+        // Does not follow links: in a shared temporary directory anybody could have created one.
         let flags = OFlags::RDONLY | OFlags::DIRECTORY | OFlags::NOFOLLOW | OFlags::CLOEXEC;
         let lock = rustix::fs::open(path, flags, Mode::empty()).map_err(|e| io(e.into()))?;
         let stat = rustix::fs::fstat(&lock).map_err(|e| io(e.into()))?;
@@ -80,7 +81,7 @@ impl RunDir {
                 Err(_) => "a device is being served from it".to_owned(),
             });
         }
-        // The directory may have gone between making and locking it, when its last user left.
+        // The directory may have been removed by its last user between creation and lock.
         let same = fs::symlink_metadata(path).is_ok_and(|now| now.ino() == stat.st_ino);
         if !same {
             return refuse("a directory that is being removed; try again");
@@ -97,7 +98,8 @@ impl RunDir {
                 return refuse("files that are not a device's");
             };
             fs::remove_file(&leftover).map_err(|e| Error::io(&leftover, e))?;
-            // It was a device's own: then it goes as one that this device made.
+            // A directory of a killed device is removed at the end, like one that this device
+            // created.
             dir.made |= stat.st_mode & 0o777 == 0o700;
         }
         if stat.st_mode & 0o777 != 0o700 {
@@ -107,7 +109,7 @@ impl RunDir {
         Ok(dir)
     }
 
-    /// Everything in the directory; `None` stands for what no device leaves behind.
+    /// Lists the directory; `None` marks a file that no device leaves behind.
     fn leftovers(&self) -> std::io::Result<Vec<Option<PathBuf>>> {
         let mut found = Vec::new();
         for entry in fs::read_dir(&self.path)? {
@@ -124,19 +126,19 @@ impl RunDir {
         Ok(found)
     }
 
-    /// The directory.
+    /// Returns the path of the directory.
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// The path of something that is about to be made in the directory, and removed with it.
+    /// Returns the path of a file to be created in the directory, and removed with it.
     pub(super) fn file(&mut self, name: &str) -> PathBuf {
         let path = self.path.join(name);
         self.files.push(path.clone());
         path
     }
 
-    /// Writes `device.json`, whole or not at all: who sees it can use what it names.
+    /// Writes `device.json` atomically: once it exists, everything that it names can be used.
     pub(super) fn publish(&mut self, endpoints: &Endpoints) -> Result<()> {
         let unfinished = self.file(UNFINISHED);
         let text = serde_json::to_string_pretty(endpoints).expect("numbers and strings");
@@ -154,7 +156,7 @@ impl RunDir {
 
 impl Drop for RunDir {
     fn drop(&mut self) {
-        // Best effort: there is nobody left to tell.
+        // Best effort: errors cannot be reported any more.
         for file in self.files.iter().rev() {
             let _ = fs::remove_file(file);
         }

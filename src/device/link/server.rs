@@ -1,5 +1,5 @@
-//! The loop that serves a device: commands in, replies and frames out, device time in between.
-//! One thread runs it, the optics have their own.
+//! The event loop that serves a device: commands in, replies and frames out, in device time. It
+//! runs on one thread; rendering has its own.
 
 use super::device::point;
 use super::frame_socket::FrameSocket;
@@ -27,58 +27,59 @@ use std::time::Duration;
 use tokio::sync::oneshot;
 use tokio::time::Instant;
 
-/// Exposures that may wait for the optics; device time stands still beyond that.
+/// Maximum number of exposures waiting for the optics; device time stops beyond that.
 const MAX_BACKLOG: usize = 8192;
-/// Exposures of a free-running camera that may wait; those beyond are dropped, as a camera does.
+/// Maximum number of free-running exposures waiting for the optics; further ones are dropped, as a
+/// camera does.
 const MAX_FREE_BACKLOG: usize = 2;
-/// A block that stops coming for so long will not come.
+/// A data block that pauses for this long is abandoned.
 const STALL: Duration = Duration::from_secs(1);
-/// What is overdue for longer than this is worked off at once, as it is when a machine has slept.
+/// Events overdue by more than this are handled at once, as after the machine was suspended.
 const MAX_LAG_NS: u64 = 1_000_000_000;
 
-/// What serves a device.
+/// The state of a served device.
 pub(super) struct Server {
     pub(super) machine: Machine,
     pub(super) seat: Seat,
-    /// When the last thing was due that has been worked off.
+    /// Due time of the last event that was handled.
     pub(super) handled_ns: u64,
     pub(super) stage: Stage,
     /// Version of the scene that the optics see.
     pub(super) version: u64,
     pub(super) rig: RigPlace,
     pub(super) history: History,
-    /// `*IDN?`.
+    /// Answer of `*IDN?`.
     pub(super) name: String,
-    /// Bytes that came over the control port, and that went out.
+    /// Number of bytes received and sent on the control port.
     pub(super) bytes: (u64, u64),
     pub(super) optics: Optics,
-    /// `None` while the port is gone, as when a cable is pulled.
+    /// `None` while the port is disconnected.
     pub(super) pty: Option<Pty>,
-    /// What points to the pty.
+    /// Link to the pty.
     pub(super) control: PathBuf,
     pub(super) camera: FrameSocket,
     pub(super) video: Option<VideoOutput>,
     pub(super) usb: Option<Binding>,
-    /// The last command came over USB, and so the replies go there; the end of a connection of the
-    /// port's other end is none of that one's business.
+    /// The last command came over USB, so replies go there. Hang-ups on the other end of the port
+    /// do not affect the USB client.
     pub(super) reply_to_usb: bool,
     pub(super) pace: Pace,
     pub(super) notice: fn(&str),
-    /// Frames that the V4L2 node did not take.
+    /// Number of frames that the V4L2 node did not accept.
     pub(super) lost: u64,
     /// A USB host has missed frames.
     pub(super) usb_lost: bool,
     pub(super) service: ServiceSocket,
-    /// Records what passes.
+    /// Records the traffic.
     pub(super) tap: Tap,
-    /// When to give up on a block.
+    /// When to abandon a data block.
     pub(super) stall: Option<Instant>,
-    /// Bytes that the device had taken in when the block last went on.
+    /// Number of bytes received when the data block last made progress.
     pub(super) stalled_at: u64,
 }
 
 impl Server {
-    /// Serves until `shutdown` is done; `wall` tells for how long the device has been on.
+    /// Serves until `shutdown` completes; `wall` returns how long the device has been on.
     pub(super) async fn run(
         mut self,
         wall: impl Fn() -> Duration,
@@ -100,7 +101,7 @@ impl Server {
             let crowded = self.optics.backlog() >= MAX_BACKLOG;
             let full = crowded || self.machine.crowded();
             let free = matches!(self.machine.firmware().state(), State::Free { .. });
-            // The optics' next frame wakes the loop in these cases.
+            // In these cases the next frame of the optics wakes the loop.
             let behind = crowded || free && self.optics.backlog() >= MAX_FREE_BACKLOG;
             let wait = Wait {
                 next_ns: self.machine.next_event_ns(behind),
@@ -122,8 +123,8 @@ impl Server {
                     self.tap.cameras(self.camera.counts(), self.seat.now_ns());
                 }
                 event = next_of(self.pty.as_mut()), if !full => {
-                    // Who connected before the command was sent gets the frames that it causes,
-                    // whichever of the two this loop noticed first.
+                    // A client that connected before the command was sent receives the frames that
+                    // it causes, whichever of the two this loop noticed first.
                     self.camera.accept(self.machine.firmware().next_id());
                     let now = self.now();
                     self.tap.cameras(self.camera.counts(), now);
@@ -147,7 +148,7 @@ impl Server {
                     let now = self.now();
                     self.work_off_usb(now);
                 }
-                // After the ports: what was sent there before is older than what is asked here.
+                // After the ports: bytes sent there earlier precede this request.
                 call = self.service.next() => {
                     let now = self.now();
                     self.serve_call(call, now);
@@ -161,12 +162,12 @@ impl Server {
         }
     }
 
-    /// Device time, up to which what was due has been worked off, each at its own time.
+    /// Returns the device time up to which all events have been handled, each at its own time.
     fn now(&mut self) -> u64 {
         let now_ns = self.seat.now_ns();
         while let Some(due_ns) = self.machine.next_event_ns(false)
             && due_ns <= now_ns
-            // What takes more than time to go on does so elsewhere.
+            // Events that depend on more than time are handled elsewhere.
             && due_ns > self.handled_ns
         {
             self.seat.handled(due_ns);
@@ -180,8 +181,8 @@ impl Server {
         now_ns
     }
 
-    /// Takes over what has been placed since the last time. What comes back tells when the optics
-    /// have done so, or why they have not.
+    /// Passes new placements to the optics. The result resolves when the optics have applied or
+    /// rejected them.
     pub(super) fn follow(&mut self) -> Option<oneshot::Receiver<Result<()>>> {
         let (placements, version) = self.stage.since(self.version);
         self.version = version;
@@ -194,8 +195,8 @@ impl Server {
         last
     }
 
-    /// Takes the port away, or puts it back, as the device's faults have it: a client sees that the
-    /// other end has gone, and finds a new port under the old name later.
+    /// Disconnects or reconnects the port as the device's faults require: a client sees that the
+    /// other end is gone, and later finds a new port under the old name.
     fn plug(&mut self, now_ns: u64) -> Result<()> {
         match (self.machine.connected(now_ns), &self.pty) {
             (false, Some(_)) => {
@@ -215,21 +216,22 @@ impl Server {
         }
     }
 
-    /// A V4L2 node does not tell whether somebody reads: somebody may.
+    /// Returns whether a client may read frames; a V4L2 node does not report whether it has
+    /// readers.
     fn attended(&self) -> bool {
         self.video.is_some()
             || self.camera.attended()
             || self.usb.as_ref().is_some_and(Binding::attended)
     }
 
-    /// Whether somebody is there for whom a free-running camera's frame is worth its rendering.
+    /// Returns whether a free-running frame is worth rendering for some client.
     fn keeps_up(&self) -> bool {
         self.video.is_some()
             || self.camera.attended()
             || self.usb.as_ref().is_some_and(Binding::keeps_up)
     }
 
-    /// What a USB host has done.
+    /// Handles the events of a USB host.
     fn work_off_usb(&mut self, now_ns: u64) {
         let Some(usb) = &mut self.usb else {
             return;
@@ -244,7 +246,7 @@ impl Server {
                     self.machine.firmware_mut().set_streaming(streaming, now_ns);
                     self.machine.receive(&bytes, now_ns);
                 }
-                // Whoever speaks at the other end of the port is not concerned.
+                // The client at the other end of the port is not affected.
                 PortEvent::HungUp if self.reply_to_usb => {
                     self.tap.left(Channel::Usb, now_ns);
                     self.machine.hang_up();
@@ -254,7 +256,7 @@ impl Server {
         }
     }
 
-    /// Keeps the time at which a block that stops coming is given up.
+    /// Sets the time at which an unfinished data block is abandoned.
     fn watch_block(&mut self) {
         if !self.machine.inside_block() {
             self.stall = None;
@@ -264,7 +266,7 @@ impl Server {
         }
     }
 
-    /// Hands on the frames that may leave.
+    /// Delivers the frames that are due.
     fn hand_on(&mut self, now_ns: u64, wall: Duration) -> Result<()> {
         while !self.pace.holds()
             && let Some(frame) = self.machine.next_frame(now_ns)
@@ -280,7 +282,7 @@ impl Server {
         Ok(())
     }
 
-    /// Hands a frame to all who read.
+    /// Delivers a frame to all readers.
     fn deliver(&mut self, frame: &Arc<Frame>, wall: Duration) -> Result<()> {
         self.tap.frame(frame, self.seat.now_ns());
         if let Some(usb) = &self.usb {
@@ -309,9 +311,9 @@ impl Server {
         Ok(())
     }
 
-    /// Hands exposures to the optics and replies to the port.
+    /// Passes exposures to the optics and replies to the port.
     fn dispatch(&mut self, now_ns: u64, wall: Duration) {
-        // A place that the optics refuse is told where it was asked for.
+        // The client that requested a placement is told if the optics reject it.
         let _ = self.follow();
         for exposure in self.machine.take_exposures(now_ns) {
             let (firmware, version) = (self.machine.firmware(), self.version);
@@ -367,7 +369,7 @@ async fn changed(usb: Option<&Binding>) {
 
 pub(super) async fn sleep(delay: Option<Duration>) {
     match delay {
-        // A timer would take its millisecond even for none.
+        // Even a zero timer takes a millisecond.
         Some(Duration::ZERO) => tokio::task::yield_now().await,
         Some(delay) => tokio::time::sleep(delay).await,
         None => std::future::pending().await,

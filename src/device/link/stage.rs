@@ -1,7 +1,7 @@
-//! The scene as devices share it: where its objects are now, and where they were.
+//! The scene shared by several devices: the present and past places of its objects.
 //!
-//! Each device renders its own copy of the scene. An object that is placed through one of them is
-//! put down here; every device looks here before it exposes again, and takes over what is new.
+//! Each device renders its own copy of the scene. An object moved through one device is recorded
+//! here, and every device updates its copy before its next exposure.
 
 use glam::DVec3;
 use phasmid_core::error::Result;
@@ -12,10 +12,10 @@ use phasmid_protocol::service::{ObjectAbout, Objects, PatientAbout, PlaceAbout, 
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-/// Changes of place that are remembered.
+/// Maximum number of recorded moves.
 const MAX_MOVES: usize = 4096;
 
-/// A scene that several devices look at.
+/// A scene that several devices share.
 #[derive(Clone)]
 pub struct Stage {
     shared: Arc<Mutex<Shared>>,
@@ -23,17 +23,17 @@ pub struct Stage {
 
 struct Shared {
     scene: Scene,
-    /// Changes of place so far.
+    /// Number of moves so far.
     version: u64,
-    /// For each object the version that came of its last change of place.
+    /// For each object, the version of its last move.
     placed: Vec<u64>,
-    /// Where objects were before the newest changes.
+    /// Earlier places of objects, for the latest moves.
     moves: VecDeque<Move>,
-    /// Those of the objects that are patients.
+    /// For each object, the patient if it is one.
     patients: Vec<Option<Patient>>,
 }
 
-/// A patient, and how it lies there.
+/// A patient and its position on the couch.
 struct Patient {
     phantom: Phantom,
     day: Day,
@@ -41,8 +41,8 @@ struct Patient {
 }
 
 impl Patient {
-    /// An object's; none of what is no patient, and of one that cannot be read, which the renderer
-    /// says.
+    /// Returns the patient of an object; `None` for other objects and for one that cannot be read,
+    /// which the renderer reports.
     fn of(scene: &Scene, object: &Object) -> Option<Self> {
         let Shape::Patient {
             day, held_percent, ..
@@ -58,7 +58,7 @@ impl Patient {
         })
     }
 
-    /// At a device time, of an object of a scale in a place.
+    /// Describes the patient at a device time, for an object with this scale and pose.
     fn about(&self, time_ns: u64, scale: f64, scene_from_object: &Pose) -> PatientAbout {
         let state = match self.held_percent {
             Some(percent) => self.phantom.held(self.day, percent / 100.0),
@@ -75,15 +75,15 @@ impl Patient {
     }
 }
 
-/// A change of place.
+/// A move of an object.
 struct Move {
-    /// The version that came of it.
+    /// The version after the move.
     version: u64,
     before: Placement,
 }
 
 impl Stage {
-    /// A scene as its file says.
+    /// Returns the scene as described by its file.
     pub fn new(scene: &Scene) -> Self {
         Self {
             shared: Arc::new(Mutex::new(Shared {
@@ -96,10 +96,10 @@ impl Stage {
         }
     }
 
-    /// Takes an object elsewhere, for all devices, and gives the place where it was.
+    /// Moves an object for all devices and returns its previous place.
     ///
     /// # Errors
-    /// What [`Scene::place`] refuses; nothing has changed then.
+    /// Returns the error of [`Scene::place`]; nothing has changed then.
     pub(super) fn place(&self, placement: Placement) -> Result<Placement> {
         let mut shared = self.shared();
         let at = placement.object as usize;
@@ -121,7 +121,8 @@ impl Stage {
         Ok(before)
     }
 
-    /// What has been placed since a version, and the version now.
+    /// Returns the objects moved since a version with their present places, and the present
+    /// version.
     pub(super) fn since(&self, version: u64) -> (Vec<Placement>, u64) {
         let shared = self.shared();
         if shared.version == version {
@@ -133,13 +134,13 @@ impl Stage {
         (placements, shared.version)
     }
 
-    /// Where the objects whose place has changed since a version were then; `None` if that is
-    /// forgotten.
+    /// Returns the places, at a version, of the objects moved since then; `None` if they are no
+    /// longer recorded.
     pub(super) fn back_to(&self, version: u64) -> Option<Vec<Placement>> {
         self.shared().back_to(version)
     }
 
-    /// Where the objects whose numbers these placements have are now.
+    /// Returns the present places of the objects in `of`.
     pub(super) fn now(&self, of: &[Placement]) -> Vec<Placement> {
         let shared = self.shared();
         of.iter()
@@ -147,8 +148,8 @@ impl Stage {
             .collect()
     }
 
-    /// The objects at a device time, as they were placed at a version; `rig` is where the rig of
-    /// the device that is asked stands. `None` if that version is forgotten.
+    /// Returns the objects at a device time, placed as at a version, for a device whose rig stands
+    /// at `rig`; `None` if that version is no longer recorded.
     pub(super) fn objects(&self, time_ns: u64, version: u64, rig: RigPlace) -> Option<Objects> {
         let shared = self.shared();
         let mut objects = shared.scene.object.clone();
@@ -183,7 +184,7 @@ impl Stage {
     }
 
     fn shared(&self) -> MutexGuard<'_, Shared> {
-        // A device that has died leaves nothing half done here.
+        // A device that panicked leaves no partial change here.
         self.shared.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
@@ -208,7 +209,7 @@ impl Shared {
             if change.version <= version {
                 break;
             }
-            // The oldest of the changes since then counts.
+            // The oldest move since the version decides.
             let object = change.before.object;
             match back.iter_mut().find(|placement| placement.object == object) {
                 Some(placement) => *placement = change.before,
@@ -219,11 +220,11 @@ impl Shared {
     }
 }
 
-/// Where an object is, before scaling, in the scene's frame.
+/// Returns the place of an object, before scaling, in the scene's frame.
 fn place(object: &Object, time_ns: u64) -> PlaceAbout {
     let moved = match &object.motion {
         Some(motion) if motion.goes_anywhere() => motion.trajectory().pose(time_ns as f64 * 1e-9),
-        // The numbers of the file, to the last digit.
+        // The exact numbers of the file.
         _ => {
             return PlaceAbout {
                 position_mm: object.position_mm,
@@ -323,7 +324,7 @@ mod tests {
             assert_eq!(patients.len(), 1, "the couch has none");
             patients[0]
         };
-        // The planning isocentre is the room's origin; what is left is set-up and breathing.
+        // The planning isocentre is the room's origin; the remainder is set-up error and breathing.
         let breath: Vec<_> = (0..5).map(about).collect();
         for now in &breath {
             let [x, y, z] = now.tumour_mm;

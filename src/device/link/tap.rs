@@ -1,4 +1,4 @@
-//! Records what passes between a device that is served and its clients, if that is asked for.
+//! Records the traffic between a served device and its clients, if requested.
 
 use crate::faults::Faults;
 use phasmid_core::error::Result;
@@ -8,25 +8,25 @@ use std::fs::File;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-/// Where a device's recording goes.
+/// Destination of a device's recording.
 pub struct Recording {
-    /// The file, empty.
+    /// The empty file.
     pub file: File,
-    /// Its path, for messages.
+    /// Path of the file, for messages.
     pub path: PathBuf,
-    /// Seconds since 1970 when it begins.
+    /// Start of the recording in seconds since 1970.
     pub started_unix_s: u64,
 }
 
-/// Listens in on the device's links.
+/// Observes the device's links.
 #[derive(Default)]
 pub(super) struct Tap {
     recorder: Option<Recorder>,
-    /// Clients of port and USB that have said something and have not left.
+    /// Channels of port and USB on which a client has sent something and not disconnected.
     speaking: Vec<Channel>,
-    /// Clients of the camera that have come and gone.
+    /// Number of camera clients that have connected and disconnected.
     cameras: (u64, u64),
-    /// Faults that have struck.
+    /// Number of faults that have struck.
     struck: u64,
 }
 
@@ -34,7 +34,7 @@ impl Tap {
     /// Starts the recording.
     ///
     /// # Errors
-    /// A file that takes nothing.
+    /// Returns an error if the file cannot be written.
     pub(super) fn start(
         recording: Option<Recording>,
         endpoints: &Endpoints,
@@ -65,7 +65,7 @@ impl Tap {
         })
     }
 
-    /// A client has sent bytes.
+    /// Records bytes sent by a client.
     pub(super) fn sent(&mut self, channel: Channel, bytes: &[u8], now_ns: u64) {
         if let Some(recorder) = &self.recorder {
             if !self.speaking.contains(&channel) {
@@ -76,14 +76,15 @@ impl Tap {
         }
     }
 
-    /// The device has sent bytes.
+    /// Records bytes sent by the device.
     pub(super) fn received(&self, channel: Channel, bytes: &[u8], now_ns: u64) {
         if let Some(recorder) = &self.recorder {
             recorder.put(now_ns, channel, Event::Received(bytes.to_vec()));
         }
     }
 
-    /// A channel's last client has left; one that has said nothing is none.
+    /// Records that the last client of a channel has disconnected; a client that sent nothing does
+    /// not count.
     pub(super) fn left(&mut self, channel: Channel, now_ns: u64) {
         if let Some(recorder) = &self.recorder
             && let Some(at) = self.speaking.iter().position(|&open| open == channel)
@@ -93,7 +94,7 @@ impl Tap {
         }
     }
 
-    /// The port has gone or is back.
+    /// Records that the port was disconnected or is back.
     pub(super) fn plugged(&mut self, plugged: bool, now_ns: u64) {
         if let Some(recorder) = &self.recorder {
             let event = match plugged {
@@ -102,11 +103,11 @@ impl Tap {
             };
             recorder.put(now_ns, Channel::Control, event);
         }
-        // Who was there is not any more; there is no need to say so.
+        // Disconnection of the port implies that of its clients.
         self.speaking.retain(|&open| open != Channel::Control);
     }
 
-    /// Notes the faults that have struck since the last time.
+    /// Records the faults that have struck since the last call.
     pub(super) fn faults(&mut self, faults: &Faults) {
         let total = faults.struck_in_all();
         let new = total - std::mem::replace(&mut self.struck, total);
@@ -122,7 +123,7 @@ impl Tap {
         }
     }
 
-    /// So many of the camera's clients have come and gone so far.
+    /// Records changes of the number of camera clients.
     pub(super) fn cameras(&mut self, counts: (u64, u64), now_ns: u64) {
         let before = std::mem::replace(&mut self.cameras, counts);
         if let Some(recorder) = &self.recorder {
@@ -136,7 +137,7 @@ impl Tap {
         }
     }
 
-    /// A frame has left the device.
+    /// Records a frame that left the device.
     pub(super) fn frame(&self, frame: &Arc<Frame>, now_ns: u64) {
         if let Some(recorder) = &self.recorder {
             recorder.put(now_ns, Channel::Camera, Event::Frame(frame.clone()));

@@ -1,10 +1,10 @@
-//! Device time, one for all devices of a server.
+//! Device time, common to all devices of a server.
 //!
-//! Each device has a [`Seat`]. It says there, when it has nothing left to do, what it waits for:
-//! the time of its next event, and a time that may not be reached before something else has
-//! happened, such as a frame that the optics owe it. On the wall's time it is woken then. Otherwise
-//! time stands still while any device is at work, and once none is, goes to the earliest event of
-//! them all; where time is stepped from outside, no further than it was told to.
+//! Each device has a [`Seat`]. When it has nothing left to do, it states there what it waits for:
+//! the time of its next event, and a limit that time must not reach before something else has
+//! happened, such as a frame that the optics still owe. In real time the device is woken when its
+//! event is due. Otherwise time stands still while any device is busy, and once all wait, it
+//! advances to the earliest event; stepped time advances no further than requested.
 
 use super::lateness::Lateness;
 use phasmid_protocol::service::{Clock, ClockPace, Late};
@@ -13,10 +13,10 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 use tokio::sync::{Notify, oneshot};
 
-/// Longest step at a time: a day.
+/// Maximum length of a step: one day.
 const MAX_STEP_NS: u64 = 86_400_000_000_000;
 
-/// Device time of all devices of a server, in nanoseconds from power-on.
+/// Device time of all devices of a server, in nanoseconds since power-on.
 #[derive(Clone)]
 pub struct Timeline {
     shared: Arc<Shared>,
@@ -24,7 +24,7 @@ pub struct Timeline {
 
 struct Shared {
     pace: ClockPace,
-    /// For how long the devices have been on.
+    /// Returns how long the devices have been on.
     wall: Box<dyn Fn() -> Duration + Send + Sync>,
     state: Mutex<State>,
 }
@@ -32,60 +32,60 @@ struct Shared {
 #[derive(Default)]
 struct State {
     now_ns: u64,
-    /// Where stepped time is to get to.
+    /// Stepped time advances up to here.
     target_ns: u64,
     seats: BTreeMap<u64, Place>,
     next_seat: u64,
-    /// Steps under way.
+    /// Steps in progress.
     steps: Vec<Step>,
     next_step: u64,
     lateness: Lateness,
 }
 
-/// Somebody who waits for stepped time to get somewhere.
+/// A request that waits for stepped time to arrive.
 struct Step {
     number: u64,
     target_ns: u64,
     done: oneshot::Sender<Stepped>,
 }
 
-/// How a step has ended.
+/// How a step ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Stepped {
-    /// All that was due by then has been handled; the time in nanoseconds.
+    /// Everything due by then has been handled; holds the time in nanoseconds.
     Done(u64),
-    /// It was called off at this time in nanoseconds.
+    /// Cancelled at this time in nanoseconds.
     CalledOff(u64),
 }
 
-/// A step under way.
+/// A step in progress.
 #[derive(Debug)]
 pub struct UnderWay {
-    /// By which it can be given up.
+    /// Number under which it can be given up.
     pub number: u64,
-    /// Tells how it has ended.
+    /// Resolves when the step has ended.
     pub ended: oneshot::Receiver<Stepped>,
 }
 
 struct Place {
-    /// `None` while the device is at work.
+    /// `None` while the device is busy.
     waits: Option<Wait>,
     wake: Arc<Notify>,
 }
 
-/// What a device that has nothing left to do waits for.
+/// What an idle device waits for.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Wait {
-    /// Its next event.
+    /// Time of its next event.
     pub next_ns: Option<u64>,
-    /// Time may not come to here before it has something else to do.
+    /// Time must not reach this before the device has something else to do.
     pub limit_ns: Option<u64>,
-    /// Nothing that it has begun is still under way: stepped time does not go on before.
+    /// Nothing that the device started is in progress; stepped time does not advance before.
     pub settled: bool,
 }
 
 impl Timeline {
-    /// Time that passes at a pace; `wall` tells for how long the devices have been on.
+    /// Returns a timeline with a pace; `wall` returns how long the devices have been on.
     pub fn new(pace: ClockPace, wall: impl Fn() -> Duration + Send + Sync + 'static) -> Self {
         Self {
             shared: Arc::new(Shared {
@@ -96,7 +96,7 @@ impl Timeline {
         }
     }
 
-    /// A place for a device, which is at work until it says otherwise.
+    /// Returns a seat for a device, which counts as busy until it waits.
     pub fn seat(&self) -> Seat {
         let wake = Arc::new(Notify::new());
         let mut state = self.shared.state();
@@ -114,7 +114,7 @@ impl Timeline {
         }
     }
 
-    /// Device time now, in nanoseconds; never goes back.
+    /// Returns the device time in nanoseconds; it never decreases.
     pub fn now_ns(&self) -> u64 {
         match self.shared.pace {
             ClockPace::Real => nanoseconds((self.shared.wall)()),
@@ -122,43 +122,42 @@ impl Timeline {
         }
     }
 
-    /// Lets time pass for so long. What comes back tells when all that was due by then has been
-    /// handled.
+    /// Advances time by `ns`. The result resolves when everything due by then has been handled.
     ///
     /// # Errors
-    /// A clock that nobody may step, and steps of more than a day.
+    /// Returns an error if the clock cannot be stepped or the step exceeds one day.
     pub fn step(&self, ns: u64) -> Result<UnderWay, String> {
         let mut state = self.stepped()?;
         let target_ns = state.target_ns.saturating_add(ns);
         self.go_to(&mut state, target_ns)
     }
 
-    /// Lets time pass until then, as [`Self::step`] does.
+    /// Advances time to `ns`, as [`Self::step`] does.
     ///
     /// # Errors
-    /// Those of [`Self::step`], and a time that has passed.
+    /// Returns the errors of [`Self::step`], and an error if `ns` is in the past.
     pub fn run_until(&self, ns: u64) -> Result<UnderWay, String> {
         let mut state = self.stepped()?;
         self.go_to(&mut state, ns)
     }
 
-    /// Calls off all steps under way: time stands still where it is.
+    /// Cancels all steps in progress; time stops where it is.
     ///
     /// # Errors
-    /// A clock that nobody may step.
+    /// Returns an error if the clock cannot be stepped.
     pub fn stop(&self) -> Result<(), String> {
         let mut state = self.stepped()?;
         state.target_ns = state.now_ns;
         let now_ns = state.now_ns;
         for step in state.steps.drain(..) {
-            // Who asked may have left meanwhile.
+            // The client may have disconnected.
             let _ = step.done.send(Stepped::CalledOff(now_ns));
         }
         Ok(())
     }
 
-    /// Takes back a step that nobody waits for any more: time goes no further than others have
-    /// asked for.
+    /// Cancels a step that no client waits for any more: time advances no further than other
+    /// clients have requested.
     pub fn give_up(&self, number: u64) {
         let mut state = self.shared.state();
         let count = state.steps.len();
@@ -203,7 +202,7 @@ impl Timeline {
         Ok(UnderWay { number, ended })
     }
 
-    /// The time, how it passes, and on the wall's time how late events were handled.
+    /// Returns the time, its pace, and in real time how late events were handled.
     pub fn about(&self) -> Clock {
         let now_ns = self.now_ns();
         let state = self.shared.state();
@@ -223,16 +222,16 @@ impl Timeline {
 
 impl Shared {
     fn state(&self) -> MutexGuard<'_, State> {
-        // A device that has died leaves nothing half done here.
+        // A device that panicked leaves no partial change here.
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
 impl State {
-    /// Time goes as far as it may, once all devices wait.
+    /// Advances time as far as possible once all devices wait.
     fn go_on(&mut self, pace: ClockPace) {
         let stepped = match pace {
-            // It does not ask.
+            // Real time does not depend on the devices.
             ClockPace::Real => return,
             ClockPace::Fast => false,
             ClockPace::Stepped => true,
@@ -262,7 +261,7 @@ impl State {
         } else if stepped {
             self.now_ns = self.target_ns;
             for step in self.steps.drain(..) {
-                // Who asked may have left meanwhile.
+                // The client may have disconnected.
                 let _ = step.done.send(Stepped::Done(self.now_ns));
             }
         }
@@ -277,17 +276,17 @@ pub struct Seat {
 }
 
 impl Seat {
-    /// Device time now, in nanoseconds.
+    /// Returns the device time in nanoseconds.
     pub fn now_ns(&self) -> u64 {
         self.timeline.now_ns()
     }
 
-    /// The whole timeline.
+    /// Returns the timeline.
     pub fn timeline(&self) -> &Timeline {
         &self.timeline
     }
 
-    /// Says that what was due at a time is handled now.
+    /// Reports that an event due at `due_ns` is being handled now.
     pub fn handled(&self, due_ns: u64) {
         if self.timeline.shared.pace == ClockPace::Real {
             let late_ns = self.now_ns().saturating_sub(due_ns);
@@ -295,8 +294,8 @@ impl Seat {
         }
     }
 
-    /// Waits, in a tokio runtime, until the device's next event is due. Dropped before, it says
-    /// that the device is at work again.
+    /// Waits, in a tokio runtime, until the device's next event is due. If dropped earlier, the
+    /// device counts as busy again.
     pub async fn wait(&mut self, wait: Wait) {
         if self.timeline.shared.pace == ClockPace::Real {
             return match wait.next_ns {
@@ -307,7 +306,8 @@ impl Seat {
                 None => std::future::pending().await,
             };
         }
-        // What has come meanwhile comes first: the event loop looks at its sources here.
+        // Inputs that have arrived meanwhile come first: yielding lets the event loop poll its
+        // sources.
         tokio::task::yield_now().await;
         let waiting = Waiting::new(self, wait);
         while waiting.goes_on() {
@@ -334,7 +334,7 @@ impl Drop for Seat {
     }
 }
 
-/// A seat that waits, until this is dropped.
+/// A waiting seat; dropping it marks the device busy.
 struct Waiting<'a>(&'a Seat);
 
 impl<'a> Waiting<'a> {
@@ -343,7 +343,7 @@ impl<'a> Waiting<'a> {
         Self(seat)
     }
 
-    /// Whether what the device waits for is still to come.
+    /// Returns whether the device's event is still in the future.
     fn goes_on(&self) -> bool {
         let state = self.0.timeline.shared.state();
         let place = state.seats.get(&self.0.number);

@@ -1,4 +1,4 @@
-//! Seats that wait for their turns, and steps that are taken, met and called off.
+//! Tests of seats that wait, and of steps that are requested, completed and cancelled.
 
 use super::*;
 use std::future::Future;
@@ -28,7 +28,7 @@ const NOTHING: Wait = Wait {
     settled: true,
 };
 
-/// Times at which a device with an event every so often handles them.
+/// Returns the times at which a device with a periodic event handles it.
 async fn beat(mut seat: Seat, period_ns: u64, count: u64, log: Arc<Mutex<Vec<(u64, u64)>>>) {
     for beat in 1..=count {
         seat.wait(until(beat * period_ns)).await;
@@ -74,7 +74,7 @@ fn nobody_passes_what_another_has_to_wait_for() {
             () = two.wait(until(49)) => {}
         }
         assert_eq!(timeline.now_ns(), 49);
-        // At work, or gone.
+        // Busy, or gone.
         let busy = tokio::time::timeout(Duration::from_millis(5), two.wait(until(60)));
         assert!(busy.await.is_err());
         drop(one);
@@ -95,7 +95,7 @@ fn stepped_time_goes_where_it_is_told_and_says_when_all_is_done() {
             log.lock().unwrap().push(timeline.now_ns());
             assert!(step.ended.try_recv().is_err(), "it is not handled yet");
         }
-        // Something is under way.
+        // An operation is in progress.
         let wait = seat.wait(Wait::default());
         assert!(
             tokio::time::timeout(Duration::from_millis(5), wait)
@@ -110,7 +110,7 @@ fn stepped_time_goes_where_it_is_told_and_says_when_all_is_done() {
         let wait = tokio::time::timeout(Duration::from_millis(5), seat.wait(until(1001)));
         assert!(wait.await.is_err());
         assert_eq!(timeline.now_ns(), 1000);
-        // Two that ask at a time both get their time.
+        // Two concurrent requests both complete.
         let mut steps = [
             timeline.step(10).unwrap(),
             timeline.run_until(1500).unwrap(),
@@ -136,13 +136,13 @@ fn steps_are_called_off() {
     run(async {
         let mut long = timeline.step(DAY).unwrap();
         seat.wait(until(700)).await;
-        // Whoever asks from here on is told from where.
+        // A later request starts from the present time.
         timeline.stop().unwrap();
         assert_eq!(long.ended.try_recv(), Ok(Stepped::CalledOff(700)));
         let still = tokio::time::timeout(Duration::from_millis(5), seat.wait(until(701)));
         assert!(still.await.is_err());
         assert_eq!(timeline.now_ns(), 700);
-        // Who has left takes his own step with him and nobody else's.
+        // A client that disconnects cancels its own step only.
         let mut short = timeline.step(100).unwrap();
         let long = timeline.step(DAY).unwrap();
         timeline.give_up(long.number);

@@ -1,24 +1,24 @@
-//! Which boards there may be.
+//! Validates board parameters.
 
 use super::Board;
 use crate::shapes::Violation;
 use std::ops::RangeInclusive;
 
-/// Of dots: markers need a neighbour all around.
+/// Allowed columns and rows of dots: every marker needs neighbours on all sides.
 const DOTS: RangeInclusive<u32> = 7..=199;
 const CORNERS: RangeInclusive<u32> = 2..=199;
 const PITCH_MM: RangeInclusive<f64> = 1e-3..=1e6;
-/// Least diameter of a marker in diameters of a dot.
+/// Minimum diameter of a marker, in dot diameters.
 const MARKER: f64 = 1.4;
 
 impl Board {
-    /// Whether there may be such a board, and a detector may tell its dots apart.
+    /// Checks that the board can be printed and that a detector can tell markers from dots.
     ///
-    /// A chessboard whose columns and rows add up to an even number looks the same upside down. It is
-    /// allowed: whoever needs to know which way round it is has to ask for another.
+    /// A chessboard whose columns and rows add up to an even number looks the same rotated by 180
+    /// degrees. It is allowed; callers that need the orientation must choose another board.
     ///
     /// # Errors
-    /// The first field that will not do, with what it holds and what it may hold.
+    /// Returns the first invalid field, its value and the allowed values.
     pub fn check(&self) -> Result<(), Violation> {
         let [columns, rows] = self.grid();
         let allowed = match self {
@@ -30,7 +30,7 @@ impl Board {
             let text = || format!("{least} to {most}");
             that(allowed.contains(&count), field, count, text)?;
         }
-        // NaN is in no range.
+        // NaN is outside every range.
         let pitch = self.pitch_mm();
         that(PITCH_MM.contains(&pitch), "pitch_mm", pitch, || {
             format!("{} to {}", PITCH_MM.start(), PITCH_MM.end())
@@ -44,7 +44,7 @@ impl Board {
         that(dot_mm > 0.0 && dot_mm < pitch, "dot_mm", dot_mm, || {
             format!("above 0 and below the pitch of {pitch} mm, so that dots do not touch")
         })?;
-        // Markers are two pitches from each other, and one from the next dot.
+        // Markers are at least two pitches from each other and one from the next dot.
         let (least, most) = (MARKER * dot_mm, 2.0 * pitch - dot_mm);
         let fits = marker_mm >= least * (1.0 - 1e-12) && marker_mm < most;
         that(fits, "marker_mm", marker_mm, || {

@@ -1,8 +1,9 @@
-//! How much ink there is on a piece of a board: what a pixel sees of it.
+//! The share of ink in a piece of a board, such as the footprint of a pixel.
 //!
-//! The share is exact, dot by dot and square by square, for a piece that may meet 64 of them. A
-//! larger one has the share of it that lies on the grid, times the mean of the grid: a pixel that
-//! wide sees no pattern. One without area, or too thin for one, is a place.
+//! The share is exact, dot by dot or square by square, if the piece meets at most 64 of them. For a
+//! larger piece, the fraction of the piece on the grid is multiplied by the grid's mean: a pixel
+//! that wide does not resolve the pattern. A piece of zero or negligible area is treated as a
+//! point.
 
 use super::parallelogram::Parallelogram;
 use super::{Board, MARKERS};
@@ -10,13 +11,12 @@ use glam::DVec2;
 use std::f64::consts::PI;
 use std::ops::Range;
 
-/// Most dots or squares that are looked at one by one.
+/// Maximum number of dots or squares evaluated one by one.
 const MOST: usize = 64;
 
 impl Board {
-    /// Sides of the sheet in millimetres, its middle that of the grid. Around the dots there is a
-    /// pitch of paper from the outer centres, around the chessboard half a pitch from the outer
-    /// squares.
+    /// Sides of the sheet in millimetres; the grid is centred on it. A dot board has a margin of
+    /// one pitch beyond the outer dot centres, a chessboard half a pitch beyond the outer squares.
     pub fn sheet_mm(&self) -> DVec2 {
         let cells = match self {
             Self::Dots { .. } => 1.0,
@@ -25,11 +25,12 @@ impl Board {
         (self.count() + cells) * self.pitch_mm()
     }
 
-    /// The share of ink, 0 to 1, in the parallelogram about `at` with sides `across` and `down`, all
-    /// in millimetres of the board's plane. The mean of the sheet where one of them is no number.
+    /// Returns the share of ink, 0 to 1, in the parallelogram centred at `at` with sides `across`
+    /// and `down`, all in millimetres in the board's plane. Returns the mean over the sheet if any
+    /// of them is not finite.
     ///
-    /// Of a chessboard, the squares in whose columns and rows the numbers from 0 add up to an even
-    /// one are dark: so is that in the top left corner.
+    /// The squares of a chessboard are dark where column + row, counted from 0, is even, so the top
+    /// left square is dark.
     pub fn ink(&self, at: DVec2, across: DVec2, down: DVec2) -> f64 {
         if !(at.is_finite() && across.is_finite() && down.is_finite()) {
             let sheet = self.sheet_mm();
@@ -43,14 +44,14 @@ impl Board {
         }
     }
 
-    /// Columns and rows as numbers with a fraction.
+    /// Columns and rows of points as `f64`.
     fn count(&self) -> DVec2 {
         let [columns, rows] = self.grid();
         DVec2::new(columns.into(), rows.into())
     }
 
-    /// Corners of the rectangle of all cells: a cell is a square of one pitch, about a dot or all of
-    /// one colour.
+    /// Corners of the rectangle of all cells. A cell is a square of one pitch: around one dot, or
+    /// one square of a chessboard.
     fn cells(&self) -> [DVec2; 2] {
         let half = self.cell_count() * self.pitch_mm() / 2.0;
         [-half, half]
@@ -63,8 +64,7 @@ impl Board {
         }
     }
 
-    /// The share of ink on the grid as a whole, each point with the square of one pitch about it, or
-    /// each square of a chessboard.
+    /// Returns the share of ink averaged over all cells of the grid.
     pub fn mean_ink(&self) -> f64 {
         let cells = self.cell_count();
         let cells = cells.x * cells.y;
@@ -79,12 +79,12 @@ impl Board {
                 let squares = (cells - markers) * dot_mm.powi(2) + markers * marker_mm.powi(2);
                 PI / 4.0 * squares / (cells * pitch_mm.powi(2))
             }
-            // Of an odd count, one more is dark.
+            // With an odd number of squares, there is one more dark than light.
             Self::Chess { .. } => (cells / 2.0).ceil() / cells,
         }
     }
 
-    /// Columns and rows of the cells that come within `reach` of a place, from and to.
+    /// Returns the ranges of columns and rows of the cells within `reach` of a point.
     fn cells_near(&self, at: DVec2, reach: DVec2) -> [Range<u32>; 2] {
         let [low, _] = self.cells();
         let number = |x: f64| (x / self.pitch_mm()).floor();
@@ -92,7 +92,7 @@ impl Board {
         [0, 1].map(|axis| {
             let from = number(at[axis] - reach[axis] - low[axis]);
             let to = number(at[axis] + reach[axis] - low[axis]);
-            // Neither of a pitch that is no number.
+            // Both comparisons are false if the pitch is NaN.
             match from <= last[axis] && to >= 0.0 {
                 true => from.max(0.0) as u32..(to.min(last[axis]) + 1.0) as u32,
                 false => 0..0,
@@ -101,7 +101,7 @@ impl Board {
     }
 
     fn ink_in(&self, at: DVec2, piece: &Parallelogram) -> f64 {
-        // A dot reaches beyond its cell where it is a marker.
+        // A marker larger than the pitch extends beyond its cell.
         let beyond = match *self {
             Self::Dots {
                 pitch_mm,
@@ -135,7 +135,7 @@ impl Board {
         }
     }
 
-    /// Whether there is ink at a place.
+    /// Returns whether a point is inked.
     fn is_ink(&self, at: DVec2) -> bool {
         let reach = match *self {
             Self::Dots { marker_mm, .. } => marker_mm / 2.0,

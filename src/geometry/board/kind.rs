@@ -1,29 +1,30 @@
-//! What kinds of boards there are, and their sizes.
+//! The kinds of boards and their dimensions.
 
 use serde::{Deserialize, Serialize};
 
-/// A board. Lengths are in millimetres.
+/// A calibration board. Lengths are in millimetres.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "pattern", rename_all = "lowercase", deny_unknown_fields)]
 pub enum Board {
-    /// Dark dots on white paper; a few of them, [`MARKERS`](super::MARKERS), are larger and tell which is which.
+    /// Dark dots on white paper. A few larger dots, the [`MARKERS`](super::MARKERS), identify the
+    /// position in the grid.
     Dots {
-        /// Dots in a row, at least 7.
+        /// Dots per row, at least 7.
         columns: u32,
         /// Rows of dots, at least 7.
         rows: u32,
-        /// From one dot's centre to the next.
+        /// Distance between the centres of adjacent dots.
         pitch_mm: f64,
         /// Diameter of a dot.
         dot_mm: f64,
-        /// Diameter of a marker, at least 1.4 dots.
+        /// Diameter of a marker, at least 1.4 dot diameters.
         marker_mm: f64,
     },
-    /// A chessboard: its points are the corners between squares.
+    /// A chessboard; its points are the inner corners between squares.
     Chess {
-        /// Inner corners in a row: one less than squares.
+        /// Inner corners per row: one less than the number of squares.
         columns: u32,
-        /// Rows of inner corners: one less than squares.
+        /// Rows of inner corners: one less than the rows of squares.
         rows: u32,
         /// Side of a square.
         pitch_mm: f64,
@@ -31,8 +32,8 @@ pub enum Board {
 }
 
 impl Board {
-    /// The paper's dots of 2.5 mm with markers of 5 mm; how many and how far apart is ours. It fits
-    /// A4.
+    /// Dot board with the 2.5 mm dots and 5 mm markers of the paper; count and pitch are our
+    /// choice. It fits A4.
     pub const DOTS: Self = Self::Dots {
         columns: 25,
         rows: 19,
@@ -40,14 +41,14 @@ impl Board {
         dot_mm: 2.5,
         marker_mm: 5.0,
     };
-    /// 9 x 6 corners of squares of 25 mm, OpenCV's example.
+    /// 9 x 6 corners between squares of 25 mm, as in OpenCV's example.
     pub const CHESS: Self = Self::Chess {
         columns: 9,
         rows: 6,
         pitch_mm: 25.0,
     };
 
-    /// The same board `factor` times as large.
+    /// Returns the board scaled by `factor`.
     pub fn scaled(self, factor: f64) -> Self {
         match self {
             Self::Dots {
@@ -75,14 +76,14 @@ impl Board {
         }
     }
 
-    /// Columns and rows of points.
+    /// Returns the number of columns and rows of points.
     pub fn grid(&self) -> [u32; 2] {
         match *self {
             Self::Dots { columns, rows, .. } | Self::Chess { columns, rows, .. } => [columns, rows],
         }
     }
 
-    /// From one point to the next in millimetres.
+    /// Returns the distance between adjacent points in millimetres.
     pub fn pitch_mm(&self) -> f64 {
         match *self {
             Self::Dots { pitch_mm, .. } | Self::Chess { pitch_mm, .. } => pitch_mm,

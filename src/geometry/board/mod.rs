@@ -1,9 +1,9 @@
-//! Calibration boards: a grid of dots or of chessboard corners, as a scene draws it, a printer
-//! prints it and a detector looks for it.
+//! Calibration boards: a grid of dots or of chessboard corners, used for rendering, printing and
+//! detection.
 //!
-//! A board's frame has its origin in the middle of the grid, x along its columns' numbers, y along
-//! its rows', z into the board: somebody in front of it, looking along +z, sees x to the right and y
-//! down, so that the pose of a board that faces a camera is near the identity.
+//! The origin of a board's frame is the centre of the grid; x runs along increasing columns, y
+//! along increasing rows, z into the board. An observer in front of it looking along +z sees x to
+//! the right and y down, so the pose of a board that faces a camera is near the identity.
 
 mod check;
 mod ink;

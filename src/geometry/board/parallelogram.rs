@@ -1,29 +1,30 @@
-//! How much of a parallelogram a disc or a rectangle covers.
+//! The fraction of a parallelogram covered by a disc or a rectangle.
 
 use glam::DVec2;
 use std::f64::consts::PI;
 
-/// Angle in radians below which an arc's segment is taken from its series.
+/// Angle in radians below which the area of a circular segment is computed from its series.
 const SMALL: f64 = 0.5;
 
-/// A parallelogram that has an area.
+/// A parallelogram of non-zero area.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Parallelogram {
-    /// Its middle.
+    /// Centre.
     at: DVec2,
-    /// Its corners relative to the middle, counter-clockwise where y runs up.
+    /// Corners relative to the centre, counter-clockwise if y points up.
     corners: [DVec2; 4],
     area: f64,
-    /// Half sides of the upright rectangle about it.
+    /// Half sides of its axis-aligned bounding box.
     pub(super) half: DVec2,
 }
 
 impl Parallelogram {
-    /// About a middle, with two sides; `None` if it is a line, or a place.
+    /// Creates a parallelogram from its centre and two sides; `None` if it degenerates to a line or
+    /// point.
     pub(super) fn new(at: DVec2, across: DVec2, down: DVec2) -> Option<Self> {
         let area = across.perp_dot(down);
         let size = across.length_squared() + down.length_squared();
-        // Rounding of a line has some area.
+        // Rounding can give collinear sides a small area.
         if !(area.abs() > 1e-9 * size) {
             return None;
         }
@@ -37,11 +38,12 @@ impl Parallelogram {
         })
     }
 
-    /// The share of it that lies in a disc, 0 to 1.
+    /// Returns the fraction of the parallelogram that lies in a disc, 0 to 1.
     ///
-    /// The part in common is a polygon of what the sides have within the circle, and the segments of
-    /// the circle between where they leave it and where they come back. Angles of a segment add up
-    /// from corner to corner, so that a small one is never taken for a whole turn.
+    /// The intersection consists of a polygon, formed by the parts of the sides inside the circle,
+    /// and the circular segments between where the outline leaves the circle and re-enters it.
+    /// Segment angles are summed from corner to corner, so that a small angle is never taken for a
+    /// full turn.
     pub(super) fn in_disc(&self, center: DVec2, radius: f64) -> f64 {
         let middle = (self.at - center) / radius;
         let corners = self.corners.map(|corner| corner / radius);
@@ -63,7 +65,7 @@ impl Parallelogram {
         (outline.area() / area).clamp(0.0, 1.0)
     }
 
-    /// The share of it that lies in an upright rectangle, 0 to 1.
+    /// Returns the fraction of the parallelogram that lies in an axis-aligned rectangle, 0 to 1.
     pub(super) fn in_rectangle(&self, low: DVec2, high: DVec2) -> f64 {
         let (low, high) = (low - self.at, high - self.at);
         if low.cmple(-self.half).all() && high.cmpge(self.half).all() {
@@ -81,29 +83,31 @@ impl Parallelogram {
     }
 }
 
-/// The outline of the part in common with the unit circle, side by side.
+/// Outline of the intersection with the unit circle, accumulated side by side.
 #[derive(Default)]
 struct Outline {
-    /// Twice the area of the polygon, and that of the segments.
+    /// Twice the area of the polygon.
     polygon: f64,
+    /// Area of the circular segments.
     segments: f64,
     /// Angle since the outline last left the circle, or since the start.
     angle: f64,
-    /// The angle before it first came in, and where that was.
+    /// Angle before the first entry into the circle, and the point of entry.
     first: Option<(f64, DVec2)>,
-    /// Where it last left, relative to the parallelogram's middle.
+    /// Point of the last exit, relative to the parallelogram's centre.
     left: Option<DVec2>,
 }
 
 impl Outline {
-    /// Goes along a side from `p`, all relative to `middle`; whether its ends are in the circle.
+    /// Adds the side from `p` to `p + step`, relative to `middle`; the flags say whether its ends
+    /// are inside the circle.
     fn side(&mut self, middle: DVec2, p: DVec2, step: DVec2, [starts_in, ends_in]: [bool; 2]) {
         let q = p + step;
         if starts_in && ends_in {
             self.polygon += p.perp_dot(q);
             return;
         }
-        // From the place of the line that is next to the circle's middle, both ways.
+        // Solve from the point of the line nearest the circle's centre, in both directions.
         let length2 = step.length_squared();
         let start = middle + p;
         let nearest = -start.dot(step) / length2;
@@ -145,20 +149,21 @@ impl Outline {
         self.segments += segment(angle);
     }
 
-    /// In units of the radius, squared.
+    /// Area in units of the squared radius.
     fn area(mut self) -> f64 {
         match (self.left, self.first) {
             (Some(left), Some((before, at))) => self.close(left, at, self.angle + before),
-            // It started within, and has come back in.
+            // The outline started inside and has re-entered.
             (Some(_), None) => {}
-            // No side meets the circle: all of it lies within, or nothing.
+            // No side meets the circle: it lies entirely inside the parallelogram or entirely
+            // outside.
             (None, _) => return if self.angle > PI { PI } else { 0.0 },
         }
         self.polygon / 2.0 + self.segments
     }
 }
 
-/// Angle from one direction to another, -pi to pi.
+/// Signed angle from `a` to `b`, -pi to pi.
 fn angle(a: DVec2, b: DVec2) -> f64 {
     a.perp_dot(b).atan2(a.dot(b))
 }
@@ -166,7 +171,7 @@ fn angle(a: DVec2, b: DVec2) -> f64 {
 /// Area between an arc of the unit circle and its chord, (x - sin x) / 2.
 fn segment(x: f64) -> f64 {
     if x.abs() < SMALL {
-        // To x^15, within a rounding.
+        // Series up to x^15, accurate to rounding.
         let z = x * x;
         let tail = [210.0, 156.0, 110.0, 72.0, 42.0, 20.0];
         let series = tail.into_iter().fold(1.0, |sum, over| 1.0 - z / over * sum);
@@ -175,7 +180,7 @@ fn segment(x: f64) -> f64 {
     (x - x.sin()) / 2.0
 }
 
-/// A convex polygon that is cut down.
+/// A convex polygon to be clipped.
 struct Polygon {
     corners: [DVec2; 8],
     count: usize,
@@ -191,8 +196,8 @@ impl Polygon {
         }
     }
 
-    /// Keeps what lies no farther than an offset along a direction (Sutherland and Hodgman 1974). A
-    /// cut adds one corner at most.
+    /// Clips the polygon to the half-plane `p . along <= offset` (Sutherland and Hodgman 1974).
+    /// Each cut adds at most one corner.
     fn cut(&mut self, along: DVec2, offset: f64) {
         let mut kept = [DVec2::ZERO; 8];
         let mut count = 0;

@@ -1,15 +1,15 @@
-//! Where a board's points lie.
+//! Positions of a board's points.
 
 use super::Board;
 use glam::DVec2;
 
 /// Columns and rows of a dot board's markers relative to its middle dot, (columns / 2, rows / 2)
-/// rounded down. No turn or reflection of the grid takes them to themselves, nor any four of them
-/// to another four, so that one hidden marker does no harm.
+/// rounded down. No rotation or reflection of the grid maps the markers to themselves, nor any four
+/// of them to another four, so the orientation is unique even with one marker hidden.
 pub const MARKERS: [[i32; 2]; 5] = [[0, 0], [2, 0], [-2, 1], [0, -2], [1, 2]];
 
 impl Board {
-    /// Whether the point in this column and row is a marker.
+    /// Returns whether the point in this column and row is a marker.
     pub fn is_marker(&self, [column, row]: [u32; 2]) -> bool {
         let [columns, rows] = self.grid();
         let from_middle = |at: u32, of: u32| at as i32 - (of / 2) as i32;
@@ -17,7 +17,7 @@ impl Board {
         matches!(self, Self::Dots { .. }) && MARKERS.contains(&place)
     }
 
-    /// Radius in millimetres of the dot at a column and row; 0 of a corner.
+    /// Radius in millimetres of the dot at a column and row; 0 for a chessboard corner.
     pub fn radius_mm(&self, index: [u32; 2]) -> f64 {
         match *self {
             Self::Dots {
@@ -34,14 +34,14 @@ impl Board {
         }
     }
 
-    /// The point in a column and row, in the board's frame in millimetres.
+    /// Returns the point in a column and row, in millimetres in the board's frame.
     pub fn point(&self, [column, row]: [u32; 2]) -> DVec2 {
         let [columns, rows] = self.grid();
         let middle = (DVec2::new(columns.into(), rows.into()) - 1.0) / 2.0;
         (DVec2::new(f64::from(column), f64::from(row)) - middle) * self.pitch_mm()
     }
 
-    /// Columns and rows of all points, row by row.
+    /// Iterates over the (column, row) indices of all points, row by row.
     pub fn indices(&self) -> impl Iterator<Item = [u32; 2]> + use<> {
         let [columns, rows] = self.grid();
         (0..rows).flat_map(move |row| (0..columns).map(move |column| [column, row]))

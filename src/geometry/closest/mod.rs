@@ -1,8 +1,9 @@
-//! The nearest point of a mesh to a point, and whether a mesh stands between two points, in f64
-//! over a bounding volume hierarchy.
+//! Closest point on a mesh and line-of-sight tests against a mesh, in f64 over a bounding volume
+//! hierarchy.
 //!
-//! Boxes are f32, rounded outwards, so they bound the f64 corners strictly; every distance is
-//! computed in f64. This is the measure of truth: it shares no code with the renderer.
+//! Boxes are f32, rounded outwards, so they strictly bound the f64 corners; every distance is
+//! computed in f64. Ground truth is measured with this module, so it shares no code with the
+//! renderer.
 
 mod node;
 mod segment;
@@ -18,25 +19,25 @@ use obvhs::{Boundable, BvhBuildParams};
 use rayon::prelude::*;
 use triangle::closest_on_triangle;
 
-/// A mesh ready for queries.
+/// A mesh and its search tree.
 pub struct MeshTree {
     nodes: Vec<Node>,
-    /// Corners in the order of the leaves.
+    /// Triangle corners in leaf order.
     corners: Vec<[DVec3; 3]>,
-    /// Index in the mesh of each of `corners`.
+    /// Mesh index of each triangle in `corners`.
     triangles: Vec<u32>,
 }
 
-/// Where a mesh is nearest to a point.
+/// The point of a mesh closest to a query point.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Closest {
     /// The nearest point of the mesh, in millimetres.
     pub point: DVec3,
     /// Distance to it in millimetres.
     pub distance_mm: f64,
-    /// Index in the mesh of a triangle that holds it.
+    /// Mesh index of a triangle that contains the point.
     pub triangle: u32,
-    /// Unit normal of that triangle by its winding; zero for a degenerate one.
+    /// Unit normal of that triangle, by its winding; zero for a degenerate triangle.
     pub normal: DVec3,
 }
 
@@ -49,7 +50,7 @@ impl Boundable for Bounded {
 }
 
 impl MeshTree {
-    /// Builds the tree over a mesh that is [checked](Mesh::checked).
+    /// Builds the tree over a mesh that passed [`Mesh::checked`].
     pub fn new(mesh: &Mesh) -> Self {
         let boxes: Vec<Bounded> = (0..mesh.triangles.len())
             .map(|i| {
@@ -86,13 +87,13 @@ impl MeshTree {
         }
     }
 
-    /// The nearest point of the mesh to `p`, both in the mesh's frame; `None` for a mesh without
-    /// triangles or a `p` that is not finite.
+    /// Returns the point of the mesh closest to `p`, both in the mesh's frame; `None` for a mesh
+    /// without triangles or if `p` is not finite.
     pub fn closest(&self, p: DVec3) -> Option<Closest> {
         self.search(p, &mut Vec::with_capacity(64))
     }
 
-    /// [`Self::closest`] of many points, over all cores.
+    /// Runs [`Self::closest`] for many points in parallel.
     pub fn closest_batch(&self, points: &[DVec3]) -> Vec<Option<Closest>> {
         points
             .par_iter()
@@ -125,7 +126,7 @@ impl MeshTree {
             }
             let [a, b] = [node.first, node.first + 1]
                 .map(|i| (self.nodes[i as usize].distance_squared(p), i));
-            // The nearer child is looked at first.
+            // Visit the nearer child first.
             let (near, far) = if a.0 <= b.0 { (a, b) } else { (b, a) };
             if far.0 < best.0 {
                 stack.push(far);

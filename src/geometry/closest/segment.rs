@@ -1,20 +1,20 @@
-//! Whether a mesh stands between two points.
+//! Line-of-sight test between two points.
 
 use super::MeshTree;
 use super::triangle::crossing;
 use glam::DVec3;
 
 impl MeshTree {
-    /// Whether the mesh crosses the segment from `from` to `to`, leaving out `margin_mm` at both
-    /// ends (so that the surface that an end lies on does not count).
+    /// Returns whether the mesh crosses the segment from `from` to `to`. `margin_mm` is left out at
+    /// both ends, so that the surface on which an end lies does not count.
     pub fn blocks(&self, from: DVec3, to: DVec3, margin_mm: f64) -> bool {
         let length = (to - from).length();
-        // A segment of no or unknown length crosses nothing.
+        // A segment of zero or NaN length crosses nothing.
         if self.nodes.is_empty() || length.is_nan() || length <= 2.0 * margin_mm {
             return false;
         }
         let direction = (to - from) / length;
-        // A component of zero would make 0 x infinity of a box that the origin touches.
+        // A zero component would give 0 x infinity = NaN for a box face that the origin touches.
         let inverse = DVec3::from_array(direction.to_array().map(|d| {
             if d.abs() > 1e-300 {
                 1.0 / d

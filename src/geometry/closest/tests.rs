@@ -1,4 +1,4 @@
-//! Searches and segments against brute force, and shapes that have no easy answer.
+//! Closest-point and line-of-sight queries against brute force, and degenerate shapes.
 
 use super::MeshTree;
 use super::triangle::closest_on_triangle;
@@ -32,7 +32,7 @@ fn soup(triangles: usize, seed: u64) -> Mesh {
     Mesh {
         triangles: (0..triangles as u32)
             .map(|i| match i % 7 {
-                // A needle, a point, and twins.
+                // A needle, a point, and duplicates.
                 0 => [3 * i, 3 * i + 1, 3 * i],
                 1 => [3 * i; 3],
                 2 => [3 * i - 3, 3 * i - 3, 3 * i - 3],
@@ -79,7 +79,7 @@ fn ten_thousand_coincident_triangles() {
 
 #[test]
 fn far_from_the_origin_the_boxes_still_hold() {
-    // At 1e8 mm an f32 step is 8 mm, wider than the triangles.
+    // At 1e8 mm the f32 spacing is 8 mm, wider than the triangles.
     let shift = DVec3::new(1e8, -1e8, 1e8);
     let mut mesh = soup(200, 5);
     mesh.vertices.iter_mut().for_each(|v| *v += shift);
@@ -141,7 +141,7 @@ fn no_ray_slips_between_triangles() {
         let out = DVec3::new(cos, sin, 0.0) * (1.0 - up * up).sqrt() + DVec3::Z * up;
         assert!(tree.blocks(middle, middle + out * 2000.0, 1e-6));
     }
-    // Straight at the vertices and the middles of edges, too.
+    // Also aim exactly at vertices and edge midpoints.
     for i in (0..mesh.triangles.len()).step_by(7) {
         let [a, b, _] = mesh.corners(i);
         for at in [a, (a + b) / 2.0] {

@@ -1,17 +1,17 @@
-//! The nearest point of one triangle, and where a ray crosses it.
+//! Closest point on a triangle, and ray-triangle intersection.
 
 use glam::DVec3;
 
-/// The nearest point of a triangle: the foot of the perpendicular where that lies inside, else the
-/// nearest point of an edge that the foot lies outside of (cf. C. Ericson, "Real-Time Collision
-/// Detection", 2005, section 5.1.5; by edges rather than by barycentric regions, because those
-/// divide by zero on a degenerate triangle).
+/// Returns the closest point of a triangle: the foot of the perpendicular if it lies inside, else
+/// the closest point of an edge whose outer side contains the foot (cf. C. Ericson, "Real-Time
+/// Collision Detection", 2005, section 5.1.5; by edges instead of barycentric regions, which divide
+/// by zero on a degenerate triangle).
 #[inline]
 pub(super) fn closest_on_triangle(p: DVec3, &[a, b, c]: &[DVec3; 3]) -> DVec3 {
     let (ab, ac) = (b - a, c - a);
     let normal = ab.cross(ac);
     let squared = normal.length_squared();
-    // Twice the area over the square of an edge: below this the normal's direction is noise.
+    // If the sine of the angle at `a` is below 1e-12, the direction of the normal is noise.
     let degenerate = squared <= 1e-24 * ab.length_squared() * ac.length_squared();
     let mut best = (f64::INFINITY, a);
     let mut inside = !degenerate;
@@ -39,9 +39,9 @@ pub(super) fn closest_on_triangle(p: DVec3, &[a, b, c]: &[DVec3; 3]) -> DVec3 {
     }
 }
 
-/// Distance along a ray to a triangle, seen from either side (T. Moller and B. Trumbore, "Fast,
-/// Minimum Storage Ray/Triangle Intersection", 1997). Edges count as hit, with a slack that lets no
-/// ray through between two triangles.
+/// Returns the distance along a ray to a triangle, which is hit from either side (T. Moller and B.
+/// Trumbore, "Fast, Minimum Storage Ray/Triangle Intersection", 1997). Edges count as hit, with a
+/// slack so that no ray passes between two triangles.
 #[inline]
 pub(super) fn crossing(from: DVec3, direction: DVec3, &[a, b, c]: &[DVec3; 3]) -> Option<f64> {
     const SLACK: f64 = 1e-9;
@@ -63,8 +63,8 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// By minimising over a fine grid of barycentric coordinates: an upper bound that is tight to
-    /// the grid's width.
+    /// Distance by minimising over a fine grid of barycentric coordinates: an upper bound, tight to
+    /// the grid spacing.
     fn by_grid(p: DVec3, [a, b, c]: [DVec3; 3]) -> f64 {
         let n = 200;
         let mut best = f64::INFINITY;

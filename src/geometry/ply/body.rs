@@ -1,5 +1,4 @@
-//! The body of a PLY file as a stream of numbers, whatever its encoding, and the walk through its
-//! elements.
+//! Reads the body of a PLY file as a stream of numbers in any encoding, element by element.
 
 use super::header::{Element, Encoding, Header, Kind, Scalar};
 use crate::colour;
@@ -7,7 +6,7 @@ use crate::file::{number, quoted};
 use glam::DVec3;
 use phasmid_core::error::{Error, Result};
 
-/// What is wanted of a PLY file: vertices with what they carry, and triangles.
+/// The data used from a PLY file: vertices with their attributes, and triangles.
 #[derive(Debug, Default)]
 pub(super) struct Content {
     pub(super) vertices: Vec<DVec3>,
@@ -16,7 +15,7 @@ pub(super) struct Content {
     pub(super) triangles: Vec<[u32; 3]>,
     /// Reflectance at each vertex; empty without colours.
     pub(super) colours: Vec<f32>,
-    /// Texture coordinates at each vertex; empty without any.
+    /// Texture coordinates at each vertex; empty if there are none.
     pub(super) uv: Vec<[f32; 2]>,
 }
 
@@ -31,9 +30,9 @@ pub(super) fn read(header: &Header, body: &[u8], place: &str) -> Result<Content>
     for element in &header.elements {
         let name = String::from_utf8_lossy(&element.name);
         let at = format!("{place}: element {name}");
-        // Judged before anything is allocated for the rows, or any time spent on them.
+        // Check before memory is allocated for the rows or time spent on them.
         let least = element.least_row_bytes(header.encoding);
-        // The last number of a text needs nothing after it.
+        // In a text body, the last number needs no separator after it.
         let left = numbers.rest.len() as u64 + u64::from(header.encoding == Encoding::Ascii);
         if element.rows.saturating_mul(least) > left {
             return Err(Error::input(
@@ -190,7 +189,7 @@ fn faces(
     Ok(())
 }
 
-/// The numbers of a body, one after the other.
+/// Stream of the numbers of a body.
 struct Numbers<'a> {
     rest: &'a [u8],
     encoding: Encoding,
@@ -237,7 +236,7 @@ impl Numbers<'_> {
         number(word).ok_or_else(|| Error::input(at(), quoted(word), "a number"))
     }
 
-    /// The length of a list, which the rest of the file must be able to hold.
+    /// Reads the length of a list; fails if the rest of the file cannot hold it.
     fn length(&mut self, count: Scalar, item: Scalar, at: impl Fn() -> String) -> Result<u64> {
         let value = self.next(count, &at)?;
         let least = match self.encoding {

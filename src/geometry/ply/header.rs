@@ -1,10 +1,10 @@
-//! The header of a PLY file (G. Turk, "The PLY Polygon File Format", 1994): which elements follow,
-//! how many of each, and what each row of them holds.
+//! The header of a PLY file (G. Turk, "The PLY Polygon File Format", 1994): the elements that
+//! follow, their number of rows and the properties of each row.
 
 use crate::file::{next_line, number, quoted, words};
 use phasmid_core::error::{Error, Result};
 
-/// How the body is written.
+/// Encoding of the body.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Encoding {
     Ascii,
@@ -12,7 +12,7 @@ pub(super) enum Encoding {
     BigEndian,
 }
 
-/// A scalar type, under its old and its new name.
+/// A scalar type, which has an old and a new name.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Scalar {
     I8,
@@ -40,7 +40,7 @@ impl Scalar {
         })
     }
 
-    /// Bytes in a binary body.
+    /// Size in bytes in a binary body.
     pub(super) fn size(self) -> usize {
         match self {
             Self::I8 | Self::U8 => 1,
@@ -50,7 +50,7 @@ impl Scalar {
         }
     }
 
-    /// The largest value, for the types whose values are fractions of it when they mean brightness.
+    /// Largest value of types that encode brightness as a fraction of full scale.
     pub(super) fn full_scale(self) -> Option<f64> {
         match self {
             Self::U8 => Some(255.0),
@@ -60,7 +60,7 @@ impl Scalar {
     }
 }
 
-/// What a property holds in each row.
+/// Type of a property.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Kind {
     One(Scalar),
@@ -81,8 +81,8 @@ pub(super) struct Element {
 }
 
 impl Element {
-    /// Fewest bytes that a row can take: a list may be empty, a number in text needs a digit and
-    /// what parts it from the next.
+    /// Minimum size of a row in bytes. A list may be empty; a number in text needs a digit and a
+    /// separator.
     pub(super) fn least_row_bytes(&self, encoding: Encoding) -> u64 {
         let of = |property: &Property| match (encoding, property.kind) {
             (Encoding::Ascii, _) => 2,
@@ -98,7 +98,7 @@ impl Element {
             .all(|p| matches!(p.kind, Kind::One(_)))
     }
 
-    /// Index of a property of one scalar.
+    /// Returns the index of a scalar property by name.
     pub(super) fn scalar(&self, name: &str) -> Option<usize> {
         self.properties
             .iter()
@@ -112,12 +112,12 @@ pub(super) struct Header {
     pub(super) elements: Vec<Element>,
 }
 
-/// Reads the header, and leaves `rest` at the body.
+/// Reads the header and advances `rest` to the body.
 pub(super) fn read(rest: &mut &[u8], place: &str) -> Result<Header> {
     let wrong = |line: usize, found: String, allowed: &str| {
         Error::input(format!("{place}:{line}"), found, allowed)
     };
-    // Without this a body's first byte could be taken for the second half of a line's end.
+    // Otherwise the first byte of the body could be taken for the LF of a CR LF line end.
     let cr_only = rest.get(3) == Some(&b'\r') && rest.get(4) != Some(&b'\n');
     if next_line(rest) != Some(b"ply") {
         return Err(wrong(1, "no `ply`".into(), "a PLY file, starting with ply"));

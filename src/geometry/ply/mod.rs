@@ -1,4 +1,4 @@
-//! PLY: meshes and clouds, read in any encoding, written in binary little endian.
+//! PLY files: meshes and clouds, read in any encoding, written in binary little endian.
 
 mod body;
 mod header;
@@ -11,7 +11,7 @@ use phasmid_core::new_file;
 use std::io::Write;
 use std::path::Path;
 
-/// What a PLY file turned out to hold.
+/// Content of a PLY file.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Ply {
     /// Faces over vertices.
@@ -23,27 +23,28 @@ pub enum Ply {
 /// Reads a PLY file: a mesh if it has a face of three corners or more, else a cloud.
 ///
 /// # Errors
-/// What the system refuses, and a malformed, truncated or empty file.
+/// Returns an error if the file cannot be read, or is malformed, truncated or empty.
 pub fn read(path: &Path) -> Result<Ply> {
     parse(&file::read(path)?, &path.display().to_string())
 }
 
-/// Reads the vertices of a PLY file as a cloud in millimetres, in the file's order, with `nx ny nz`
-/// and `intensity` where they are. Intensities of type uchar and ushort are divided by 255 and
-/// 65535. A point that is not finite is how organised clouds mark a pixel without one: it is kept,
-/// so that rows stay what they were.
+/// Reads the vertices of a PLY file as a cloud in millimetres, in file order, with `nx ny nz` and
+/// `intensity` if present. Intensities of type uchar and ushort are divided by 255 and 65535.
+/// Points that are not finite are kept, because organised clouds mark missing pixels with them and
+/// rows must keep their layout.
 ///
 /// # Errors
-/// What the system refuses, a malformed or truncated file, no point, or no finite one.
+/// Returns an error if the file cannot be read, is malformed or truncated, or has no finite point.
 pub fn read_cloud(path: &Path) -> Result<Cloud> {
     let place = path.display().to_string();
     cloud(content(&file::read(path)?, &place)?, &place)
 }
 
-/// Writes a cloud: `x y z`, `nx ny nz` if there are normals, `intensity` if there is any, all float.
+/// Writes a cloud: `x y z`, and `nx ny nz` and `intensity` if present, all float.
 ///
 /// # Errors
-/// What the system refuses, or normals or intensities that are not as many as the points.
+/// Returns an error if the file cannot be written, or if the number of normals or intensities
+/// differs from that of the points.
 pub fn write_cloud(path: &Path, cloud: &Cloud) -> Result<()> {
     let count = cloud.points.len();
     let normals = cloud.normals.as_ref();
@@ -83,10 +84,10 @@ pub fn write_cloud(path: &Path, cloud: &Cloud) -> Result<()> {
     })
 }
 
-/// Writes a mesh: `x y z` as double, so that it reads back to the bit, and its triangles.
+/// Writes a mesh: `x y z` as double, so that it reads back bit for bit, and its triangles.
 ///
 /// # Errors
-/// What the system refuses.
+/// Returns an error if the file cannot be written.
 pub fn write_mesh(path: &Path, mesh: &Mesh) -> Result<()> {
     new_file::replace(path, |out| {
         preamble(out, mesh.vertices.len())?;
@@ -117,13 +118,13 @@ fn preamble(out: &mut impl Write, vertices: usize) -> std::io::Result<()> {
     writeln!(out, "element vertex {vertices}")
 }
 
-/// Reads the bytes of a PLY file that must hold a mesh.
+/// Parses a PLY file that must contain a mesh.
 pub(super) fn parse_mesh(bytes: &[u8], place: &str) -> Result<Mesh> {
     mesh(content(bytes, place)?).checked(place)
 }
 
 fn mesh(content: body::Content) -> Mesh {
-    // An index out of range is named by the mesh's check.
+    // An index out of range is reported by `Mesh::checked`.
     let uv = |i: u32| content.uv.get(i as usize).copied().unwrap_or_default();
     let triangles = if content.uv.is_empty() {
         &[]

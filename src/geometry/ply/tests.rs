@@ -1,4 +1,4 @@
-//! PLY against files written by hand, hostile ones, and its own writer.
+//! PLY files written by hand, malformed ones, and round trips through the writer.
 
 use super::*;
 use glam::DVec3;
@@ -28,7 +28,7 @@ fn binary(big: bool, end: &str) -> Vec<u8> {
         out.extend(bytes);
     };
     for i in 0..3_i16 {
-        // The first byte of the body is a line feed in little endian: it belongs to the number.
+        // The first byte of the little-endian body is a line feed, which belongs to the number.
         put(&(f32::from_bits(0x4000_000a) * f32::from(i + 1)).to_le_bytes());
         put(&(0.1 * f64::from(i)).to_le_bytes());
         put(&(-5 * i * i).to_le_bytes());

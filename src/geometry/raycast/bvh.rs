@@ -1,32 +1,32 @@
-//! The hierarchy: built by obvhs, laid out for our packet traversal.
+//! The bounding volume hierarchy: built by obvhs, laid out for packet traversal.
 
 use glam::{DVec3, Vec3};
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::builder::build_bvh2;
 use obvhs::{BvhBuildParams, bvh2::Bvh2};
 
-/// Stands for "no triangle".
+/// Index that means "no triangle".
 pub const NO_TRIANGLE: u32 = u32::MAX;
 
-/// A node of 32 bytes.
+/// A 32-byte node.
 #[derive(Debug, Clone, Copy)]
 pub struct Node {
-    /// Lowest corner of its box.
+    /// Lowest corner of the box.
     pub min: Vec3,
-    /// First of two children, or first triangle of a leaf.
+    /// Index of the first of two children, or of the first triangle of a leaf.
     pub first: u32,
-    /// Highest corner of its box.
+    /// Highest corner of the box.
     pub max: Vec3,
-    /// Triangles of a leaf; 0 in an inner node.
+    /// Number of triangles of a leaf; 0 in an inner node.
     pub count: u32,
 }
 
-/// Triangles of a leaf stand side by side; `id` is the caller's index.
+/// Corners of a triangle. The triangles of a leaf are contiguous.
 #[derive(Debug, Clone, Copy)]
 pub struct Corners {
-    /// Where they are.
+    /// Corner positions in millimetres.
     pub v: [Vec3; 3],
-    /// Which of the triangles that the hierarchy was built over.
+    /// Index of the triangle in the caller's list.
     pub id: u32,
 }
 
@@ -38,8 +38,9 @@ pub struct Bvh {
 }
 
 impl Bvh {
-    /// Builds over indexed triangles, in millimetres. Vertices are rounded to f32, each once, so
-    /// that triangles which share a vertex go on sharing it. Degenerate triangles are never hit.
+    /// Builds a hierarchy over indexed triangles, in millimetres. Each vertex is rounded to f32
+    /// once, so that triangles that share a vertex still share it. Degenerate triangles are never
+    /// hit.
     pub fn build(vertices: &[DVec3], triangles: &[[u32; 3]]) -> Self {
         let rounded: Vec<Vec3> = vertices.iter().map(|v| v.as_vec3()).collect();
         let corners = |t: &[u32; 3]| t.map(|i| rounded[i as usize]);
@@ -79,17 +80,17 @@ impl Bvh {
         Self { nodes, triangles }
     }
 
-    /// The root, and pairs of children.
+    /// Returns the nodes: the root, then pairs of children.
     pub fn nodes(&self) -> &[Node] {
         &self.nodes
     }
 
-    /// The triangles of leaves, leaf by leaf.
+    /// Returns the triangles, leaf by leaf.
     pub fn corners(&self) -> &[Corners] {
         &self.triangles
     }
 
-    /// Nodes on the longest way from the root to a leaf.
+    /// Returns the number of nodes on the longest path from the root to a leaf.
     pub fn levels(&self) -> usize {
         let mut deepest = 0;
         let mut open = Vec::from_iter(self.nodes.first().map(|root| (root, 1)));
@@ -103,12 +104,12 @@ impl Bvh {
         deepest
     }
 
-    /// Number of triangles.
+    /// Returns the number of triangles.
     pub fn len(&self) -> usize {
         self.triangles.len()
     }
 
-    /// Whether there is nothing to hit.
+    /// Returns whether there are no triangles.
     pub fn is_empty(&self) -> bool {
         self.triangles.is_empty()
     }

@@ -1,10 +1,10 @@
-//! Rays that leave a point of a surface, to all sides: the nearest triangle along each.
+//! Rays that leave a surface point in all directions: the nearest triangle along each.
 //!
-//! They have no direction in common, which the shear of [`super::triangle`] needs, and nobody sees
-//! where they end, so the test is the plain one (Moller and Trumbore: "Fast, Minimum Storage
-//! Ray/Triangle Intersection", Journal of Graphics Tools 2(1), 1997). From one origin its products
-//! are three dot products a lane. Triangles overlap by some rounding, so that no ray passes between
-//! them.
+//! The rays lack the common direction that the shear of [`super::triangle`] needs, and the exact
+//! hit point is not visible, so the plain test suffices (Moller and Trumbore: "Fast, Minimum
+//! Storage Ray/Triangle Intersection", Journal of Graphics Tools 2(1), 1997). With a common origin
+//! its products are three dot products per lane. Triangles are enlarged slightly, so that no ray
+//! passes between them.
 
 use super::bvh::{Bvh, Corners};
 use super::packet::{LANES, Packet, Scratch};
@@ -12,15 +12,16 @@ use super::traverse::walk;
 use glam::Vec3;
 use phasmid_core::simd::widest;
 
-/// Triangles reach this part of their sides beyond their edges.
+/// Enlargement of a triangle beyond its edges, as a fraction of its sides.
 const OVERLAP: f32 = 1e-6;
-/// Units in the last place by which an origin may miss the plane of a triangle that it lies in.
+/// Relative tolerance, 4 f32 epsilons, within which an origin counts as lying in a triangle's
+/// plane.
 const ROUNDING: f32 = 4.0 * f32::EPSILON;
 
 impl Bvh {
-    /// Finds each lane's nearest hit before its end; `packet.t` and `packet.triangle` tell, in f32.
-    /// Triangles in whose plane the origin lies, as far as f32 tells, are not met: the surface that
-    /// the rays leave.
+    /// Finds each lane's nearest hit before its end, in f32, and stores it in `packet.t` and
+    /// `packet.triangle`. Triangles in whose plane the origin lies, within f32 precision, are
+    /// skipped: they belong to the surface that the rays leave.
     pub fn leaving(&self, packet: &mut Packet, scratch: &mut Scratch) {
         if !self.nodes.is_empty() {
             leaving(self, packet, scratch);
@@ -63,7 +64,7 @@ fn intersect(packet: &mut Packet, corners: &Corners) {
         let one = -1.0 / d.dot(n);
         let (u, v) = (d.dot(across) * one, d.dot(along) * one);
         t[lane] = height * one;
-        // NaN, of rays in the plane, is no hit.
+        // NaN, for rays in the plane, is not a hit.
         nearer[lane] = (u >= -OVERLAP)
             & (v >= -OVERLAP)
             & (u + v <= 1.0 + OVERLAP)
@@ -85,7 +86,7 @@ mod tests {
     use super::*;
     use glam::DVec3;
 
-    /// Places spread over the unit sphere (Vogel's spiral).
+    /// Directions distributed over the unit sphere (Vogel's spiral).
     fn direction(i: usize, count: usize) -> Vec3 {
         let z = 1.0 - (2.0 * i as f32 + 1.0) / count as f32;
         let (sin, cos) = (i as f32 * 2.399_963_2).sin_cos();
@@ -93,7 +94,7 @@ mod tests {
         Vec3::new(r * cos, r * sin, z)
     }
 
-    /// Triangles of all sizes about the origin, some of them through one point.
+    /// Triangles of various sizes around the origin, some of which share a vertex.
     fn soup() -> (Vec<DVec3>, Vec<[u32; 3]>) {
         let mut vertices = Vec::new();
         for i in 0..600 {
@@ -111,7 +112,7 @@ mod tests {
         let bvh = Bvh::build(&vertices, &triangles);
         let (mut hits, mut scratch) = (0, Scratch::default());
         for k in 0..200 {
-            // Every other point lies on a triangle, whose own plane does not count.
+            // Every other origin lies on a triangle, whose own plane does not count.
             let own = k % 2 * (1 + k);
             let [a, b, c] = triangles[own].map(|i| vertices[i as usize]);
             let origin = if k % 2 == 1 {

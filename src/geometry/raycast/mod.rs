@@ -1,14 +1,14 @@
 //! Ray casting: packets of rays with one origin against triangles in a bounding volume hierarchy.
 //!
-//! Light from far away has rays of one direction instead: [`Parallel`]. Rays that leave a point of
-//! a surface to all sides are packets too, for [`Bvh::leaving`].
+//! Parallel rays, for light from far away, are handled by [`Parallel`]. Rays that leave a surface
+//! point in all directions are packets for [`Bvh::leaving`].
 //!
 //! A packet holds [`LANES`] rays that start at one point: the camera's pupil for primary rays, the
 //! projector's for shadow rays. Neighbouring pixels visit the same nodes, so a node is loaded once
-//! for all of them, and every lane does the same arithmetic in SIMD registers. The triangle test is
+//! for all lanes, and every lane does the same arithmetic in SIMD registers. The triangle test is
 //! watertight (Woop, Benthin, Wald: "Watertight Ray/Triangle Intersection", JCGT 2013), in f32 with
-//! the edge case decided in f64; the caller solves an accepted hit again in f64. Each hit has a bound
-//! on its error, and hits that f32 cannot put in order are all handed out, for f64 to do so.
+//! the edge case decided in f64; the caller solves an accepted hit again in f64. Each hit has an
+//! error bound, and hits that f32 cannot order are all returned for the caller to order in f64.
 
 mod bvh;
 mod leaving;

@@ -1,27 +1,27 @@
-//! A packet of rays with one origin, and what they have hit so far.
+//! A packet of rays with one origin, and their hits so far.
 
 use super::NO_TRIANGLE;
 use glam::Vec3;
 
-/// Rays in a packet: a tile of 4 x 4 pixels, or the 4 x 4 samples of one pixel.
+/// Number of rays in a packet: a tile of 4 x 4 pixels, or the 4 x 4 samples of one pixel.
 pub const LANES: usize = 16;
 
-/// Smaller components of a direction count as this small: the ray runs along the box's face.
+/// Minimum magnitude of a direction component; a smaller one is replaced by it when inverted.
 const SMALLEST: f32 = 1e-30;
 
-/// The lesser, as one instruction: Rust's own `min` pays for NaN.
+/// Minimum as a single instruction; Rust's `min` has extra code for NaN.
 #[inline(always)]
 pub(super) fn min(a: f32, b: f32) -> f32 {
     if a < b { a } else { b }
 }
 
-/// The greater, as one instruction.
+/// Maximum as a single instruction.
 #[inline(always)]
 pub(super) fn max(a: f32, b: f32) -> f32 {
     if a > b { a } else { b }
 }
 
-/// Combines all lanes, half with half, so that it stays in SIMD registers.
+/// Reduces all lanes pairwise by halves, so that the data stays in SIMD registers.
 #[inline(always)]
 pub(super) fn reduce(mut lanes: Lanes, combine: impl Fn(f32, f32) -> f32) -> f32 {
     let mut width = LANES / 2;
@@ -34,20 +34,20 @@ pub(super) fn reduce(mut lanes: Lanes, combine: impl Fn(f32, f32) -> f32) -> f32
     lanes[0]
 }
 
-/// The reach of a lane that is not used: no hit, less its error, lies before it.
+/// `reach` of an unused lane: no hit, less its error, lies before it.
 pub(super) const UNUSED: f32 = f32::NEG_INFINITY;
 
-/// Most undecided hits of one packet: more are many surfaces in one place, where one is as good as
-/// another.
+/// Maximum number of undecided hits of one packet. More only occur with many coincident surfaces,
+/// where any of them is equally good.
 const MOST_RIVALS: usize = 4096;
 
-/// Memory that casts may share, and what a cast leaves undecided.
+/// Working memory shared between casts, and the undecided hits of the last cast.
 #[derive(Debug, Clone, Default)]
 pub struct Scratch {
-    /// Nodes still to visit, with the parameter at which they are entered.
+    /// Nodes to visit, with the parameter at which they are entered.
     pub(super) stack: Vec<(u32, f32)>,
-    /// Lanes and triangles of hits that are too close to tell, in f32, which side of the lane's
-    /// nearest hit or end they lie on.
+    /// Lane and triangle of hits for which f32 cannot decide on which side of the lane's nearest
+    /// hit or end they lie.
     pub rivals: Vec<(usize, u32)>,
 }
 
@@ -60,39 +60,40 @@ impl Scratch {
     }
 }
 
-/// One value a lane.
+/// One value per lane.
 pub(super) type Lanes = [f32; LANES];
 
-/// Rays from one origin, as structure of arrays.
+/// Rays from one origin, as a structure of arrays.
 ///
 /// Coordinates are f32 relative to any frame that keeps them small, such as the camera's.
 #[derive(Debug, Clone)]
 pub struct Packet {
     /// Common origin.
     pub(super) origin: Vec3,
-    /// Largest coordinate of the origin, which vertices near it are rounded like.
+    /// Largest absolute coordinate of the origin; vertices near it have rounding errors of this
+    /// scale.
     pub(super) farthest: f32,
-    /// Directions, an array a component.
+    /// Directions, one array per component.
     pub(super) direction: [Lanes; 3],
-    /// One over each component of the directions.
+    /// Inverse of each direction component.
     pub(super) inverse: [Lanes; 3],
-    /// Ray parameter of the nearest hit so far, or the ray's end. Negative: the lane is not used.
+    /// Ray parameter of the nearest hit so far, or of the ray's end. Negative: the lane is unused.
     pub t: Lanes,
-    /// `t` and the bound on its error: what lies beyond needs no look.
+    /// `t` plus its error bound; anything farther is skipped.
     pub(super) reach: Lanes,
-    /// Triangle of the nearest hit so far; [`NO_TRIANGLE`] for none. While shadow rays are cast, a
-    /// triangle that the lane's ray must not count (the one it ends on).
+    /// Triangle of the nearest hit so far, or [`NO_TRIANGLE`]. For shadow rays: the triangle that
+    /// the lane's ray ignores (the one on which it ends).
     pub triangle: [u32; LANES],
     pub(super) axes: Axes,
-    /// Whether all lanes in use point along the packet's dominant axis enough for its shear.
+    /// Whether all used lanes point sufficiently along the packet's dominant axis for its shear.
     pub(super) coherent: bool,
 }
 
-/// A lane whose component along the dominant axis is smaller than this fraction of its largest is
-/// too oblique for the packet's shear.
+/// A lane is too oblique for the packet's shear if its component along the dominant axis is smaller
+/// than this fraction of its largest.
 const OBLIQUE: f32 = 0.05;
 
-/// The permutation that makes the packet's dominant direction z, and each lane's shear.
+/// Permutation that maps the packet's dominant axis to z, and the shear of each lane.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Axes {
     pub(super) k: [usize; 3],
@@ -100,10 +101,10 @@ pub(super) struct Axes {
 }
 
 impl Packet {
-    /// A packet of rays from `origin`; directions need not be of unit length.
+    /// Creates a packet of rays from `origin`; directions need not be of unit length.
     ///
-    /// `ends` is each ray's largest parameter: infinite for primary rays, negative for lanes that
-    /// are not used.
+    /// `ends` is each ray's largest parameter: infinite for primary rays, negative for unused
+    /// lanes.
     pub fn new(origin: Vec3, directions: &[Vec3; LANES], ends: &Lanes) -> Self {
         let mut direction = [[0.0; LANES]; 3];
         let mut inverse = [[0.0; LANES]; 3];
@@ -111,7 +112,7 @@ impl Packet {
             for axis in 0..3 {
                 let d = directions[lane][axis];
                 direction[axis][lane] = d;
-                // Kept finite, so that no product with it is NaN.
+                // Keep the inverse finite, so that no product with it is NaN.
                 inverse[axis][lane] = if d.abs() > SMALLEST {
                     1.0 / d
                 } else {
@@ -138,7 +139,7 @@ impl Packet {
 }
 
 impl Packet {
-    /// The same packet with one lane's ray in all lanes, and only that lane in use.
+    /// Returns the packet with one lane's ray in all lanes, and only that lane in use.
     pub(super) fn only(&self, lane: usize) -> Self {
         let mut ends = [-1.0; LANES];
         ends[lane] = self.t[lane];
@@ -151,8 +152,8 @@ impl Packet {
 }
 
 impl Axes {
-    /// The axis along which the lanes in use point the most is the permuted z. Watertightness
-    /// needs only that all triangles see one and the same shear of a ray.
+    /// The permuted z is the axis along which the used lanes mainly point. Watertightness only
+    /// needs the same shear of a ray for all triangles.
     fn new(direction: &[Lanes; 3], ends: &Lanes) -> Self {
         let weight = |axis: usize| -> f32 {
             (0..LANES)

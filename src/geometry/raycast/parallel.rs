@@ -1,43 +1,42 @@
-//! Sixteen parallel rays from places of their own, as light from far away has: whether anything
-//! stands in their way.
+//! Occlusion test for sixteen parallel rays with separate origins, as for light from far away.
 //!
-//! The test is that of [`super::triangle`] (Woop, Benthin, Wald 2013) with the roles turned round:
-//! one shear for all lanes, and an origin a lane, sheared too. Triangles that share an edge still
-//! compute its function from the same numbers, so no ray passes between them.
+//! The test is that of [`super::triangle`] (Woop, Benthin, Wald 2013) with the roles swapped: one
+//! shear for all lanes, and a sheared origin per lane. Triangles that share an edge still compute
+//! its function from the same numbers, so no ray passes between them.
 
 use super::bvh::{Bvh, Corners, Node};
 use super::packet::{LANES, Lanes, Scratch, max, min};
 use glam::Vec3;
 use phasmid_core::simd::widest;
 
-/// As for packets: widens the far plane (Ize 2013).
+/// Widens the far plane, as for packets (Ize 2013).
 const FAR: f32 = 1.0 + 4.0 * f32::EPSILON;
-/// Smaller components of the direction count as this small.
+/// Minimum magnitude of a direction component.
 const SMALLEST: f32 = 1e-30;
 
-/// Rays of one direction.
+/// Parallel rays.
 #[derive(Debug, Clone)]
 pub struct Parallel {
-    /// Place that the sheared origins are relative to, so that they keep their digits.
+    /// Reference point for the sheared origins, chosen to keep their precision.
     reference: Vec3,
     origin: [Lanes; 3],
     inverse: Vec3,
-    /// The permutation that makes the direction's largest component the last.
+    /// Permutation that puts the direction's largest component last.
     k: [usize; 3],
     shear: Vec3,
     /// Origins relative to the reference, permuted and sheared.
     sheared: [Lanes; 3],
-    /// Ray parameter from which on things count.
+    /// Ray parameter from which hits count.
     start: Lanes,
-    /// A triangle that does not count for a lane: the one that its ray leaves from.
+    /// Triangle ignored by each lane: the one its ray leaves from.
     own: [u32; LANES],
-    /// Lanes that are in use and not blocked so far.
+    /// Lanes in use and not blocked so far.
     open: [bool; LANES],
 }
 
 impl Parallel {
-    /// Rays towards `direction`, a unit vector. Each lane in use has its origin, the parameter
-    /// from which on things count, and the triangle that does not.
+    /// Creates rays towards `direction`, a unit vector. Each used lane has its origin, the ray
+    /// parameter from which hits count, and the triangle to ignore.
     pub fn new(direction: Vec3, lanes: &[Option<(Vec3, f32, u32)>; LANES]) -> Self {
         let kz = (0..3)
             .max_by(|&a, &b| direction[a].abs().total_cmp(&direction[b].abs()))
@@ -82,8 +81,7 @@ impl Parallel {
 }
 
 impl Bvh {
-    /// Tells for each lane in use whether anything stands in its way. No hit is left
-    /// undecided.
+    /// Returns for each lane whether it is in use and its ray is blocked. No hit is left undecided.
     pub fn blocked_along(&self, mut rays: Parallel, scratch: &mut Scratch) -> [bool; LANES] {
         let asked = rays.open;
         if !self.nodes.is_empty() {
@@ -121,7 +119,7 @@ fn walk_body(bvh: &Bvh, rays: &mut Parallel, scratch: &mut Scratch) {
     }
 }
 
-/// Whether an open lane meets the box.
+/// Returns whether an open lane hits the box.
 #[inline(always)]
 fn meets(node: &Node, rays: &Parallel) -> bool {
     let mut any = [false; LANES];
@@ -157,7 +155,7 @@ fn intersect(rays: &mut Parallel, corners: &Corners) {
         let w = bx * ay - by * ax;
         let inside = (min(min(u, v), w) >= 0.0) | (max(max(u, v), w) <= 0.0);
         let det = u + v + w;
-        // NaN where the triangle is edge-on: not beyond the start.
+        // NaN if the triangle is edge-on, which then does not count as beyond the start.
         let depth = (u * a.z + v * b.z + w * c.z) / det - rays.sheared[2][lane];
         let hit = inside & (depth * shear.z > rays.start[lane]) & (corners.id != rays.own[lane]);
         rays.open[lane] &= !hit;

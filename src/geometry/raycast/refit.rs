@@ -1,11 +1,12 @@
-//! A hierarchy whose triangles move: the tree stays, its boxes follow (Wald, Boulos, Shirley: "Ray
-//! tracing deformable scenes using dynamic bounding volume hierarchies", ACM TOG 26(1), 2007).
+//! Refits a hierarchy to moving triangles: the tree stays, its boxes are updated (Wald, Boulos,
+//! Shirley: "Ray tracing deformable scenes using dynamic bounding volume hierarchies", ACM TOG
+//! 26(1), 2007).
 
 use super::bvh::{Bvh, Node};
 use glam::{DVec3, Vec3};
 
 impl Bvh {
-    /// Puts every child behind its parent, as [`Self::refit`] needs it.
+    /// Reorders the nodes so that children follow their parents, as [`Self::refit`] requires.
     pub fn ordered(self) -> Self {
         let mut nodes = Vec::with_capacity(self.nodes.len());
         nodes.extend(self.nodes.first().copied());
@@ -21,7 +22,7 @@ impl Bvh {
         Self { nodes, ..self }
     }
 
-    /// Takes new places of the vertices of all triangles, which are those that it was built over.
+    /// Updates the hierarchy to new vertex positions; `triangles` must be those it was built over.
     /// The hierarchy must be [`Self::ordered`].
     pub fn refit(&mut self, vertices: &[DVec3], triangles: &[[u32; 3]]) {
         let rounded: Vec<Vec3> = vertices.iter().map(|v| v.as_vec3()).collect();
@@ -77,7 +78,7 @@ mod tests {
         let mut moved = fresh.clone().ordered();
         assert_eq!(hits(&fresh), hits(&moved), "the order changes nothing");
         for k in 1..5 {
-            // Bent, swollen and shifted, ever more.
+            // Increasingly bent, swollen and shifted.
             let bend = |v: DVec3| {
                 let swell = 1.0 + 0.1 * f64::from(k) * (v.y / 90.0).sin();
                 DVec3::new(
@@ -90,12 +91,12 @@ mod tests {
             moved.refit(&bent, &mesh.triangles);
             let (found, wanted) = (hits(&moved), hits(&Bvh::build(&bent, &mesh.triangles)));
             assert!(wanted.iter().filter(|h| h.0 != NO_TRIANGLE).count() > 100);
-            // Where two triangles meet either may be named; the distance is the same.
+            // Where two triangles meet, either may be reported; the distance is the same.
             for (a, b) in found.iter().zip(&wanted) {
                 assert!((a.1 - b.1).abs() <= 1e-6 * b.1 || a == b, "{a:?} {b:?}");
             }
         }
-        // Back where it was, it is what it was.
+        // Restoring the original positions restores the original hierarchy.
         moved.refit(&mesh.vertices, &mesh.triangles);
         assert_eq!(hits(&moved), hits(&fresh));
         Bvh::default().ordered().refit(&[], &[]);

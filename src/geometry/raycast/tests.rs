@@ -1,4 +1,4 @@
-//! The packet traversal against brute force in f64, and rays that must not slip through.
+//! Packet traversal against brute force in f64, and watertightness.
 
 use super::{Bvh, LANES, NO_TRIANGLE, Packet, Parallel, Scratch};
 use crate::{Mesh, shapes};
@@ -63,7 +63,7 @@ fn a_soup_of_triangles_agrees_with_brute_force() {
     let bvh = Bvh::build(&mesh.vertices, &mesh.triangles);
     for k in 0..20 {
         let origin = vector(9000 + k) * 150.0;
-        // Spread over all directions: packets whose lanes disagree, axes included.
+        // Distributed over all directions, so that the lanes of a packet disagree; plus exact axes.
         let mut directions: Vec<_> = (0..96).map(|i| vector(10_000 + 100 * k + i)).collect();
         directions.extend([DVec3::X, DVec3::NEG_Y, DVec3::Z]);
         let found = cast(&bvh, origin, &directions);
@@ -91,7 +91,7 @@ fn no_ray_from_inside_slips_out_through_edges_or_corners() {
     let bvh = Bvh::build(&mesh.vertices, &mesh.triangles);
     let (low, high) = mesh.bounds().unwrap();
     let inside = (low + high) / 2.0;
-    // Exactly at every corner, and at points of every edge, as f32 has them.
+    // Aim exactly at every corner and at points on every edge, in f32.
     let mut targets = mesh.vertices.clone();
     for t in &mesh.triangles {
         for k in 0..3 {
@@ -157,8 +157,8 @@ fn degenerate_and_coincident_triangles_do_no_harm() {
 
 #[test]
 fn the_nearest_of_close_surfaces_is_among_those_handed_out() {
-    // Triangles of a kilometre, a hundredth of a millimetre apart at a metre: f32 has their hits to
-    // a tenth, so that only their order in f64 is worth anything.
+    // Kilometre-sized triangles 0.01 mm apart at a distance of 1 m: f32 resolves their hits only to
+    // 0.1 mm, so only f64 can order them.
     let (sin, cos) = 1.1f64.sin_cos();
     let layer = |k: u32| {
         let offset = DVec3::Z * (1000.0 + 0.01 * f64::from(k * 7 % 16));
@@ -219,7 +219,7 @@ fn parallel_rays_agree_with_brute_force() {
             bvh.blocked_along(Parallel::new(direction.as_vec3(), &lanes), scratch)
         };
         let all = ask(&|_| NO_TRIANGLE, &mut scratch);
-        // With the nearest one taken out, what is behind it decides.
+        // With the nearest triangle ignored, the surfaces behind it decide.
         let but_nearest = ask(
             &|i| found[i].map_or(NO_TRIANGLE, |f| f.0 as u32),
             &mut scratch,

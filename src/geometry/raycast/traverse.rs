@@ -1,4 +1,4 @@
-//! Walking the hierarchy with a packet: nearest hits, and hits at all.
+//! Packet traversal of the hierarchy: nearest hits and occlusion.
 
 use super::bvh::{Bvh, Corners, NO_TRIANGLE, Node};
 use super::packet::{LANES, Packet, Scratch, UNUSED, max, min, reduce};
@@ -10,20 +10,21 @@ use phasmid_core::simd::widest;
 const FAR: f32 = 1.0 + 4.0 * f32::EPSILON;
 
 impl Bvh {
-    /// Finds each lane's nearest hit before its end; `packet.t` and `packet.triangle` tell. Other
-    /// hits that may be the nearest, by the bounds on the errors of f32, are `scratch.rivals`.
+    /// Finds each lane's nearest hit before its end and stores it in `packet.t` and
+    /// `packet.triangle`. Other hits that may be the nearest, by the f32 error bounds, are added to
+    /// `scratch.rivals`.
     pub fn nearest(&self, packet: &mut Packet, scratch: &mut Scratch) {
         self.cast(packet, scratch, nearest);
     }
 
-    /// Tells for each lane whether anything stands before its end, other than the triangle that
-    /// `packet.triangle` names for it. Lanes found blocked have `packet.t` set below zero; hits of
-    /// which f32 cannot tell whether they lie before the end are `scratch.rivals`.
+    /// Finds for each lane whether anything lies before its end, other than the triangle in
+    /// `packet.triangle`. Blocked lanes get a negative `packet.t`; hits for which f32 cannot decide
+    /// whether they lie before the end are added to `scratch.rivals`.
     pub fn blocked(&self, packet: &mut Packet, scratch: &mut Scratch) {
         self.cast(packet, scratch, blocked);
     }
 
-    /// Rays that spread too far for one shear go one by one.
+    /// Rays that diverge too much for one shear are cast one by one.
     fn cast(
         &self,
         packet: &mut Packet,
@@ -99,7 +100,7 @@ fn blocked_body(bvh: &Bvh, packet: &mut Packet, scratch: &mut Scratch) {
     });
 }
 
-/// Goes through the leaves that a lane meets, near ones first, and tests each of their triangles.
+/// Visits the leaves that a lane meets, near ones first, and tests each of their triangles.
 #[inline(always)]
 pub(super) fn walk(
     bvh: &Bvh,
@@ -136,7 +137,7 @@ pub(super) fn walk(
                 continue;
             }
         }
-        // A node on the stack may have fallen behind what has been hit since.
+        // A node on the stack may now lie behind a hit found later.
         let end = packet
             .reach
             .iter()
@@ -153,7 +154,7 @@ pub(super) fn walk(
     }
 }
 
-/// The smallest parameter at which a lane enters the box, infinite if none does.
+/// Smallest parameter at which a lane enters the box; infinite if none does.
 #[inline(always)]
 fn entry(node: &Node, packet: &Packet) -> f32 {
     let low = node.min - packet.origin;

@@ -9,17 +9,17 @@ use super::bvh::Corners;
 use super::packet::{LANES, Lanes, Packet, max, min};
 use glam::{DVec3, Vec3};
 
-/// A meeting of a ray and a triangle.
+/// An intersection of a ray and a triangle.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Hit {
     /// Ray parameter.
     pub(super) t: f32,
-    /// Bound on the error of `t` against the triangle and the ray before they were rounded.
+    /// Error bound of `t` relative to the unrounded triangle and ray.
     pub(super) error: f32,
 }
 
-/// Tests one triangle against all lanes. `accept(packet, lane, hit)` is called for each lane that it
-/// hits with 0 < t, and t less its error below the lane's reach.
+/// Tests one triangle against all lanes. Calls `accept(packet, lane, hit)` for each lane hit at a
+/// positive t, if t less its error is below the lane's reach.
 #[inline(always)]
 pub(super) fn intersect(
     packet: &mut Packet,
@@ -49,7 +49,7 @@ pub(super) fn intersect(
         scaled_t[lane] = sz * (u[lane] * a.z + v[lane] * b.z + w[lane] * c.z);
         let low = min(min(u[lane], v[lane]), w[lane]);
         let high = max(max(u[lane], v[lane]), w[lane]);
-        // All of one sign, zeros with either: a hit, or a zero that f64 must decide.
+        // All of one sign, where zero matches either: a hit, or a zero that must be decided in f64.
         candidates[lane] = u32::from((low >= 0.0) | (high <= 0.0));
     }
     if candidates.iter().fold(0, |any, c| any | c) == 0 {
@@ -81,13 +81,14 @@ pub(super) fn intersect(
     }
 }
 
-/// How far the parameter of a hit may be from that of the triangle and the ray before rounding.
+/// Returns a bound on the difference between the ray parameter of a hit and its value for the
+/// unrounded triangle and ray.
 ///
 /// Forward error analysis to first order (Higham: "Accuracy and Stability of Numerical Algorithms",
-/// 2nd ed., chapter 3). Vertices, origin and shear are rounded, so sheared coordinates are off by
-/// some epsilons of the distances; that and their own products make the error of an edge function;
-/// and the parameter, a mean of the corners' depths weighted by the edge functions, is off by the
-/// weights' errors times the spread of the depths. It never leaves that spread.
+/// 2nd ed., chapter 3). Vertices, origin and shear are rounded, so sheared coordinates are off by a
+/// few epsilons of the distances. These errors and the products give the error of an edge function.
+/// The parameter, a mean of the corners' depths weighted by the edge functions, is off by the
+/// weights' errors times the spread of the depths, and never leaves that spread.
 fn error_bound(v: [Vec3; 3], packet: &Packet, lane: usize, det: f32) -> f32 {
     let shear = packet.axes.shear.map(|s| s[lane]);
     let (mut size, mut far) = (0.0f32, packet.farthest);
@@ -102,14 +103,15 @@ fn error_bound(v: [Vec3; 3], packet: &Packet, lane: usize, det: f32) -> f32 {
     let sheared = rounding * (1.0 + 2.0 * (shear[0].abs() + shear[1].abs()));
     let edge = 4.0 * size * (sheared + f32::EPSILON * size);
     let spread = high - low;
-    // In this order an edge-on triangle's quotient is at worst infinite, and the lesser is taken.
+    // In this order the quotient of an edge-on triangle is at worst infinite, and `spread` is
+    // taken.
     let weighed = 3.0 * edge / det.abs() * spread;
     let weighed = if weighed < spread { weighed } else { spread };
     shear[2].abs() * (weighed + 4.0 * rounding)
 }
 
-/// The edge functions with f64 products, which are exact for f32 factors, where f32 gave a zero
-/// that may be underflow or cancellation.
+/// Recomputes the edge functions with f64 products, which are exact for f32 factors, where f32 gave
+/// a zero that may be underflow or cancellation.
 #[cold]
 fn exact_edges(v: [Vec3; 3], shear: [f32; 2]) -> [f32; 3] {
     let sheared = v.map(|p| {

@@ -1,5 +1,5 @@
-//! A treatment couch's table top: thin, long, rounded at edges and corners, a little hollow on top,
-//! with the notches along both sides that fixation devices are indexed to.
+//! The top of a treatment couch: thin, long, with rounded edges and corners, slightly hollow on
+//! top, and with notches along both sides to which fixation devices are indexed.
 
 use super::loft::loft;
 use super::{Violation, clamped, within};
@@ -8,23 +8,23 @@ use glam::DVec3;
 use std::f64::consts::FRAC_PI_2;
 use std::ops::RangeInclusive;
 
-/// What couch to make.
+/// Parameters of a couch.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Couch {
-    /// Along x, 100 to 5000 mm. Tops in clinics are 500 to 530 mm wide.
+    /// Size along x, 100 to 5000 mm. Clinical table tops are 500 to 530 mm wide.
     pub width_mm: f64,
-    /// Along y, 100 to 5000 mm.
+    /// Size along y, 100 to 5000 mm.
     pub length_mm: f64,
-    /// Along z, 10 to 90 mm.
+    /// Size along z, 10 to 90 mm.
     pub thickness_mm: f64,
-    /// How much lower the middle of the top is than its sides, 0 to 4 mm.
+    /// Depth of the middle of the top below its sides, 0 to 4 mm.
     pub hollow_mm: f64,
-    /// From notch to notch, 50 to 1000 mm; 140 mm is what indexing bars are made for.
+    /// Distance between notches, 50 to 1000 mm; indexing bars use 140 mm.
     pub notch_spacing_mm: f64,
-    /// How deep the notches reach into the sides, 0 to 20 mm.
+    /// Depth of the notches, 0 to 20 mm.
     pub notch_depth_mm: f64,
-    /// How many triangles, 2000 to 4,000,000; met to a quarter from 20,000 on. Fewer cannot hold
-    /// the notches and roundings and come out as some 6,000.
+    /// Number of triangles, 2000 to 4,000,000; accurate to 25 % from 20,000 on. The notches and
+    /// roundings need about 6,000, so smaller values yield about that many.
     pub triangles: u32,
 }
 
@@ -49,19 +49,20 @@ const SPACING_MM: RangeInclusive<f64> = 50.0..=1000.0;
 const NOTCH_MM: RangeInclusive<f64> = 0.0..=20.0;
 const TRIANGLES: RangeInclusive<f64> = 2000.0..=4e6;
 
-/// Radius of the corners in plan.
+/// Radius of the corners in plan view.
 const CORNER_MM: f64 = 45.0;
-/// Half the length of a notch, to where its flank is halfway down.
+/// Half the length of a notch, measured where its depth is about half.
 const NOTCH_HALF_MM: f64 = 12.0;
-/// Points on each of the four rounded edges of a cross-section, and rings over each rounded end.
+/// Number of points on each of the four rounded edges of a cross-section.
 const ARC: usize = 8;
+/// Number of rings over each rounded end.
 const END: usize = 24;
 
 impl Couch {
-    /// Whether the parameters are in range.
+    /// Checks that the parameters are in range.
     ///
     /// # Errors
-    /// The first field that is not.
+    /// Returns the first field out of range.
     pub fn check(&self) -> Result<(), Violation> {
         within("width_mm", self.width_mm, SIDES_MM)?;
         within("length_mm", self.length_mm, SIDES_MM)?;
@@ -73,7 +74,7 @@ impl Couch {
     }
 }
 
-/// Makes a couch. Parameters that [`Couch::check`] refuses are brought into their ranges.
+/// Generates a couch. Parameters that [`Couch::check`] rejects are clamped to their ranges.
 pub fn couch(params: &Couch) -> Mesh {
     let shape = Couch {
         width_mm: clamped(params.width_mm, SIDES_MM),
@@ -85,7 +86,7 @@ pub fn couch(params: &Couch) -> Mesh {
         triangles: params.triangles,
     };
     let triangles = clamped(f64::from(params.triangles), TRIANGLES);
-    // Rings are what notches need; the rest goes across.
+    // The notches determine the number of rings; the remaining triangles go across.
     let rings = ((triangles / 2.0).sqrt() * 1.5).max(3.0 * END as f64) as usize;
     let across = ((triangles / rings as f64 / 2.0 - 4.0 * ARC as f64) / 2.0).max(4.0) as usize;
     let stations = stations(&shape, rings);
@@ -95,21 +96,22 @@ pub fn couch(params: &Couch) -> Mesh {
     })
 }
 
-/// A cross-section's place and how far its outline stands back from the full one.
+/// Position of a cross-section and how far its outline is set back from the full one.
 struct Station {
     y: f64,
     side: f64,
     face: f64,
 }
 
-/// Rings along y: even in the middle, by angle over the rounded ends, so that none is degenerate.
+/// Rings along y: evenly spaced in the middle, by angle over the rounded ends, so that none is
+/// degenerate.
 fn stations(shape: &Couch, rings: usize) -> Vec<Station> {
     let half = shape.length_mm / 2.0;
     let edge = shape.edge_mm();
     let middle = rings - 2 * END;
     let end = |k: usize| {
         let angle = FRAC_PI_2 * k as f64 / END as f64;
-        // The end's face stays flat: the rounding goes round all but the last few degrees.
+        // The end face stays flat: all but the last few degrees are rounded.
         let y = CORNER_MM * angle.sin();
         let beyond = y - (CORNER_MM - edge);
         let face = if beyond > 0.0 {
@@ -138,16 +140,15 @@ fn stations(shape: &Couch, rings: usize) -> Vec<Station> {
     all
 }
 
-/// A point of a cross-section: at which corner's centre (as parts of half the width and of the
-/// thickness) and how far round the edge.
+/// A point of a cross-section: its corner's centre (as fractions of half the width and of the
+/// thickness) and its direction on the rounded edge.
 struct Point {
     across: f64,
     up: f64,
     round: (f64, f64),
 }
 
-/// The outline from the left edge's top over the top to the right, down, and back below: `across`
-/// pieces on either face.
+/// The outline, starting over the top and returning below, with `across` segments on either face.
 fn section(across: usize) -> Vec<Point> {
     let mut points = Vec::with_capacity(2 * across + 4 * ARC);
     // Corners in order: right top, left top, left bottom, right bottom.
@@ -176,13 +177,12 @@ fn section(across: usize) -> Vec<Point> {
 }
 
 impl Couch {
-    /// Radius of the rounded edges in a cross-section.
+    /// Radius of the rounded edges of a cross-section.
     fn edge_mm(&self) -> f64 {
         (self.thickness_mm * 0.3).min(15.0)
     }
 
-    /// How deep the sides stand back at y: a smooth notch at each multiple of the spacing, none in
-    /// the last stretch before the ends.
+    /// Depth of the sides at y: a smooth notch at each multiple of the spacing, none near the ends.
     fn notch(&self, y: f64) -> f64 {
         let spacing = self.notch_spacing_mm;
         let nearest = (y / spacing).round() * spacing;
@@ -190,20 +190,20 @@ impl Couch {
         if nearest.abs() > room {
             return 0.0;
         }
-        // A flat-bottomed dip; its flanks fade as the eighth power in the exponent.
+        // A flat-bottomed dip with smooth flanks.
         self.notch_depth_mm * (-((y - nearest) / NOTCH_HALF_MM).powi(4)).exp()
     }
 
     fn surface(&self, station: &Station, point: &Point) -> DVec3 {
         let edge = self.edge_mm();
-        // The arcs' centres; they close in on each other over the rounded ends.
+        // Centres of the edge arcs, which converge over the rounded ends.
         let half = self.width_mm / 2.0 - station.side - edge;
         let low = station.face + edge;
         let high = self.thickness_mm - station.face - edge;
         let x = half * point.across + edge * point.round.0;
         let mut height = low + (high - low) * point.up + edge * point.round.1;
         if point.up > 0.5 && point.round.1 > 0.999 {
-            // Flat towards the edges, so that the rounding goes on without a crease.
+            // Flat towards the edges, so that the rounding continues without a crease.
             height -= self.hollow_mm * (1.0 - point.across * point.across).powi(2);
         }
         DVec3::new(x, station.y, -height)

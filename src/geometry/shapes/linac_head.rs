@@ -1,40 +1,40 @@
-//! The head of a C-arm linear accelerator with the gantry that carries it: what rotates about the
-//! patient and comes between the skin and the scanner's pods.
+//! The head of a C-arm linear accelerator and its gantry, which rotate around the patient and can
+//! block the view between the skin and the scanner's pods.
 //!
-//! Frame: unlike the other shapes it is drawn where it stands, in the fixed frame of IEC 61217 with the
-//! origin at the isocentre, at a gantry angle of 0: the head above the patient (z up), the drum behind
-//! it (y to the gantry). A gantry angle is a rotation about y, right-handed as the standard has it: at
-//! 90 degrees the head is at +x.
+//! Frame: unlike the other shapes, it is defined in the fixed frame of IEC 61217 with the origin at
+//! the isocentre, at a gantry angle of 0: the head above the patient (z up), the drum behind it (y
+//! to the gantry). A gantry angle is a right-handed rotation about y, as in the standard: at 90
+//! degrees the head is at +x.
 //!
-//! No product in particular. The lower face of the collimator is 420 mm above the isocentre (of usual
-//! machines it is 400 to 450 mm), the head is 800 mm wide, and the drum begins 950 mm behind the
-//! isocentre.
+//! It models no particular product. The lower face of the collimator is 420 mm above the isocentre
+//! (400 to 450 mm on common machines), the head is 800 mm wide, and the drum starts 950 mm behind
+//! the isocentre.
 
 use super::loft::loft;
 use crate::Mesh;
 use glam::DVec3;
 
-/// Points around each ring.
+/// Number of points per ring.
 const AROUND: usize = 96;
 
-/// A cross-section: its place along the part's axis and its half sides across, in millimetres.
+/// A cross-section: position along the part's axis and half sides across it, in millimetres.
 type Ring = (f64, [f64; 2]);
 
-/// A part: rings along an axis, of an outline between an ellipse and a rectangle.
+/// A part: rings along an axis, with an outline between an ellipse and a rectangle.
 struct Part {
-    /// Whether its axis is y; z otherwise.
+    /// Whether the axis is y; otherwise z.
     along_y: bool,
-    /// Where its axis passes: x and z of one along y, x and y of one along z.
+    /// Position of the axis: x and z if along y, x and y if along z.
     middle: [f64; 2],
-    /// Exponent of the outline (Lame's): 2 for an ellipse, more for a rounder rectangle.
+    /// Exponent of the Lame curve: 2 for an ellipse, larger for a rounded rectangle.
     exponent: f64,
     rings: &'static [Ring],
 }
 
-/// From the patient outwards, and back to the drum. Parts reach into each other, so that no gap is
-/// between them; edges are chamfered.
+/// From the patient outwards, then back to the drum. Parts overlap so that there are no gaps; edges
+/// are chamfered.
 const PARTS: [Part; 4] = [
-    // The collimator: turns about the beam, so it is round.
+    // Collimator: it rotates about the beam, so it is round.
     Part {
         along_y: false,
         middle: [0.0, 0.0],
@@ -46,7 +46,7 @@ const PARTS: [Part; 4] = [
             (640.0, [300.0; 2]),
         ],
     },
-    // The head's housing.
+    // Housing of the head.
     Part {
         along_y: false,
         middle: [0.0, 0.0],
@@ -59,7 +59,7 @@ const PARTS: [Part; 4] = [
             (1250.0, [340.0; 2]),
         ],
     },
-    // The arm from the head to the drum.
+    // Arm from the head to the drum.
     Part {
         along_y: true,
         middle: [0.0, 930.0],
@@ -70,7 +70,7 @@ const PARTS: [Part; 4] = [
             (1050.0, [330.0, 280.0]),
         ],
     },
-    // The drum, about the axis of rotation.
+    // Drum, around the axis of rotation.
     Part {
         along_y: true,
         middle: [0.0, 0.0],
@@ -85,7 +85,7 @@ const PARTS: [Part; 4] = [
     },
 ];
 
-/// Makes the head: closed parts that reach into each other.
+/// Generates the head as overlapping closed parts.
 pub fn linac_head() -> Mesh {
     let mut whole = Mesh::default();
     for part in &PARTS {
@@ -111,7 +111,7 @@ impl Part {
         let across = [angle.cos(), angle.sin()].map(bent);
         let [a, b] = std::array::from_fn(|i| half[i] * across[i]);
         let [u, v] = self.middle;
-        // Anticlockwise as seen from the last ring, as a loft wants it.
+        // Counter-clockwise as seen from the last ring, as `loft` requires.
         match self.along_y {
             true => DVec3::new(u + a, along, v - b),
             false => DVec3::new(u + a, v + b, along),
@@ -133,7 +133,7 @@ mod tests {
         let mesh = linac_head();
         check::closed(&mesh);
         let (lo, hi) = mesh.bounds().unwrap();
-        // The patient's side of the drum: the head is 800 mm wide and begins above the patient.
+        // Patient side of the drum; the head is 800 mm wide and starts above the patient.
         assert_eq!((hi.y, lo.z), (1450.0, -1230.0));
         let head = mesh.vertices.iter().filter(|v| v.y < 299.0);
         let (low, wide) = head.fold((f64::INFINITY, 0.0_f64), |(low, wide), v| {
@@ -141,7 +141,7 @@ mod tests {
         });
         assert!((400.0..=450.0).contains(&low), "{low}");
         assert_eq!(wide, 400.0);
-        // The isocentre is free at all angles: nothing is nearer to it than the collimator's face.
+        // The isocentre is clear at all angles: the collimator's face is the closest part.
         let near = MeshTree::new(&mesh).closest(DVec3::ZERO).unwrap();
         assert!((near.point.length() - 420.0).abs() < 1e-9);
     }

@@ -1,10 +1,10 @@
-//! A closed mesh through a stack of closed curves.
+//! Lofts a closed mesh through a stack of closed curves.
 
 use crate::Mesh;
 use glam::DVec3;
 
-/// Joins `rings` of `points` points each, one after the other, and closes both ends with a fan.
-/// Seen from the last ring towards the first, points run anticlockwise for outward triangles.
+/// Connects `rings` of `points` points each in order, and closes both ends with a fan. Seen from
+/// the last ring towards the first, points must run counter-clockwise for outward triangles.
 pub(super) fn loft(rings: usize, points: usize, at: impl Fn(usize, usize) -> DVec3) -> Mesh {
     let mut vertices = Vec::with_capacity(rings * points + 2);
     for ring in 0..rings {
@@ -16,7 +16,7 @@ pub(super) fn loft(rings: usize, points: usize, at: impl Fn(usize, usize) -> DVe
         for k in 0..points {
             let (a, b) = (index(ring, k), index(ring, k + 1));
             let (c, d) = (index(ring + 1, k), index(ring + 1, k + 1));
-            // Diagonals alternate, so that the mesh leans neither way.
+            // Alternate the diagonals, so that the mesh has no preferred direction.
             if (ring + k).is_multiple_of(2) {
                 triangles.extend([[a, b, d], [a, d, c]]);
             } else {
@@ -40,7 +40,7 @@ pub(super) fn loft(rings: usize, points: usize, at: impl Fn(usize, usize) -> DVe
     }
 }
 
-/// Parameters that part a curve on [0, 1] into `count` pieces of equal length.
+/// Returns the parameters that divide a curve on [0, 1] into `count` pieces of equal length.
 pub(super) fn equal_lengths(count: usize, speed: impl Fn(f64) -> f64) -> Vec<f64> {
     const FINE: usize = 4096;
     let mut length = Vec::with_capacity(FINE + 1);

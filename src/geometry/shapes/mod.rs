@@ -1,10 +1,10 @@
-//! Generated shapes: a human torso, a treatment couch and the head of a linear accelerator, as closed
-//! meshes.
+//! Generated shapes as closed meshes: a human torso, a treatment couch and the head of a linear
+//! accelerator.
 //!
-//! Frame: the resting plane is z = 0 and the body stands towards -z, as a camera that looks along
-//! +z sees it from above. x runs across, y along; the patient's head is towards -y, which is up in
-//! the camera's image. The origin is the middle of the resting plane. The linac's head rests on nothing:
-//! its frame is the treatment room's ([`linac_head()`]).
+//! Frame: the shape rests on the plane z = 0 and extends towards -z, so a camera looking along +z
+//! sees it from above. x runs across, y along; the patient's head is towards -y, which is up in the
+//! camera's image. The origin is the centre of the resting plane. The linac head does not rest on
+//! anything: its frame is that of the treatment room ([`linac_head()`]).
 
 mod couch;
 mod linac_head;
@@ -15,7 +15,7 @@ pub use couch::{Couch, couch};
 pub use linac_head::linac_head;
 pub use torso::{Torso, torso};
 
-/// Why a shape's parameters will not do: the field, what it holds, what it may hold.
+/// An invalid shape parameter: the field, its value and the allowed values.
 pub type Violation = (&'static str, String, String);
 
 fn within(
@@ -23,7 +23,7 @@ fn within(
     value: f64,
     allowed: std::ops::RangeInclusive<f64>,
 ) -> Result<(), Violation> {
-    // NaN is in no range.
+    // NaN is outside every range.
     if allowed.contains(&value) {
         return Ok(());
     }
@@ -34,20 +34,20 @@ fn within(
     ))
 }
 
-/// A field brought into its range, its lower end for NaN.
+/// Clamps a value to its range; NaN becomes the lower end.
 fn clamped(value: f64, allowed: std::ops::RangeInclusive<f64>) -> f64 {
     value.max(*allowed.start()).min(*allowed.end())
 }
 
 pub mod check {
-    //! Assertions on generated meshes, for the tests of those who generate them.
+    //! Assertions on generated meshes, for tests.
 
     use crate::Mesh;
     use glam::DVec3;
     use std::collections::HashMap;
 
-    /// Asserts that each edge is used once in each direction, that no triangle is degenerate, and
-    /// that the volume is positive; returns the volume in cubic millimetres.
+    /// Asserts that each edge is used once in each direction, that no triangle is degenerate and
+    /// that the volume is positive. Returns the volume in cubic millimetres.
     pub fn closed(mesh: &Mesh) -> f64 {
         let mut edges: HashMap<(u32, u32), i32> = HashMap::new();
         let mut volume = 0.0;
@@ -70,8 +70,8 @@ pub mod check {
         volume
     }
 
-    /// The largest angle in degrees between neighbouring triangles, edges left out where `skip`
-    /// holds of both ends.
+    /// Returns the largest angle in degrees between neighbouring triangles, ignoring edges for
+    /// which `skip` holds at both ends.
     pub fn sharpest_deg(mesh: &Mesh, skip: impl Fn(DVec3) -> bool) -> f64 {
         let mut normals: HashMap<(u32, u32), DVec3> = HashMap::new();
         for (i, &[a, b, c]) in mesh.triangles.iter().enumerate() {

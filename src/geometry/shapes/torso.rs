@@ -1,7 +1,7 @@
 //! A human torso lying on its back: superelliptic cross-sections whose width, thickness and height
 //! follow smooth profiles from the neck to the hips, with relief on the front (chest, breastbone,
-//! collar bones, ribs' edge, abdomen, navel) and a seed's own variation. All functions are analytic
-//! and smooth, so the surface has a tangent plane everywhere but at the cut ends.
+//! collar bones, edge of the ribs, abdomen, navel) and seeded variation. All functions are analytic
+//! and smooth, so the surface has a tangent plane everywhere except at the cut ends.
 
 use super::loft::{equal_lengths, loft};
 use super::{Violation, clamped, within};
@@ -10,18 +10,18 @@ use glam::DVec3;
 use std::f64::consts::TAU;
 use std::ops::RangeInclusive;
 
-/// What torso to make. The mesh fills the box that these give exactly.
+/// Parameters of a torso. The mesh fills the box of the given size exactly.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Torso {
-    /// Which of many bodies; 0 is the mean one, without variation.
+    /// Seed of the variation; 0 is the mean torso, without variation.
     pub seed: u64,
-    /// From the cut neck to the cut hips (along y), 50 to 5000 mm.
+    /// Length from the cut neck to the cut hips (along y), 50 to 5000 mm.
     pub length_mm: f64,
-    /// Across the shoulders (along x), 50 to 5000 mm.
+    /// Width across the shoulders (along x), 50 to 5000 mm.
     pub width_mm: f64,
-    /// From the back to the highest point of the front (along z), 20 to 2000 mm.
+    /// Depth from the back to the highest point of the front (along z), 20 to 2000 mm.
     pub depth_mm: f64,
-    /// How many triangles, 1000 to 10,000,000; met to a few per cent.
+    /// Number of triangles, 1000 to 10,000,000; accurate to a few per cent.
     pub triangles: u32,
 }
 
@@ -42,10 +42,10 @@ const DEPTH_MM: RangeInclusive<f64> = 20.0..=2000.0;
 const TRIANGLES: RangeInclusive<f64> = 1000.0..=1e7;
 
 impl Torso {
-    /// Whether the parameters are in range.
+    /// Checks that the parameters are in range.
     ///
     /// # Errors
-    /// The first field that is not.
+    /// Returns the first field out of range.
     pub fn check(&self) -> Result<(), Violation> {
         within("length_mm", self.length_mm, SIDES_MM)?;
         within("width_mm", self.width_mm, SIDES_MM)?;
@@ -54,7 +54,7 @@ impl Torso {
     }
 }
 
-/// Makes a torso. Parameters that [`Torso::check`] refuses are brought into their ranges.
+/// Generates a torso. Parameters that [`Torso::check`] rejects are clamped to their ranges.
 pub fn torso(params: &Torso) -> Mesh {
     let size = DVec3::new(
         clamped(params.width_mm, SIDES_MM),
@@ -63,10 +63,10 @@ pub fn torso(params: &Torso) -> Mesh {
     );
     let triangles = clamped(f64::from(params.triangles), TRIANGLES);
     let body = Body::new(params.seed);
-    // A ring is about twice as long as the body.
+    // A ring is about twice as long as the torso.
     let points = ((2.0 * triangles / 2.0).sqrt() / 4.0).round() as usize * 4;
     let rings = (triangles / 2.0 / points as f64).round().max(8.0) as usize;
-    // Rings crowd where the outline runs across: at the shoulders.
+    // Rings are denser where the outline runs across, at the shoulders.
     let step = 1e-4;
     let along = equal_lengths(rings, |s| {
         let slope = (body.half_width(s + step) - body.half_width(s - step)) / (2.0 * step);
@@ -79,7 +79,7 @@ pub fn torso(params: &Torso) -> Mesh {
     mesh
 }
 
-/// Stretches a mesh to fill its box exactly.
+/// Scales a mesh to fill its box exactly.
 fn fit(mesh: &mut Mesh, size: DVec3) {
     let Some((lo, hi)) = mesh.bounds() else {
         return;
@@ -90,13 +90,13 @@ fn fit(mesh: &mut Mesh, size: DVec3) {
         *v = DVec3::new(
             (v.x - middle.x) * scale.x,
             (v.y - middle.y) * scale.y,
-            // The back is at 0, exactly so at its lowest point.
+            // The lowest point of the back is exactly at z = 0.
             (v.z - hi.z) * scale.z,
         );
     }
 }
 
-/// The mean body's proportions, in millimetres before it is stretched.
+/// Length of the unscaled torso in millimetres, from which the proportions follow.
 const LENGTH: f64 = 500.0;
 
 struct Body {
@@ -129,7 +129,7 @@ impl Body {
                     across: TAU / wavelength * direction.cos(),
                     along: TAU / wavelength * direction.sin(),
                     phase: TAU * random.next(),
-                    // Shorter waves are lower, so that curvature stays bounded.
+                    // Shorter waves have smaller amplitudes, so that curvature stays bounded.
                     height: vary * 1.6 * (wavelength / 350.0) * random.next(),
                 }
             })
@@ -143,7 +143,7 @@ impl Body {
         }
     }
 
-    /// Half the width at `s` from the neck (0) to the hips (1).
+    /// Half the width at `s`, from the neck (0) to the hips (1).
     fn half_width(&self, s: f64) -> f64 {
         let neck = 62.0;
         let shoulders = step(s, 0.105, 0.052);
@@ -159,14 +159,16 @@ impl Body {
         neck + (body - neck) * step(s, 0.12, 0.07)
     }
 
-    /// How far the lowest line of the back is above the couch: the neck and the small of the back.
+    /// Height of the lowest line of the back above the couch: the neck and the small of the back
+    /// are raised.
     fn lift(&self, s: f64) -> f64 {
         26.0 * (1.0 - step(s, 0.11, 0.06)) + 5.0 * bump(s, 0.72, 0.12)
     }
 
-    /// The point at `s` along the body and `angle` around it, from the left side (+x) over the front.
+    /// Returns the point at `s` along the torso and `angle` around it, from the left side (+x) over
+    /// the front.
     fn surface(&self, s: f64, angle: f64) -> DVec3 {
-        // A Lame curve: a rounder rectangle than an ellipse.
+        // Exponent of the Lame curve, between an ellipse (2) and a rectangle.
         const ROUNDNESS: f64 = 2.5;
         let (sin, cos) = angle.sin_cos();
         let lame = (cos.abs().powf(ROUNDNESS) + sin.abs().powf(ROUNDNESS)).powf(-1.0 / ROUNDNESS);
@@ -174,12 +176,12 @@ impl Body {
         let x = half_width * cos * lame;
         let height = half_depth * (1.0 + sin * lame) + self.lift(s);
         let y = (s - 0.5) * LENGTH;
-        // The relief grows from nothing at the sides to its all on top.
+        // The relief grows from zero at the sides to its full height on top.
         let front = (0.5 + 0.5 * sin).powi(3);
         DVec3::new(x, y, -(height + front * self.relief(x, s * LENGTH)))
     }
 
-    /// What stands out of the front, at x and at `y` from the neck, in millimetres.
+    /// Height of the relief on the front, in millimetres, at x and at `y` from the neck.
     fn relief(&self, x: f64, y: f64) -> f64 {
         let hill = |x0: f64, y0: f64, wide: f64, long: f64| {
             (-0.5 * (((x - x0) / wide).powi(2) + ((y - y0) / long).powi(2))).exp()
@@ -189,7 +191,7 @@ impl Body {
         let breastbone = -4.0 * hill(0.0, 150.0, 20.0, 60.0);
         let collar = 2.5 * (hill(75.0, 72.0, 42.0, 14.0) + hill(-75.0, 72.0, 42.0, 14.0));
         let notch = -4.0 * hill(0.0, 62.0, 20.0, 18.0);
-        // The ribs' edge arches over the abdomen.
+        // The edge of the ribs arches over the abdomen.
         let arch = 240.0 + 55.0 * (x / 110.0).powi(2);
         let ribs = 5.0 * (-0.5 * ((y - arch) / 26.0).powi(2) - 0.5 * (x / 105.0).powi(2)).exp();
         let abdomen = 7.0 * self.abdomen * hill(0.0, 385.0, 75.0, 62.0);
@@ -214,7 +216,7 @@ fn bump(s: f64, at: f64, width: f64) -> f64 {
 }
 
 /// SplitMix64 (G. Steele, D. Lea and C. Flood, "Fast Splittable Pseudorandom Number Generators",
-/// 2014): a handful of numbers that make one body differ from another.
+/// 2014), for the seeded variation.
 struct Random(u64);
 
 impl Random {

@@ -1,4 +1,5 @@
-//! What every opened camera goes through: colour off, embedded data line off.
+//! Processing of every opened camera's frames: colour conversion to grey, and removal of the
+//! embedded data line.
 
 use super::Camera;
 use phasmid_core::error::{Error, Result};
@@ -6,11 +7,11 @@ use phasmid_protocol::data_line::{self, Found};
 use phasmid_protocol::{Frame, PixelFormat};
 use std::time::Duration;
 
-/// A camera whose frames are GREY or Y16, without the embedded data line. What a line says becomes
-/// the frame's id, pattern index and times.
+/// A camera whose frames are GREY or Y16, without the embedded data line. The contents of the line
+/// become the frame's id, pattern index and exposure times.
 pub struct Intake<C> {
     camera: C,
-    /// A sound line has been seen: from now on each frame has one, or is damaged.
+    /// A valid data line has been seen: from now on a frame without one is damaged.
     lined: bool,
     skipped: bool,
 }
@@ -102,7 +103,7 @@ mod tests {
         }
     }
 
-    /// The frame as a link without identity carries it.
+    /// The frame as sent over a link that carries no frame identity.
     fn sent(id: u64) -> Frame {
         Frame {
             id: 99,

@@ -1,4 +1,4 @@
-//! A camera in memory.
+//! An in-memory camera.
 
 use super::Camera;
 use phasmid_core::error::Result;
@@ -7,7 +7,7 @@ use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
-/// A camera in memory: it shows the frames that are put into its queue, and never waits.
+/// An in-memory camera: it returns the frames that are put into its queue, and never waits.
 #[derive(Debug, Clone, Default)]
 pub struct MemoryCamera {
     queue: Arc<Mutex<VecDeque<Frame>>>,

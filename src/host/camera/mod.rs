@@ -1,5 +1,9 @@
 //! Cameras by address: `socket:PATH`, `tcp:HOST:PORT`, `/dev/videoN` or a link to one under `/dev`.
 //!
+//! Every camera opened here returns GREY or Y16, whatever its own format, without the embedded data
+//! line (`intake`). There are two ways to read a V4L2 device: `v4l` for monochrome cameras, frame
+//! by frame as the driver delivers them, and `nokhwa` for the formats of webcams.
+//!
 //! Every camera that is opened here gives GREY or Y16, whatever it speaks, and without the embedded
 //! data line (`intake`). Two ways lead to a V4L2 device: `v4l` for mono cameras, frame by
 //! frame as the driver has them, and `nokhwa` for what webcams speak.
@@ -28,42 +32,42 @@ use phasmid_core::error::{Error, Result};
 use phasmid_protocol::Frame;
 use std::time::Duration;
 
-/// Where frames come from.
+/// A source of frames.
 pub trait Camera {
-    /// The address, for messages.
+    /// Returns the address, for messages.
     fn info(&self) -> &str;
 
-    /// The next frame, or `None` when none has come whole within the timeout; what has come of one
-    /// is kept for the next call.
+    /// Returns the next frame, or `None` if no complete one has arrived within the timeout; a
+    /// partly received frame is kept for the next call.
     ///
     /// # Errors
-    /// A camera that has gone or sends what is no frame.
+    /// Returns an error if the camera is gone, or if it sends an invalid frame.
     fn next_frame(&mut self, timeout: Duration) -> Result<Option<Frame>>;
 
-    /// Whether the last call of [`Self::next_frame`] failed for a damaged frame only, which has been
-    /// skipped: the camera goes on with the one behind it.
+    /// Returns whether the last call of [`Self::next_frame`] failed only because of a damaged
+    /// frame. That frame has been skipped, and the camera continues with the next one.
     fn has_skipped(&self) -> bool {
         false
     }
 
-    /// Whether the frames that have come say which they are: id, pattern index and times are the
-    /// device's. Otherwise ids only count (a gap is a frame that the driver has lost), there is no
-    /// pattern index, and both times are the driver's time of the frame, on the system's monotonic
-    /// clock for most drivers.
+    /// Returns whether the frames received so far identify themselves, that is, their id, pattern
+    /// index and times come from the device. Otherwise the id is a running number (a gap is a frame
+    /// lost by the driver), there is no pattern index, and both times are the driver's timestamp,
+    /// which most drivers take from the system's monotonic clock.
     fn identifies(&self) -> bool {
         true
     }
 
-    /// Whether the camera has gone and may come back: its device was unplugged, and
+    /// Returns whether the camera is gone but may come back: its device was unplugged, and
     /// [`Self::reopen`] waits for it.
     fn has_gone(&self) -> bool {
         false
     }
 
-    /// Opens a camera anew that has gone, by whatever address it has now; waits for it to come back.
+    /// Reopens a camera that is gone, at its current address, waiting for it to come back.
     ///
     /// # Errors
-    /// A camera that does not come back within the timeout, or of a kind that cannot.
+    /// Returns an error if the camera does not come back within the timeout, or cannot be reopened.
     fn reopen(&mut self, _timeout: Duration) -> Result<()> {
         Err(Error::device(format!(
             "{}: this camera cannot be opened again",

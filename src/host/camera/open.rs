@@ -1,32 +1,32 @@
-//! From an address to a camera.
+//! Opens a camera by its address.
 
 use super::socket::SocketCamera;
 use super::{Camera, Intake};
 use phasmid_core::error::{Error, Result};
 use std::time::Duration;
 
-/// What addresses there are.
+/// Valid addresses, for messages.
 const ALLOWED: &str = "/dev/videoN, socket:PATH or tcp:HOST:PORT; \
      a USB device is camera and port at once: --device usb:HOST:PORT";
 
-/// How the frames of a V4L2 device are captured.
+/// How to capture the frames of a V4L2 device.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum Capture {
-    /// By what the device offers: `V4l` for GREY, Y10, Y12 and Y16, else `Nokhwa`.
+    /// Chosen by the formats the device offers: `V4l` for GREY, Y10, Y12 and Y16, else `Nokhwa`.
     #[default]
     Auto,
-    /// The queue of buffers itself: GREY, Y10, Y12, Y16 and YUYV, with the driver's times.
+    /// The V4L2 buffer queue: GREY, Y10, Y12, Y16 and YUYV, with the driver's timestamps.
     V4l,
-    /// The nokhwa library: YUYV and MJPG, as webcams speak.
+    /// The nokhwa library: YUYV and MJPG, the formats of webcams.
     Nokhwa,
 }
 
-/// Opens a camera by its address. A V4L2 device that has no format yet, because nobody streams into
-/// it, is waited for.
+/// Opens a camera by its address. Waits for a V4L2 device that has no format yet because no
+/// producer streams into it.
 ///
 /// # Errors
-/// An address of no known kind, a way of capture that the address does not have, and a camera that
-/// cannot be reached within the timeout.
+/// Returns an error if the kind of address is unknown, does not support the capture method, or if
+/// the camera cannot be reached within the timeout.
 pub fn open_camera(address: &str, capture: Capture, timeout: Duration) -> Result<Box<dyn Camera>> {
     if address.starts_with("/dev/") {
         return open_device(address, capture, timeout);
@@ -57,7 +57,7 @@ fn open_device(address: &str, capture: Capture, timeout: Duration) -> Result<Box
 /// Opens a V4L2 device by the path of its node.
 ///
 /// # Errors
-/// As for [`open_camera`].
+/// Same as [`open_camera`].
 #[cfg(target_os = "linux")]
 pub(super) fn open_node(
     address: &str,

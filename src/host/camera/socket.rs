@@ -18,7 +18,7 @@ enum Stream {
 
 impl Stream {
     fn read(&mut self, buffer: &mut [u8], timeout: Duration) -> std::io::Result<usize> {
-        // A timeout of zero would mean none.
+        // A socket timeout of zero would mean no timeout.
         let timeout = Some(timeout.max(Duration::from_micros(1)));
         match self {
             Self::Unix(stream) => {
@@ -33,18 +33,18 @@ impl Stream {
     }
 }
 
-/// A camera behind a frame socket, which speaks [`phasmid_protocol::wire`].
+/// A camera behind a frame socket, with the protocol of [`phasmid_protocol::wire`].
 pub struct SocketCamera {
     stream: Stream,
     address: String,
     decoder: FrameDecoder,
-    /// Nothing that comes after a damaged header can be trusted.
+    /// Set after a damaged header: nothing that follows it can be trusted.
     lost: bool,
     skipped: bool,
 }
 
 impl SocketCamera {
-    /// Connects to a path; `place` names it in messages.
+    /// Connects to a socket at a path; `place` names it in messages.
     pub(super) fn connect_unix(path: &str, address: &str, place: &str) -> Result<Self> {
         if path.is_empty() {
             return Err(Error::input(place, "no path", "socket:PATH"));
@@ -123,7 +123,7 @@ impl Camera for SocketCamera {
                     return Err(Error::device(format!("{}: {e}", self.address)));
                 }
             }
-            // A peer that drips bytes does not prolong the wait.
+            // Bound the wait even if the peer sends single bytes.
             if left.is_zero() {
                 return Ok(None);
             }

@@ -8,24 +8,25 @@ use phasmid_core::error::Error;
 use phasmid_protocol::Frame;
 use std::time::{Duration, Instant};
 
-/// A camera, and the device that it belongs to.
+/// A camera and the USB device that it belongs to.
 pub(super) struct PluggedCamera {
-    /// `None` once it has gone: a node that is held keeps its name from its device.
+    /// `None` once the camera is gone: an open node would keep its name occupied, and the device
+    /// would come back under another one.
     camera: Option<Box<dyn Camera>>,
     plug: Plug,
     how: Capture,
-    /// As it was given.
+    /// The address as given.
     given: String,
     address: String,
-    /// What the camera has said of its frames.
+    /// Last known answer of [`Camera::identifies`].
     identifies: bool,
 }
 
 impl PluggedCamera {
-    /// Opens a camera; one of a USB device is found again when it has been unplugged.
+    /// Opens a camera. If it belongs to a USB device, it can be found again after being unplugged.
     ///
     /// # Errors
-    /// As for [`open_node`].
+    /// Same as [`open_node`].
     pub(super) fn open(address: &str, how: Capture, timeout: Duration) -> Result<Box<dyn Camera>> {
         let camera = open_node(address, how, timeout)?;
         Ok(match Plug::of("video4linux", address) {

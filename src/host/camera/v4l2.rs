@@ -1,4 +1,7 @@
-//! V4L2 devices: which way to read one, and the way through its queue of buffers.
+//! V4L2 devices: selects how to read a device, and reads it through its buffer queue.
+//!
+//! Pixels of Y10, Y12 and Y16 are little-endian 16-bit words with the sensor's bits in the low
+//! bits, as V4L2 defines them. Both times of a frame are the driver's timestamp.
 //!
 //! Words of Y10, Y12 and Y16 are little-endian with the sensor's bits in the low ones, as V4L2
 //! defines them. Both times of a frame are the driver's timestamp.
@@ -17,23 +20,24 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 use v4l::Device;
 
-/// Buffers asked for. Never fewer: in v4l2loopback 0.12 the smallest request shrinks the ring for
-/// everybody, and the sooner a buffer's turn comes again, the sooner a frame that is being read from
-/// is overwritten. A reader more than two frames behind skips to the newest there, whatever the
-/// ring's length; from 0.15 on that length is the limit.
+/// Number of buffers to request. Do not reduce it: in v4l2loopback 0.12 the smallest request
+/// shrinks the ring for every client, and with a shorter ring a buffer is reused sooner, so a frame
+/// is overwritten sooner while it is being read. There, a reader more than two frames behind skips
+/// to the newest frame, whatever the length of the ring; from 0.15 on the length is the limit.
 const BUFFERS: u32 = 32;
-/// How often a device without a format is asked again. v4l2loopback has no event for a producer that
-/// arrives (0.12), and before it the node may not even say that it captures.
+/// Interval at which to query a device that has no format yet. v4l2loopback has no event for the
+/// arrival of a producer (0.12), and before that the node may not even report the capture
+/// capability.
 const ASK_AGAIN: Duration = Duration::from_millis(20);
-/// What is read frame by frame, the best first.
+/// Formats read through the buffer queue, best first.
 const MONO: [FourCc; 4] = [*b"Y16 ", *b"Y12 ", *b"Y10 ", *b"GREY"];
-/// What webcams speak, the best first.
+/// Formats of webcams, best first.
 const WEBCAM: [FourCc; 2] = [*b"YUYV", *b"MJPG"];
 
-/// A device whose format is settled.
+/// A device whose format has been chosen.
 pub(super) struct Found {
     pub(super) address: String,
-    /// The node itself where the address is a link.
+    /// Path of the node itself, if the address is a link.
     pub(super) path: PathBuf,
     pub(super) device: Device,
     pub(super) layout: PixelLayout,
@@ -41,7 +45,7 @@ pub(super) struct Found {
 }
 
 impl Found {
-    /// Whether nokhwa is to read it.
+    /// Returns whether to read the device with nokhwa.
     pub(super) fn is_webcam(&self) -> bool {
         self.webcam
     }
@@ -49,15 +53,16 @@ impl Found {
 
 /// Why a device cannot be read.
 enum Refusal {
-    /// It has no format, or does not capture: a producer may be on its way.
+    /// It has no format or does not capture, but a producer may be about to start.
     NotYet(Error),
     Final(Error),
 }
 
-/// Opens a device and settles its format, waiting up to the timeout for a producer.
+/// Opens a device and chooses its format, waiting up to the timeout for a producer.
 ///
 /// # Errors
-/// A device that cannot be opened, is no camera, or offers nothing that the way of capture reads.
+/// Returns an error if the device cannot be opened, is not a camera, or offers no format that the
+/// capture method reads.
 pub(super) fn find(address: &str, capture: Capture, timeout: Duration) -> Result<Found> {
     let end = Instant::now() + timeout;
     loop {
@@ -82,7 +87,8 @@ fn settle(address: &str, capture: Capture) -> Result<Found, Refusal> {
     let (device, node) =
         Node::open(Path::new(address)).map_err(|e| Refusal::Final(explain(address, "open", e)))?;
     if node.is_forgotten() {
-        // Waited for nevertheless: a producer that starts changes sides in two steps.
+        // Keep waiting nevertheless: a producer that starts switches the node's capabilities in two
+        // steps.
         return Err(Refusal::NotYet(Error::device(format!(
             "{place}: {FORGOTTEN}; load the module anew: `{RELOAD}`"
         ))));
@@ -130,7 +136,7 @@ fn settle(address: &str, capture: Capture) -> Result<Found, Refusal> {
             layout.height
         ))));
     }
-    // The library takes numbers of nodes, not paths.
+    // The library takes node numbers, not paths.
     let path = std::fs::canonicalize(address)
         .map_err(|e| Refusal::Final(explain(address, "follow the link", e)))?;
     Ok(Found {
@@ -143,11 +149,11 @@ fn settle(address: &str, capture: Capture) -> Result<Found, Refusal> {
     })
 }
 
-/// The format to read: the one in use where it can be read, else the best on offer.
+/// Chooses the format to read: the current one if it can be read, otherwise the best one offered.
 fn choose(capture: Capture, now: FourCc, offered: &[FourCc]) -> Option<FourCc> {
     let best = |wanted: &[FourCc]| {
         let mut candidates = std::iter::once(&now).chain(wanted);
-        // Drivers that list nothing still have a format in use.
+        // A driver that lists no formats still has a current one.
         candidates
             .find(|code| wanted.contains(code) && (**code == now || offered.contains(code)))
             .copied()
@@ -181,25 +187,25 @@ fn nothing_readable(place: &str, capture: Capture, offered: &[FourCc]) -> Error 
     )
 }
 
-/// A code's letters.
+/// Returns a FourCC code as text.
 pub(super) fn name(fourcc: FourCc) -> String {
     fourcc.escape_ascii().to_string().trim_end().to_owned()
 }
 
-/// A camera read through its queue of buffers.
+/// A camera read through its buffer queue.
 pub(super) struct V4l2Camera {
     address: String,
     queue: CaptureQueue,
     layout: PixelLayout,
     format: PixelFormat,
-    /// Id and the driver's count of the last frame.
+    /// Id and driver sequence number of the last frame.
     last: Option<(u64, u32)>,
     skipped: bool,
     bytes: Vec<u8>,
 }
 
 impl V4l2Camera {
-    /// Starts the stream, waiting up to the timeout for the producer to stream.
+    /// Starts the stream, waiting up to the timeout for the producer to start streaming.
     pub(super) fn start(found: Found, timeout: Duration) -> Result<Self> {
         let Found {
             address,
@@ -213,7 +219,7 @@ impl V4l2Camera {
             _ => PixelFormat::Y16,
         };
         let row = layout.width as usize * format.bytes_per_pixel();
-        // Some drivers leave the distance of rows without padding out.
+        // Some drivers report a stride of 0 if rows have no padding.
         let stride = if layout.stride == 0 {
             row as u32
         } else {
@@ -230,7 +236,7 @@ impl V4l2Camera {
         let queue = loop {
             match CaptureQueue::start(&device, BUFFERS) {
                 Ok(queue) => break queue,
-                // v4l2loopback until its producer streams.
+                // v4l2loopback reports EIO until its producer streams.
                 Err(e) if e.raw_os_error() == Some(EIO) => {
                     if Instant::now() >= end {
                         return Err(no_producer(&address));
@@ -251,8 +257,8 @@ impl V4l2Camera {
         })
     }
 
-    /// The frame's number: the driver's count where it counts, so that a gap shows; v4l2loopback
-    /// 0.12 says 0 always.
+    /// Returns the frame's id. It follows the driver's sequence number, so that gaps show, unless
+    /// the driver does not count: v4l2loopback 0.12 always reports 0.
     fn count(&mut self, sequence: u32) -> u64 {
         let id = self.last.map_or(0, |(id, before)| {
             id + u64::from(sequence.checked_sub(before).unwrap_or(1).max(1))
@@ -261,13 +267,13 @@ impl V4l2Camera {
         id
     }
 
-    /// The frame without padding; what is wrong with it if it is damaged.
+    /// Returns the frame without row padding, or what is wrong with it if it is damaged.
     fn frame(&mut self, taken: Taken) -> Result<Frame, String> {
         let id = self.count(taken.sequence);
         let layout = self.layout;
         let row = layout.width as usize * self.format.bytes_per_pixel();
         let stride = layout.stride as usize;
-        // The last row's padding may be left out.
+        // The padding of the last row may be missing.
         let need = stride * (layout.height as usize - 1) + row;
         if taken.damaged {
             return Err(format!("frame {id}: the driver says that it is damaged"));
@@ -311,7 +317,7 @@ impl Camera for V4l2Camera {
         loop {
             let left = end.saturating_duration_since(Instant::now());
             let taken = self.queue.take(&mut self.bytes, limit, left);
-            // A buffer that v4l2loopback 0.12 forgot between two calls.
+            // v4l2loopback 0.12 forgot a buffer between two calls.
             let forgotten = |e: &io::Error| e.raw_os_error() == Some(EINVAL);
             if taken.as_ref().is_err_and(forgotten) {
                 self.skipped = true;
@@ -327,7 +333,7 @@ impl Camera for V4l2Camera {
                     return frame.map_err(|e| Error::device(format!("{}: {e}", self.address)));
                 }
                 None if left.is_zero() => return Ok(None),
-                // Ready and yet nothing there: not at once again.
+                // The queue was ready but had no frame: pause before the next try.
                 None => std::thread::sleep(Duration::from_millis(1).min(left)),
             }
         }

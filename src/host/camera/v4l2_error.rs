@@ -1,4 +1,4 @@
-//! What the system says of a V4L2 device, in words that mend it.
+//! Explains errors of V4L2 devices, with a remedy where one is known.
 
 use phasmid_core::error::Error;
 use std::io;
@@ -11,7 +11,7 @@ const ENXIO: i32 = 6;
 pub(super) const EINVAL: i32 = 22;
 pub(super) const ENOTTY: i32 = 25;
 
-/// An error of a device at an address, met while `doing`.
+/// Describes a system error of the device at `address` that occurred while `doing` something.
 pub fn explain(address: &str, doing: &str, error: io::Error) -> Error {
     let place = format!("--camera {address}");
     let remedy = match error.raw_os_error() {

@@ -1,5 +1,14 @@
 //! Webcams through the nokhwa library: YUYV and MJPG.
 //!
+//! The library waits for a frame without a timeout, returns buffers twice after an error, and
+//! panics when its stream ends on a failing device. It therefore runs in a thread of its own, which
+//! copies frames into a bounded queue and ends at the first error. The thread is told to stop when
+//! the camera is dropped, and ends with the next frame; until then it holds the device.
+//!
+//! The library does not report how many bytes of a buffer are used: YUYV is cut to its size, and a
+//! JPEG image ends at its own end marker. Both times of a frame are when it was taken from the
+//! driver, on the system's monotonic clock: an upper bound of its exposure time.
+//!
 //! The library waits for a frame without end, gives buffers back twice after an error, and panics
 //! when its stream ends on a device in trouble. So it lives in a thread of its own, which copies
 //! frames into a bounded queue and ends with the first error. The thread is told to stop when the
@@ -32,15 +41,15 @@ use v4l::frameinterval::FrameIntervalEnum;
 use v4l::video::Capture as _;
 use v4l::video::capture::Parameters;
 
-/// Frames that wait at most, and the bytes that they may take.
+/// Maximum number of waiting frames, and of the bytes that they occupy.
 const MAX_WAITING: usize = 32;
 const MAX_WAITING_BYTES: usize = 256 << 20;
-/// How long the library may take to open a device.
+/// Maximum time for the library to open a device.
 const OPENING: Duration = Duration::from_secs(20);
 
-/// A frame as the driver gave it.
+/// A frame as delivered by the driver.
 struct Raw {
-    /// How many came before it, those that nobody took among them.
+    /// Number of frames before this one, dropped ones included.
     count: u64,
     taken_ns: u64,
     bytes: Vec<u8>,
@@ -79,7 +88,7 @@ impl WebcamCamera {
             )
         })?;
         let fps = whole_rate(&device, &layout, &address)?;
-        // The library opens the device itself.
+        // Close the device: the library opens it itself.
         drop(device);
         let format = if &layout.fourcc == b"MJPG" {
             FrameFormat::MJPEG
@@ -182,7 +191,8 @@ impl Camera for WebcamCamera {
     }
 }
 
-/// The thread: opens, says so, and copies frames until it is told to stop or the camera fails.
+/// Thread body: opens the device, reports the result, and copies frames until it is told to stop or
+/// the camera fails.
 fn read(
     index: u32,
     wanted: CameraFormat,
@@ -201,7 +211,7 @@ fn read(
     let mut camera = match start() {
         Ok(camera) => camera,
         Err(e) => {
-            // Nobody waits any more when this fails.
+            // Sending fails if the opener no longer waits.
             let _ = opened.send(Err(e.to_string()));
             return;
         }
@@ -229,9 +239,9 @@ fn read(
             return;
         }
         match frames.try_send(frame) {
-            // Nobody takes them: the gap in the count shows it.
+            // If the queue is full, drop the frame: the gap in the count shows it.
             Ok(()) | Err(TrySendError::Full(Ok(_))) => {}
-            // The channel's end says that the stream has ended.
+            // The closed channel shows that the stream has ended.
             Err(TrySendError::Full(Err(_)) | TrySendError::Disconnected(_)) => return,
         }
         if failed {
@@ -240,14 +250,14 @@ fn read(
     }
 }
 
-/// N of `/dev/videoN`.
+/// Returns N of `/dev/videoN`.
 fn number(path: &Path) -> Option<u32> {
     let text = path.to_str()?.strip_prefix("/dev/video")?;
     text.parse().ok()
 }
 
-/// Frames per second, a whole number as the library wants it: the rate in use, else the highest
-/// that the device offers.
+/// Returns the frame rate in frames per second, an integer as the library requires: the current
+/// rate, or else the highest that the device offers.
 fn whole_rate(device: &Device, layout: &PixelLayout, address: &str) -> Result<u32> {
     let params = device
         .params()
@@ -282,7 +292,7 @@ fn whole_rate(device: &Device, layout: &PixelLayout, address: &str) -> Result<u3
     })
 }
 
-/// The brightness of a JPEG picture, of bounded size.
+/// Decodes a JPEG image of bounded size to grey levels.
 fn decode_jpeg(bytes: &[u8]) -> image::ImageResult<image::GrayImage> {
     let mut reader = ImageReader::with_format(Cursor::new(bytes), ImageFormat::Jpeg);
     let mut limits = Limits::default();
@@ -313,7 +323,7 @@ mod tests {
             .encode_image(&ramp)
             .unwrap();
         let mut bytes = bytes.into_inner();
-        // What an earlier, longer frame left behind.
+        // Remains of an earlier, longer frame in the buffer.
         bytes.extend((0..5000).map(|i| (i * 31) as u8));
         let back = decode_jpeg(&bytes).unwrap();
         let worst = ramp

@@ -1,4 +1,4 @@
-//! Questions in a dialect from a file, one at a time, on a line that may fail.
+//! Queries in a dialect described by a file, one at a time, on an unreliable line.
 
 use crate::CommandPort;
 use crate::patience::Patience;
@@ -7,26 +7,27 @@ use phasmid_protocol::dialect::{Cut, Cutter, Dialect, Direction, Event, Reply, V
 use phasmid_protocol::printable;
 use std::time::Duration;
 
-/// How often a question is asked that is not answered, or refused; silence shares the timeout.
+/// Number of times a query is sent while it is unanswered or refused; the attempts share the
+/// timeout.
 const ATTEMPTS: u32 = 3;
-/// How long to wait for an answer behind something that is none.
+/// Time to wait for a valid answer after an invalid one.
 const GRACE: Duration = Duration::from_millis(250);
-/// How long a device that refuses or is busy is left alone; longer each time.
+/// Pause after a device refuses or is busy; longer after each attempt.
 const PAUSE: Duration = Duration::from_millis(20);
-/// How long the line is silent when nothing is under way any more.
+/// Silence after which nothing is in transit any more.
 const QUIET: Duration = Duration::from_millis(50);
-/// Bytes that are taken while one answer is waited for.
+/// Maximum number of bytes to accept while waiting for one answer.
 const MAX_BYTES: usize = 16 << 20;
 
-/// Values of an answer by their names in the file.
+/// Values of an answer, each with its name in the file.
 pub(super) type Values = Vec<(String, Value)>;
 
-/// What came of a question.
+/// Result of a query.
 enum Outcome {
     Done(Values),
-    /// The device's words.
+    /// The text of the device's refusal.
     Refused(String),
-    /// What was wrong with the answer.
+    /// What is wrong with the answer.
     Damaged(String),
     Silent,
 }
@@ -37,11 +38,11 @@ pub(super) struct Line<P> {
     dialect: Dialect,
     cutter: Cutter,
     timeout: Duration,
-    /// The number of the last question.
+    /// Sequence number of the last query.
     sequence: u8,
-    /// Answers may still come to questions that are over, and cannot be told from others.
+    /// Late answers to earlier queries may still arrive, and cannot be told from current ones.
     pub(super) stray: bool,
-    /// The device has said that it has started anew.
+    /// The device has reported a restart.
     pub(super) booted: bool,
     /// The port has failed.
     gone: bool,
@@ -69,12 +70,12 @@ impl<P: CommandPort> Line<P> {
         self.port.info()
     }
 
-    /// What messages call a command.
+    /// Returns the label of a command for messages.
     pub(super) fn place(&self, command: &str) -> String {
         format!("{}: {command} ({})", self.info(), self.dialect.name())
     }
 
-    /// Opens the port anew if it has failed.
+    /// Reopens the port if it has failed.
     pub(super) fn reopen(&mut self) -> Result<()> {
         if std::mem::take(&mut self.gone) {
             self.port.reopen(self.timeout)?;
@@ -84,11 +85,13 @@ impl<P: CommandPort> Line<P> {
         Ok(())
     }
 
-    /// Asks, and asks again where no answer comes, a damaged one, or a refusal: a device may be busy
-    /// or have misread the question. What is asked may have been done more than once.
+    /// Sends a query, and repeats it if the answer is missing, corrupted, or a refusal: a device
+    /// may be busy or have misread the query. The device may therefore execute the command more
+    /// than once.
     ///
     /// # Errors
-    /// A port that has gone, silence within the timeout, and the device's own words.
+    /// Returns an error if the port is gone, if no answer comes within the timeout, or with the
+    /// device's own text if it refuses.
     pub(super) fn ask(&mut self, command: &str, args: &[(&str, Value)]) -> Result<Values> {
         let mut asked = Vec::new();
         let mut error = self.silence(command);
@@ -100,7 +103,7 @@ impl<P: CommandPort> Line<P> {
             }
             asked.push(self.sequence);
             let outcome = self.answer(command, &asked)?;
-            // Where nothing numbers the answers, another one may follow.
+            // Without numbered answers, a late duplicate may follow.
             self.stray |= !self.dialect.has_sequence()
                 && (attempt > 1 || matches!(outcome, Outcome::Damaged(_) | Outcome::Silent));
             error = match outcome {
@@ -134,10 +137,10 @@ impl<P: CommandPort> Line<P> {
         ))
     }
 
-    /// Sends a command once, without waiting for anything.
+    /// Sends a command once, without waiting for an answer.
     ///
     /// # Errors
-    /// A port that has gone, and what the dialect cannot say.
+    /// Returns an error if the port is gone, or if the dialect cannot express the command.
     pub(super) fn send(&mut self, command: &str, args: &[(&str, Value)]) -> Result<()> {
         self.sequence = self.sequence.wrapping_add(1);
         let request = self.dialect.request(command, args, self.sequence);
@@ -148,7 +151,7 @@ impl<P: CommandPort> Line<P> {
         sent
     }
 
-    /// Waits for the answer to a question that was asked with any of these numbers.
+    /// Waits for the answer to a query that was sent with any of the numbers `asked`.
     fn answer(&mut self, command: &str, asked: &[u8]) -> Result<Outcome> {
         let mut patience = Patience::new(self.timeout / ATTEMPTS);
         let mut values = Values::new();
@@ -167,7 +170,7 @@ impl<P: CommandPort> Line<P> {
                     Cut::Dropped(why) => Reply::Bad(printable(&why.to_string())),
                 };
                 match reply {
-                    // Whatever is behind an answer is not another one.
+                    // Ignore what follows the answer.
                     _ if outcome.is_some() => {}
                     Reply::More(more) => values.extend(more),
                     Reply::Done(last) => {
@@ -196,7 +199,7 @@ impl<P: CommandPort> Line<P> {
         Ok(damaged.map_or(Outcome::Silent, Outcome::Damaged))
     }
 
-    /// What a message means to whoever has asked with one of these numbers.
+    /// Interprets a message as an answer to a query sent with any of the numbers `asked`.
     fn understand(&mut self, command: &str, message: &[u8], asked: &[u8]) -> Reply {
         for sequence in asked.iter().rev() {
             match self.dialect.reply(command, message, *sequence) {
@@ -211,7 +214,8 @@ impl<P: CommandPort> Line<P> {
         Reply::Other
     }
 
-    /// Messages that come within what is left, and their bytes; `None` when nothing comes any more.
+    /// Receives messages within the remaining wait, with their length in bytes; `None` when the
+    /// wait is over.
     fn receive(&mut self, patience: &mut Patience) -> Result<Option<(Vec<Cut>, usize)>> {
         let mut buffer = [0; 4096];
         let received = patience.receive(&mut self.port, &mut buffer);
@@ -222,10 +226,10 @@ impl<P: CommandPort> Line<P> {
         Ok((len > 0).then_some((cuts, len)))
     }
 
-    /// Lets time pass, and what comes meanwhile.
+    /// Waits for `time`, discarding what arrives except for a notice of a restart.
     ///
     /// # Errors
-    /// A port that has gone.
+    /// Returns an error if the port is gone.
     pub(super) fn pass(&mut self, time: Duration) -> Result<()> {
         let mut patience = Patience::new(time);
         let mut bytes = 0;
@@ -243,10 +247,10 @@ impl<P: CommandPort> Line<P> {
         Ok(())
     }
 
-    /// Waits until nothing comes any more.
+    /// Waits until the line is silent.
     ///
     /// # Errors
-    /// A port that has gone.
+    /// Returns an error if the port is gone.
     pub(super) fn hush(&mut self) -> Result<()> {
         self.pass(QUIET)?;
         self.cutter.reset();

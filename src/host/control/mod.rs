@@ -1,5 +1,10 @@
-//! What a scanner needs of a device's control port, in whatever the device speaks: SCPI as an
-//! instrument of IEEE 488.2 has it, or a dialect that a file describes.
+//! The operations that a scanner needs of a device's control port, in the language that the device
+//! speaks: SCPI over IEEE 488.2, or a dialect described by a file.
+//!
+//! A line may lose, delay, duplicate and corrupt data, and a device may be power-cycled between two
+//! queries. Therefore every setting that affects the measurement is read back before and after a
+//! run ([`Control::prepare`], [`Control::confirm`]), and data without a checksum is read until two
+//! readings agree.
 //!
 //! A line may lose, delay, double and damage what it carries, and a device may be switched off and
 //! on again between two questions. So what would change the measurement is asked back before and
@@ -20,14 +25,14 @@ use spoken::Spoken;
 use std::fmt::Display;
 use std::time::Duration;
 
-/// How often a device is looked for again in one scan.
+/// Number of times that a lost device is searched for in one scan.
 pub(super) const RECOVERIES: u32 = 2;
-/// Readings of which two have to agree.
+/// Maximum number of readings, two of which must agree.
 const READINGS: usize = 5;
-/// How often settings are asked back that are not as they were ordered.
+/// Number of times that settings are read back if they differ from what was set.
 const TRIES: u32 = 3;
 
-/// A device's control port.
+/// The control port of a device.
 pub(super) enum Control<P> {
     /// SCPI.
     Scpi(Box<Scpi<P>>),
@@ -35,12 +40,13 @@ pub(super) enum Control<P> {
     Spoken(Box<Spoken<P>>),
 }
 
-/// Settings as a device says that they are, by what it was asked.
+/// The device's settings as it reports them: pairs of query and answer.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Settings(Vec<(String, String)>);
 
 impl Settings {
-    /// The first that is not as it was: what was asked, its answer, and the earlier one.
+    /// Returns the first setting that has changed: the query, the answer now, and the earlier
+    /// answer.
     fn change<'a>(&'a self, before: &'a Self) -> Option<(&'a str, &'a str, &'a str)> {
         let both = self.0.iter().zip(&before.0);
         both.filter(|(now, then)| now != then)
@@ -64,13 +70,14 @@ fn agreed<T: PartialEq>(place: impl Display, mut read: impl FnMut() -> Result<T>
     )))
 }
 
-/// A name as it is selected by: dialects that hand on what the device says hand on its quotes.
+/// Strips the quotes from a sequence name, giving the form used to select it: a dialect may pass on
+/// a name with the device's quotes.
 fn unquoted(name: &str) -> String {
     let inside = name.strip_prefix('"').and_then(|n| n.strip_suffix('"'));
     inside.map_or_else(|| name.to_owned(), |inside| inside.replace("\"\"", "\""))
 }
 
-/// A sequence that cannot be selected, for want of words.
+/// Error for a sequence that cannot be selected because the dialect has no command for it.
 fn no_words(name: &str, dialect: &str) -> Error {
     Error::input(
         format!("--sequence {name}"),
@@ -79,7 +86,7 @@ fn no_words(name: &str, dialect: &str) -> Error {
     )
 }
 
-/// A failure, and what came of looking for the device again.
+/// Combines a failure with the result of the search for the device that followed.
 pub(super) fn both(error: &Error, then: &Error) -> Error {
     Error::device(format!("{error}; then: {then}"))
 }
@@ -94,10 +101,10 @@ macro_rules! each {
 }
 
 impl<P: CommandPort> Control<P> {
-    /// Starts a conversation; `timeout` bounds every wait.
+    /// Opens the conversation; `timeout` bounds every wait.
     ///
     /// # Errors
-    /// A port that has gone, or one behind which nobody speaks the dialect.
+    /// Returns an error if the port is gone, or if no device on it speaks the dialect.
     pub(super) fn open(port: P, dialect: Option<Dialect>, timeout: Duration) -> Result<Self> {
         if let Some(dialect) = &dialect
             && let Some(operation) = dialect.host().needed().next()
@@ -116,7 +123,7 @@ impl<P: CommandPort> Control<P> {
         })
     }
 
-    /// The instrument, where the device speaks SCPI.
+    /// Returns the instrument if the device speaks SCPI.
     pub(super) fn instrument(&mut self) -> Option<&mut Instrument<P>> {
         match self {
             Self::Scpi(scpi) => Some(scpi.instrument()),
@@ -124,18 +131,18 @@ impl<P: CommandPort> Control<P> {
         }
     }
 
-    /// Finds a device again that has been silent, out of step, or gone.
+    /// Restores contact with a device that was silent, out of step, or gone.
     ///
     /// # Errors
-    /// A device that does not come back within the timeout.
+    /// Returns an error if the device does not come back within the timeout.
     pub(super) fn recover(&mut self) -> Result<()> {
         each!(self, control => control.recover())
     }
 
-    /// Does something, and again after a failure, once the device has been found again.
+    /// Performs an action, and repeats it after a failure once contact with the device is restored.
     ///
     /// # Errors
-    /// The last failure, and that of a device that was not found.
+    /// Returns the last failure, together with the error of the recovery if that failed.
     pub(super) fn persist<T>(&mut self, mut act: impl FnMut(&mut Self) -> Result<T>) -> Result<T> {
         let mut left = RECOVERIES;
         loop {
@@ -149,11 +156,10 @@ impl<P: CommandPort> Control<P> {
         }
     }
 
-    /// Who the device is: manufacturer, model, serial number, version. Where its dialect has no words
-    /// for that, what it speaks.
+    /// Returns the device's identity: manufacturer, model, serial number, version. If its dialect
+    /// has no command for that, returns the name of the dialect.
     ///
-    /// # Errors
-    /// A device that does not say so.
+    /// Returns an error if the device does not identify itself.
     pub(super) fn identify(&mut self) -> Result<String> {
         let (idn, question) =
             each!(self, control => (control.identify()?, control.place("identify")));
@@ -169,39 +175,40 @@ impl<P: CommandPort> Control<P> {
         Ok(idn)
     }
 
-    /// The trigger source as it is, where the device says so.
+    /// Returns the current trigger source, if the device reports it.
     ///
     /// # Errors
-    /// What the port or the device refuses.
+    /// Returns an error if the port fails or the device refuses.
     pub(super) fn source(&mut self) -> Result<Option<String>> {
         each!(self, control => control.source())
     }
 
-    /// Makes the device expose nothing but what it is triggered to.
+    /// Makes the device expose only when it is triggered.
     ///
     /// # Errors
-    /// What the port or the device refuses.
+    /// Returns an error if the port fails or the device refuses.
     pub(super) fn quiet(&mut self) -> Result<()> {
         each!(self, control => control.quiet())
     }
 
-    /// Leaves the trigger source as it was found.
+    /// Restores the trigger source that was found.
     ///
     /// # Errors
-    /// What the port or the device refuses.
+    /// Returns an error if the port fails or the device refuses.
     pub(super) fn restore(&mut self, source: &str) -> Result<()> {
-        // It came from the device, but it is not sent back unread.
+        // The text came from the device; check it before sending it back.
         if source.is_empty() || !source.chars().all(|c| c.is_ascii_alphanumeric()) {
             return Ok(());
         }
         each!(self, control => control.restore(source))
     }
 
-    /// Makes everything ready for a run of a sequence, the selected one where none is named, and
-    /// asks back whether it is so.
+    /// Prepares a run of a sequence (of the selected one if `sequence` is `None`), and reads the
+    /// settings back.
     ///
     /// # Errors
-    /// What the device refuses, settings that do not stay, and a sequence that it does not have.
+    /// Returns an error if the device refuses, does not keep a setting, or does not have the
+    /// sequence.
     pub(super) fn prepare(&mut self, sequence: Option<&str>) -> Result<Settings> {
         each!(self, control => control.begin())?;
         each!(self, control => control.quiet())?;
@@ -212,15 +219,16 @@ impl<P: CommandPort> Control<P> {
         each!(self, control => control.ready(sequence))
     }
 
-    /// Name of the selected sequence among settings, as [`Self::prepare`] takes it.
+    /// Returns the name of the selected sequence from settings, in the form that [`Self::prepare`]
+    /// takes.
     pub(super) fn selected(&self, settings: &Settings) -> Option<String> {
         each!(self, control => control.selected(settings))
     }
 
-    /// Name of the sequence that is selected now, where the device says so.
+    /// Returns the name of the currently selected sequence, if the device reports it.
     ///
     /// # Errors
-    /// What the port or the device refuses.
+    /// Returns an error if the port fails or the device refuses.
     pub(super) fn selection(&mut self) -> Result<Option<String>> {
         let settings = each!(self, control => control.settings())?;
         Ok(self.selected(&settings))
@@ -229,14 +237,14 @@ impl<P: CommandPort> Control<P> {
     /// Selects a sequence.
     ///
     /// # Errors
-    /// What the port or the device refuses, and a sequence that it does not have.
+    /// Returns an error if the port fails, the device refuses, or it does not have the sequence.
     pub(super) fn select(&mut self, name: &str) -> Result<()> {
         let refused = match each!(self, control => control.select(name)) {
             Ok(()) => return Ok(()),
             Err(error) => error,
         };
-        // A name that the device does not have is the user's mistake; anything else is between
-        // host and device, and so is a device that does not list its sequences.
+        // A name that the device does not have is the user's mistake. Any other failure, including
+        // that the device does not list its sequences, is a fault between host and device.
         let Ok(Some(names)) = each!(self, control => control.list()) else {
             return Err(refused);
         };
@@ -250,64 +258,65 @@ impl<P: CommandPort> Control<P> {
         ))
     }
 
-    /// The selected sequence's manifest and where it came from; `None` where the device does not
-    /// tell.
+    /// Reads the selected sequence's manifest and where it came from; `None` if the device does not
+    /// provide it.
     ///
     /// # Errors
-    /// What the port or the device refuses, and readings that do not agree.
+    /// Returns an error if the port fails, the device refuses, or the readings do not agree.
     pub(super) fn manifest(&mut self) -> Result<Option<(String, String)>> {
         let place = each!(self, control => control.place("manifest"));
         let text = each!(self, control => control.manifest())?;
         Ok(text.map(|text| (text, place)))
     }
 
-    /// The device's calibration, as [`Self::manifest`] has it.
+    /// Reads the device's calibration, in the same form as [`Self::manifest`].
     ///
     /// # Errors
-    /// As for [`Self::manifest`].
+    /// Same as [`Self::manifest`].
     pub(super) fn calibration(&mut self) -> Result<Option<(String, String)>> {
         let place = each!(self, control => control.place("calibration"));
         let text = each!(self, control => control.calibration())?;
         Ok(text.map(|text| (text, place)))
     }
 
-    /// Waits until the last frame of an earlier run has left the device, where it says so.
+    /// Waits until the last frame of an earlier run has left the device, if the device can report
+    /// that.
     ///
     /// # Errors
-    /// What the port or the device refuses.
+    /// Returns an error if the port fails or the device refuses.
     pub(super) fn settle(&mut self) -> Result<()> {
         each!(self, control => control.settle())
     }
 
-    /// Arms the device at the first pattern, whatever it was doing.
+    /// Arms the device at the first pattern, whatever its state.
     ///
     /// # Errors
-    /// What the port or the device refuses.
+    /// Returns an error if the port fails or the device refuses.
     pub(super) fn arm(&mut self) -> Result<()> {
         each!(self, control => control.arm())
     }
 
-    /// Triggers, once: frames say whether that has come through.
+    /// Triggers once, without confirmation: the frames show whether the trigger arrived.
     ///
     /// # Errors
-    /// What the port or the device refuses.
+    /// Returns an error if the port fails or the device refuses.
     pub(super) fn trigger(&mut self) -> Result<()> {
         each!(self, control => control.trigger())
     }
 
-    /// Asks after a run whether the device has anything to complain of.
+    /// Reads the device's errors after a run.
     ///
     /// # Errors
-    /// Its complaints.
+    /// Returns the errors that the device reports.
     pub(super) fn complaints(&mut self) -> Result<()> {
         each!(self, control => control.complaints())
     }
 
-    /// Asks after a run whether everything is still as it was before: a device that has been
-    /// switched off and on, or that somebody else has given orders, has not shown what it was told.
+    /// Checks after a run that all settings are unchanged. A device that was power-cycled or
+    /// reconfigured by someone else meanwhile may not have shown what it was set to show.
     ///
     /// # Errors
-    /// What has changed.
+    /// Returns an error that names the setting that has changed.
     pub(super) fn confirm(&mut self, before: &Settings) -> Result<()> {
         let mut tries = 1;
         loop {
@@ -315,7 +324,8 @@ impl<P: CommandPort> Control<P> {
             let Some((what, word, earlier)) = now.change(before) else {
                 return Ok(());
             };
-            // A damaged answer is another one the next time; events are told once.
+            // A corrupted answer differs the next time, so ask again; events are reported only
+            // once.
             if tries == TRIES || what == scpi::EVENTS {
                 let place = each!(self, control => control.info());
                 return Err(Error::device(format!(

@@ -1,4 +1,5 @@
-//! The scanner's operations in a dialect from a file. What the file lacks, the scan does without.
+//! The scanner's operations in a dialect described by a file. A scan skips operations that the file
+//! does not define.
 
 mod step;
 
@@ -10,22 +11,23 @@ use phasmid_protocol::dialect::{Dialect, Gather, Step, Value};
 use phasmid_protocol::printable;
 use std::time::Duration;
 
-/// Pieces of a long answer.
+/// Maximum number of chunks in a long answer.
 const MAX_PIECES: u32 = 1 << 16;
-/// What decides what a run shows, in the order in which it is asked.
+/// The settings that determine what a run shows, in the order in which they are queried.
 const SETTINGS: [&str; 3] = [SELECTED, "source", MARKED];
 const SELECTED: &str = "selected";
-/// Whether the device still knows what it was told last: it forgets that when it is switched off.
+/// Whether the device still knows the number (mark) that it was last told; it forgets the mark on
+/// power-off.
 const MARKED: &str = "marked";
-/// Whether the device has started anew.
+/// Whether the device has restarted.
 const STARTED: &str = "started anew";
 
-/// A device that speaks a dialect from a file.
+/// A device that speaks a dialect described by a file.
 pub(crate) struct Spoken<P> {
     line: Line<P>,
-    /// What the device was last told to remember.
+    /// The mark that the device was last told to remember.
     mark: u8,
-    /// It did not know that any more when it was told something else.
+    /// The device had already forgotten its mark when it was told another one.
     forgotten: bool,
 }
 
@@ -36,7 +38,7 @@ impl<P: CommandPort> Spoken<P> {
             mark: 0,
             forgotten: false,
         };
-        // What an earlier client has left on its way is no answer.
+        // Data left in transit by an earlier client is not an answer.
         if spoken.step().is_err() {
             spoken.recover()?;
         }
@@ -47,12 +49,12 @@ impl<P: CommandPort> Spoken<P> {
         self.line.info()
     }
 
-    /// What the device speaks.
+    /// Returns the name of the dialect.
     pub(super) fn language(&self) -> &str {
         self.line.dialect().name()
     }
 
-    /// Where an operation's answer comes from, for messages.
+    /// Returns the source of an operation's answer, for messages.
     pub(super) fn place(&self, operation: &str) -> String {
         let steps = self.line.dialect().host().get(operation);
         let command = steps.and_then(|operation| operation.steps.last());
@@ -72,8 +74,8 @@ impl<P: CommandPort> Spoken<P> {
         self.step()
     }
 
-    /// Does an operation that the dialect has, in step; `None` where it has no result, or the
-    /// dialect lacks it.
+    /// Performs an operation after synchronizing with the device; `None` if the operation has no
+    /// result or the dialect does not define it.
     fn operate(&mut self, operation: &str, inputs: &[(&str, Value)]) -> Result<Option<Value>> {
         self.step()?;
         self.perform(operation, inputs)
@@ -113,7 +115,7 @@ impl<P: CommandPort> Spoken<P> {
                         }
                     }
                 }
-                // Pieces of another question's answer, or damaged ones.
+                // The chunks were corrupted, or belong to the answer of another query.
                 self.line.hush()?;
             }
             Err(Error::device(format!("{place}: {}", printable(&last))))
@@ -125,8 +127,8 @@ impl<P: CommandPort> Spoken<P> {
         Ok(vec![(chunk.data.clone(), Value::Bytes(bytes))])
     }
 
-    /// An operation's result; `None` where the dialect lacks it. An answer of several lines of which
-    /// one is missing has none, and is asked for again.
+    /// Returns an operation's result; `None` if the dialect does not define it. An answer of
+    /// several lines is incomplete if one of them is missing, and is queried again.
     fn value(&mut self, operation: &str) -> Result<Option<Value>> {
         if !self.has(operation) {
             return Ok(None);
@@ -143,13 +145,13 @@ impl<P: CommandPort> Spoken<P> {
         )))
     }
 
-    /// An operation's result as text, of which no character steers a terminal.
+    /// Returns an operation's result as text without control characters.
     fn word(&mut self, operation: &str) -> Result<Option<String>> {
         let value = self.value(operation)?;
         Ok(value.map(|value| printable(&value.to_string())))
     }
 
-    /// An operation's result, when two readings agree.
+    /// Returns an operation's result once two readings agree.
     fn sure(&mut self, operation: &str) -> Result<Option<String>> {
         if !self.has(operation) {
             return Ok(None);
@@ -194,7 +196,7 @@ impl<P: CommandPort> Spoken<P> {
         }))
     }
 
-    /// Asks back what was ordered.
+    /// Reads the settings back and checks them against what was set.
     pub(super) fn ready(&mut self, sequence: Option<&str>) -> Result<Settings> {
         let mut tries = 1;
         loop {
@@ -231,8 +233,8 @@ impl<P: CommandPort> Spoken<P> {
                 settings.push((what.to_owned(), word));
             }
         }
-        // What a device says at power-on may still be on its way when a run begins; that it has
-        // forgotten its number is certain.
+        // A power-on message may still be in transit when a run begins, so it proves nothing; a
+        // forgotten mark does.
         let started = match self.is_marked() {
             true => self.forgotten,
             false => self.line.booted,
@@ -254,7 +256,8 @@ impl<P: CommandPort> Spoken<P> {
         text.transpose()
     }
 
-    /// A text on which numbers depend: the dialect's checksum guards it, or two readings agree.
+    /// Reads a text that contains measurement data: either the dialect's chunk checksum guards it,
+    /// or two readings must agree.
     fn document(&mut self, operation: &str) -> Result<Option<String>> {
         let host = self.line.dialect().host().get(operation).cloned();
         let in_pieces = host.is_some_and(|operation| {

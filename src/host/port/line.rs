@@ -1,17 +1,18 @@
-//! A serial line as the system has it: opened exclusively, raw, and never waited for longer than
-//! asked.
+//! A serial line as provided by the operating system: opened exclusively, in raw mode, and with
+//! bounded waits.
 
 #[cfg(not(unix))]
 pub(super) use elsewhere::Line;
 #[cfg(unix)]
 pub(super) use terminal::Line;
 
-/// Ignored by ptys and USB; a device on a real line is expected at this rate.
+/// Baud rate expected of a device on a physical line; ptys and USB ignore it.
 const BAUD_RATE: u32 = 115_200;
 
-/// A terminal of a Unix. Its descriptor never blocks, for "ready to be written to" is a promise that
-/// the kernel does not keep: a pty whose other side does not read is ready, and a write that waits
-/// there (`n_tty_write`) waits without an end; so does one to a USB port whose device refuses data.
+/// A Unix terminal. Its descriptor is non-blocking, because the kernel does not keep its promise
+/// that a ready descriptor can be written to: a pty whose other side does not read is reported as
+/// ready, and a blocking write to it (`n_tty_write`) never returns. The same holds for a USB port
+/// whose device refuses data.
 #[cfg(unix)]
 mod terminal {
     use super::BAUD_RATE;
@@ -26,24 +27,26 @@ mod terminal {
     use std::os::fd::OwnedFd;
     use std::time::{Duration, Instant};
 
-    /// Longest wait between two writes: Linux wakes a pty's writer before there is room, and not
+    /// Maximum wait between two writes: Linux wakes a pty's writer before there is room, and not
     /// again afterwards.
     const LOOK_AGAIN: Duration = Duration::from_millis(5);
-    /// Shortest wait between two writes, where the line says that it is ready and takes nothing.
+    /// Minimum wait between two writes if the line reports that it is ready but accepts nothing.
     const PAUSE: Duration = Duration::from_millis(1);
 
     /// An open line.
     pub(in crate::port) struct Line(OwnedFd);
 
     impl Line {
-        /// Opens a line for this process alone, and forgets what was waiting on it.
+        /// Opens a line exclusively for this process and discards data waiting on it.
         ///
         /// # Errors
-        /// The system's; `ResourceBusy` for a line that another program has opened so.
+        /// Returns the system's error; `ResourceBusy` if another program has opened the line
+        /// exclusively.
         pub(in crate::port) fn open(path: &str) -> Result<Self> {
             let flags = OFlags::RDWR | OFlags::NOCTTY | OFlags::NONBLOCK | OFlags::CLOEXEC;
             let file = open(path, flags, Mode::empty())?;
-            // Root is let in by the kernel whoever has the line; this keeps out another one of us.
+            // The kernel's exclusive mode does not keep root out; this lock excludes other
+            // instances of this program.
             flock(&file, FlockOperation::NonBlockingLockExclusive).map_err(|e| match e {
                 Errno::WOULDBLOCK => Error::from(ErrorKind::ResourceBusy),
                 e => e.into(),
@@ -54,11 +57,12 @@ mod terminal {
             let mut modes = tcgetattr(file)?;
             modes.make_raw();
             modes.control_modes |= ControlModes::CREAD | ControlModes::CLOCAL;
-            // No handshake: CTS and RTS may not be wired, XON and XOFF are data. One stop bit.
+            // No flow control: CTS and RTS may not be wired, and XON and XOFF are data. One stop
+            // bit.
             modes.control_modes -= ControlModes::CRTSCTS | ControlModes::CSTOPB;
             modes.set_speed(BAUD_RATE)?;
             tcsetattr(file, OptionalActions::Now, &modes)?;
-            // It is said to have worked where a part of it has.
+            // `tcsetattr` reports success even if only some of the settings took effect.
             let set = tcgetattr(file)?;
             let raw = (set.input_modes, set.output_modes, set.local_modes)
                 == (modes.input_modes, modes.output_modes, modes.local_modes);
@@ -69,10 +73,10 @@ mod terminal {
             Ok(line)
         }
 
-        /// Writes what the line takes within the timeout, and says how much that was.
+        /// Writes what the line accepts within the timeout; returns the number of bytes.
         ///
         /// # Errors
-        /// A line that has gone.
+        /// Returns an error if the line is gone.
         pub(in crate::port) fn write(&mut self, bytes: &[u8], timeout: Duration) -> Result<usize> {
             let begin = Instant::now();
             let mut taken = 0;
@@ -97,11 +101,11 @@ mod terminal {
             }
         }
 
-        /// Reads what has come, waiting for the first byte; `None` when none has come in time, 0
-        /// where none will any more.
+        /// Reads the available bytes, waiting for the first one; returns `None` if none comes
+        /// within the timeout, 0 if the line has ended.
         ///
         /// # Errors
-        /// A line that has gone.
+        /// Returns an error if the line is gone.
         pub(in crate::port) fn read(
             &mut self,
             buffer: &mut [u8],
@@ -123,13 +127,13 @@ mod terminal {
             }
         }
 
-        /// Waits until the line is ready or has gone; whether that was so in time.
+        /// Waits until the line is ready or gone; returns whether that happened within the time.
         fn wait(&self, what: PollFlags, time: Duration) -> Result<bool> {
-            // Longer than a `Timespec` holds is as good as for ever.
+            // A time that does not fit a `Timespec` counts as infinite.
             let time = Timespec::try_from(time).ok();
             match poll(&mut [PollFd::new(&self.0, what)], time.as_ref()) {
                 Ok(ready) => Ok(ready > 0),
-                // Whoever waits looks at the time that is left.
+                // The caller checks the time that is left.
                 Err(Errno::INTR) => Ok(false),
                 Err(error) => Err(error.into()),
             }
@@ -138,15 +142,15 @@ mod terminal {
 
     impl Drop for Line {
         fn drop(&mut self) {
-            // To close a line that does not take what was written is to wait for it, 30 s for most
-            // drivers. What fails here fails on a line that has gone.
+            // Closing a line that does not accept written data blocks until it does, 30 s with most
+            // drivers, so discard the data. Errors here mean that the line is gone.
             let _ = tcflush(&self.0, QueueSelector::OFlush);
             let _ = ioctl_tiocnxcl(&self.0);
         }
     }
 }
 
-/// A port by the `serialport` library, whose writes end in time where the system's do (Windows).
+/// A port of the `serialport` library, whose writes time out if the system supports it (Windows).
 #[cfg(not(unix))]
 mod elsewhere {
     use super::BAUD_RATE;
@@ -158,10 +162,10 @@ mod elsewhere {
     pub(in crate::port) struct Line(Box<dyn SerialPort>);
 
     impl Line {
-        /// Opens a line, and forgets what was waiting on it.
+        /// Opens a line and discards data waiting on it.
         ///
         /// # Errors
-        /// The system's.
+        /// Returns the system's error.
         pub(in crate::port) fn open(path: &str) -> Result<Self> {
             let failed = |e: serialport::Error| match e.kind() {
                 Kind::Io(kind) => Error::from(kind),
@@ -173,10 +177,10 @@ mod elsewhere {
             Ok(Self(port))
         }
 
-        /// Writes what the line takes within the timeout, and says how much that was.
+        /// Writes what the line accepts within the timeout; returns the number of bytes.
         ///
         /// # Errors
-        /// A line that has gone.
+        /// Returns an error if the line is gone.
         pub(in crate::port) fn write(&mut self, bytes: &[u8], timeout: Duration) -> Result<usize> {
             let begin = Instant::now();
             let mut taken = 0;
@@ -196,11 +200,11 @@ mod elsewhere {
             Ok(taken)
         }
 
-        /// Reads what has come, waiting for the first byte; `None` when none has come in time, 0
-        /// where none will any more.
+        /// Reads the available bytes, waiting for the first one; returns `None` if none comes
+        /// within the timeout, 0 if the line has ended.
         ///
         /// # Errors
-        /// A line that has gone.
+        /// Returns an error if the line is gone.
         pub(in crate::port) fn read(
             &mut self,
             buffer: &mut [u8],

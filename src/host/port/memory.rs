@@ -1,4 +1,4 @@
-//! A port in memory.
+//! An in-memory port.
 
 use super::CommandPort;
 use phasmid_core::error::{Error, Result};
@@ -6,14 +6,14 @@ use std::collections::VecDeque;
 use std::io::Read;
 use std::time::Duration;
 
-/// A port in memory: a function stands for the device and gives what it sends back.
+/// An in-memory port: a function acts as the device and returns what the device sends back.
 pub struct MemoryPort<F> {
     device: F,
     replies: VecDeque<u8>,
 }
 
 impl<F: FnMut(&[u8]) -> Vec<u8>> MemoryPort<F> {
-    /// A line to a device that is a function.
+    /// Creates a port to a device that is a function.
     pub fn new(device: F) -> Self {
         Self {
             device,

@@ -1,4 +1,4 @@
-//! Command ports: bytes to a device and back.
+//! Command ports: byte streams to and from a device.
 
 mod line;
 mod memory;
@@ -12,28 +12,29 @@ pub use serial::SerialPort;
 use phasmid_core::error::{Error, Result};
 use std::time::Duration;
 
-/// A line to a device.
+/// A byte stream to and from a device.
 pub trait CommandPort {
-    /// The path, for messages.
+    /// Returns the path, for messages.
     fn info(&self) -> &str;
 
     /// Sends all bytes.
     ///
     /// # Errors
-    /// A port that has gone, or one that has not taken all of it within the timeout.
+    /// Returns an error if the port is gone, or has not accepted all bytes within the timeout.
     fn send(&mut self, bytes: &[u8], timeout: Duration) -> Result<()>;
 
-    /// Receives what has come, waiting for the first byte; 0 when none has come in time.
+    /// Receives the available bytes, waiting for the first one; returns 0 if none comes within the
+    /// timeout.
     ///
     /// # Errors
-    /// A port that has gone.
+    /// Returns an error if the port is gone.
     fn receive(&mut self, buffer: &mut [u8], timeout: Duration) -> Result<usize>;
 
-    /// Opens the port anew by its address, where the device has gone or was unplugged; waits for it
-    /// to come back. What was on its way is forgotten.
+    /// Reopens the port by its address after the device was lost or unplugged, waiting for it to
+    /// come back. Data in transit is dropped.
     ///
     /// # Errors
-    /// A port that does not come back within the timeout, or of a kind that cannot.
+    /// Returns an error if the port does not come back within the timeout, or cannot be reopened.
     fn reopen(&mut self, _timeout: Duration) -> Result<()> {
         Err(Error::device(format!(
             "{}: this port cannot be opened again",

@@ -1,4 +1,4 @@
-//! A serial port by its path, and once it has been opened, by the USB device that it belongs to.
+//! A serial port, opened by its path and reopened by the USB device that provides it.
 
 use super::CommandPort;
 use super::line::Line;
@@ -8,25 +8,25 @@ use phasmid_core::error::{Error, Result};
 use std::io::ErrorKind;
 use std::time::Duration;
 
-/// What the system says of a file that is no terminal.
+/// Linux error number for a file that is not a terminal.
 const ENOTTY: i32 = 25;
 
-/// A serial port, a pty among them, by its path.
+/// A serial port, or a pty, opened by its path.
 pub struct SerialPort {
-    /// `None` while it is being opened again.
+    /// `None` while the port is being reopened.
     line: Option<Line>,
     path: String,
-    /// As it was given.
+    /// The path as given.
     given: String,
-    /// Whose it is, where that is a USB device.
+    /// The USB device that provides this port; `None` if it is not a USB port.
     plug: Option<Plug>,
 }
 
 impl SerialPort {
-    /// Opens a port exclusively, and forgets what was waiting on it.
+    /// Opens a port exclusively and discards data waiting on it.
     ///
     /// # Errors
-    /// A path where no serial port is, or one that somebody else has open.
+    /// Returns an error if the path is not a serial port, or if another program has it open.
     pub fn open(path: &str) -> Result<Self> {
         let place = format!("--control {path}");
         let line = Line::open(path).map_err(|e| match e.kind() {
@@ -52,7 +52,7 @@ impl SerialPort {
         })
     }
 
-    /// Opens the port once more, by whatever path its device has now.
+    /// Reopens the port at the path that its device has now.
     fn find(&mut self) -> Result<()> {
         let path = match &self.plug {
             None => self.given.clone(),
@@ -105,7 +105,8 @@ impl CommandPort for SerialPort {
     }
 
     fn reopen(&mut self, timeout: Duration) -> Result<()> {
-        // The lock is this one's own, and an adapter that comes back would get another name.
+        // Close the line first: its own lock would block reopening, and an adapter that comes back
+        // would get another name.
         self.line = None;
         again(timeout, || self.find())
     }

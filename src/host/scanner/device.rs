@@ -1,4 +1,4 @@
-//! What a scan asks of the device before it captures: what it projects, how it is calibrated.
+//! What a scan reads from the device before it captures: manifest and calibration.
 
 use super::{ScanOptions, Scanner};
 use crate::{Camera, CommandPort};
@@ -12,7 +12,7 @@ impl<C: Camera, P: CommandPort> Scanner<C, P> {
             return Ok(manifest.clone());
         }
         match self.control.manifest()? {
-            // A device that speaks nonsense is no mistake of the user's.
+            // An invalid manifest from the device is not the user's mistake.
             Some((toml, place)) => Manifest::parse(&toml, &place).map_err(Error::device),
             None => Err(Error::input(
                 "--manifest",
@@ -30,7 +30,7 @@ impl<C: Camera, P: CommandPort> Scanner<C, P> {
     }
 }
 
-/// Refuses a calibration of another image size than the device's own has.
+/// Rejects a calibration whose image size differs from that of the device's own calibration.
 pub(super) fn check_size(place: &str, given: &Rig, own: &Rig) -> Result<()> {
     let size = |rig: &Rig| {
         let lens = &rig.camera.lens;

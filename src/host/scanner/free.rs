@@ -1,4 +1,4 @@
-//! A capture without a control port: the frames of a camera that runs free, as they come.
+//! Capture without a control port, from a free-running camera.
 
 use super::run::{Wanted, collect, next_frame};
 use super::{Fault, Progress, twice};
@@ -8,20 +8,21 @@ use phasmid_core::error::Result;
 use phasmid_pattern::Manifest;
 use std::time::Duration;
 
-/// A frame that waits is there within this time, even where a thread fetches it.
+/// Time within which a frame already waiting is delivered, even if a thread fetches it.
 const WAKE: Duration = Duration::from_millis(2);
-/// Most frames that wait in a driver.
+/// Maximum number of frames waiting in a driver.
 const WAITING: usize = 64;
 
-/// What stands for `*IDN?` where nobody was asked.
+/// Stands in for the answer to `*IDN?` when there is no control port.
 const NOBODY: &str = "no control port";
 
-/// Captures as many frames as `manifest` has, as they come, from a camera that nobody triggers: it
-/// is for the user to start the sequence. Frames that were waiting in the driver are left out. A run
-/// that lost a frame is repeated once.
+/// Captures as many consecutive frames as `manifest` has, from a camera that is not triggered by
+/// this program: the user starts the sequence. Frames that were already waiting in the driver are
+/// discarded. A run that lost a frame is repeated once.
 ///
 /// # Errors
-/// A camera that is silent for `timeout` or fails, and frames that are not those of the manifest.
+/// Returns an error if the camera fails or delivers no frame within `timeout`, or if the frames do
+/// not match the manifest.
 pub fn scan_free_running<C: Camera>(
     camera: &mut C,
     manifest: &Manifest,
@@ -33,7 +34,7 @@ pub fn scan_free_running<C: Camera>(
         for _ in 0..WAITING {
             match next_frame(camera, WAKE) {
                 Ok(None) => break,
-                // Damaged, but nobody wants it.
+                // A damaged frame is discarded like the others.
                 Ok(Some(_)) | Err(Fault::Frames(_)) => {}
                 Err(fatal) => return Err(fatal),
             }

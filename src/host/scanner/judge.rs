@@ -1,8 +1,8 @@
-//! Whether a frame is the one that is due.
+//! Checks that a frame is the expected next one.
 
 use phasmid_protocol::Frame;
 
-/// Whether a frame is the one that is due after `before`; if not, what it is.
+/// Checks that a frame is the expected one after `before`; the error says what it is instead.
 pub(super) fn judge(
     frame: &Frame,
     before: &[Frame],
@@ -43,7 +43,7 @@ pub(super) fn judge(
     same_kind(frame, first, size)
 }
 
-/// [`judge`] for frames that do not say which they are: their ids only count.
+/// [`judge`] for frames that do not identify themselves: their ids are only running numbers.
 pub(super) fn judge_counted(
     frame: &Frame,
     before: &[Frame],
@@ -61,7 +61,7 @@ pub(super) fn judge_counted(
     same_kind(frame, before.first(), size)
 }
 
-/// Refuses a frame of another size or format than the first one's.
+/// Rejects a frame whose size or format differs from the first one's.
 fn same_kind(frame: &Frame, first: Option<&Frame>, size: Option<(u32, u32)>) -> Result<(), String> {
     let id = frame.id;
     let got = (frame.width, frame.height);

@@ -1,6 +1,6 @@
 //! A scanner: a camera and a command port that belong together. It runs a sequence and captures
-//! each frame by its id; from a camera whose frames have none, by the contract that a trigger gives
-//! as many frames as the sequence has, in order, and nothing else.
+//! each frame by its id. For a camera whose frames have no id, it relies on the contract that a
+//! trigger produces exactly the frames of the sequence, in order.
 
 mod device;
 mod free;
@@ -18,64 +18,64 @@ use phasmid_pattern::Manifest;
 use phasmid_protocol::dialect::Dialect;
 use std::time::Duration;
 
-/// How to scan.
+/// Options for a scan.
 #[derive(Debug, Clone)]
 pub struct ScanOptions {
-    /// The sequence to select; the one that is selected when absent.
+    /// The sequence to select; `None` keeps the selected one.
     pub sequence: Option<String>,
-    /// What the device projects, where it does not say so itself.
+    /// The manifest of the projected sequence, for a device that does not provide it.
     pub manifest: Option<Manifest>,
-    /// How long to wait for a frame, from the trigger or the frame before it.
+    /// Maximum time to wait for a frame, from the trigger or the preceding frame.
     pub frame_timeout: Duration,
 }
 
-/// How far a scan has got.
+/// Progress of a scan.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Progress<'a> {
-    /// The device has said who it is.
+    /// The device has identified itself.
     Identified(&'a str),
-    /// So many of so many frames are there.
+    /// A frame was captured.
     Frame {
-        /// Frames captured.
+        /// Number of frames captured.
         done: usize,
-        /// Frames of the sequence.
+        /// Number of frames in the sequence.
         of: usize,
     },
-    /// A run failed for this reason, and another one starts.
+    /// A run failed for this reason and is repeated.
     Retry(&'a str),
 }
 
-/// A device that scans.
+/// A device that can scan.
 pub struct Scanner<C, P> {
     camera: C,
     control: Control<P>,
-    /// The trigger source as it was found, where the device says so.
+    /// The trigger source that was found, if the device reports it.
     source: Option<String>,
-    /// Who the device is, once it has said so.
+    /// The device's identity, once it has been read.
     idn: Option<String>,
-    /// A calibration in place of the device's own, and where it came from.
+    /// A calibration that replaces the device's own, and where it came from.
     given: Option<(String, Rig)>,
-    /// The device has been looked for, and not been found.
+    /// Recovery was tried and the device was not found.
     lost: bool,
-    /// Whether frames are checked against the sequence before they are handed out.
+    /// Whether frames are checked against the sequence before they are returned.
     checks: bool,
 }
 
-/// Why a run gave no capture.
+/// Why a run produced no capture.
 enum Fault {
-    /// A frame is missing, repeated, foreign or damaged: another run may do better.
+    /// A frame is missing, repeated, foreign or damaged: another run may succeed.
     Frames(String),
-    /// The device at the control port is silent, has gone, or does not stay as it was set: once it
-    /// is found again, another run may do better.
+    /// The device on the control port does not answer, is gone, or does not keep its settings: once
+    /// it is found again, another run may succeed.
     Port(Error),
-    /// The camera was unplugged: once it is found again, another run may do better.
+    /// The camera was unplugged: once it is found again, another run may succeed.
     Camera(Error),
-    /// Anything else.
+    /// Any other error.
     Fatal(Error),
 }
 
 impl Fault {
-    /// What the control port's failure means: a mistake of the user's stays one.
+    /// Classifies a control port error; a mistake of the user's remains fatal.
     fn port(error: Error) -> Self {
         match error {
             Error::Input { .. } => Self::Fatal(error),
@@ -90,7 +90,7 @@ impl From<Error> for Fault {
     }
 }
 
-/// Gives a run that lost a frame a second chance; `place` names the camera.
+/// Repeats a run once if it lost a frame; `place` names the camera in messages.
 fn twice<T>(
     place: &str,
     progress: &mut dyn FnMut(Progress<'_>),
@@ -115,11 +115,11 @@ fn two_failed(place: &str, first: &str, second: &str) -> Error {
 }
 
 impl<C: Camera, P: CommandPort> Scanner<C, P> {
-    /// Puts a scanner together. The device is told to stop running free before `open_camera` is
-    /// called, so that the camera has nothing to say yet when it is opened.
+    /// Creates a scanner. The device is told to stop free-running before `open_camera` is called,
+    /// so that the camera delivers no frames yet when it is opened.
     ///
     /// # Errors
-    /// What the port, the device or the camera refuses.
+    /// Returns an error if the port, the device or the camera fails or refuses.
     pub fn new(
         port: P,
         timeout: Duration,
@@ -128,10 +128,10 @@ impl<C: Camera, P: CommandPort> Scanner<C, P> {
         Self::with_dialect(port, None, timeout, open_camera)
     }
 
-    /// [`Self::new`] for a device that speaks another dialect than SCPI.
+    /// [`Self::new`] for a device that speaks a dialect other than SCPI.
     ///
     /// # Errors
-    /// As for [`Self::new`].
+    /// Same as [`Self::new`].
     pub fn with_dialect(
         port: P,
         dialect: Option<Dialect>,
@@ -145,7 +145,7 @@ impl<C: Camera, P: CommandPort> Scanner<C, P> {
             Ok(camera) => camera,
             Err(error) => {
                 if let Some(source) = &source {
-                    // The camera's error is the one to tell.
+                    // Report the camera's error rather than one from restoring the trigger source.
                     let _ = control.restore(source);
                 }
                 return Err(error);
@@ -162,37 +162,36 @@ impl<C: Camera, P: CommandPort> Scanner<C, P> {
         })
     }
 
-    /// Hands frames out as they came: for one who checks them while the next scan goes on
-    /// ([`check_sequence`](crate::check_sequence)), and leaves a bad one out instead of having it
-    /// taken again.
+    /// Returns frames unchecked: for a caller that checks them while the next scan is running
+    /// ([`check_sequence`](crate::check_sequence)) and skips a bad scan instead of repeating it.
     #[must_use]
     pub fn without_checks(mut self) -> Self {
         self.checks = false;
         self
     }
 
-    /// Whether frames say which they are (see [`Camera::identifies`]).
+    /// Returns whether frames identify themselves (see [`Camera::identifies`]).
     pub fn identifies(&self) -> bool {
         self.camera.identifies()
     }
 
-    /// Uses a calibration in place of the device's own; `place` names it in messages. One that says
-    /// nothing of the camera's noise, as OpenCV's files do not, leaves the device's word on that.
+    /// Uses a calibration instead of the device's own; `place` names it in messages. If it has no
+    /// camera noise model (OpenCV files have none), the device's own noise model is used.
     #[must_use]
     pub fn with_calibration(mut self, place: impl Into<String>, rig: Rig) -> Self {
         self.given = Some((place.into(), rig));
         self
     }
 
-    /// Lets go of the camera and leaves the trigger source as it was found: a camera that ran free
-    /// does so again.
+    /// Closes the camera and restores the trigger source that was found: a camera that was
+    /// free-running resumes.
     ///
     /// # Errors
-    /// What the port or the device refuses.
+    /// Returns an error if the port fails or the device refuses.
     pub fn finish(mut self) -> Result<()> {
         drop(self.camera);
         match &self.source {
-            // It has been waited for, and the scan has said so.
+            // The scan has already waited for this device and reported that it is lost.
             Some(source) if self.lost => {
                 let _ = self.control.restore(source);
                 Ok(())
@@ -202,36 +201,36 @@ impl<C: Camera, P: CommandPort> Scanner<C, P> {
         }
     }
 
-    /// Name of the sequence that is selected, where the device says so.
+    /// Returns the name of the selected sequence, if the device reports it.
     ///
     /// # Errors
-    /// What the port or the device refuses.
+    /// Returns an error if the port fails or the device refuses.
     pub fn selected(&mut self) -> Result<Option<String>> {
         self.control.persist(Control::selection)
     }
 
-    /// Selects a sequence; a scan does so by itself.
+    /// Selects a sequence. A scan does this by itself.
     ///
     /// # Errors
-    /// What the port or the device refuses, and a sequence that it does not have.
+    /// Returns an error if the port fails, the device refuses, or it does not have the sequence.
     pub fn select(&mut self, name: &str) -> Result<()> {
         self.control.persist(|control| control.select(name))
     }
 
-    /// The device's control port where it speaks SCPI, to set what a scan leaves alone: exposure,
-    /// gain, light.
+    /// Returns the device's control port if it speaks SCPI, to change settings that a scan does not
+    /// touch: exposure, gain, light.
     pub fn instrument(&mut self) -> Option<&mut Instrument<P>> {
         self.control.instrument()
     }
 
-    /// Captures a sequence. A run with a missing, repeated, foreign or damaged frame is repeated
-    /// once; one in which the control port failed, or after which the device is not as it was set,
-    /// twice, once the device has been found again; and one in which the camera was unplugged twice,
-    /// once it has come back.
+    /// Captures a sequence. A run is repeated once after a missing, repeated, foreign or damaged
+    /// frame; up to twice after the control port failed or the device did not keep its settings,
+    /// once the device has been found again; and up to twice after the camera was unplugged, once
+    /// it has come back.
     ///
     /// # Errors
-    /// A device that refuses, is silent, says what cannot be understood, or goes on failing; each
-    /// with what was waited for and how long.
+    /// Returns an error if the device refuses, does not answer, sends invalid data, or keeps
+    /// failing; the message says what was waited for and how long.
     pub fn scan(
         &mut self,
         options: &ScanOptions,
@@ -269,22 +268,24 @@ impl<C: Camera, P: CommandPort> Scanner<C, P> {
         }
     }
 
-    /// Finds a device again whose camera has gone. The port of a device that has both has gone too,
-    /// and the device is told to be quiet before its camera is opened, as at the beginning.
+    /// Restores contact with a device whose camera is gone. If one device provides both the port
+    /// and the camera, the port is gone too. As at the start, the device is told to stop
+    /// free-running before its camera is opened.
     fn plug_in(&mut self, timeout: Duration) -> Result<()> {
         self.control.recover()?;
         self.control.persist(Control::quiet)?;
         self.camera.reopen(timeout)
     }
 
-    /// Notes whether a device that failed has been found again.
+    /// Records whether a device that failed has been found again.
     fn found(&mut self, error: &Error, found: Result<()>) -> Result<()> {
         self.lost = found.is_err();
         found.map_err(|then| both(error, &then))
     }
 
-    /// One run from the first setting on. `sequence` is the one to select: where none is wanted, the
-    /// one that was found selected, for a device that was reset has forgotten it.
+    /// Performs one run, starting from the settings. `sequence` is the sequence to select; if it is
+    /// `None`, it is set to the one found selected, because a device that was reset has forgotten
+    /// its selection.
     fn attempt(
         &mut self,
         options: &ScanOptions,
@@ -305,7 +306,7 @@ impl<C: Camera, P: CommandPort> Scanner<C, P> {
         let settings = self.control.prepare(sequence.as_deref());
         let settings = settings.map_err(Fault::port)?;
         if sequence.is_none() {
-            // Of a name with a wrong letter another sequence might be selected later.
+            // Confirm the name first: one with a wrong letter might select another sequence later.
             self.control.confirm(&settings).map_err(Fault::port)?;
             *sequence = self.control.selected(&settings);
         }

@@ -1,4 +1,4 @@
-//! One run: the frames of a sequence after its trigger, each in its place.
+//! A single run: collects the frames of a sequence after its trigger, in order.
 
 use super::judge::{judge, judge_counted};
 use super::{Fault, Progress, Scanner};
@@ -11,33 +11,35 @@ use phasmid_pattern::Manifest;
 use phasmid_protocol::Frame;
 use std::time::{Duration, Instant};
 
-/// How long the camera has to be silent before a run starts, and after one whose frames only count.
+/// Time for which the camera must be silent before a run, and also after it if its frames carry no
+/// identity.
 const QUIET: Duration = Duration::from_millis(20);
-/// Bytes that a run's frames may take in memory, as many as the decoder takes from files.
+/// Maximum memory for the frames of a run, in bytes; the decoder has the same limit for files.
 const MAX_BYTES: u64 = 4 << 30;
-/// Frames are timed by another clock when they are as far from the present.
+/// A frame whose timestamp is this far from the present uses a clock other than the monotonic one.
 const PLAUSIBLE_NS: u64 = 10_000_000_000;
-/// A driver's time may be so coarse, and so much too early.
+/// Tolerance for driver timestamps that are coarse or too early.
 const TIMING_NS: u64 = 1_000_000;
 
-/// What a run waits for.
+/// What a run expects.
 pub(super) struct Wanted {
-    /// Frames.
+    /// Number of frames.
     pub count: usize,
-    /// Columns and rows, where they are known.
+    /// Width and height in pixels, if known.
     pub size: Option<(u32, u32)>,
     /// Id of the last frame before the run.
     pub stale: Option<u64>,
-    /// When the run was triggered, on the monotonic clock.
+    /// Time of the trigger, on the monotonic clock.
     pub since_ns: u64,
-    /// How long to wait for a frame.
+    /// Maximum time to wait for a frame.
     pub timeout: Duration,
-    /// The camera shows no pattern of its own accord: frames are taken as they come.
+    /// The run was not triggered by this program, so frames are taken as they come.
     pub free: bool,
 }
 
 impl<C: Camera, P: CommandPort> Scanner<C, P> {
-    /// Arms, triggers and captures; `settings` are those of the run, and have to be so after it.
+    /// Arms, triggers and captures; `settings` are those of the run, and must be unchanged after
+    /// it.
     pub(super) fn run(
         &mut self,
         manifest: &Manifest,
@@ -48,14 +50,14 @@ impl<C: Camera, P: CommandPort> Scanner<C, P> {
     ) -> Result<Vec<Frame>, Fault> {
         let count = manifest.frame.len();
         if let Some((width, height)) = size {
-            // Refused before anything is exposed; a pixel takes a byte at least.
+            // Check before anything is exposed; a pixel takes at least one byte.
             check_room(
                 self.camera.info(),
                 count,
                 u64::from(width) * u64::from(height),
             )?;
         }
-        // Answered when the last frame of an earlier run has left the device.
+        // This is answered once the last frame of an earlier run has left the device.
         self.control.settle().map_err(Fault::port)?;
         let stale = drain(&mut self.camera, timeout)?;
         self.control.arm().map_err(Fault::port)?;
@@ -73,8 +75,8 @@ impl<C: Camera, P: CommandPort> Scanner<C, P> {
         if let Err(fault @ (Fault::Fatal(_) | Fault::Camera(_))) = frames {
             return Err(fault);
         }
-        // Frames that came and those that did not are the run's only if the device was what it was
-        // set to be all the time; and it may know why some did not come.
+        // The frames, or their absence, count only if the device kept its settings throughout the
+        // run. The device may also report why frames are missing.
         self.control.confirm(settings).map_err(Fault::port)?;
         self.control.complaints().map_err(Fault::port)?;
         let frames = frames?;
@@ -89,7 +91,7 @@ impl<C: Camera, P: CommandPort> Scanner<C, P> {
         if !self.checks {
             return Ok(frames);
         }
-        // Which frame it is does not tell whether it is a good one.
+        // The identity of a frame does not say whether its content is good.
         let check = match self.camera.identifies() {
             true => consistency::check_identified,
             false => consistency::check,
@@ -99,7 +101,7 @@ impl<C: Camera, P: CommandPort> Scanner<C, P> {
     }
 }
 
-/// Takes the frames of a run.
+/// Collects the frames of a run.
 pub(super) fn collect<C: Camera>(
     camera: &mut C,
     wanted: &Wanted,
@@ -125,7 +127,7 @@ pub(super) fn collect<C: Camera>(
         let named = camera.identifies();
         let verdict = if named && wanted.free && frames.is_empty() && frame.pattern_index != Some(0)
         {
-            // The sequence has not begun.
+            // The sequence has not started yet.
             if begin.elapsed() > timeout {
                 let what = "frames without the first of a sequence among them";
                 return Err(Fault::Frames(what.to_owned()));
@@ -143,7 +145,7 @@ pub(super) fn collect<C: Camera>(
             judge_counted(&frame, &frames, size)
         };
         verdict.map_err(Fault::Frames)?;
-        // The others have the first one's size and format, or are refused.
+        // All later frames must have the first one's size and format.
         if frames.is_empty() {
             check_room(camera.info(), count, frame.data.len() as u64)?;
         }
@@ -156,14 +158,15 @@ pub(super) fn collect<C: Camera>(
     Ok(frames)
 }
 
-/// Whether a frame that only counts was taken before `since_ns`. Where the driver's clock is not the
-/// monotonic one, its times are far away, and nobody knows.
+/// Returns whether a frame without identity was taken before `since_ns`. If the driver does not use
+/// the monotonic clock, its timestamps are far from the present; then this cannot be determined,
+/// and the result is `false`.
 fn is_early(frame: &Frame, since_ns: u64) -> bool {
     let taken_ns = frame.exposure_end_ns;
     taken_ns.abs_diff(since_ns) < PLAUSIBLE_NS && taken_ns < since_ns.saturating_sub(TIMING_NS)
 }
 
-/// Whether memory has room for `count` frames of so many bytes.
+/// Checks that `count` frames of `bytes` bytes each fit into memory.
 fn check_room(camera: &str, count: usize, bytes: u64) -> Result<()> {
     let all = bytes.saturating_mul(count as u64);
     if all <= MAX_BYTES {
@@ -176,7 +179,7 @@ fn check_room(camera: &str, count: usize, bytes: u64) -> Result<()> {
     )))
 }
 
-/// Takes frames that were under way until none comes; gives the last one's id.
+/// Discards frames in transit until none comes; returns the id of the last one.
 fn drain<C: Camera>(camera: &mut C, timeout: Duration) -> Result<Option<u64>, Fault> {
     let end = Instant::now() + timeout;
     let mut last = None;
@@ -184,7 +187,7 @@ fn drain<C: Camera>(camera: &mut C, timeout: Duration) -> Result<Option<u64>, Fa
         match next_frame(camera, QUIET) {
             Ok(None) => return Ok(last),
             Ok(Some(frame)) => last = Some(frame.id),
-            // Damaged, but nobody wants it.
+            // A damaged frame is discarded like the others.
             Err(Fault::Frames(_)) => {}
             Err(fatal) => return Err(fatal),
         }
@@ -198,7 +201,7 @@ fn drain<C: Camera>(camera: &mut C, timeout: Duration) -> Result<Option<u64>, Fa
     }
 }
 
-/// The camera's next frame; a damaged one is the run's fault, not the end.
+/// Returns the camera's next frame. A damaged frame fails the run, which may be repeated.
 pub(super) fn next_frame<C: Camera>(
     camera: &mut C,
     timeout: Duration,

@@ -1,22 +1,23 @@
-//! Where a USB device is that no kernel has attached: `usb:HOST:PORT` or `usb:HOST:PORT/BUSID`.
+//! Addresses of USB devices on a USB/IP server, without a kernel driver: `usb:HOST:PORT` or
+//! `usb:HOST:PORT/BUSID`.
 
 use phasmid_core::error::{Error, Result};
 use phasmid_protocol::usb::usbip::BUS_ID_LEN;
 
-/// What an address names.
+/// A parsed address.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct UsbAddress {
     /// `HOST:PORT` of a USB/IP server.
     pub host: String,
-    /// Name of the device on the server's bus; `None` for the only one.
+    /// Bus id of the device on the server; `None` selects the only one.
     pub bus_id: Option<String>,
 }
 
 impl UsbAddress {
-    /// Reads an address.
+    /// Parses an address; `place` names it in messages.
     ///
     /// # Errors
-    /// Anything else; `place` names it.
+    /// Returns an error if the address has another form.
     pub fn parse(address: &str, place: &str) -> Result<Self> {
         let bad = || {
             Error::input(

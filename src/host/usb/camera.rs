@@ -1,4 +1,7 @@
-//! The camera of a USB device: agrees on a stream, keeps transfers under way, gives frames.
+//! The camera of a USB device: negotiates a stream, keeps transfers in flight and returns frames.
+//!
+//! Pixels are read from the socket directly into the frame that is handed out. When the queue of
+//! finished frames is full, no transfers are submitted, so the device has to wait.
 //!
 //! Pixels go from the socket straight into the frame that is handed out; when the frames that wait
 //! have no reader, no transfers are submitted, and the device has to wait.
@@ -21,27 +24,27 @@ use std::io::{self, Read};
 use std::sync::{Arc, Condvar, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-/// Frames that wait for their reader before the device has to.
+/// Maximum number of frames that wait for the reader before the device has to wait.
 const MAX_READY: usize = 4;
-/// Transfers under way, of some 16 to 64 KiB each.
+/// Number of transfers in flight, each of some 16 to 64 KiB.
 const DEPTH: usize = 32;
-/// Buffers kept for frames to come.
+/// Number of buffers kept for future frames.
 const MAX_SPARE: usize = MAX_READY + 2;
 
-/// A UVC camera. Its frames are what the device sends: they have no identity but their
-/// number, and the time at which they were whole; a damaged one leaves a gap in the numbers.
+/// A UVC camera. Its frames do not identify themselves: they have only a running number and the
+/// time at which they were complete. A damaged frame leaves a gap in the numbers.
 pub struct UsbCamera {
     feed: Feed,
     queue: Arc<Queue>,
     function: VideoFunction,
     mode: VideoMode,
     carrier: Carrier,
-    /// Frames so far, the damaged ones among them.
+    /// Number of frames so far, damaged ones included.
     count: u64,
     skipped: bool,
 }
 
-/// What waits for the reader.
+/// The queue of frames for the reader.
 #[derive(Debug)]
 struct Queue {
     state: Mutex<State>,
@@ -51,19 +54,19 @@ struct Queue {
 #[derive(Debug)]
 struct State {
     flow: Flow,
-    /// What has come, and when on the system's monotonic clock, in nanoseconds.
+    /// Received events, each with its arrival time in nanoseconds on the system's monotonic clock.
     ready: VecDeque<(Event, u64)>,
     spare: Vec<Vec<u8>>,
 }
 
 impl State {
-    /// Transfers to submit now.
+    /// Returns the number of transfers to submit now.
     fn more(&mut self) -> usize {
         self.flow.more(self.ready.len() < MAX_READY)
     }
 }
 
-/// Takes transfers to frames.
+/// Assembles transfers into frames.
 struct Stream {
     assembler: Assembler,
     queue: Arc<Queue>,
@@ -71,10 +74,10 @@ struct Stream {
 }
 
 impl UsbCamera {
-    /// Starts the camera in a mode, or in its first one.
+    /// Starts the camera in the given mode, or in its first one.
     ///
     /// # Errors
-    /// A device without a camera that can be read here, or one that agrees on nothing.
+    /// Returns an error if the device has no supported camera, or if the negotiation fails.
     pub fn open(device: &Arc<UsbDevice>, mode: Option<&VideoMode>) -> Result<Self> {
         let function = VideoFunction::find(device.configuration())
             .map_err(|what| Error::device(format!("{}: {what}", device.place())))?;
@@ -116,20 +119,20 @@ impl UsbCamera {
         Ok(camera)
     }
 
-    /// What the frames are like.
+    /// Returns the mode in use.
     pub fn mode(&self) -> &VideoMode {
         &self.mode
     }
 
-    /// What the camera offers.
+    /// Returns the video function: the camera's modes and controls.
     pub fn function(&self) -> &VideoFunction {
         &self.function
     }
 
-    /// Reads a control; `None` where the camera has none.
+    /// Reads a control; returns `None` if the camera does not have it.
     ///
     /// # Errors
-    /// A camera that refuses, is silent, or has gone.
+    /// Returns an error if the camera refuses, does not answer, or is gone.
     pub fn control(&self, control: VideoControl) -> Result<Option<ControlState>> {
         control.read(&self.feed.device, &self.function)
     }
@@ -137,12 +140,13 @@ impl UsbCamera {
     /// Sets a control.
     ///
     /// # Errors
-    /// A camera without it, one that refuses the value, is silent, or has gone.
+    /// Returns an error if the camera lacks the control, refuses the value, does not answer, or is
+    /// gone.
     pub fn set_control(&self, control: VideoControl, to: u32) -> Result<()> {
         control.write(&self.feed.device, &self.function, to)
     }
 
-    /// Gives the pixels of a frame back that nobody needs any more: the memory is used again.
+    /// Returns the buffer of a frame that is no longer needed, so that its memory is reused.
     pub fn give_back(&self, buffer: Vec<u8>) {
         let mut state = lock(&self.queue.state);
         if state.spare.len() < MAX_SPARE {
@@ -178,7 +182,7 @@ impl UsbCamera {
         }
     }
 
-    /// Ends the stream as drivers do: takes the transfers back, then tells the device.
+    /// Stops the stream as kernel drivers do: unlinks the transfers, then tells the device.
     fn stop(&mut self) -> Result<()> {
         lock(&self.queue.state).flow.closing = true;
         self.feed.take_back()?;
@@ -201,7 +205,8 @@ impl Camera for UsbCamera {
         let mut state = lock(&queue.state);
         loop {
             let event = state.ready.pop_front();
-            // With the lock in hand nobody could read what the device sends meanwhile.
+            // Release the lock first: the reader thread needs it to take what the device sends
+            // meanwhile.
             if event.is_none() && state.flow.halted {
                 drop(state);
                 self.feed.device.clear_halt(self.carrier.address)?;
@@ -247,15 +252,15 @@ impl Camera for UsbCamera {
 
 impl Drop for UsbCamera {
     fn drop(&mut self) {
-        // A device that has gone needs no farewell.
+        // This may fail if the device is gone; then there is nothing to stop.
         let _ = self.stop();
     }
 }
 
 impl Receiver for Stream {
     fn reply(&mut self, done: &Done, data: &mut dyn Read) -> io::Result<usize> {
-        // An endpoint's transfers end in order, but for those that were taken back; the difference
-        // holds where numbers wrap.
+        // The transfers of an endpoint end in order, except those that were unlinked. The wrapping
+        // difference stays valid when sequence numbers wrap around.
         if done.status != status::UNLINKED {
             if let Some(last) = self.last
                 && (done.seqnum.wrapping_sub(last) as i32) <= 0
@@ -274,7 +279,7 @@ impl Receiver for Stream {
                 .take(done.actual, done.length, data, &mut out)?;
         } else {
             for packet in &done.packets {
-                // What belongs to the next packet stays for it.
+                // Limit the read, so that data of the next packet is left for it.
                 let mut part = data.take(packet.actual.into());
                 if packet.status != status::OK {
                     self.assembler

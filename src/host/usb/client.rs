@@ -1,4 +1,5 @@
-//! A USB/IP client: what a server exports, and transfers with one device that is imported.
+//! A USB/IP client: lists the devices that a server exports, imports one, and carries its
+//! transfers.
 
 use super::connection::{Connection, Shared};
 use super::opening::{Talk, only};
@@ -16,12 +17,12 @@ use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-/// Longest wait for a server that a device is given back to.
+/// Maximum wait for the server to release a device on detach.
 const FAREWELL: Duration = Duration::from_millis(500);
-/// Most devices in a list.
+/// Maximum number of devices in a list.
 const MAX_DEVICES: u32 = 256;
 
-/// An imported device; dropped, it is detached.
+/// An imported device; dropping it detaches the device.
 pub struct Client {
     connection: Arc<Connection>,
     info: DeviceInfo,
@@ -29,10 +30,11 @@ pub struct Client {
 }
 
 impl Client {
-    /// What a server at `HOST:PORT` exports.
+    /// Lists the devices that a server at `HOST:PORT` exports.
     ///
     /// # Errors
-    /// A server that cannot be reached, is silent for `timeout`, or is none.
+    /// Returns an error if the server cannot be reached, does not answer within `timeout`, or is
+    /// not a USB/IP server.
     pub fn list(host: &str, timeout: Duration) -> Result<Vec<DeviceInfo>> {
         let place = format!("usb:{host}");
         let mut talk = Talk::connect(host, timeout, &place)?;
@@ -54,11 +56,11 @@ impl Client {
             .collect()
     }
 
-    /// Imports a device from a server at `HOST:PORT`: the one named, or the only one.
+    /// Imports a device from a server at `HOST:PORT`: the named one, or the only one.
     ///
     /// # Errors
-    /// Those of [`Self::list`]; several devices and no name; a device that the server has not, or
-    /// that somebody else has imported.
+    /// Returns the errors of [`Self::list`], and an error if there are several devices and no name
+    /// is given, the server does not have the device, or it is already imported.
     pub fn import(host: &str, bus_id: Option<&str>, timeout: Duration) -> Result<Self> {
         let bus_id = match bus_id {
             Some(bus_id) => bus_id.to_owned(),
@@ -93,12 +95,12 @@ impl Client {
         })
     }
 
-    /// The device as the server describes it.
+    /// Returns the device as the server describes it.
     pub fn info(&self) -> &DeviceInfo {
         &self.info
     }
 
-    /// The address, for messages.
+    /// Returns the address, for messages.
     pub fn place(&self) -> &str {
         self.connection.place()
     }
@@ -107,11 +109,11 @@ impl Client {
         &self.connection
     }
 
-    /// Submits a transfer to or from an endpoint: `address` as in its descriptor, bit 7 for to the
-    /// host. `length` bytes of room, or `data`.
+    /// Submits a transfer from or to an endpoint: up to `length` bytes in, or `data` out. In
+    /// `address`, as in the endpoint descriptor, bit 7 is set for transfers to the host.
     ///
     /// # Errors
-    /// A connection that is over.
+    /// Returns an error if the connection has ended.
     pub fn submit(&self, address: u8, length: u32, data: &[u8]) -> Result<Transfer> {
         let input = address & 0x80 != 0;
         let length = if input { length } else { data.len() as u32 };
@@ -121,10 +123,12 @@ impl Client {
         )
     }
 
-    /// A control transfer: the answer of a request to the host, or `data` to the device.
+    /// Performs a control transfer; returns the data of a request to the host. `data` is sent with
+    /// a request to the device.
     ///
     /// # Errors
-    /// A request that the device refuses (stalls), or leaves without an answer for `timeout`.
+    /// Returns an error if the device refuses the request (stalls) or does not answer within
+    /// `timeout`.
     pub fn control(&self, setup: Setup, data: &[u8], timeout: Duration) -> Result<Vec<u8>> {
         let done = self.submit_control(setup, data)?.wait(timeout)?;
         let Some(done) = done else {
@@ -140,7 +144,7 @@ impl Client {
     /// Submits a control transfer.
     ///
     /// # Errors
-    /// A connection that is over.
+    /// Returns an error if the connection has ended.
     pub fn submit_control(&self, setup: Setup, data: &[u8]) -> Result<Transfer> {
         let address = if setup.input() { 0x80 } else { 0 };
         let like = Submit {
@@ -182,7 +186,7 @@ impl Drop for Client {
         let why = "the device has been detached here";
         self.connection.leave(why, FAREWELL);
         if let Some(reader) = self.reader.take() {
-            // A reader that has panicked has nothing to say here.
+            // A panic of the reader thread is of no consequence here.
             let _ = reader.join();
         }
     }

@@ -1,4 +1,8 @@
-//! Transfers over a connection to an imported device: who waits for which reply.
+//! Transfers over a connection to an imported device, and the receivers of their replies.
+//!
+//! A thread reads the replies (`replies`) and hands each to the [`Receiver`] that its transfer was
+//! submitted with. Commands are written by the thread that submits them, many in one write where
+//! there are many.
 //!
 //! A thread reads the replies (`replies`) and hands each to the [`Receiver`] that its transfer was submitted
 //! with. Commands are written by whoever has one, many of them at once where there are many.
@@ -11,42 +15,43 @@ use std::net::{Shutdown, TcpStream};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, OnceLock, PoisonError};
 use std::time::{Duration, Instant};
 
-/// Most transfers under way; a device that answers none of them gets no more.
+/// Maximum number of transfers in flight; a device that answers none of them gets no more.
 const MAX_PENDING: usize = 1024;
 
-/// Locks, whatever has happened to another thread that held the lock.
+/// Locks a mutex, even if another thread panicked while it held the lock.
 pub(super) fn lock<T: ?Sized>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// The end of a transfer.
+/// The completion of a transfer.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Done {
     pub(super) seqnum: u32,
     /// See [`status`].
     pub(super) status: i32,
-    /// Bytes transferred; those of a transfer to the host can be read.
+    /// Number of bytes transferred; for a transfer to the host, this many bytes can be read.
     pub(super) actual: usize,
-    /// Bytes that there was room for.
+    /// Number of bytes that there was room for.
     pub(super) length: usize,
-    /// Packets of an isochronous transfer, their bytes without gaps.
+    /// Packets of an isochronous transfer; their data is contiguous.
     pub(super) packets: Vec<Packet>,
 }
 
-/// What waits for the ends of transfers; called by the thread that reads the connection, which it
-/// must not hold up.
+/// Receives the completions of transfers. It is called by the thread that reads the connection, so
+/// it must not block.
 pub(super) trait Receiver: Send {
-    /// A transfer is over, or was taken back. Gives how many transfers like it to submit again.
+    /// Handles a transfer that has ended or was unlinked. Returns the number of transfers like it
+    /// to submit again.
     ///
     /// # Errors
-    /// Those of reading `data`; with any error the connection is over.
+    /// Returns the errors of reading `data`; any error ends the connection.
     fn reply(&mut self, done: &Done, data: &mut dyn Read) -> io::Result<usize>;
 
-    /// The connection is over, and so is every transfer.
+    /// Handles the end of the connection, which ends every transfer.
     fn gone(&mut self) {}
 }
 
-/// A receiver as transfers hold it.
+/// A receiver, shared by its transfers.
 pub(super) type Shared = Arc<Mutex<dyn Receiver>>;
 
 /// A connection that carries transfers.
@@ -55,9 +60,9 @@ pub(super) struct Connection {
     device: u32,
     writer: Mutex<Writer>,
     pub(super) table: Mutex<Table>,
-    /// An unlink was answered, or the connection is over.
+    /// Signalled when an unlink is answered or the connection ends.
     pub(super) settled: Condvar,
-    /// Why the connection is over.
+    /// Why the connection ended.
     failure: OnceLock<String>,
 }
 
@@ -68,29 +73,30 @@ struct Writer {
 
 impl Writer {
     fn seqnum(&mut self) -> u32 {
-        // 0 is the kernel's own for "none".
+        // The kernel uses 0 for "none".
         self.last = self.last.wrapping_add(1).max(1);
         self.last
     }
 }
 
-/// Who waits for what.
+/// Transfers and unlinks that wait for a reply.
 #[derive(Default)]
 pub(super) struct Table {
     pub(super) pending: HashMap<u32, Pending>,
-    /// Unlinks under way and their targets.
+    /// Sequence numbers of unlinks in flight, mapped to their targets.
     pub(super) unlinks: HashMap<u32, u32>,
     pub(super) closed: bool,
 }
 
-/// A transfer under way.
+/// A transfer in flight.
 pub(super) struct Pending {
     pub(super) submit: Submit,
     pub(super) receiver: Shared,
 }
 
 impl Connection {
-    /// Takes over a connection whose import has been granted; `device` is its number there.
+    /// Takes over a connection whose import has been granted; `device` is the server's number for
+    /// the device.
     pub(super) fn new(stream: TcpStream, device: u32, place: &str) -> Self {
         Self {
             place: place.to_owned(),
@@ -102,26 +108,26 @@ impl Connection {
         }
     }
 
-    /// The address, for messages.
+    /// Returns the address, for messages.
     pub(super) fn place(&self) -> &str {
         &self.place
     }
 
-    /// Why the connection is over.
+    /// Returns the reason why the connection ended, as an error.
     pub(super) fn error(&self) -> Error {
         let why = self.failure.get().map_or("the device has gone", |why| why);
         Error::device(format!("{}: {why}", self.place))
     }
 
-    /// Ends the connection, which is how a device is detached; the first reason stays.
+    /// Closes the connection, which detaches the device; the first reason given is kept.
     pub(super) fn close(&self, why: impl Into<String>) {
-        // Whether it was closed before does not matter.
+        // If a reason is already set, it stays.
         let _ = self.failure.set(why.into());
         let _ = lock(&self.writer).stream.shutdown(Shutdown::Both);
     }
 
-    /// Ends the connection as [`Self::close`] does, but waits a while until the server has hung up,
-    /// too: only then has it let go of the device, and the next import finds it free.
+    /// Closes the connection like [`Self::close`], but waits up to `patience` for the server to
+    /// hang up too: only then has the server released the device for the next import.
     pub(super) fn leave(&self, why: &str, patience: Duration) {
         let _ = self.failure.set(why.to_owned());
         let _ = lock(&self.writer).stream.shutdown(Shutdown::Write);
@@ -133,11 +139,12 @@ impl Connection {
         self.close(why);
     }
 
-    /// Submits `count` transfers like `like`, each with `data` if it goes to the device. Gives the
-    /// first one's number.
+    /// Submits `count` transfers like `like`, each with `data` if it goes to the device. Returns
+    /// the sequence number of the first.
     ///
     /// # Errors
-    /// A connection that is over or takes no more; too many transfers without an answer.
+    /// Returns an error if the connection has ended or accepts no more data, or if too many
+    /// transfers are unanswered.
     pub(super) fn submit(
         &self,
         like: &Submit,
@@ -191,15 +198,16 @@ impl Connection {
             return Ok(());
         };
         drop(writer);
-        // Part of a command may be on its way: nothing can follow it.
+        // Part of a command may have been sent, so nothing can follow it.
         self.close(super::replies::reason(&error));
         Err(self.error())
     }
 
-    /// Takes back a transfer, or those of a receiver; their ends come to the receiver as always.
+    /// Unlinks the pending transfers that `which` selects by sequence number and receiver. Their
+    /// completions reach the receiver as usual.
     ///
     /// # Errors
-    /// A connection that is over.
+    /// Returns an error if the connection has ended.
     pub(super) fn unlink(&self, which: impl Fn(u32, &Shared) -> bool) -> Result<()> {
         let mut bytes = Vec::new();
         let mut writer = lock(&self.writer);
@@ -214,7 +222,8 @@ impl Connection {
                 .filter(|(seqnum, pending)| which(**seqnum, &pending.receiver))
                 .map(|(seqnum, _)| *seqnum)
                 .collect();
-            // Last come, first gone: none is started that is to be taken back.
+            // Newest first, so that the device does not start a transfer that is about to be
+            // unlinked.
             targets.sort_unstable_by(|a, b| b.cmp(a));
             for target in targets {
                 let seqnum = writer.seqnum();
@@ -225,7 +234,7 @@ impl Connection {
         self.write(writer, &bytes)
     }
 
-    /// Waits until no unlink is under way; says whether that came in time.
+    /// Waits until no unlink is in flight; returns whether that happened within the timeout.
     pub(super) fn settle(&self, timeout: Duration) -> bool {
         let table = lock(&self.table);
         let under_way = |table: &mut Table| !table.unlinks.is_empty() && !table.closed;
@@ -237,7 +246,7 @@ impl Connection {
     }
 }
 
-/// Descriptors of the packets of an isochronous transfer to the host, of one length each.
+/// Encodes the packet descriptors of an isochronous transfer to the host, all of equal length.
 fn empty_packets(submit: &Submit) -> Vec<u8> {
     let count = submit.packets.unwrap_or(0);
     let length = submit.length / count.max(1);
@@ -250,7 +259,7 @@ fn empty_packets(submit: &Submit) -> Vec<u8> {
     (0..count).flat_map(|i| packet(i).encode()).collect()
 }
 
-/// Time left until a deadline.
+/// Returns the time left until a deadline.
 pub(super) fn left(deadline: Instant) -> Duration {
     deadline.saturating_duration_since(Instant::now())
 }

@@ -1,4 +1,4 @@
-//! Exposure and gain as the video class has them.
+//! Exposure and gain controls of the USB video class.
 
 use super::device::UsbDevice;
 use super::topology::{long, word};
@@ -13,20 +13,20 @@ use std::ops::RangeInclusive;
 pub enum VideoControl {
     /// Exposure time in units of 100 us.
     Exposure,
-    /// Gain in units of the device's own.
+    /// Gain in device-specific units.
     Gain,
 }
 
-/// What a control can be.
+/// Range and current value of a control.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ControlState {
-    /// Least to most.
+    /// Minimum and maximum value.
     pub range: RangeInclusive<u32>,
-    /// Step.
+    /// Step size.
     pub step: u32,
-    /// At power-on.
+    /// Value at power-on.
     pub default: u32,
-    /// Now.
+    /// Current value.
     pub current: u32,
 }
 
@@ -38,7 +38,8 @@ impl VideoControl {
         }
     }
 
-    /// Value, index and length of the requests to it; `None` where the camera has no such control.
+    /// Returns value, index and length of requests to this control; `None` if the camera does not
+    /// have it.
     fn address(self, function: &VideoFunction) -> Option<(u16, u16, u16)> {
         let (entity, selector, len) = match self {
             Self::Exposure => (
@@ -52,10 +53,10 @@ impl VideoControl {
         Some((u16::from(selector) << 8, index, len))
     }
 
-    /// Reads the control; `None` where the camera has none.
+    /// Reads the control; returns `None` if the camera does not have it.
     ///
     /// # Errors
-    /// A camera that refuses, is silent, or has gone.
+    /// Returns an error if the camera refuses, does not answer, or is gone.
     pub fn read(
         self,
         device: &UsbDevice,
@@ -91,7 +92,8 @@ impl VideoControl {
     /// Sets the control.
     ///
     /// # Errors
-    /// A camera without it, one that refuses the value, is silent, or has gone.
+    /// Returns an error if the camera lacks the control, refuses the value, does not answer, or is
+    /// gone.
     pub fn write(self, device: &UsbDevice, function: &VideoFunction, to: u32) -> Result<()> {
         let Some((value, index, len)) = self.address(function) else {
             let place = device.place();

@@ -1,4 +1,4 @@
-//! A USB device, imported and configured: what it says of itself, and requests to it.
+//! An imported and configured USB device: its descriptors, and requests to it.
 
 use super::address::UsbAddress;
 use super::client::Client;
@@ -8,10 +8,10 @@ use phasmid_protocol::usb::descriptor::{kind, text};
 use phasmid_protocol::usb::{Setup, request};
 use std::time::Duration;
 
-/// English (United States), for devices that list no language.
+/// English (United States), the language used for devices that list none.
 const ENGLISH: u16 = 0x0409;
 
-/// What the device descriptor says.
+/// Contents of the device descriptor.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Identity {
     /// Release of USB, binary coded decimal.
@@ -22,38 +22,40 @@ pub struct Identity {
     pub product_id: u16,
     /// Release of the device, binary coded decimal.
     pub release_bcd: u16,
-    /// Manufacturer, where the device says it.
+    /// Manufacturer, if the device reports it.
     pub manufacturer: Option<String>,
-    /// Product, where the device says it.
+    /// Product, if the device reports it.
     pub product: Option<String>,
-    /// Serial number, where the device says it.
+    /// Serial number, if the device reports it.
     pub serial: Option<String>,
 }
 
-/// A configured device; camera and port of it share it.
+/// A configured device, shared by its camera and its port.
 pub struct UsbDevice {
     client: Client,
     identity: Identity,
     configuration: Configuration,
-    /// Capabilities, of devices that have some.
+    /// Binary object store (BOS); empty if the device has none.
     capabilities: Vec<u8>,
     timeout: Duration,
 }
 
 impl UsbDevice {
-    /// Imports, reads and configures a device; `timeout` bounds each request, now and later.
+    /// Imports a device, reads its descriptors and configures it; `timeout` bounds each request,
+    /// now and later.
     ///
     /// # Errors
-    /// Those of [`Client::import`]; descriptors that make no sense; a request refused or unanswered.
+    /// Returns the errors of [`Client::import`], and an error if the descriptors are invalid or a
+    /// request is refused or unanswered.
     pub fn open(address: &UsbAddress, timeout: Duration) -> Result<Self> {
         let client = Client::import(&address.host, address.bus_id.as_deref(), timeout)?;
         Self::configure(client, timeout)
     }
 
-    /// Reads and configures an imported device.
+    /// Reads the descriptors of an imported device and configures it.
     ///
     /// # Errors
-    /// As for [`Self::open`].
+    /// Same as [`Self::open`].
     pub fn configure(client: Client, timeout: Duration) -> Result<Self> {
         let read = |kind, number, length| descriptor(&client, kind, number, 0, length, timeout);
         let bad = |what: String| Error::device(format!("{}: {what}", client.place()));
@@ -65,7 +67,7 @@ impl UsbDevice {
         let head = read(kind::CONFIGURATION, 0, 9)?;
         let whole = read(kind::CONFIGURATION, 0, word(&head, 2).max(9))?;
         let configuration = Configuration::parse(&whole).map_err(bad)?;
-        // Devices of USB 2.01 and later have a binary object store.
+        // Devices of USB 2.01 and later have a binary object store (BOS).
         let capabilities = match usb_bcd {
             0x0201.. => {
                 let head = read(kind::BOS, 0, 5)?;
@@ -109,35 +111,35 @@ impl UsbDevice {
         })
     }
 
-    /// The address, for messages.
+    /// Returns the address, for messages.
     pub fn place(&self) -> &str {
         self.client.place()
     }
 
-    /// Who the device says it is.
+    /// Returns the identity in the device descriptor.
     pub fn identity(&self) -> &Identity {
         &self.identity
     }
 
-    /// Its configuration.
+    /// Returns the configuration.
     pub fn configuration(&self) -> &Configuration {
         &self.configuration
     }
 
-    /// Its binary object store; empty without one.
+    /// Returns the binary object store (BOS); empty if the device has none.
     pub fn capabilities(&self) -> &[u8] {
         &self.capabilities
     }
 
-    /// The transfers below.
+    /// Returns the client that carries the transfers.
     pub fn client(&self) -> &Client {
         &self.client
     }
 
-    /// A request to the host.
+    /// Performs a control request that returns data to the host.
     ///
     /// # Errors
-    /// A device that refuses, is silent, or has gone.
+    /// Returns an error if the device refuses, does not answer, or is gone.
     pub fn get(
         &self,
         kind: u8,
@@ -156,10 +158,10 @@ impl UsbDevice {
         self.client.control(setup, &[], self.timeout)
     }
 
-    /// A request to the device.
+    /// Performs a control request that sends data to the device.
     ///
     /// # Errors
-    /// As for [`Self::get`].
+    /// Same as [`Self::get`].
     pub fn set(&self, kind: u8, request: u8, value: u16, index: u16, data: &[u8]) -> Result<()> {
         let setup = Setup {
             kind,
@@ -171,10 +173,10 @@ impl UsbDevice {
         self.client.control(setup, data, self.timeout).map(drop)
     }
 
-    /// Lets a halted endpoint go on.
+    /// Clears the halt of an endpoint.
     ///
     /// # Errors
-    /// As for [`Self::get`].
+    /// Same as [`Self::get`].
     pub fn clear_halt(&self, address: u8) -> Result<()> {
         let feature = request::ENDPOINT_HALT;
         self.set(
@@ -186,10 +188,10 @@ impl UsbDevice {
         )
     }
 
-    /// Chooses a setting of an interface.
+    /// Selects an alternate setting of an interface.
     ///
     /// # Errors
-    /// As for [`Self::get`].
+    /// Same as [`Self::get`].
     pub fn set_interface(&self, number: u8, setting: u8) -> Result<()> {
         let (kind, request) = (Setup::INTERFACE_OUT, request::SET_INTERFACE);
         self.set(kind, request, setting.into(), number.into(), &[])

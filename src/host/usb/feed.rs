@@ -1,4 +1,4 @@
-//! Transfers to the host that are kept under way on an endpoint, as many as there is room for.
+//! Keeps transfers to the host in flight on an endpoint, as many as there is room for.
 
 use super::connection::{Done, Shared};
 use super::device::UsbDevice;
@@ -7,24 +7,24 @@ use phasmid_protocol::usb::usbip::{Submit, status};
 use std::sync::Arc;
 use std::time::Duration;
 
-/// Longest wait for transfers that are taken back.
+/// Maximum wait for unlinked transfers to end.
 const SETTLE: Duration = Duration::from_secs(1);
 
-/// How an endpoint's transfers stand; whoever receives them keeps it with what has come.
+/// State of an endpoint's transfers, updated by the receiver of their data.
 #[derive(Debug)]
 pub(super) struct Flow {
     depth: usize,
     under_way: usize,
-    /// No more: the host has had enough.
+    /// The host is closing the stream: submit no more.
     pub(super) closing: bool,
-    /// The endpoint is halted until somebody clears that.
+    /// The endpoint is halted until the halt is cleared.
     pub(super) halted: bool,
-    /// The connection is over.
+    /// The connection has ended.
     pub(super) gone: bool,
 }
 
 impl Flow {
-    /// At most `depth` transfers at a time.
+    /// Creates the state for at most `depth` transfers in flight.
     pub(super) fn new(depth: usize) -> Self {
         Self {
             depth,
@@ -35,7 +35,7 @@ impl Flow {
         }
     }
 
-    /// Takes notice of the end of a transfer; what is wrong with it, if anything.
+    /// Records the end of a transfer; returns a description of its error, if any.
     pub(super) fn ended(&mut self, done: &Done) -> Option<String> {
         self.under_way = self.under_way.saturating_sub(1);
         match done.status {
@@ -48,8 +48,9 @@ impl Flow {
         }
     }
 
-    /// How many transfers to submit where there is room for what they bring; they are counted as
-    /// under way. Half of the depth at a time, so that one write carries many.
+    /// Returns the number of transfers to submit, and counts them as in flight; `room` says whether
+    /// their data can be stored. Transfers are submitted by at least half the depth at a time, so
+    /// that one write carries many.
     pub(super) fn more(&mut self, room: bool) -> usize {
         let missing = self.depth - self.under_way;
         if !room || self.closing || self.halted || self.gone || missing < self.depth.div_ceil(2) {
@@ -63,13 +64,13 @@ impl Flow {
 /// Submits an endpoint's transfers.
 pub(super) struct Feed {
     pub(super) device: Arc<UsbDevice>,
-    /// What each transfer is like.
+    /// Template for each transfer.
     pub(super) like: Submit,
     pub(super) receiver: Shared,
 }
 
 impl Feed {
-    /// Submits so many more.
+    /// Submits `count` more transfers.
     pub(super) fn submit(&self, count: usize) -> Result<()> {
         if count == 0 {
             return Ok(());
@@ -80,7 +81,7 @@ impl Feed {
             .map(drop)
     }
 
-    /// Takes all back that are under way, and waits a while until the device knows.
+    /// Unlinks all transfers in flight, and waits up to a limit for the device to confirm.
     pub(super) fn take_back(&self) -> Result<()> {
         let connection = self.device.client().connection();
         connection.unlink(|_, receiver| Arc::ptr_eq(receiver, &self.receiver))?;

@@ -1,32 +1,32 @@
-//! Payloads of a video stream to frames (UVC 1.1, 2.4.3).
+//! Assembles the payloads of a video stream into frames (UVC 1.1, 2.4.3).
 
 use phasmid_protocol::usb::uvc::payload;
 use std::io::{self, Read};
 
-/// What comes out of a stream.
+/// Output of a stream.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) enum Event {
-    /// A whole frame.
+    /// A complete frame.
     Frame(Vec<u8>),
-    /// A frame that is damaged, and how.
+    /// A damaged frame, with a description of the damage.
     Damaged(String),
 }
 
-/// Puts frames together.
+/// Assembles frames.
 #[derive(Debug)]
 pub(super) struct Assembler {
     frame_len: usize,
-    /// Payloads are at most so long, their header among it.
+    /// Maximum payload length in bytes, header included.
     max_payload: usize,
     data: Vec<u8>,
-    /// Identifier of the frame in the making or last ended.
+    /// Identifier bit (FID) of the frame being assembled or last completed.
     fid: Option<bool>,
-    /// The last payload that was read has ended its frame.
+    /// The last payload completed its frame.
     ended: bool,
     damage: Option<String>,
-    /// Damage to the frame that begins next.
+    /// Damage to the next frame, known before it begins.
     next_damage: Option<String>,
-    /// A payload that goes on in the next transfer: its bytes so far and its header's bits.
+    /// A payload that continues in the next transfer: bytes so far, and its header bits.
     open: Option<(usize, u8)>,
 }
 
@@ -44,18 +44,18 @@ impl Assembler {
         }
     }
 
-    /// Whether a buffer would be of use for the next frame.
+    /// Returns whether the next frame needs a buffer.
     pub(super) fn wants_buffer(&self) -> bool {
         self.data.capacity() == 0
     }
 
-    /// A buffer to use for the next frame.
+    /// Supplies a buffer for the next frame.
     pub(super) fn supply(&mut self, mut buffer: Vec<u8>) {
         buffer.clear();
         self.data = buffer;
     }
 
-    /// Something of the stream was lost.
+    /// Records that part of the stream was lost.
     pub(super) fn lose(&mut self, why: String) {
         self.open = None;
         let damage = match self.ended {
@@ -65,11 +65,11 @@ impl Assembler {
         damage.get_or_insert(why);
     }
 
-    /// Takes `len` bytes of a transfer that had room for `room`: a payload, or a part of one when
+    /// Takes `len` bytes of a transfer that had room for `room`: a whole payload, or part of one if
     /// the transfer is full and the payload may be longer.
     ///
     /// # Errors
-    /// Those of reading `from`.
+    /// Returns the errors of reading `from`.
     pub(super) fn take(
         &mut self,
         len: usize,
@@ -94,7 +94,7 @@ impl Assembler {
         Ok(())
     }
 
-    /// Reads a payload's header; gives its bits and the length of what follows.
+    /// Reads a payload header; returns its bits and the length of the data that follows.
     fn header(
         &mut self,
         len: usize,
@@ -112,7 +112,7 @@ impl Assembler {
             ));
             return Ok(None);
         }
-        // Time stamp and clock, which nobody here needs.
+        // Timestamp and source clock are not used.
         let mut rest = [0; 255];
         from.read_exact(&mut rest[2..header_len])?;
         let bits = header[1];
@@ -149,7 +149,7 @@ impl Assembler {
                 .get_or_insert_with(|| format!("it has more than its {want} bytes"));
         }
         if self.damage.is_some() {
-            // Whoever hands out the bytes passes over what is not read.
+            // The caller discards what is not read.
             return Ok(());
         }
         self.data.reserve_exact(self.frame_len - have);
@@ -178,7 +178,7 @@ mod tests {
 
     const ROOM: usize = 8;
 
-    /// Feeds transfers to an assembler of frames of 10 bytes.
+    /// Feeds transfers to an assembler of 10-byte frames.
     fn events(max_payload: usize, transfers: &[&[u8]]) -> Vec<Event> {
         let mut assembler = Assembler::new(10, max_payload);
         let mut events = Vec::new();
@@ -205,7 +205,7 @@ mod tests {
                 &[2, 0x80, 0, 1, 2, 3, 4, 5],
                 &[],
                 &[2, 0x82, 6, 7, 8, 9],
-                // A header with a time stamp, and no mark at the end.
+                // A header with a timestamp, and without the end-of-frame bit.
                 &[6, 0x85, 1, 1, 1, 1, 9, 9],
                 &[2, 0x81, 9, 9, 9, 9, 9, 9],
                 &[2, 0x81, 9, 9],
@@ -258,7 +258,7 @@ mod tests {
             assert!(damage(&got, 0).contains(why), "{got:?}");
             assert_eq!(got[1..], [Event::Frame((0..10).collect())], "{why}");
         }
-        // A frozen identifier damages every frame but the first.
+        // If the identifier never toggles, every frame except the first is damaged.
         let got = events(8, &[whole, whole, whole].concat());
         assert_eq!(got[0], Event::Frame((0..10).collect()));
         assert!(damage(&got, 1).contains("identifier") && damage(&got, 2).contains("identifier"));

@@ -1,4 +1,8 @@
-//! The reading end of a connection: payloads go straight to where they belong.
+//! The reading end of a connection, which reads payloads directly into their destination.
+//!
+//! A stream of replies alternates short headers with long data. One system call reads the rest of
+//! some data into its destination and the header that follows into a small buffer, so a reply takes
+//! one call and its data is never copied.
 //!
 //! A stream of replies alternates short headers with long data. One system call reads the rest of
 //! some data into its place and the header behind it into a small store, so that a reply costs one
@@ -6,16 +10,16 @@
 
 use std::io::{IoSliceMut, Read, Result};
 
-/// A reply's header, and the header of a video payload behind it.
+/// Buffer size in bytes: a reply header and the video payload header that follows it.
 const STORE_LEN: usize = 64;
-/// From so many bytes on a read goes around the store.
+/// Reads of at least this many bytes bypass the buffer.
 const DIRECT_LEN: usize = 1024;
 
-/// A stream with a small store.
+/// A stream with a small read buffer.
 pub(super) struct Inlet<R> {
     stream: R,
     store: [u8; STORE_LEN],
-    /// What is in the store and not yet read.
+    /// Start of the unread part of the buffer; `end` is where it ends.
     begin: usize,
     end: usize,
 }
@@ -41,7 +45,7 @@ impl<R: Read> Read for Inlet<R> {
                 (self.begin, self.end) = (0, got.saturating_sub(len));
                 return Ok(got.min(len));
             }
-            // Not more than is wanted may be there for long: read what has come.
+            // More bytes than wanted may not arrive for a long time: read whatever has come.
             let got = self.stream.read(&mut self.store)?;
             (self.begin, self.end) = (0, got);
         }
@@ -56,7 +60,7 @@ impl<R: Read> Read for Inlet<R> {
 mod tests {
     use super::*;
 
-    /// Gives at most `step` bytes at a time.
+    /// Returns at most `step` bytes at a time.
     struct Slow<'a>(&'a [u8], usize);
 
     impl Read for Slow<'_> {

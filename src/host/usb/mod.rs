@@ -1,4 +1,9 @@
-//! A USB device without a kernel: its camera and its serial port over USB/IP, by `usb:HOST:PORT`.
+//! A USB device without a kernel driver: its camera and its serial port over USB/IP, addressed as
+//! `usb:HOST:PORT`.
+//!
+//! [`Client`] imports a device and carries transfers, [`UsbDevice`] reads its descriptors and
+//! configures it, and [`UsbCamera`] and [`UsbPort`] are the drivers of its two functions. It makes
+//! no difference whether the device behind the server is emulated or physical.
 //!
 //! [`Client`] imports a device and carries transfers, [`UsbDevice`] reads what it is, [`UsbCamera`]
 //! and [`UsbPort`] are the drivers of its two functions. Whether the device behind the server is

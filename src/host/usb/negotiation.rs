@@ -1,4 +1,4 @@
-//! What host and camera agree on before a stream: probe, commit, and the endpoint that carries it.
+//! Negotiation of a video stream: probe, commit, and the choice of endpoint.
 
 use super::device::UsbDevice;
 use super::topology::{Endpoint, TransferKind};
@@ -8,29 +8,29 @@ use phasmid_protocol::usb::Setup;
 use phasmid_protocol::usb::usbip::MAX_TRANSFER;
 use phasmid_protocol::usb::uvc::{Negotiation, request, selector};
 
-/// Longest frame in bytes.
+/// Maximum size of a frame, in bytes.
 const MAX_FRAME: u64 = 256 << 20;
-/// Longest bulk transfer; a longer payload takes several.
+/// Maximum size of a bulk transfer, in bytes; a longer payload takes several.
 const BULK_TRANSFER: u32 = 64 << 10;
-/// Packets of an isochronous transfer: 4 ms of them at high speed.
+/// Number of packets in an isochronous transfer: 4 ms at high speed.
 const PACKETS: u32 = 32;
-/// Length of the structure from UVC 1.5 on.
+/// Length in bytes of the probe and commit structure from UVC 1.5 on.
 const LONG_LEN: usize = 48;
 
-/// How the stream comes.
+/// How the stream is transferred.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Carrier {
-    /// Address of the endpoint.
+    /// Endpoint address.
     pub(super) address: u8,
-    /// Bytes of a transfer.
+    /// Size of a transfer, in bytes.
     pub(super) transfer_len: u32,
-    /// Packets of a transfer that is isochronous.
+    /// Number of packets in a transfer; `None` for bulk.
     pub(super) packets: Option<u32>,
     pub(super) max_payload: usize,
     pub(super) frame_len: usize,
 }
 
-/// Probes, commits, and chooses the setting.
+/// Probes and commits a mode, and selects the alternate setting.
 pub(super) fn agree(
     device: &UsbDevice,
     function: &VideoFunction,
@@ -44,7 +44,7 @@ pub(super) fn agree(
         )));
     }
     let wanted = Negotiation {
-        // The interval is to be kept, the rest follows.
+        // Keep the frame interval fixed; the device may adapt the other fields.
         hint: 1,
         format: mode.format_index,
         frame: mode.frame_index,
@@ -80,7 +80,7 @@ pub(super) fn agree(
         .iter()
         .find(|c| c.1.kind == TransferKind::Bulk);
     if let Some((_, endpoint)) = bulk {
-        // Whole packets, or a short one could not be told from a full transfer.
+        // Use whole packets: otherwise a short packet could not be told from a full transfer.
         let packet = u32::from(endpoint.max_packet);
         let len = need.min(BULK_TRANSFER).next_multiple_of(packet);
         return Ok(carrier(endpoint, len, None));

@@ -1,4 +1,4 @@
-//! What is said before a device is imported, and with whom.
+//! The USB/IP exchange with a server before a device is imported.
 
 use super::connection::left;
 use crate::tcp;
@@ -9,7 +9,7 @@ use std::io::{ErrorKind, Read, Write};
 use std::net::TcpStream;
 use std::time::{Duration, Instant};
 
-/// A conversation before an import is granted.
+/// The connection to a server before an import is granted.
 pub(super) struct Talk {
     stream: TcpStream,
     deadline: Instant,
@@ -17,8 +17,8 @@ pub(super) struct Talk {
 }
 
 impl Talk {
-    /// Connects to a server at `HOST:PORT`; the whole conversation has `timeout`. `place` names it
-    /// in messages.
+    /// Connects to a server at `HOST:PORT`; `timeout` bounds the whole exchange. `place` is the
+    /// address as shown in messages.
     pub(super) fn connect(host: &str, timeout: Duration, place: &str) -> Result<Self> {
         let deadline = Instant::now() + timeout;
         let stream = tcp::connect(host, timeout, place)?;
@@ -32,12 +32,12 @@ impl Talk {
         })
     }
 
-    /// The connection, once the talking is over.
+    /// Returns the stream once the exchange is complete.
     pub(super) fn into_stream(self) -> TcpStream {
         self.stream
     }
 
-    /// Asks for an operation; refused is an error.
+    /// Requests an operation; returns an error if the server refuses it.
     pub(super) fn ask(&mut self, operation: Operation, rest: &[u8]) -> Result<()> {
         let bytes = [&operation.encode()[..], rest].concat();
         self.stream
@@ -59,7 +59,7 @@ impl Talk {
         )))
     }
 
-    /// Reads so many bytes before the deadline, however they drip in.
+    /// Reads exactly `N` bytes before the deadline, however slowly they arrive.
     pub(super) fn read<const N: usize>(&mut self) -> Result<[u8; N]> {
         let mut bytes = [0; N];
         let mut have = 0;
@@ -92,7 +92,7 @@ impl Talk {
     }
 }
 
-/// The only device of a server.
+/// Returns the bus id of the server's only device; an error if there is none or more than one.
 pub(super) fn only(host: &str, devices: Vec<DeviceInfo>) -> Result<String> {
     match &devices[..] {
         [] => Err(Error::device(format!(

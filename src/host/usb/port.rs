@@ -1,4 +1,4 @@
-//! The serial port of a USB device: a command port with the lines that a pty has not.
+//! The serial port of a USB device: a command port with the control lines that a pty lacks.
 
 use super::connection::{Done, Receiver, Shared, lock};
 use super::device::UsbDevice;
@@ -15,18 +15,18 @@ use std::io::{self, Read};
 use std::sync::{Arc, Condvar, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-/// Reads under way, and bytes of each.
+/// Number of reads in flight, and the size of each in bytes.
 const READS: usize = 4;
 const READ_LEN: u32 = 4096;
-/// Bytes that wait before the device has to.
+/// Maximum number of received bytes that wait to be read before the device has to wait.
 const MAX_WAITING: usize = 64 << 10;
-/// Notifications under way, and bytes of each.
+/// Number of notification transfers in flight, and the size of each in bytes.
 const NOTIFICATIONS: usize = 2;
 const NOTIFICATION_LEN: u32 = 64;
-/// Bytes of a write.
+/// Maximum size of a write, in bytes.
 const WRITE_LEN: usize = 4096;
 
-/// A CDC-ACM port, open: DTR and RTS are set, the line is 115,200 8N1.
+/// An open CDC-ACM port: DTR and RTS are set, the line runs at 115,200 baud, 8N1.
 pub struct UsbPort {
     device: Arc<UsbDevice>,
     function: SerialFunction,
@@ -36,7 +36,7 @@ pub struct UsbPort {
     lines: HostLines,
 }
 
-/// What has come from the device.
+/// Data and line states received from the device.
 struct Inbox {
     state: Mutex<State>,
     changed: Condvar,
@@ -47,12 +47,12 @@ struct State {
     bytes: VecDeque<u8>,
     notifications: Flow,
     lines: DeviceLines,
-    /// What has gone wrong with the data's transfers.
+    /// The error of a data transfer.
     failure: Option<String>,
 }
 
 impl State {
-    /// Reads to submit now.
+    /// Returns the number of reads to submit now.
     fn more(&mut self) -> usize {
         let room = self.bytes.len() < MAX_WAITING;
         self.data.more(room)
@@ -67,7 +67,7 @@ impl UsbPort {
     /// Opens the device's serial port.
     ///
     /// # Errors
-    /// A device without one, one that refuses, is silent, or has gone.
+    /// Returns an error if the device has no serial port, refuses, does not answer, or is gone.
     pub fn open(device: &Arc<UsbDevice>) -> Result<Self> {
         let function = SerialFunction::find(device.configuration())
             .map_err(|what| Error::device(format!("{}: {what}", device.place())))?;
@@ -117,41 +117,42 @@ impl UsbPort {
     /// Sets DTR and RTS.
     ///
     /// # Errors
-    /// A device that refuses, is silent, or has gone.
+    /// Returns an error if the device refuses, does not answer, or is gone.
     pub fn set_lines(&mut self, lines: HostLines) -> Result<()> {
         self.request(request::SET_CONTROL_LINE_STATE, lines.encode(), &[])?;
         self.lines = lines;
         Ok(())
     }
 
-    /// Sets RTS and leaves DTR as it is.
+    /// Sets RTS and leaves DTR unchanged.
     ///
     /// # Errors
-    /// As for [`Self::set_lines`].
+    /// Same as [`Self::set_lines`].
     pub fn set_rts(&mut self, rts: bool) -> Result<()> {
         self.set_lines(HostLines { rts, ..self.lines })
     }
 
-    /// Sends a break of so many milliseconds: 0xFFFF until the next, 0 ends it.
+    /// Sends a break of the given length in milliseconds; 0xFFFF holds it until the next call, 0
+    /// ends it.
     ///
     /// # Errors
-    /// As for [`Self::set_lines`].
+    /// Same as [`Self::set_lines`].
     pub fn send_break(&mut self, milliseconds: u16) -> Result<()> {
         self.request(request::SEND_BREAK, milliseconds, &[])
     }
 
-    /// Sets how the line is driven.
+    /// Sets the line coding (baud rate and framing).
     ///
     /// # Errors
-    /// As for [`Self::set_lines`].
+    /// Same as [`Self::set_lines`].
     pub fn set_line_coding(&mut self, coding: LineCoding) -> Result<()> {
         self.request(request::SET_LINE_CODING, 0, &coding.encode())
     }
 
-    /// How the device says that the line is driven.
+    /// Reads the device's line coding.
     ///
     /// # Errors
-    /// As for [`Self::set_lines`], and an answer that is none.
+    /// Same as [`Self::set_lines`], and an error if the answer is invalid.
     pub fn line_coding(&self) -> Result<LineCoding> {
         let (index, len) = (self.function.control.into(), LineCoding::LEN as u16);
         let get = request::GET_LINE_CODING;
@@ -161,15 +162,16 @@ impl UsbPort {
         })
     }
 
-    /// The lines that the device drives, as it has last told them.
+    /// Returns the state of the lines that the device drives, as last reported.
     pub fn device_lines(&self) -> DeviceLines {
         lock(&self.inbox.state).lines
     }
 
-    /// Waits until the device's lines are as wanted; says whether that came in time.
+    /// Waits until the device's lines are as wanted; returns whether that happened within the
+    /// timeout.
     ///
     /// # Errors
-    /// A device that has gone.
+    /// Returns an error if the device is gone.
     pub fn wait_for_lines(
         &self,
         wanted: impl Fn(DeviceLines) -> bool,
@@ -196,7 +198,7 @@ impl UsbPort {
             .set(Setup::CLASS_OUT, request, value, index, data)
     }
 
-    /// As programs leave a port: lines down, nothing under way.
+    /// Closes the port as an application does: clears the lines and ends all transfers.
     fn close(&mut self) -> Result<()> {
         {
             let mut state = lock(&self.inbox.state);
@@ -281,7 +283,7 @@ impl CommandPort for UsbPort {
 
 impl Drop for UsbPort {
     fn drop(&mut self) {
-        // A device that has gone needs no farewell.
+        // This may fail if the device is gone; then there is nothing to close.
         let _ = self.close();
     }
 }
@@ -314,7 +316,7 @@ impl Receiver for Notifications {
             state.lines = lines;
             self.0.changed.notify_all();
         }
-        // A port without its lines goes on as one: the error is not told.
+        // The port keeps working without line states, so the error is not reported.
         let failed = state.notifications.ended(done).is_some();
         Ok(if failed {
             0

@@ -1,4 +1,4 @@
-//! The thread that reads a connection: replies to whoever waits for them.
+//! The thread that reads a connection and hands each reply to its receiver.
 
 use super::connection::{Connection, Done, Pending, lock};
 use super::inlet::Inlet;
@@ -7,10 +7,10 @@ use std::io::{self, Read};
 use std::net::TcpStream;
 
 impl Connection {
-    /// Reads replies until the connection is over.
+    /// Reads replies until the connection ends.
     pub(super) fn read(&self, stream: TcpStream) {
         let mut inlet = Inlet::new(stream);
-        // Held until the reason is known: who waits for it would find none.
+        // Keep the last transfer until the reason is recorded, or its waiter would find no reason.
         let mut answered = None;
         let why = loop {
             if let Err(error) = self.read_reply(&mut inlet, &mut answered) {
@@ -30,7 +30,7 @@ impl Connection {
         }
     }
 
-    /// Reads a reply; `answered` keeps the transfer that it has ended.
+    /// Reads one reply; `answered` keeps the transfer that it completed.
     fn read_reply(
         &self,
         inlet: &mut Inlet<TcpStream>,
@@ -71,7 +71,7 @@ impl Connection {
                     None => {
                         let mut data = inlet.take(room.into());
                         let again = lock(receiver).reply(&done, &mut data)?;
-                        // What the receiver did not want.
+                        // Skip the data that the receiver did not want.
                         io::copy(&mut data, &mut io::sink())?;
                         again
                     }
@@ -99,8 +99,8 @@ impl Connection {
                     target
                 };
                 if let Some(Pending { submit, receiver }) = answered {
-                    // A kernel that exports a device tells here how the transfer ended in the
-                    // meantime; its bytes are lost, so to us it was taken back either way.
+                    // A kernel that exports a device reports here how the transfer ended in the
+                    // meantime. Its data is lost, so it counts as unlinked either way.
                     let done = Done {
                         seqnum: target,
                         status: status::UNLINKED,
@@ -136,7 +136,7 @@ fn read_packets(inlet: &mut impl Read, count: u32, len: usize) -> io::Result<Vec
     Ok(packets)
 }
 
-/// What an error of the socket says of the device.
+/// Describes what a socket error means for the device.
 pub(super) fn reason(error: &io::Error) -> String {
     use io::ErrorKind as Kind;
     match error.kind() {

@@ -1,28 +1,29 @@
-//! The serial function of a configuration, found by its classes (CDC 1.2, 5.2; PSTN 1.2, 5.3).
+//! The serial function of a configuration, located by its class codes (CDC 1.2, 5.2; PSTN 1.2,
+//! 5.3).
 
 use super::topology::{Configuration, TransferKind};
 use phasmid_protocol::usb::descriptor::class;
 
-/// Subclass of an abstract control model.
+/// Subclass of the abstract control model.
 const ABSTRACT_CONTROL: u8 = 2;
-/// Subtype of the descriptor that ties the interfaces together.
+/// Subtype of the union descriptor, which groups the interfaces of a function.
 const UNION: u8 = 6;
 
-/// A serial port as its descriptors tell it.
+/// A serial port, as described by its descriptors.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct SerialFunction {
-    /// Interface of the requests.
+    /// Number of the control interface.
     pub control: u8,
-    /// Endpoint of the notifications, its address.
+    /// Address of the notification endpoint.
     pub notifications: Option<u8>,
-    /// Endpoint of what comes from the device, its address.
+    /// Address of the endpoint for data from the device.
     pub input: u8,
-    /// Endpoint of what goes to the device, its address.
+    /// Address of the endpoint for data to the device.
     pub output: u8,
 }
 
 impl SerialFunction {
-    /// Finds the first serial port; why there is none.
+    /// Finds the first serial port; the error says why there is none.
     pub fn find(configuration: &Configuration) -> Result<Self, String> {
         let control = configuration
             .interfaces

@@ -1,34 +1,35 @@
-//! A configuration as its descriptors tell it: interfaces, their settings and endpoints.
+//! Parsed configuration descriptors: interfaces, their alternate settings and endpoints.
 
 use phasmid_protocol::usb::descriptor::{Walk, kind};
 
-/// How an endpoint transfers.
+/// Transfer type of an endpoint.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum TransferKind {
-    /// Requests and their answers.
+    /// Requests and responses.
     Control,
-    /// At fixed times, without repetition.
+    /// Periodic, without retransmission.
     Isochronous,
     /// Whenever the bus is free.
     Bulk,
-    /// Rare and small.
+    /// Small and infrequent.
     Interrupt,
 }
 
-/// An endpoint of an interface's setting.
+/// An endpoint of an alternate setting.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Endpoint {
-    /// Number in bits 0 to 3; bit 7 is set for to the host.
+    /// Endpoint address: number in bits 0 to 3; bit 7 is set for transfers to the host.
     pub address: u8,
-    /// How it transfers.
+    /// Transfer type.
     pub kind: TransferKind,
-    /// Bytes of a packet.
+    /// Maximum packet size, in bytes.
     pub max_packet: u16,
-    /// Bytes in one service interval: what an isochronous packet may have.
+    /// Maximum number of bytes in one service interval, which is the limit of an isochronous
+    /// packet.
     pub bytes_per_interval: u32,
 }
 
-/// One setting of an interface.
+/// One alternate setting of an interface.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Interface {
     /// `bInterfaceNumber`.
@@ -37,14 +38,14 @@ pub struct Interface {
     pub setting: u8,
     /// Class, subclass, protocol.
     pub class: [u8; 3],
-    /// Class-specific descriptors of the interface, whole.
+    /// Class-specific descriptors of the interface, complete.
     pub extra: Vec<Vec<u8>>,
-    /// Its endpoints.
+    /// Endpoints of this setting.
     pub endpoints: Vec<Endpoint>,
 }
 
 impl Interface {
-    /// The endpoint of a kind and direction.
+    /// Returns the first endpoint of a transfer type and direction; `input` means to the host.
     pub fn endpoint(&self, kind: TransferKind, input: bool) -> Option<&Endpoint> {
         self.endpoints
             .iter()
@@ -55,14 +56,14 @@ impl Interface {
 /// A configuration.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Configuration {
-    /// The number by which it is set.
+    /// The value that selects it (`bConfigurationValue`).
     pub value: u8,
-    /// Settings of interfaces in the order of the descriptors.
+    /// Alternate settings of all interfaces, in descriptor order.
     pub interfaces: Vec<Interface>,
 }
 
 impl Configuration {
-    /// Reads the descriptors; for ones that make no sense, what does not.
+    /// Parses the descriptors; the error says which part is invalid.
     pub fn parse(bytes: &[u8]) -> Result<Self, String> {
         let mut walk = Walk::new(bytes);
         let head = walk
@@ -97,8 +98,8 @@ impl Configuration {
                 }
                 kind::INTERFACE | kind::ENDPOINT | kind::ENDPOINT_COMPANION => return Err(bad()),
                 kind::CS_INTERFACE if descriptor.len() >= 3 => {
-                    // Behind an endpoint it would be the endpoint's: no class that is read here
-                    // has one.
+                    // After an endpoint it would belong to the endpoint, but no class that is
+                    // parsed here has such a descriptor.
                     let interface = interfaces.last_mut().ok_or_else(bad)?;
                     interface.extra.push(descriptor.to_vec());
                 }
@@ -114,12 +115,12 @@ impl Configuration {
         })
     }
 
-    /// A setting of an interface.
+    /// Returns an alternate setting of an interface.
     pub fn interface(&self, number: u8, setting: u8) -> Option<&Interface> {
         self.settings(number).find(|i| i.setting == setting)
     }
 
-    /// All settings of an interface.
+    /// Returns all alternate settings of an interface.
     pub fn settings(&self, number: u8) -> impl Iterator<Item = &Interface> {
         self.interfaces.iter().filter(move |i| i.number == number)
     }
@@ -137,19 +138,19 @@ fn endpoint(descriptor: &[u8]) -> Endpoint {
             _ => TransferKind::Interrupt,
         },
         max_packet,
-        // High bandwidth: up to three packets a microframe (USB 2.0, table 9-13).
+        // High bandwidth: up to three packets per microframe (USB 2.0, table 9-13).
         bytes_per_interval: u32::from(max_packet) * (1 + u32::from(size >> 11 & 3)),
     }
 }
 
-/// A number of two bytes; 0 where the descriptor ends before it.
+/// Reads a little-endian 16-bit number; 0 if the descriptor ends before it.
 pub(super) fn word(bytes: &[u8], at: usize) -> u16 {
     bytes
         .get(at..at + 2)
         .map_or(0, |b| u16::from_le_bytes([b[0], b[1]]))
 }
 
-/// A number of four bytes; 0 where the descriptor ends before it.
+/// Reads a little-endian 32-bit number; 0 if the descriptor ends before it.
 pub(super) fn long(bytes: &[u8], at: usize) -> u32 {
     u32::from(word(bytes, at)) | u32::from(word(bytes, at + 2)) << 16
 }

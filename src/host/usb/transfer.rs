@@ -1,4 +1,4 @@
-//! One transfer: submitted, waited for, taken back.
+//! A single transfer: submit, wait, unlink.
 
 use super::connection::{Connection, Done, Receiver};
 use phasmid_core::error::Result;
@@ -9,7 +9,7 @@ use std::sync::Arc;
 use std::sync::mpsc::{Receiver as Inbox, RecvTimeoutError, SyncSender};
 use std::time::Duration;
 
-/// A transfer of an endpoint whose address has bit 7 set for to the host.
+/// Builds a transfer for an endpoint; bit 7 of `address` is set for transfers to the host.
 pub(super) fn transfer_like(address: u8, length: u32) -> Submit {
     Submit {
         seqnum: 0,
@@ -24,18 +24,18 @@ pub(super) fn transfer_like(address: u8, length: u32) -> Submit {
     }
 }
 
-/// The end of a transfer.
+/// A completed transfer.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Completed {
     /// See [`status`](phasmid_protocol::usb::usbip::status).
     pub status: i32,
-    /// Bytes transferred.
+    /// Number of bytes transferred.
     pub actual: usize,
-    /// What came from the device.
+    /// Data from the device.
     pub data: Vec<u8>,
 }
 
-/// A transfer under way; dropped before its end, it is taken back.
+/// A transfer in flight; dropping it before it completes unlinks it.
 pub struct Transfer {
     pub(super) connection: Arc<Connection>,
     pub(super) seqnum: u32,
@@ -43,10 +43,10 @@ pub struct Transfer {
 }
 
 impl Transfer {
-    /// Waits for the end; without one in time the transfer is taken back.
+    /// Waits for completion. On timeout the transfer is unlinked and `None` returned.
     ///
     /// # Errors
-    /// A connection that is over.
+    /// Returns an error if the connection has ended.
     pub fn wait(self, timeout: Duration) -> Result<Option<Completed>> {
         match self.inbox.recv_timeout(timeout) {
             Ok(completed) => Ok(Some(completed)),
@@ -55,10 +55,10 @@ impl Transfer {
         }
     }
 
-    /// Takes the transfer back; [`Self::wait`] tells whether it was done before.
+    /// Unlinks the transfer; [`Self::wait`] shows whether it completed before.
     ///
     /// # Errors
-    /// A connection that is over.
+    /// Returns an error if the connection has ended.
     pub fn unlink(&self) -> Result<()> {
         self.connection.unlink(|seqnum, _| seqnum == self.seqnum)
     }
@@ -66,19 +66,20 @@ impl Transfer {
 
 impl Drop for Transfer {
     fn drop(&mut self) {
-        // Nothing is sent for a transfer that is over; a connection that is over needs nothing.
+        // Sends nothing for a completed transfer. An error means that the connection has ended, and
+        // the transfer with it.
         let _ = self.unlink();
     }
 }
 
-/// Waits for the end of one transfer.
+/// Receives the completion of one transfer.
 pub(super) struct Once(pub(super) SyncSender<Completed>);
 
 impl Receiver for Once {
     fn reply(&mut self, done: &Done, data: &mut dyn Read) -> io::Result<usize> {
         let mut bytes = Vec::new();
         data.read_to_end(&mut bytes)?;
-        // Nobody may be waiting any more.
+        // The waiter may have given up.
         let _ = self.0.try_send(Completed {
             status: done.status,
             actual: done.actual,

@@ -1,67 +1,67 @@
-//! The video function of a configuration, found by its classes (UVC 1.1, chapter 3).
+//! The video function of a configuration, located by its class codes (UVC 1.1, chapter 3).
 
 use super::topology::{Configuration, Endpoint, Interface, TransferKind, long, word};
 use phasmid_protocol::PixelFormat;
 use phasmid_protocol::usb::descriptor::{class, video};
 use phasmid_protocol::usb::uvc;
 
-/// Input terminals that are cameras: ITT_CAMERA.
+/// Terminal type of a camera input: ITT_CAMERA.
 const CAMERA: u16 = 0x0201;
-/// Bit of a camera terminal's controls: exposure time, absolute.
+/// Bit in a camera terminal's `bmControls`: exposure time, absolute.
 const EXPOSURE: usize = 3;
-/// Bit of a processing unit's controls: gain.
+/// Bit in a processing unit's `bmControls`: gain.
 const GAIN: usize = 9;
 
-/// Frames that a camera offers.
+/// A video mode that a camera offers.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct VideoMode {
     /// `bFormatIndex`.
     pub format_index: u8,
     /// `bFrameIndex`.
     pub frame_index: u8,
-    /// Layout of the pixels.
+    /// Pixel format.
     pub format: PixelFormat,
-    /// Columns.
+    /// Width, in pixels.
     pub width: u32,
-    /// Rows.
+    /// Height, in pixels.
     pub height: u32,
-    /// Frame interval by default in units of 100 ns.
+    /// Default frame interval, in units of 100 ns.
     pub default_interval: u32,
-    /// Frame intervals in units of 100 ns; for a range the shortest, the longest and the step.
+    /// Frame intervals, in units of 100 ns; for a range: minimum, maximum and step.
     pub intervals: Vec<u32>,
-    /// Whether the intervals are a range.
+    /// Whether `intervals` describes a range.
     pub is_range: bool,
 }
 
 impl VideoMode {
-    /// Bytes of a frame.
+    /// Returns the size of a frame, in bytes.
     pub fn frame_len(&self) -> u64 {
         u64::from(self.width) * u64::from(self.height) * self.format.bytes_per_pixel() as u64
     }
 }
 
-/// A camera as its descriptors tell it.
+/// A camera, as described by its descriptors.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct VideoFunction {
-    /// Release of the class, binary coded decimal.
+    /// Release of the video class, binary coded decimal.
     pub uvc_bcd: u16,
-    /// Interface of the controls.
+    /// Number of the control interface.
     pub control: u8,
-    /// Interface of the stream.
+    /// Number of the streaming interface.
     pub streaming: u8,
-    /// Entity with the exposure control.
+    /// Id of the entity with the exposure control.
     pub exposure_entity: Option<u8>,
-    /// Entity with the gain control.
+    /// Id of the entity with the gain control.
     pub gain_entity: Option<u8>,
-    /// What it offers of the formats that are known here, the device's first choice first.
+    /// Modes in the supported pixel formats, the device's first choice first.
     pub modes: Vec<VideoMode>,
-    /// Settings of the streaming interface that carry the stream, and their endpoint; the bulk one,
-    /// or isochronous ones from the slowest.
+    /// Alternate settings of the streaming interface that carry the stream, and their endpoint: the
+    /// bulk one, or the isochronous ones, slowest first.
     pub carriers: Vec<(u8, Endpoint)>,
 }
 
 impl VideoFunction {
-    /// Finds the first camera; why there is none.
+    /// Finds the first camera; the error says why there is none.
     pub fn find(configuration: &Configuration) -> Result<Self, String> {
         let is = |interface: &&Interface, subclass| {
             interface.class[..2] == [class::VIDEO, subclass] && interface.setting == 0
@@ -118,7 +118,7 @@ impl VideoFunction {
     }
 }
 
-/// Whether a bit is set in the bitmap whose length stands at `at`.
+/// Tests a bit in the bitmap whose length byte is at offset `at`.
 fn has(descriptor: &[u8], at: usize, bit: usize) -> bool {
     let len = usize::from(descriptor[at]);
     bit / 8 < len
@@ -157,7 +157,7 @@ fn modes(streaming: &Interface) -> Vec<VideoMode> {
                 if mode.frame_len() == 0 {
                     continue;
                 }
-                // A format's default frame goes before its others.
+                // The default frame of a format goes before its other frames.
                 let same = |m: &VideoMode| m.format_index == format_index;
                 let begin = modes.iter().position(same).unwrap_or(modes.len());
                 let at = if mode.frame_index == first {
@@ -168,7 +168,7 @@ fn modes(streaming: &Interface) -> Vec<VideoMode> {
                 modes.insert(at, mode);
             }
             video::FRAME_UNCOMPRESSED | video::COLOR_FORMAT | video::INPUT_HEADER => {}
-            // The frames of another format are no frames of this one.
+            // Frame descriptors after another format descriptor belong to that format.
             _ => format = None,
         }
     }

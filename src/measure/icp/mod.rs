@@ -1,12 +1,12 @@
-//! Registration of a cloud onto a surface: point-to-plane iterative closest points (Y. Chen and
-//! G. Medioni, "Object Modelling by Registration of Multiple Range Images", 1992), with outliers
-//! left out and directions that the shape does not determine left alone.
+//! Registration of a cloud onto a surface: point-to-plane iterative closest points (Y. Chen and G.
+//! Medioni, "Object Modelling by Registration of Multiple Range Images", 1992), with outlier
+//! rejection; degrees of freedom that the shape does not determine are left unchanged.
 //!
-//! Each step minimises the sum over points x with foot q and normal n of ((x + w x (x - c) + t - q)
-//! . n)^2. With rotations about the centroid c, and lengths in units of the points' spread about it,
-//! the six unknowns are of one size, and an eigenvalue of the 6 x 6 system says how well its
-//! direction is held: a plane leaves three free, a sphere three, a cylinder two. Those are not moved
-//! along.
+//! Each step minimises ((x + w x (x - c) + t - q) . n)^2, summed over points x with closest point q
+//! and normal n. With rotations about the centroid c, and lengths in units of the RMS spread of the
+//! points about it, the six unknowns have the same scale, and an eigenvalue of the 6 x 6 system
+//! says how well its direction is determined: a plane leaves three directions free, a sphere three,
+//! a cylinder two. The step does not move along free directions.
 
 mod pairs;
 mod step;
@@ -22,17 +22,17 @@ use phasmid_geometry::{Cloud, Pose};
 use serde::Serialize;
 use step::{Step, orthonormal};
 
-/// How to register.
+/// Registration parameters.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct IcpOptions {
-    /// Steps at most.
+    /// Maximum number of steps.
     pub max_iterations: usize,
-    /// Points used at most, taken evenly along the cloud.
+    /// Maximum number of points used, taken evenly along the cloud.
     pub max_points: usize,
-    /// Done when a step moves no point by more than this part of the cloud's spread.
+    /// Converged when a step moves the points by at most this fraction of the cloud's spread.
     pub tolerance: f64,
-    /// Directions whose eigenvalue is below this part of the largest are left alone: 1e-5 is a
-    /// slope of 0.3 % RMS.
+    /// Directions whose eigenvalue is below this fraction of the largest are treated as free: 1e-5
+    /// corresponds to a slope of 0.3 % RMS.
     pub free_below: f64,
 }
 
@@ -47,31 +47,31 @@ impl Default for IcpOptions {
     }
 }
 
-/// The motion found, and how far to trust it.
+/// Result of a registration.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Alignment {
-    /// Takes the cloud's coordinates to the truth's, in millimetres.
+    /// Maps the cloud's coordinates to those of the truth, in millimetres.
     pub truth_from_cloud: Pose,
-    /// Steps made.
+    /// Number of steps.
     pub iterations: usize,
     /// Whether the last step was below the tolerance.
     pub converged: bool,
-    /// How many of the six degrees of freedom the shape determines.
+    /// Number of the six degrees of freedom that the shape determines.
     pub determined: usize,
-    /// Largest over smallest singular value of the system in those directions.
+    /// Largest over smallest singular value of the system in the determined directions.
     pub condition: f64,
-    /// Points that took part in the last step.
+    /// Number of points used in the last step.
     pub points: usize,
-    /// RMS distance to the tangent planes of the points that took part in the first step, in mm.
+    /// RMS distance in millimetres to the tangent planes, over the points used in the first step.
     pub rms_before_mm: f64,
-    /// The same of the last step.
+    /// The same for the last step.
     pub rms_after_mm: f64,
 }
 
-/// Finds the motion that brings a cloud onto a surface from nearby, both in millimetres.
+/// Finds the rigid motion that aligns a cloud with a nearby surface, both in millimetres.
 ///
 /// # Errors
-/// A cloud without a finite point, or one of which nothing faces the surface.
+/// Returns an error if the cloud has no finite point, or if no point lies over the surface.
 pub fn align(cloud: &Cloud, surface: &Surface, options: &IcpOptions) -> Result<Alignment> {
     let all = finite_points(cloud)?;
     let stride = all.len().div_ceil(options.max_points.max(1));
@@ -86,7 +86,7 @@ pub fn align(cloud: &Cloud, surface: &Surface, options: &IcpOptions) -> Result<A
             break;
         };
         pose = step.motion() * pose;
-        // Products of many rotations drift off; this keeps them rotations to rounding.
+        // Re-orthonormalise: products of many rotations drift.
         pose.rotation = orthonormal(pose.rotation);
         let done = step.size() <= options.tolerance * step.spread;
         result = Some(Alignment {
@@ -101,7 +101,7 @@ pub fn align(cloud: &Cloud, surface: &Surface, options: &IcpOptions) -> Result<A
         });
         match (done, clip) {
             (true, Clip::Narrow) => break,
-            // Near the end outliers stand out clearly, so the limit can be tight.
+            // Near convergence outliers stand out clearly, so the limit can be tight.
             (true, Clip::Wide) => clip = Clip::Narrow,
             (false, Clip::Wide) if iteration >= options.max_iterations / 2 => clip = Clip::Narrow,
             (false, _) => {}

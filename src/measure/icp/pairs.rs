@@ -1,9 +1,9 @@
-//! Which points pull, and where to: their feet's planes, outliers left out.
+//! Pairs points with the tangent planes of their closest surface points, and rejects outliers.
 
 use crate::surface::Foot;
 use glam::DVec3;
 
-/// A point, its foot's normal and its distance to the plane there.
+/// A point, the normal at its closest surface point and its distance to the tangent plane there.
 #[derive(Clone, Copy)]
 pub(super) struct Pair {
     pub(super) point: DVec3,
@@ -11,7 +11,7 @@ pub(super) struct Pair {
     pub(super) residual: f64,
 }
 
-/// Points with the planes they belong to; those beside the surface have none.
+/// Pairs points with their planes; points beside the surface are dropped.
 pub(super) fn pairs(points: &[DVec3], feet: &[Option<Foot>]) -> Vec<Pair> {
     points
         .iter()
@@ -19,7 +19,7 @@ pub(super) fn pairs(points: &[DVec3], feet: &[Option<Foot>]) -> Vec<Pair> {
         .filter_map(|(&point, foot)| {
             let foot = foot.as_ref()?;
             let residual = (point - foot.point).dot(foot.normal);
-            // A foot on a border: the point lies beside the surface, not over it.
+            // If the closest point is on a border, the point lies beside the surface, not over it.
             let over = residual.abs() >= 0.7 * foot.distance_mm || foot.distance_mm < 1e-9;
             (over && foot.normal != DVec3::ZERO).then_some(Pair {
                 point,
@@ -30,20 +30,19 @@ pub(super) fn pairs(points: &[DVec3], feet: &[Option<Foot>]) -> Vec<Pair> {
         .collect()
 }
 
-/// Which pairs count.
+/// Outlier limits.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Clip {
-    /// Up to four times the RMS of the best 99 %. On the way, most points of a flat scene have no
-    /// residual at all, and the few on slopes, which alone tell where to go, must not pass for
-    /// outliers.
+    /// Four times the RMS of the best 99 %. Before convergence, most points of a flat scene have no
+    /// residual, and the few on slopes, which alone determine the motion, must not be rejected.
     Wide,
-    /// Up to three standard deviations, these from the median (P. Rousseeuw and A. Leroy, "Robust
+    /// Three standard deviations, estimated from the median (P. Rousseeuw and A. Leroy, "Robust
     /// Regression and Outlier Detection", 1987).
     Narrow,
 }
 
 impl Clip {
-    /// The pairs within the limit that they set themselves.
+    /// Returns the pairs within the limit, which is derived from the pairs themselves.
     pub(super) fn keep(self, mut pairs: Vec<Pair>) -> Vec<Pair> {
         let mut sizes: Vec<f64> = pairs.iter().map(|p| p.residual.abs()).collect();
         sizes.sort_unstable_by(f64::total_cmp);
@@ -57,7 +56,7 @@ impl Clip {
             }
             Self::Narrow => 3.0 * 1.4826 * sizes[sizes.len() / 2],
         };
-        // Below a nanometre residuals are rounding, and all of them count.
+        // Below a nanometre residuals are rounding errors, so all pairs are kept.
         let limit = limit.max(1e-6);
         pairs.retain(|p| p.residual.abs() <= limit);
         pairs

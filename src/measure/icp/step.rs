@@ -1,4 +1,4 @@
-//! One step: six unknowns by least squares, those directions left alone that nothing holds.
+//! One step: six unknowns by least squares; undetermined directions are left unchanged.
 
 use super::pairs::Pair;
 use glam::{DMat3, DVec3};
@@ -18,7 +18,7 @@ pub(super) struct Step {
 }
 
 impl Step {
-    /// `None` without pairs.
+    /// Solves for one step; `None` without pairs.
     pub(super) fn solve(pairs: &[Pair], free_below: f64) -> Option<Self> {
         if pairs.is_empty() {
             return None;
@@ -30,7 +30,7 @@ impl Step {
             .map(|p| (p.point - centre).length_squared())
             .sum::<f64>()
             / n;
-        // A single point has no spread; any length will do.
+        // A single point has no spread; use any length.
         let spread = if variance > 0.0 { variance.sqrt() } else { 1.0 };
         let (mut system, mut right, mut squares) = (Matrix6::zeros(), Vector6::zeros(), 0.0);
         for pair in pairs {
@@ -68,12 +68,12 @@ impl Step {
         })
     }
 
-    /// About how far the step moves points, in millimetres.
+    /// Approximate displacement of the points by the step, in millimetres.
     pub(super) fn size(&self) -> f64 {
         self.rotation.length() * self.spread + self.translation.length()
     }
 
-    /// The step as a motion.
+    /// Returns the step as a rigid motion.
     pub(super) fn motion(&self) -> Pose {
         let angle = self.rotation.length();
         let rotation = self
@@ -87,7 +87,7 @@ impl Step {
     }
 }
 
-/// The nearest rotation for a matrix that is one but for rounding (Gram and Schmidt).
+/// Removes rounding errors from a rotation matrix (Gram-Schmidt).
 pub(super) fn orthonormal(m: DMat3) -> DMat3 {
     let x = m.x_axis.normalize();
     let y = (m.y_axis - x * x.dot(m.y_axis)).normalize();

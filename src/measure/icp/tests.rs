@@ -1,4 +1,4 @@
-//! Motions that are known come back, and what a shape does not hold does not drift.
+//! Known motions are recovered, and undetermined directions do not drift.
 
 use super::*;
 use crate::surface::Truth;
@@ -9,7 +9,7 @@ fn surface(mesh: &Mesh) -> Surface {
     Surface::new(&Truth::Mesh(mesh.clone())).unwrap()
 }
 
-/// Points inside the triangles of a mesh, moved.
+/// Points inside the triangles of a mesh, transformed by `cloud_from_truth`.
 fn scan(mesh: &Mesh, cloud_from_truth: &Pose, keep: impl Fn(DVec3) -> bool) -> Cloud {
     let points = (0..mesh.triangles.len())
         .map(|i| {
@@ -30,7 +30,7 @@ fn motion(shift: [f64; 3], turn: [f64; 3]) -> Pose {
     Pose::from_xyz_deg(DVec3::from_array(shift), DVec3::from_array(turn))
 }
 
-/// How far the found motion leaves points of the truth from where they belong.
+/// Largest distance by which the found motion misplaces points of the truth.
 fn miss(found: &Alignment, cloud_from_truth: &Pose, points: &[DVec3]) -> f64 {
     let round = found.truth_from_cloud * *cloud_from_truth;
     points
@@ -57,11 +57,11 @@ fn recovers_a_motion_of_a_torso() {
         "{found:?}"
     );
     assert!(found.rms_before_mm > 1.0);
-    // Coordinates are f32: 8e-6 mm of rounding a point, 300 times less over 3000 points each
-    // way of six unknowns.
+    // Coordinates are f32: each point is rounded by 8e-6 mm, and 3000 points per unknown reduce the
+    // error by a factor of 300.
     let at_ends = miss(&found, &moved, &mesh.vertices);
     assert!(at_ends < 2e-6, "{at_ends}");
-    // 3 % of gross errors, all to one side, do not shift it.
+    // 3 % of gross errors, all to one side, do not bias the result.
     for i in (0..cloud.points.len()).step_by(33) {
         cloud.points[i][2] -= 25.0;
     }
@@ -89,7 +89,7 @@ fn floor() -> Mesh {
 
 #[test]
 fn a_frustum_on_a_floor_is_found_by_its_sides() {
-    // 200 mm base, 100 mm top, 80 mm high: its four sides are a tenth of the floor.
+    // 200 mm base, 100 mm top, 80 mm high: its four sides have a tenth of the floor's area.
     let mut mesh = floor();
     let ring = |half: f64, z: f64| {
         [(-half, -half), (-half, half), (half, half), (half, -half)]

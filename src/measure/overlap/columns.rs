@@ -1,9 +1,9 @@
-//! Where columns along z pass through a solid.
+//! Intersects columns along z with a solid.
 
 use glam::{DVec2, DVec3};
 use phasmid_geometry::Mesh;
 
-/// A square grid of columns over a rectangle of the plane.
+/// A square grid of columns over a rectangle of the x-y plane.
 pub(super) struct Columns {
     lo: DVec2,
     width: f64,
@@ -11,7 +11,7 @@ pub(super) struct Columns {
 }
 
 impl Columns {
-    /// So many along the longer side.
+    /// Creates a grid with `columns` columns along the longer side.
     pub(super) fn over(lo: DVec2, hi: DVec2, columns: usize) -> Self {
         let sides = hi - lo;
         let width = sides.max_element() / columns as f64;
@@ -25,12 +25,12 @@ impl Columns {
         }
     }
 
-    /// Of one column.
+    /// Cross-section area of a column.
     pub(super) fn area_mm2(&self) -> f64 {
         self.width * self.width
     }
 
-    /// The spans of z inside a closed mesh, column by column, lowest first.
+    /// Returns the z intervals inside a closed mesh, column by column, lowest first.
     pub(super) fn spans(&self, mesh: &Mesh) -> Vec<Vec<[f64; 2]>> {
         let mut crossings: Vec<Vec<(f64, i32)>> = vec![Vec::new(); self.count[0] * self.count[1]];
         for i in 0..mesh.triangles.len() {
@@ -39,8 +39,8 @@ impl Columns {
         crossings.into_iter().map(inside).collect()
     }
 
-    /// Adds the heights at which a triangle crosses columns, with +1 where one leaves the solid
-    /// upwards and -1 where one enters it.
+    /// Adds the heights at which a triangle crosses columns: +1 where the column leaves the solid
+    /// going upwards, -1 where it enters.
     fn cross(&self, corners: [DVec3; 3], crossings: &mut [Vec<(f64, i32)>]) {
         let flat = corners.map(|c| c.truncate());
         let doubled = (flat[1] - flat[0]).perp_dot(flat[2] - flat[0]);
@@ -73,16 +73,17 @@ impl Columns {
     }
 }
 
-/// Whether a point lies to the left of the way from one point to another. Computed from the same end
-/// whichever way an edge is gone, points on it being left of it one way and not the other: of two
-/// triangles that share an edge a column always meets exactly one.
+/// Returns whether `p` lies left of the edge from `from` to `to`. It is computed from the same end
+/// for both directions of an edge, and points on the edge are left of it in one direction only, so
+/// a column always hits exactly one of two triangles that share an edge.
 fn is_left(from: DVec2, to: DVec2, p: DVec2) -> bool {
     let forwards = (from.x, from.y) <= (to.x, to.y);
     let (a, b) = if forwards { (from, to) } else { (to, from) };
     ((b - a).perp_dot(p - a) >= 0.0) == forwards
 }
 
-/// Spans between crossings in which a column is inside: entered more often than left.
+/// Intervals between crossings where a column is inside the solid, i.e. entered more often than
+/// left.
 fn inside(mut crossings: Vec<(f64, i32)>) -> Vec<[f64; 2]> {
     crossings.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
     let (mut depth, mut from) = (0, 0.0);

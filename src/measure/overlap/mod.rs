@@ -1,10 +1,10 @@
-//! How much of two solids is common: Dice's coefficient, volumes and centroids of closed meshes.
+//! Overlap of two solids: Dice's coefficient, volumes and centroids of closed meshes.
 //!
 //! Volume and centroid are exact, by the divergence theorem. The intersection is integrated over
-//! columns along z: along a column exactly, from the heights at which it enters and leaves each
-//! solid; across, by the midpoints of a square grid. For smooth solids the error falls with the width
-//! of a column to the power of 3/2 or faster; the same columns' volume of each solid, which is known
-//! exactly, tells how large it is, and is handed out with the result.
+//! columns along z: exactly along a column, from the heights at which it enters and leaves each
+//! solid, and by the midpoint rule on a square grid across. For smooth solids the error decreases
+//! with the column width to the power of 3/2 or faster. Its size is estimated by comparing the
+//! columns' volume of each solid with the exact volume, and returned with the result.
 
 mod columns;
 mod target;
@@ -19,32 +19,32 @@ use phasmid_core::error::{Error, Result};
 use phasmid_geometry::Mesh;
 use serde::Serialize;
 
-/// Columns along the longer side of the grid that [`overlap`] takes by default: 1e-4 in Dice's
-/// coefficient for solids like a tumour.
+/// Default number of columns along the longer side of the grid of [`overlap`]: an error of 1e-4 in
+/// Dice's coefficient for solids like a tumour.
 pub const OVERLAP_COLUMNS: usize = 256;
 
-/// Two solids and what they share, in cubic millimetres.
+/// Overlap of two solids a and b, volumes in cubic millimetres.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Overlap {
-    /// Dice's coefficient, 2 |A and B| / (|A| + |B|): 0 for solids apart, 1 for the same (L. Dice,
-    /// "Measures of the amount of ecologic association between species", 1945).
+    /// Dice's coefficient, 2 |A and B| / (|A| + |B|): 0 for disjoint solids, 1 for equal ones (L.
+    /// Dice, "Measures of the amount of ecologic association between species", 1945).
     pub dice: f64,
-    /// Volume of the first.
+    /// Volume of a.
     pub a_mm3: f64,
-    /// Volume of the second.
+    /// Volume of b.
     pub b_mm3: f64,
-    /// Volume that both share.
+    /// Volume of the intersection.
     pub both_mm3: f64,
-    /// By what part the columns' volumes differ from the true ones, the larger of the two: about the
-    /// relative error of the above.
+    /// Relative difference between the columns' volumes and the exact ones, the larger of the two:
+    /// an estimate of the relative error of `dice` and `both_mm3`.
     pub error: f64,
 }
 
-/// Volume in cubic millimetres and centroid of a closed mesh whose triangles look outwards, by the
-/// signed volumes of tetrahedra. The centroid of no volume is that of the vertices.
+/// Returns volume in cubic millimetres and centroid of a closed mesh with outward triangles, by
+/// signed tetrahedra. The centroid of a mesh without volume is that of its vertices.
 pub fn solid_moments(vertices: &[DVec3], triangles: &[[u32; 3]]) -> (f64, DVec3) {
     let count = vertices.len().max(1) as f64;
-    // From near the solid, so that nothing cancels.
+    // Use an origin near the solid to avoid cancellation.
     let middle = vertices.iter().sum::<DVec3>() / count;
     let (mut volume, mut moment) = (0.0, DVec3::ZERO);
     for t in triangles {
@@ -59,11 +59,11 @@ pub fn solid_moments(vertices: &[DVec3], triangles: &[[u32; 3]]) -> (f64, DVec3)
     (volume, middle + moment / volume)
 }
 
-/// Compares two closed meshes whose triangles look outwards, in one frame, over a grid of `columns`
-/// (8 to 4096) along its longer side.
+/// Compares two closed meshes with outward triangles, in the same frame, on a grid of `columns` (8
+/// to 4096) along its longer side.
 ///
 /// # Errors
-/// A mesh that encloses no volume, and a number of columns out of range.
+/// Returns an error if a mesh encloses no volume or `columns` is out of range.
 pub fn overlap(a: &Mesh, b: &Mesh, columns: usize) -> Result<Overlap> {
     if !(8..=4096).contains(&columns) {
         return Err(Error::input("columns", columns, "8 to 4096"));
@@ -99,7 +99,7 @@ pub fn overlap(a: &Mesh, b: &Mesh, columns: usize) -> Result<Overlap> {
     let [sampled_a, sampled_b] = lengths.map(|l| l * area);
     let error = ((sampled_a / volumes[0] - 1.0).abs()).max((sampled_b / volumes[1] - 1.0).abs());
     Ok(Overlap {
-        // By the columns throughout: what they get wrong of all three cancels in the ratio.
+        // All three volumes are by columns, so that their common errors cancel in the ratio.
         dice: 2.0 * shared * area / (sampled_a + sampled_b),
         a_mm3: volumes[0],
         b_mm3: volumes[1],

@@ -1,20 +1,20 @@
-//! Errors of a target's position, one scan after the other.
+//! Statistics of the position error of a target over several scans.
 
 use glam::DVec3;
 use serde::Serialize;
 
-/// One scan: by how much a target was not where it was said to be.
+/// Position error of a target in one scan.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TargetError {
-    /// Estimate less truth, in millimetres along the room's axes (LAT, LNG, VRT).
+    /// Estimate minus truth, in millimetres along the room's axes (LAT, LNG, VRT).
     pub error_mm: DVec3,
 }
 
-/// Errors over many scans, in millimetres. The target position error of a scan is the distance
+/// Errors over several scans, in millimetres. The target position error of a scan is the distance
 /// between the centroids of the estimated and the true target.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct PositionErrors {
-    /// How many scans.
+    /// Number of scans.
     pub scans: usize,
     /// Mean distance.
     pub mean_mm: f64,
@@ -31,14 +31,14 @@ pub struct PositionErrors {
 }
 
 impl PositionErrors {
-    /// Of many scans; `None` without one.
+    /// Computes the statistics; `None` without scans.
     pub fn of(errors: &[TargetError]) -> Option<Self> {
         if errors.is_empty() {
             return None;
         }
         let n = errors.len() as f64;
         let mut distances: Vec<f64> = errors.iter().map(|e| e.error_mm.length()).collect();
-        // In order of size: the same figures for any order of scans.
+        // Sum in order of size, so that the result does not depend on the order of the scans.
         distances.sort_unstable_by(f64::total_cmp);
         let bias = errors.iter().map(|e| e.error_mm).sum::<DVec3>() / n;
         let squares = |e: &TargetError| (e.error_mm - bias) * (e.error_mm - bias);

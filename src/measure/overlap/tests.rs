@@ -1,9 +1,9 @@
-//! Overlaps against closed forms.
+//! Overlaps against closed-form solutions.
 
 use super::*;
 use std::f64::consts::{PI, TAU};
 
-/// A ball of many triangles whose volume is that of a ball of `radius`.
+/// A finely triangulated ball with the exact volume of a ball of `radius`.
 fn ball(centre: DVec3, radius: f64) -> Mesh {
     let (rings, around) = (120, 160);
     let mut mesh = Mesh::default();
@@ -76,7 +76,8 @@ fn balls_apart_share_a_lens() {
         (20.0, DVec3::ONE.normalize()),
     ] {
         let b = ball(along * d, r);
-        // Two caps: V = pi (4 r + d) (2 r - d)^2 / 12, so Dice's is that over one ball.
+        // Two caps: V = pi (4 r + d) (2 r - d)^2 / 12; Dice's coefficient is V over the volume of
+        // one ball.
         let told = (4.0 * r + d) * (2.0 * r - d).powi(2) / (16.0 * r.powi(3));
         let found = overlap(&a, &b, OVERLAP_COLUMNS).unwrap();
         assert!(
@@ -104,7 +105,7 @@ fn the_error_falls_with_the_columns() {
 
 #[test]
 fn cubes_and_hollows_are_exact_where_columns_fit() {
-    // Columns on the edges of both cubes: each counts once.
+    // Columns coincide with the edges of both cubes: each must count once.
     let (a, b) = (
         cube(DVec3::ZERO, 16.0),
         cube(DVec3::new(8.0, 0.0, 4.0), 16.0),
@@ -115,7 +116,7 @@ fn cubes_and_hollows_are_exact_where_columns_fit() {
         "{found:?}"
     );
     assert!((found.dice - 0.375).abs() < 1e-12 && found.error < 1e-12);
-    // A cube with a hollow, whose triangles look into it.
+    // A cube with a cavity, whose triangles face into the cavity.
     let mut hollow = cube(DVec3::ZERO, 16.0);
     let inner = cube(DVec3::splat(4.0), 8.0);
     hollow.vertices.extend(&inner.vertices);
@@ -151,6 +152,6 @@ fn errors_of_a_target_add_up() {
     let all = PositionErrors::of(&errors).unwrap();
     assert!((all.mean_mm - 5.05).abs() < 1e-12 && (all.p95_mm - 9.5).abs() < 1e-12);
     assert!((all.max_mm - 10.0).abs() < 1e-12 && (all.bias_mm[1] - 5.05).abs() < 1e-12);
-    // Of 1 to n: (n^2 - 1) / 12.
+    // Variance of 1 to n: (n^2 - 1) / 12.
     assert!((all.deviation_mm[1] - 0.1 * (9999.0_f64 / 12.0).sqrt()).abs() < 1e-9);
 }

@@ -1,10 +1,10 @@
-//! One disc, and the direction that it faces.
+//! One disc of a surfel cloud, and the estimation of its normal.
 
 use super::{Foot, widened};
 use glam::DVec3;
 use nalgebra::Matrix3;
 
-/// A flat piece of surface about a point.
+/// A flat disc of surface around a point.
 #[derive(Clone, Copy)]
 pub(super) struct Disc {
     pub(super) centre: DVec3,
@@ -13,7 +13,7 @@ pub(super) struct Disc {
 }
 
 impl Disc {
-    /// The foot of the perpendicular, if it is on the disc.
+    /// Returns the foot of the perpendicular if it lies on the disc.
     #[inline]
     pub(super) fn below(&self, p: DVec3) -> Option<Foot> {
         let height = (p - self.centre).dot(self.normal);
@@ -26,7 +26,7 @@ impl Disc {
         })
     }
 
-    /// The nearest point of the disc.
+    /// Returns the closest point of the disc.
     #[inline]
     pub(super) fn closest(&self, p: DVec3) -> Foot {
         let offset = p - self.centre;
@@ -40,7 +40,7 @@ impl Disc {
     }
 }
 
-/// The unit direction in which points vary least; `None` if they do not span a plane.
+/// Returns the unit direction in which points vary least; `None` if they do not span a plane.
 pub(super) fn least_spread(points: impl Iterator<Item = [f32; 3]> + Clone) -> Option<DVec3> {
     let count = points.clone().count() as f64;
     let mean = points.clone().map(widened).sum::<DVec3>() / count;
@@ -57,7 +57,7 @@ pub(super) fn least_spread(points: impl Iterator<Item = [f32; 3]> + Clone) -> Op
         return None;
     }
     let middle = values[3 - least - most];
-    // Points on a line, or all in one place, have no plane.
+    // Collinear or coincident points span no plane.
     if middle.is_nan() || middle <= 1e-6 * values[most] {
         return None;
     }

@@ -1,5 +1,4 @@
-//! Surfaces that a distance can be measured to: a mesh exactly, a cloud by the discs that it is
-//! taken to sample.
+//! Surfaces for distance queries: a mesh exactly, or a cloud by discs around its points.
 
 mod disc;
 mod surfels;
@@ -14,20 +13,20 @@ use phasmid_geometry::{Cloud, Mesh, MeshTree, ply};
 use rayon::prelude::*;
 use std::path::Path;
 
-/// What a cloud is held against, as a file gave it.
+/// The reference surface, as read from a file.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Truth {
-    /// A surface known everywhere, in millimetres in the rig's frame.
+    /// A surface that is known everywhere, in millimetres in the rig's frame.
     Mesh(Mesh),
-    /// Points that are all lit and seen, in the rig's frame.
+    /// Points in the rig's frame, all of which are lit and seen.
     Cloud(Cloud),
 }
 
 impl Truth {
-    /// Reads `.stl`, `.obj` or `.ply`; a PLY file without faces is a cloud.
+    /// Reads a `.stl`, `.obj` or `.ply` file; a PLY file without faces is a cloud.
     ///
     /// # Errors
-    /// As [`Mesh::read`] and [`ply::read_cloud`].
+    /// Returns the errors of [`Mesh::read`] and [`ply::read_cloud`].
     pub fn read(path: &Path) -> Result<Self> {
         if path
             .extension()
@@ -42,7 +41,7 @@ impl Truth {
     }
 }
 
-/// A surface ready for queries.
+/// A surface with its search structure.
 pub enum Surface {
     /// Triangles.
     Mesh(MeshTree),
@@ -50,22 +49,22 @@ pub enum Surface {
     Cloud(Surfels),
 }
 
-/// Where a surface is nearest to a point.
+/// The point of a surface closest to a query point.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Foot {
-    /// The nearest point of the surface, in millimetres.
+    /// The closest point of the surface, in millimetres.
     pub point: DVec3,
     /// Distance to it in millimetres.
     pub distance_mm: f64,
-    /// Unit normal there, its sign as the file or the winding has it; zero where there is none.
+    /// Unit normal there, with the sign given by the file or the winding; zero if there is none.
     pub normal: DVec3,
 }
 
 impl Surface {
-    /// Makes a truth ready for queries.
+    /// Builds the search structure.
     ///
     /// # Errors
-    /// A cloud without a finite point.
+    /// Returns an error if a cloud has no finite point.
     pub fn new(truth: &Truth) -> Result<Self> {
         Ok(match truth {
             Truth::Mesh(mesh) => Self::Mesh(MeshTree::new(mesh)),
@@ -73,7 +72,7 @@ impl Surface {
         })
     }
 
-    /// The nearest point of the surface; `None` for a `p` that is not finite.
+    /// Returns the closest point of the surface; `None` if `p` is not finite.
     pub fn closest(&self, p: DVec3) -> Option<Foot> {
         match self {
             Self::Mesh(tree) => tree.closest(p).map(|c| Foot {
@@ -85,7 +84,7 @@ impl Surface {
         }
     }
 
-    /// [`Self::closest`] of many points, over all cores.
+    /// Runs [`Self::closest`] for many points in parallel.
     pub fn closest_batch(&self, points: &[DVec3]) -> Vec<Option<Foot>> {
         points
             .par_iter()

@@ -1,4 +1,4 @@
-//! A cloud as discs.
+//! A cloud represented by discs.
 
 use super::disc::{Disc, least_spread};
 use super::{Foot, widened};
@@ -7,40 +7,39 @@ use phasmid_core::error::{Error, Result};
 use phasmid_geometry::{Cloud, Neighbours};
 use rayon::prelude::*;
 
-/// Discs looked at around a point.
+/// Number of discs examined around a query point.
 const DISCS: usize = 8;
-/// A disc reaches as far as the centre of its own fourth neighbour, which on a square grid is the
-/// nearest ring: discs overlap, and do not close holes of the scan.
+/// A disc extends to its fourth neighbour, which completes the nearest ring on a square grid: discs
+/// overlap, but do not close holes of the scan.
 const REACH: usize = 4;
-/// No disc is wider than this many times the median: a point alone has its neighbours far away, and
-/// its disc would pass for surface where there is none.
+/// Maximum radius of a disc in units of the median: an isolated point has distant neighbours, and
+/// its disc would count as surface where there is none.
 const WIDEST: f64 = 3.0;
 
 /// A cloud as discs (H. Pfister et al., "Surfels: Surface Elements as Rendering Primitives", 2000):
-/// one a point, perpendicular to its normal, as wide as the distance to its fourth neighbour, but no
-/// wider than three times the median width.
+/// one per point, perpendicular to its normal, with the distance to its fourth neighbour as radius,
+/// but at most three times the median radius.
 ///
-/// Normals are the cloud's own; where it has none, each is the direction in which the point and its
-/// eight neighbours vary least (H. Hoppe et al., "Surface Reconstruction from Unorganized Points",
-/// 1992).
+/// Normals are those of the cloud; without, each is the direction in which the point and its eight
+/// neighbours vary least (H. Hoppe et al., "Surface Reconstruction from Unorganized Points", 1992).
 ///
-/// Of the eight points nearest to p, the nearest whose disc p lies over tells the distance: along
-/// its normal. Where p lies over none of them (beside the scan or over a hole), it is the distance
-/// to the nearest rim. The least distance to any of the eight would be too kind: discs overlap, and
-/// the best of several noisy ones says 0.3 sigma where a point is 0.8 sigma off in the mean. A
-/// tangent disc stands off a surface of radius R by t^2 / 2R at t from its centre: at a spacing of
-/// 1 mm on R = 100 mm by 3 um at most.
+/// Of the eight points nearest to p, the nearest whose disc p lies over determines the distance,
+/// along its normal. If p lies over none of them (beside the scan or over a hole), the distance is
+/// that to the nearest rim. The minimum over all eight would be biased: discs overlap, and the best
+/// of several noisy ones gives 0.3 sigma where a point is 0.8 sigma off on average. A tangent disc
+/// deviates from a surface of radius R by t^2 / 2R at t from its centre: at most 3 um at a spacing
+/// of 1 mm on R = 100 mm.
 pub struct Surfels {
     tree: Neighbours,
-    /// Centre, unit normal (or zero) and radius by the index of the point.
+    /// Centre, unit normal (or zero) and radius, by point index.
     discs: Vec<Disc>,
 }
 
 impl Surfels {
-    /// Makes the discs, over all cores. Points that are not finite are left out.
+    /// Builds the discs in parallel. Points that are not finite are ignored.
     ///
     /// # Errors
-    /// A cloud without a finite point.
+    /// Returns an error if the cloud has no finite point.
     pub fn new(cloud: &Cloud) -> Result<Self> {
         let tree = Neighbours::new(&cloud.points);
         if tree.is_empty() {
@@ -58,7 +57,7 @@ impl Surfels {
                 let centre = widened(cloud.points[i]);
                 let around = tree.nearest::<{ DISCS + 1 }>(centre);
                 let around = around.as_slice();
-                // The first is the point itself.
+                // The first neighbour is the point itself.
                 let fourth = around.get(REACH).or(around.last());
                 let normal = given
                     .and_then(|n| n.get(i))
@@ -77,7 +76,7 @@ impl Surfels {
         let (_, median, _) = radii.select_nth_unstable_by(middle, f64::total_cmp);
         let widest = WIDEST * *median;
         for disc in &mut discs {
-            // Without a normal there is no disc, only the point.
+            // Without a normal the disc shrinks to the point.
             let most = if disc.normal == DVec3::ZERO {
                 0.0
             } else {
@@ -88,7 +87,7 @@ impl Surfels {
         Ok(Self { tree, discs })
     }
 
-    /// The nearest point of the discs; `None` for a `p` that is not finite.
+    /// Returns the closest point of the discs; `None` if `p` is not finite.
     pub fn closest(&self, p: DVec3) -> Option<Foot> {
         let found = self.tree.nearest::<DISCS>(p);
         let near = || found.as_slice().iter().map(|n| &self.discs[n.1 as usize]);

@@ -1,4 +1,4 @@
-//! Discs against planes and spheres that they sample.
+//! Discs compared with the planes and spheres that they sample.
 
 use super::*;
 
@@ -23,7 +23,7 @@ fn distance_to_a_sampled_plane() {
     let n = DVec3::new(0.1, 0.0, -1.0).normalize();
     for normals in [true, false] {
         let surfels = Surfels::new(&slope(normals)).unwrap();
-        // Between the samples, 0.3 mm off along the normal.
+        // Between the samples, offset by 0.3 mm along the normal.
         for (x, y) in [(0.0, 0.0), (0.5, 0.5), (3.2, -7.7), (-12.4, 5.1)] {
             let on = DVec3::new(x, y, 0.1 * x);
             for side in [-0.3, 0.3] {
@@ -33,7 +33,7 @@ fn distance_to_a_sampled_plane() {
                 assert!(foot.normal.dot(n).abs() > 1.0 - 1e-9);
             }
         }
-        // Beyond the border a disc ends: not a plane without end.
+        // Discs end beyond the border; they are not unbounded planes.
         let foot = surfels.closest(DVec3::new(0.0, 26.0, 0.0)).unwrap();
         assert!((4.0..6.0).contains(&foot.distance_mm), "{foot:?}");
     }
@@ -44,7 +44,7 @@ fn a_cloud_samples_a_sphere() {
     let radius = 100.0;
     let points: Vec<[f32; 3]> = (0..20_000)
         .map(|i| {
-            // Fibonacci's spiral, some 2.5 mm apart.
+            // Fibonacci spiral, about 2.5 mm apart.
             let z = 1.0 - 2.0 * (f64::from(i) + 0.5) / 20_000.0;
             let (sin, cos) = (2.399_963_229_728_653 * f64::from(i)).sin_cos();
             let r = (1.0 - z * z).sqrt();
@@ -62,14 +62,15 @@ fn a_cloud_samples_a_sphere() {
         let t = f64::from(i) * 0.7;
         let out = DVec3::new(t.sin(), t.cos(), (0.3 * t).sin()).normalize();
         let d = surfels.closest(out * (radius + 0.5)).unwrap().distance_mm;
-        // t^2 / 2R with t up to 0.7 of the spacing is 0.016; normals by neighbours do the rest.
+        // t^2 / 2R with t up to 0.7 of the spacing is 0.016; the rest is the error of estimated
+        // normals.
         assert!((d - 0.5).abs() < 0.02, "{d}");
     }
 }
 
 #[test]
 fn noise_is_neither_hidden_nor_doubled() {
-    // A grid 1 mm apart with noise of 0.05 mm RMS, uniform: |d| is 0.866 of that in the mean.
+    // A 1 mm grid with uniform noise of 0.05 mm RMS: the mean of |d| is 0.866 of that.
     let noise = |i: i32, j: i32| {
         let hash = (i.wrapping_mul(73_856_093) ^ j.wrapping_mul(19_349_663)) as u32;
         let mixed = hash

@@ -1,20 +1,22 @@
-//! Coughs: three bursts each, at stated times and by chance.
+//! Coughs of three bursts each, at given times and at random.
 
 use super::Course;
 use crate::random::Draws;
 use std::f64::consts::PI;
 
-/// The stream of numbers that coughs are drawn from.
+/// Random stream of the coughs.
 const COUGH: u32 = 21;
-/// In each of these there is at most one cough by chance.
+/// Length of a time slot, which contains at most one random cough.
 const SLOT_S: f64 = 10.0;
-/// A cough's bursts: when each begins and how strong it is. Bursts last half a second.
+/// Start time in seconds and relative strength of the bursts of a cough.
 const BURSTS: [(f64, f64); 3] = [(0.0, 1.0), (0.45, 0.8), (0.9, 0.55)];
+/// Duration of a burst in seconds.
 const BURST_S: f64 = 0.5;
+/// Duration of a cough in seconds.
 const COUGH_S: f64 = 1.4;
 
 impl Course {
-    /// How strongly the patient coughs, 0 to 1.
+    /// Strength of coughing, 0 to 1.
     pub(super) fn cough(&self, time_s: f64) -> f64 {
         let draws = Draws::new(self.seed, COUGH);
         let slot = (time_s / SLOT_S).floor();
@@ -23,7 +25,7 @@ impl Course {
         let by_chance = (draws.unit(index) < chance)
             .then(|| slot * SLOT_S + draws.unit(index + 1) * (SLOT_S - COUGH_S));
         let stated = self.treatment.coughs_at_s.iter().copied();
-        // Coughs that meet do not add up to more than one.
+        // Overlapping coughs never add up to more than one.
         let rest: f64 = by_chance
             .into_iter()
             .chain(stated)
@@ -33,7 +35,7 @@ impl Course {
     }
 }
 
-/// A cough that began so long ago: sin^2 bursts.
+/// Strength of a cough that started `since_s` seconds ago: sin^2 bursts.
 fn bursts(since_s: f64) -> f64 {
     (BURSTS.iter())
         .map(|(start, height)| {

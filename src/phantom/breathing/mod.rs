@@ -1,12 +1,13 @@
-//! Weights of the modes over time: any moment by itself, the same for the same seed.
+//! Weights of the motion modes over time, computed for any time independently and reproducibly for
+//! a seed.
 //!
-//! A cycle follows cos^2n(pi phase) (Lujan et al., Medical Physics 26, 1999), 1 at the end of
-//! inhaling (phase 0, as a 4D-CT counts) and 0 at the end of exhaling (phase 0.5), where breath
-//! rests the longer the larger n is. Each mode follows it by a lag of its own, so that a tumour goes on
-//! a loop, and on another beside the skin: Seppenwoolde et al., Int. J. Radiation Oncology 53, 2002,
-//! saw 1 to 5 mm between a tumour's ways in and out in half of 21 patients, and 12 mm of motion along
-//! the body in lower lobes. Ranges of diaphragms and periods: Keall et al., AAPM report 91 (task group
-//! 76), Medical Physics 33, 2006.
+//! A cycle follows cos^2n(pi phase) (Lujan et al., Medical Physics 26, 1999), with 1 at end-inhale
+//! (phase 0, as in a 4D-CT) and 0 at end-exhale (phase 0.5), where breathing rests longer for
+//! larger n. Each mode follows with its own lag, so that a tumour moves on a loop, both in itself
+//! and relative to the skin: Seppenwoolde et al., Int. J. Radiation Oncology 53, 2002, saw 1 to 5
+//! mm between a tumour's inhale and exhale paths in half of 21 patients, and 12 mm of motion along
+//! the body in lower lobes. Ranges of diaphragm motion and periods: Keall et al., AAPM report 91
+//! (task group 76), Medical Physics 33, 2006.
 
 mod cough;
 #[cfg(test)]
@@ -19,35 +20,37 @@ use super::spline::{most_of, most_of_differences, wander};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
 
-/// The end of exhaling, where everything rests at planning: phase 50 of a 4D-CT.
+/// End-exhale, the reference phase at planning, where all weights are 0: phase 50 of a 4D-CT.
 pub const REFERENCE_PHASE: usize = 5;
-/// Phases of a 4D-CT.
+/// Number of phases of a 4D-CT.
 pub const PHASES: usize = 10;
 
-/// Streams of numbers: course of the phase, depth of cycles, depth of each mode, baseline. Coughs have
-/// one of their own.
+/// Random stream of the phase over time.
 const PHASE: u32 = 10;
+/// Random stream of the depth of cycles.
 const DEPTH: u32 = 11;
+/// Random stream of the depth of the first mode; the other modes follow.
 const OWN: u32 = 12;
+/// Random stream of the wandering baseline.
 const BASELINE: u32 = 20;
-/// Time over which a baseline wanders.
+/// Time scale of the baseline's wander, in seconds.
 const WANDER_S: f64 = 15.0;
-/// How much of the drift of the abdomen the thorax has, and how far the diaphragm is thrown up by a
-/// cough over the abdomen's way in.
+/// Drift of the thorax as a fraction of that of the abdomen.
 const THORAX_DRIFT: f64 = 0.4;
+/// Upward motion of the diaphragm during a cough as a fraction of the abdomen's inward motion.
 const THROWN_UP: f64 = 0.5;
 
-/// A day.
+/// Planning or treatment day.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Day {
-    /// The mean cycle, again and again: what a 4D-CT bins.
+    /// The mean cycle, repeated exactly, as binned by a 4D-CT.
     Planning,
-    /// Cycles that vary, drift, coughs, posture and set-up.
+    /// Varying cycles, drift, coughs, posture and set-up errors.
     Treatment,
 }
 
-/// The course of one patient's breathing.
+/// Breathing of one patient over time.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Course {
     breathing: Breathing,
@@ -64,7 +67,7 @@ impl Course {
         }
     }
 
-    /// How many cycles have passed at a time in seconds; phase 0 is the end of an inhaling.
+    /// Returns the number of cycles elapsed at a time in seconds; phase 0 is end-inhale.
     pub(super) fn cycles(&self, day: Day, time_s: f64) -> f64 {
         match day {
             Day::Planning => time_s / self.breathing.period_s,
@@ -76,7 +79,7 @@ impl Course {
         }
     }
 
-    /// Weights of the mean cycle at a phase, in millimetres; 0 at phase 0.5.
+    /// Returns the weights of the mean cycle at a phase, in millimetres; 0 at phase 0.5.
     pub(super) fn mean(&self, phase: f64) -> [f64; MODES] {
         std::array::from_fn(|mode| {
             let (amplitude_mm, lag) = self.mode(mode);
@@ -85,7 +88,7 @@ impl Course {
         })
     }
 
-    /// Weights on a day at a time, in millimetres.
+    /// Returns the weights on a day at a time, in millimetres.
     pub(super) fn weights(&self, day: Day, time_s: f64) -> [f64; MODES] {
         let cycles = self.cycles(day, time_s);
         let mut weights = self.mean(cycles);
@@ -112,7 +115,7 @@ impl Course {
         weights
     }
 
-    /// Ranges that hold the weights at every moment of both days, in millimetres.
+    /// Returns bounds of the weights over all times of both days, in millimetres.
     pub(super) fn bounds(p: &Patient) -> [[f64; 2]; MODES] {
         let (course, b, t) = (Self::new(p), &p.breathing, &p.treatment);
         let deepest =
@@ -139,7 +142,7 @@ impl Course {
         })
     }
 
-    /// Amplitude and lag of a mode.
+    /// Returns amplitude and lag of a mode.
     fn mode(&self, mode: usize) -> (f64, f64) {
         let b = &self.breathing;
         match mode {

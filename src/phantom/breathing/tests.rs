@@ -1,4 +1,4 @@
-//! Cycles against closed forms, bounds and deviations.
+//! Cycles against closed forms, bounds and standard deviations.
 
 use super::*;
 
@@ -31,8 +31,8 @@ fn a_treatment_without_differences_is_the_mean_cycle() {
     assert_eq!(course.mean(0.5).map(f64::abs), [0.0; MODES].map(f64::abs));
 }
 
-/// The area that two lagged courses go around, by the Fourier series of cos^2n: coefficients
-/// 2 C(2n, n - k) / 4^n, and pi k c_k^2 sin(2 pi k lag) of area each.
+/// The area enclosed by two lagged courses, by the Fourier series of cos^2n: the coefficient c_k is
+/// 2 C(2n, n - k) / 4^n and contributes an area of pi k c_k^2 sin(2 pi k lag).
 #[test]
 fn hysteresis_goes_around_the_area_of_its_closed_form() {
     for n in [1u32, 2, 3, 6] {
@@ -105,12 +105,12 @@ fn weights_stay_in_their_bounds_and_have_no_kink() {
         assert!(cycles > before, "time goes on at {t}");
         before = cycles;
     }
-    // The bounds are not idle.
+    // The bounds are reasonably tight.
     for k in 0..MODES {
         let [range, used] = [bounds[k], seen[k]].map(|[a, b]| b - a);
         assert!(used > 0.4 * range, "{k}: {used} of {range}");
     }
-    // Slopes from both sides agree where coughs, slots and knots meet.
+    // Left and right slopes agree at the borders of coughs, slots and knots.
     let step = 1e-5;
     for t in [10.0, 10.25, 10.3, 10.5, 10.45, 20.0, 0.0, 15.0, 30.0] {
         let [a, b, c] = [-1.0, 0.0, 1.0].map(|s| course.weights(Day::Treatment, t + s * step));
@@ -126,7 +126,7 @@ fn cycles_vary_by_the_deviations_that_are_asked_for() {
     let p = patient(|p| (p.breathing.period_sd, p.breathing.amplitude_sd) = (0.1, 0.2));
     let course = Course::new(&p);
     let period = p.breathing.period_s;
-    // Ends of inhaling, by bisection of what only grows.
+    // Times of end-inhale, by bisection of a monotonic function.
     let when = |cycle: i32| {
         let (mut lo, mut hi) = (
             period * (f64::from(cycle) - 1.0),

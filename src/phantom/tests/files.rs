@@ -1,4 +1,4 @@
-//! Patients' files.
+//! Patient files.
 
 use super::*;
 
@@ -51,7 +51,7 @@ fn what_cannot_be_a_patient_is_named() {
             "{found}"
         );
     }
-    // Each by itself is allowed; together they squeeze.
+    // Each value is allowed on its own, but together they compress tissue too much.
     let mad = text
         .replace("diaphragm_mm = 13.0", "diaphragm_mm = 35.0")
         .replace("amplitude = 1.1", "amplitude = 2.0")

@@ -1,4 +1,4 @@
-//! A phantom's own files imported again.
+//! Re-imports a phantom's exported files.
 
 use super::*;
 use phasmid_planning::import::Import;
@@ -8,7 +8,7 @@ use phasmid_planning::planning::fit::closed;
 use phasmid_planning::planning::{Planning, PlanningFile};
 use std::path::Path;
 
-/// What imports a planning folder's files, with its reference phase at 50 %.
+/// Returns the import of a planning folder's files, with the reference phase at 50 %.
 fn of_planning(folder: &Path) -> Import {
     let file = PlanningFile::read(folder).unwrap();
     Import {
@@ -51,7 +51,7 @@ fn what_a_phantom_has_written_is_imported_as_it_was() {
     assert_eq!(again.phases, planned.phases);
     let [a, b] = [&from, &to].map(|folder| read_volume(&folder.join("ct_50.mha")).unwrap());
     assert_eq!(a, b);
-    // But for its flat ends; what a CT of such voxels shows of the skin is the phantom's tests' to say.
+    // Except at its flat ends; the accuracy of the skin in a CT is tested in `planned`.
     for v in again
         .skin
         .vertices
@@ -74,7 +74,8 @@ fn what_a_phantom_has_written_is_imported_as_it_was() {
     assert!(off.abs() < 0.1 * farthest, "{off} of {farthest}");
     assert!(made.skin_motion_mm > 1.0, "{}", made.skin_motion_mm);
 
-    // Without its own field the reference phase is at rest, and the isocentre is in the tumour.
+    // Without a field for the reference phase it is at rest; the isocentre defaults to the tumour's
+    // centroid.
     let mut import = of_planning(&from);
     import.phases.retain(|(percent, _)| *percent != 50.0);
     import.phases.reverse();

@@ -1,4 +1,4 @@
-//! What the parts give together, and what holds of all patients that ship.
+//! Tests of the parts together, and of all built-in patients.
 
 mod files;
 mod imported;
@@ -8,7 +8,7 @@ mod planned;
 
 use super::*;
 
-/// Every moment that is asked about: phases of planning, and a minute of the treatment.
+/// States for tests: the planning phases, and a minute of the treatment.
 fn states(phantom: &Phantom) -> Vec<State> {
     let planned = (0..PHASES).map(|k| phantom.planning_phase(k));
     let treated = (0..20).map(|i| phantom.state(Day::Treatment, 3.1 * f64::from(i)));
@@ -23,7 +23,7 @@ fn one(name: &str) -> Phantom {
     Phantom::new(&Patient::load(name).unwrap())
 }
 
-/// Places all over the body, in the patient frame.
+/// Points all over the body, in the patient frame.
 fn places(phantom: &Phantom, count: i64) -> Vec<DVec3> {
     let draws = random::Draws::new(9, 9);
     let stature = phantom.patient.stature_mm;

@@ -23,7 +23,7 @@ fn the_gradient_is_that_of_differences() {
     }
 }
 
-/// Between states that the lattice of the check does not have, at places that it does not have.
+/// At states and points that are not on the lattice of the check.
 #[test]
 fn nothing_folds_over() {
     for phantom in all() {
@@ -33,7 +33,7 @@ fn nothing_folds_over() {
         let draws = random::Draws::new(2, 2);
         let mut least = f64::MAX;
         for (i, x) in places(&phantom, 6000).into_iter().enumerate() {
-            // Corners of the ranges and what is between them.
+            // Alternate between corners of the ranges and values in between.
             let weights_mm = std::array::from_fn(|k| {
                 let share = draws.unit((i * MODES + k) as i64);
                 let share = if i.is_multiple_of(2) {
@@ -123,7 +123,7 @@ fn the_skin_is_a_blend_of_its_keys() {
     }
 }
 
-/// Mesh and quadrature are two ways to volume and centroid.
+/// Mesh and quadrature are independent ways to compute volume and centroid.
 #[test]
 fn the_target_is_that_of_its_deformed_mesh() {
     let phantom = one("p14-man-deep");
@@ -144,7 +144,7 @@ fn the_target_is_that_of_its_deformed_mesh() {
             (volume, moment / volume)
         };
         let ((v3, c3), (v4, c4)) = (of_mesh(3), of_mesh(4));
-        // The chords' part falls by four from level to level: extrapolated, it is gone.
+        // The chord error decreases by four from level to level, so extrapolation removes it.
         let volume = v4 + (v4 - v3) / 3.0;
         let centroid = c4 + (c4 - c3) / 3.0;
         assert!((volume / target.volume_mm3 - 1.0).abs() < 1e-4, "{volume}");

@@ -1,9 +1,9 @@
-//! The patients that ship, against surveys and what was published of breathing.
+//! The built-in patients compared with surveys and published breathing data.
 
 use super::*;
 use phasmid_geometry::shapes::check::closed;
 
-/// How far a point goes over the ten phases: the largest distance between two of them.
+/// Largest distance between two of the ten positions of a point.
 fn excursion(phantom: &Phantom, x: DVec3) -> f64 {
     let at: Vec<DVec3> = (0..PHASES)
         .map(|k| phantom.displacement(x, &phantom.planning_phase(k)))
@@ -14,7 +14,7 @@ fn excursion(phantom: &Phantom, x: DVec3) -> f64 {
     pairs.fold(0.0, f64::max)
 }
 
-/// Sizes by the surveys, motion by the literature that [`breathing`] and [`outline`] name.
+/// Sizes by the surveys, motion by the literature cited in [`breathing`] and [`outline`].
 #[test]
 fn the_patients_are_plausible() {
     let mut count = 0;
@@ -40,8 +40,8 @@ fn the_patients_are_plausible() {
         let (breadth, depth) = around(0.04);
         let index = p.body_mass_index();
         if p.age_years > 18 {
-            // Breadth 250 to 380 mm and depth 180 to 310 mm hold the 1st to the 99th of a hundred
-            // soldiers; a mass index of 40 is beyond them.
+            // Breadths of 250 to 380 mm and depths of 180 to 310 mm are the 1st to 99th percentiles
+            // of soldiers; a mass index of 40 is beyond them.
             let most = if index > 35.0 { 430.0 } else { 380.0 };
             assert!((240.0..most).contains(&breadth), "{name}: {breadth} broad");
             let most = if index > 35.0 { 370.0 } else { 320.0 };
@@ -52,11 +52,11 @@ fn the_patients_are_plausible() {
         }
         assert!(phantom.skin.layer_mm() > 1.5 && phantom.skin.layer_mm() < 70.0);
 
-        // The whole tumour is in the lung at every phase: its tissue does not leave its lobe.
+        // The whole tumour is in the lung; since tissue moves with it, this holds at every phase.
         let organs = phantom.modes.organs();
         assert_eq!(organs.out_of_lobe(p.tumour.lobe, &phantom.tumour), None);
 
-        // Skin: 1 to 20 mm, the abdomen's front; tumours within 30 mm, upper lobes' within 8.
+        // Front of the abdomen: 1 to 20 mm; tumours within 30 mm, in upper lobes within 8.
         let front = |h: f64| {
             let z = h * p.stature_mm;
             phantom.skin.point(-std::f64::consts::FRAC_PI_2, z) - phantom.isocentre
@@ -85,8 +85,8 @@ fn the_patients_are_plausible() {
     assert_eq!(count, 15);
 }
 
-/// Ways in and out: the tumour's own, apart where the diaphragm is at the same height, and the
-/// tumour's beside the abdomen's, which nothing lags before.
+/// Hysteresis: the distance between the tumour's positions on the way in and out, at equal weights
+/// of the diaphragm mode (its own loop) and of the abdomen mode, whose lag is 0.
 #[test]
 fn tumours_go_on_loops_of_published_width() {
     let mut wide = 0;
@@ -120,7 +120,8 @@ fn tumours_go_on_loops_of_published_width() {
     assert!((4..=11).contains(&wide), "{wide} of 15 beyond 1 mm");
 }
 
-/// Volume of both lungs by counting, within ICRP 89's functional residual capacity and tissue.
+/// Volume of both lungs by counting points, within ICRP 89's functional residual capacity and
+/// tissue.
 #[test]
 fn lungs_hold_what_lungs_hold() {
     for (name, litres) in [

@@ -1,4 +1,4 @@
-//! What planning is told: the CT, and the folder.
+//! The exported CT and planning folder.
 
 use super::*;
 use phasmid_geometry::shapes::check::closed;
@@ -21,7 +21,7 @@ fn a_ct_shows_air_skin_lung_and_tumour() {
         let lung = at(beside);
         assert!((-900.0..-650.0).contains(&lung), "{lung}");
     }
-    // Inhaling thins the lung.
+    // Inhaling lowers the lung's density.
     let beside = DVec3::new(0.0, 0.0, -45.0);
     let [out, in_] = [5, 0].map(|tenth| {
         let state = phantom.planning_phase(tenth);
@@ -91,9 +91,9 @@ fn a_planning_folder_says_what_the_phantom_does() {
     assert!(phantom.skin(10).is_err());
 }
 
-/// A CT of voxels that are as full as they are shows the skin, whatever their size. Between air (-1000)
-/// and fat (-100) the level -500 is 5/9 of the way, so that a plane is off by 3/2 - 2 sqrt(4/9) voxels at
-/// worst (the iso-surface's own tests have the theory); of skin over fat -525 is about midway.
+/// A CT with partial volumes shows the skin at any voxel size. Between air (-1000) and fat (-100)
+/// the level -500 is 5/9 of the way, so a plane is off by at most 3/2 - 2 sqrt(4/9) voxels (see the
+/// iso-surface tests for the theory); for skin over fat, -525 is about half-way.
 #[test]
 fn the_skin_is_found_in_the_ct() {
     for (name, spacing_mm) in [("p07-child", 10.0), ("p02-man-mean", 16.0)] {
@@ -117,8 +117,8 @@ fn the_skin_is_found_in_the_ct() {
     }
 }
 
-/// How far vertices are off the skin, in voxels, but for the tenth of the body at each end, where it is
-/// cut off with edges that no voxel shows.
+/// Distances of vertices from the skin in voxels, except for the tenth of the body at each end,
+/// where it is cut off with edges that voxels do not resolve.
 fn off_skin(phantom: &Phantom, found: &Mesh, spacing_mm: f64) -> Vec<f64> {
     let (low, high) = phantom.skin(6000).unwrap().bounds().unwrap();
     let between = |v: &&DVec3| (0.1..0.9).contains(&((v.z - low.z) / (high.z - low.z)));

@@ -1,10 +1,10 @@
-//! Directions all around as the vertices of a closed mesh.
+//! A closed mesh of directions on the unit sphere.
 
 use glam::DVec3;
 use std::collections::HashMap;
 
-/// An icosahedron, each of its triangles parted into four `level` times: 20 * 4^level triangles between
-/// directions of length 1, seen from outside anticlockwise.
+/// Returns an icosahedron with each triangle divided into four `level` times: 20 * 4^level
+/// triangles between unit directions, counter-clockwise seen from outside.
 pub(super) fn icosphere(level: u32) -> (Vec<DVec3>, Vec<[u32; 3]>) {
     let (mut directions, mut triangles) = icosahedron();
     for _ in 0..level {

@@ -1,5 +1,6 @@
-//! The tumour's shape: star-shaped about its middle, its radius a sum of real spherical harmonics of
-//! degrees 2 to 5 with random coefficients. Its volume is that of the ball of its diameter exactly.
+//! The tumour's shape: star-shaped around its centre, with a radius that is a sum of real spherical
+//! harmonics of degrees 2 to 5 with random coefficients. Its volume is exactly that of the ball of
+//! its diameter.
 
 mod icosphere;
 mod sphere;
@@ -15,8 +16,9 @@ use phasmid_geometry::Mesh;
 use sphere::{RADIAL, directions, gauss, harmonics};
 use std::f64::consts::PI;
 
-/// Degrees of the harmonics, and how much of the roughness each has.
+/// Degrees of the harmonics.
 const DEGREES: std::ops::RangeInclusive<usize> = 2..=5;
+/// Share of each degree in the roughness.
 const SHARES: [f64; 4] = [0.4, 0.3, 0.18, 0.12];
 const STREAM: u32 = 2;
 
@@ -42,8 +44,8 @@ impl Shape {
                         draws.even(index)
                     })
                     .collect();
-                // By the addition theorem sum_m Y_lm^2 is (2l + 1) / 4 pi everywhere, so that by
-                // Cauchy and Schwarz the degree's sum stays within roughness * share.
+                // By the addition theorem, sum_m Y_lm^2 is (2l + 1) / 4 pi everywhere, so by the
+                // Cauchy-Schwarz inequality the degree's sum stays within roughness * share.
                 let length = drawn.iter().map(|c| c * c).sum::<f64>().sqrt();
                 let most = ((2 * l + 1) as f64 / (4.0 * PI)).sqrt();
                 let scale = p.tumour.roughness * share / (length * most);
@@ -61,12 +63,12 @@ impl Shape {
         shape
     }
 
-    /// The point that radii are measured from.
+    /// Returns the point from which radii are measured.
     pub(super) fn centre(&self) -> DVec3 {
         self.centre
     }
 
-    /// Distance from the middle to the surface in a direction of length 1, in millimetres.
+    /// Returns the distance from the centre to the surface in a unit direction, in millimetres.
     pub(super) fn radius(&self, direction: DVec3) -> f64 {
         let sum: f64 = (DEGREES.zip(&self.coefficients))
             .map(|(l, c)| {
@@ -77,13 +79,13 @@ impl Shape {
         self.radius_mm * (1.0 + sum)
     }
 
-    /// Volume at the reference phase, in cubic millimetres.
+    /// Returns the volume at the reference phase, in cubic millimetres.
     pub(super) fn volume_mm3(&self) -> f64 {
         let thirds = |(n, w)| w * self.radius(n).powi(3) / 3.0;
         directions().map(thirds).sum()
     }
 
-    /// Centroid at the reference phase.
+    /// Returns the centroid at the reference phase.
     pub(super) fn centroid(&self) -> DVec3 {
         let moment: DVec3 = directions()
             .map(|(n, w)| n * (w * self.radius(n).powi(4) / 4.0))
@@ -91,12 +93,12 @@ impl Shape {
         self.centre + moment / self.volume_mm3()
     }
 
-    /// Points of the surface.
+    /// Returns points of the surface.
     pub(super) fn surface(&self) -> impl Iterator<Item = DVec3> + '_ {
         directions().map(|(n, _)| self.centre + n * self.radius(n))
     }
 
-    /// Places inside with the volume that each stands for, in cubic millimetres.
+    /// Returns quadrature points inside, each with its volume in cubic millimetres.
     pub(super) fn inside(&self) -> impl Iterator<Item = (DVec3, f64)> + '_ {
         let radial = gauss(RADIAL);
         directions().flat_map(move |(n, w)| {
@@ -108,7 +110,7 @@ impl Shape {
         })
     }
 
-    /// Whether a place is inside, by its distance from the middle less the surface's that way.
+    /// Distance from the centre minus the surface's radius in that direction; negative inside.
     pub(super) fn outside(&self, x: DVec3) -> f64 {
         let off = x - self.centre;
         let length = off.length();
@@ -118,7 +120,7 @@ impl Shape {
         length - self.radius(if length > 0.0 { off / length } else { DVec3::Z })
     }
 
-    /// The surface as a closed mesh with outward triangles, 20 * 4^level of them.
+    /// Returns the surface as a closed mesh of 20 * 4^level outward triangles.
     pub(super) fn mesh(&self, level: u32) -> Mesh {
         let (directions, triangles) = icosphere(level);
         Mesh {

@@ -1,17 +1,19 @@
-//! Functions on the sphere: real harmonics, and quadratures over directions and along a radius.
+//! Functions on the sphere: real spherical harmonics, and quadratures over directions and along a
+//! radius.
 
 use glam::DVec3;
 use std::f64::consts::{PI, TAU};
 
-/// Nodes of the quadratures over directions and along a radius: exact for polynomials of degree 31
-/// over directions, which the fourth power of the radius (degree 20) and a smooth displacement are
-/// within, and of degree 11 along it.
+/// Number of nodes of the quadrature over directions: exact for polynomials up to degree 31, which
+/// covers the fourth power of the radius (degree 20) and a smooth displacement.
 const NODES: usize = 16;
+/// Number of nodes along a radius: exact up to degree 11.
 pub(super) const RADIAL: usize = 6;
 
-/// Real spherical harmonics of a degree, orthonormal over the sphere, by order -l to l.
+/// Returns the real spherical harmonics of a degree, orthonormal over the sphere, by order -l to l.
 pub(super) fn harmonics(l: usize, n: DVec3) -> Vec<f64> {
-    // Associated Legendre functions over sin^m, and (x + iy)^m, which has that sin^m: no pole.
+    // Associated Legendre functions divided by sin^m, and (x + iy)^m, which contains sin^m, so the
+    // poles are not singular.
     let mut values = vec![0.0; 2 * l + 1];
     let (mut cos, mut sin) = (1.0, 0.0);
     for m in 0..=l {
@@ -35,7 +37,7 @@ pub(super) fn harmonics(l: usize, n: DVec3) -> Vec<f64> {
     values
 }
 
-/// Directions with the solid angle that each stands for: Gauss over z, even steps around it.
+/// Returns directions with their solid angles: Gauss nodes over z, even steps around it.
 pub(super) fn directions() -> impl Iterator<Item = (DVec3, f64)> {
     gauss(NODES).into_iter().flat_map(|(z, w)| {
         let ring = (1.0 - z * z).sqrt();
@@ -46,7 +48,8 @@ pub(super) fn directions() -> impl Iterator<Item = (DVec3, f64)> {
     })
 }
 
-/// Nodes and weights of Gauss and Legendre on [-1, 1], by Newton's method on the polynomial.
+/// Returns nodes and weights of Gauss-Legendre quadrature on [-1, 1], by Newton's method on the
+/// polynomial.
 pub(super) fn gauss(count: usize) -> Vec<(f64, f64)> {
     let node = |i: usize| {
         let mut x = (PI * (i as f64 + 0.75) / (count as f64 + 0.5)).cos();

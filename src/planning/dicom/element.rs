@@ -1,13 +1,14 @@
-//! Data elements of a file (PS3.10 7, PS3.5 7): the wanted ones at the top, and a way past all others.
+//! Parses the data elements of a file (PS3.10 7, PS3.5 7): collects the wanted ones at the top
+//! level and skips all others.
 
 use phasmid_core::error::{Error, Result};
 use std::collections::HashMap;
 use std::fmt::Display;
 
-/// Group and element.
+/// Group and element number.
 pub(super) type Tag = (u16, u16);
 
-/// Deepest nesting of sequences; the standard's objects have a handful.
+/// Maximum nesting depth of sequences; the standard's objects nest a few levels.
 const DEEPEST: usize = 64;
 
 const TRANSFER_SYNTAX: Tag = (0x0002, 0x0010);
@@ -16,10 +17,10 @@ const ITEM_END: Tag = (0xFFFE, 0xE00D);
 const SEQUENCE_END: Tag = (0xFFFE, 0xE0DD);
 pub(super) const PIXEL_DATA: Tag = (0x7FE0, 0x0010);
 
-/// What follows until a delimiter.
+/// Undefined length: the value extends to a delimiter.
 const UNDEFINED: u32 = u32::MAX;
 
-/// The transfer syntaxes that are read, and names of those that are not.
+/// Names of known transfer syntaxes, supported and unsupported.
 const SYNTAXES: [(&str, &str); 12] = [
     ("1.2.840.10008.1.2", "implicit VR little endian"),
     ("1.2.840.10008.1.2.1", "explicit VR little endian"),
@@ -41,14 +42,14 @@ const SYNTAXES: [(&str, &str); 12] = [
     ("1.2.840.10008.1.2.5", "RLE lossless"),
 ];
 
-/// The values of wanted elements.
+/// Values of the wanted elements.
 pub(super) struct Elements<'a> {
     place: String,
     values: HashMap<Tag, &'a [u8]>,
 }
 
 impl<'a> Elements<'a> {
-    /// Reads the bytes of a file.
+    /// Parses the bytes of a file.
     pub(super) fn parse(bytes: &'a [u8], wanted: &[Tag], place: &str) -> Result<Self> {
         if bytes.get(128..132) != Some(b"DICM") {
             return Err(Error::input(
@@ -67,7 +68,7 @@ impl<'a> Elements<'a> {
             place: place.to_owned(),
             values: HashMap::new(),
         };
-        // Whether the elements in each open item or sequence have no representation written.
+        // For each open item or sequence: whether its elements lack a value representation.
         let mut open = vec![implicit];
         while walk.at < bytes.len() {
             let from = walk.at;
@@ -95,7 +96,7 @@ impl<'a> Elements<'a> {
                 } else if tag == PIXEL_DATA {
                     return Err(walk.wrong(from, "compressed pixels", "pixels as they are"));
                 } else {
-                    // What a program did not know it wrote down without representations.
+                    // Elements of VR `UN` contain implicit-VR elements.
                     open.push(no_vr || unknown);
                 }
             }
@@ -110,12 +111,12 @@ impl<'a> Elements<'a> {
         Ok(elements)
     }
 
-    /// The bytes of an element that is not empty.
+    /// Returns the bytes of an element, unless it is missing or empty.
     pub(super) fn get(&self, tag: Tag) -> Option<&'a [u8]> {
         self.values.get(&tag).copied().filter(|v| !v.is_empty())
     }
 
-    /// A text without the spaces around it, empty where there is none.
+    /// Returns a text without surrounding spaces; empty if the element is missing.
     pub(super) fn text(&self, tag: Tag) -> String {
         let bytes = self.get(tag).unwrap_or_default();
         let text = String::from_utf8_lossy(bytes);
@@ -126,7 +127,7 @@ impl<'a> Elements<'a> {
             .collect()
     }
 
-    /// Numbers of a decimal or integer string, if there is any.
+    /// Returns the numbers of a decimal or integer string, if present.
     pub(super) fn numbers<const N: usize>(&self, tag: Tag, name: &str) -> Result<Option<[f64; N]>> {
         if self.get(tag).is_none() {
             return Ok(None);
@@ -147,13 +148,13 @@ impl<'a> Elements<'a> {
         Ok(Some(numbers))
     }
 
-    /// Numbers that have to be there.
+    /// Returns the numbers of a mandatory element.
     pub(super) fn needed<const N: usize>(&self, tag: Tag, name: &str) -> Result<[f64; N]> {
         self.numbers(tag, name)?
             .ok_or_else(|| self.wrong(tag, name, "nothing", needs(N)))
     }
 
-    /// An unsigned short that has to be there.
+    /// Returns an unsigned short of a mandatory element.
     pub(super) fn short(&self, tag: Tag, name: &str) -> Result<u16> {
         match self.get(tag) {
             Some(&[low, high]) => Ok(u16::from_le_bytes([low, high])),
@@ -165,13 +166,13 @@ impl<'a> Elements<'a> {
         }
     }
 
-    /// A double, if there is any.
+    /// Returns a finite double, if present.
     pub(super) fn double(&self, tag: Tag) -> Option<f64> {
         let bytes = self.get(tag)?.try_into().ok()?;
         Some(f64::from_le_bytes(bytes)).filter(|x| x.is_finite())
     }
 
-    /// A complaint about an element.
+    /// Creates an error about an element.
     pub(super) fn wrong(
         &self,
         tag: Tag,
@@ -192,7 +193,7 @@ fn needs(count: usize) -> String {
     }
 }
 
-/// A way through the bytes of a file.
+/// Cursor over the bytes of a file.
 struct Walk<'a, 'p> {
     bytes: &'a [u8],
     at: usize,
@@ -224,7 +225,7 @@ impl<'a> Walk<'a, '_> {
         Ok((self.u16()?, self.u16()?))
     }
 
-    /// Whether a value is of unknown representation, and its length (PS3.5 7.1).
+    /// Reads whether the value representation is `UN`, and the length of the value (PS3.5 7.1).
     fn length(&mut self, no_vr: bool) -> Result<(bool, u32)> {
         if no_vr {
             return Ok((false, self.u32()?));
@@ -247,7 +248,8 @@ impl<'a> Walk<'a, '_> {
         }
     }
 
-    /// The elements about the file, always explicit; whether those that follow are implicit.
+    /// Reads the file meta elements, which are always explicit; returns whether the rest is
+    /// implicit.
     fn meta(&mut self) -> Result<bool> {
         let mut syntax: Option<&[u8]> = None;
         while self.bytes.get(self.at..self.at + 2) == Some(&[2, 0]) {

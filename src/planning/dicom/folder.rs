@@ -1,17 +1,17 @@
-//! The images of a folder and of the folders in it.
+//! Collects the images of a folder and its subfolders.
 
 use super::slice::Slice;
 use phasmid_core::error::{Error, Result};
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 
-/// A 4D-CT has some 1500 files.
+/// Maximum number of files; a 4D-CT has about 1500.
 const MOST_FILES: usize = 20_000;
-/// Patient, study, series, and some of a program's own.
+/// Maximum folder depth: patient, study, series, and some levels added by programs.
 const DEEPEST: usize = 8;
 
-/// All images, in the order of their paths; at least one. Hidden files and a `DICOMDIR` are passed
-/// over, everything else has to be a CT image.
+/// Reads the headers of all images, in the order of their paths; at least one. Hidden files and a
+/// `DICOMDIR` are ignored, every other file must be a CT image.
 pub(super) fn slices(folder: &Path) -> Result<Vec<Slice>> {
     let mut files = Vec::new();
     collect(folder, 0, &mut files)?;
@@ -20,7 +20,7 @@ pub(super) fn slices(folder: &Path) -> Result<Vec<Slice>> {
         return Err(Error::input(folder.display(), "no file", "CT images"));
     }
     let read: Vec<Result<Slice>> = files.par_iter().map(|path| Slice::look(path)).collect();
-    // The first complaint in order of the paths, whoever was first.
+    // Report the first error in path order, regardless of thread timing.
     read.into_iter().collect()
 }
 

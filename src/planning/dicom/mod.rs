@@ -1,9 +1,9 @@
-//! CT images of DICOM: a series as a volume, and the series of a 4D-CT as its phases.
+//! Reads DICOM CT images: a series as a volume, and the series of a 4D-CT as its phases.
 //!
-//! Of the standard's many objects these are CT Image Storage (PS3.3 A.3), uncompressed, little
-//! endian, with explicit or implicit value representations (PS3.5 A.1, A.2). Read here rather than
-//! by a crate: `dicom-object` 0.10 fills four gigabytes at the word of a file of two hundred bytes,
-//! and overflows the stack on nested sequences; these files come from anywhere.
+//! Supports CT Image Storage (PS3.3 A.3), uncompressed, little endian, with explicit or implicit
+//! value representations (PS3.5 A.1, A.2). Implemented here rather than with a crate, because the
+//! files may come from anywhere: `dicom-object` 0.10 fills four gigabytes if a file of two hundred
+//! bytes claims so, and overflows the stack on nested sequences.
 
 mod element;
 mod folder;
@@ -24,14 +24,14 @@ use slice::Slice;
 use stack::Stack;
 use std::path::Path;
 
-/// Reads the one CT series in a folder and the folders in it, in Hounsfield units. Numbers below
-/// -1024, which scanners put outside of their field of view, become -1024.
+/// Reads the only CT series in a folder and its subfolders, in Hounsfield units. Values below
+/// -1024, which scanners use outside their field of view, become -1024.
 ///
 /// # Errors
-/// What the system refuses; each with its file: what is no CT image, or of a kind that is not
-/// read; images of several series, patients, frames of reference, sizes, spacings or orientations;
-/// doubled and missing slices, uneven distances, slices that do not lie above each other (a
-/// tilted gantry).
+/// Returns an error, with the file, if a file cannot be read, is not a CT image or is of an
+/// unsupported kind; if images differ in series, patient, frame of reference, size, spacing or
+/// orientation; or if slices are duplicated, missing, unevenly spaced or not stacked along their
+/// normal (a tilted gantry).
 pub fn read_series(folder: &Path) -> Result<Volume> {
     let slices = folder::slices(folder)?;
     let first = &slices[0];
@@ -45,10 +45,10 @@ pub fn read_series(folder: &Path) -> Result<Volume> {
     Stack::of(slices)?.volume()
 }
 
-/// Reads one CT image as a volume of one slice, as thick as it says.
+/// Reads one CT image as a volume of one slice with the thickness stated in the file.
 ///
 /// # Errors
-/// What the system refuses, and what is no CT image or of a kind that is not read.
+/// Returns an error if the file cannot be read, is not a CT image or is of an unsupported kind.
 pub fn read_slice(path: &Path) -> Result<Volume> {
     let (slice, _) = Slice::read(path)?;
     let thickness = slice.thickness_mm.ok_or_else(|| {

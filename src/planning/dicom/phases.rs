@@ -1,4 +1,4 @@
-//! Which images are which phase of the breathing cycle.
+//! The phases of a 4D-CT.
 
 use super::folder;
 use super::slice::Slice;
@@ -8,7 +8,7 @@ use crate::volume::{Grid, Volume};
 use phasmid_core::error::{Error, Result};
 use std::path::Path;
 
-/// The phases of a 4D-CT, looked at but not yet in memory.
+/// The phases of a 4D-CT, with headers read but pixels not loaded.
 #[derive(Debug)]
 pub struct Phases {
     phases: Vec<(f64, Stack)>,
@@ -16,17 +16,19 @@ pub struct Phases {
 }
 
 impl Phases {
-    /// Looks at the 4D-CT in a folder and the folders in it.
+    /// Reads the headers of the 4D-CT in a folder and its subfolders.
     ///
-    /// Several series are a phase each, by their images' nominal percentage (0020,9245 or
-    /// 0020,9241), else by their descriptions: `50%`, `T=50`, `T50` or `phase 50`; 100 % is 0 %. A
-    /// series that says no phase (an average, a maximum) is left out, see [`Phases::left_out`]. One
-    /// series is divided by nominal percentage, else temporal position (0020,0100), else trigger
-    /// time (0018,1060), which are taken for the order of bins of equal width.
+    /// If there are several series, each is one phase, given by its images' nominal percentage
+    /// (0020,9245 or 0020,9241), else by its description: `50%`, `T=50`, `T50` or `phase 50`; 100 %
+    /// counts as 0 %. A series without a phase (an average or maximum) is left out, see
+    /// [`Phases::left_out`]. A single series is divided by nominal percentage, else by temporal
+    /// position (0020,0100), else by trigger time (0018,1060); the last two are taken as the order
+    /// of bins of equal width.
     ///
     /// # Errors
-    /// As for [`super::read_series`], for each phase; fewer than two phases, two of one percentage,
-    /// phases whose grids or frames of reference are not the same.
+    /// Returns the errors of [`super::read_series`] for each phase, and an error if there are fewer
+    /// than two phases, two with the same percentage, or phases with different grids or frames of
+    /// reference.
     pub fn open(folder: &Path) -> Result<Self> {
         let sorted = Sorted::of(folder::slices(folder)?)?;
         let left_out = sorted.left_out();
@@ -52,35 +54,35 @@ impl Phases {
         Ok(Self { phases, left_out })
     }
 
-    /// The phases' places in the cycle, in per cent, ascending from 0.
+    /// Returns the positions of the phases in the cycle, in per cent, ascending from 0.
     pub fn percents(&self) -> impl Iterator<Item = f64> {
         self.phases.iter().map(|(percent, _)| *percent)
     }
 
-    /// The grid that all have.
+    /// Returns the grid common to all phases.
     pub fn grid(&self) -> &Grid {
         &self.phases[0].1.grid
     }
 
-    /// Series that say no phase, by their descriptions.
+    /// Returns the descriptions of the series without a phase.
     pub fn left_out(&self) -> &[String] {
         &self.left_out
     }
 
-    /// Reads a phase, in the order of [`Phases::percents`], in Hounsfield units as
-    /// [`super::read_series`] has them.
+    /// Reads a phase, indexed as in [`Phases::percents`], in Hounsfield units as by
+    /// [`super::read_series`].
     ///
     /// # Errors
-    /// What the system refuses, and files that have changed.
+    /// Returns an error if a file cannot be read or has changed.
     ///
     /// # Panics
-    /// Where there is no phase of that number.
+    /// Panics if the index is out of range.
     pub fn volume(&self, phase: usize) -> Result<Volume> {
         self.phases[phase].1.volume()
     }
 }
 
-/// Refuses phases that do not lie in the same voxels of the same patient.
+/// Rejects phases that differ in grid, patient or frame of reference.
 fn matching(phases: &[(f64, Stack)]) -> Result<()> {
     let (first_percent, first) = &phases[0];
     for (percent, stack) in &phases[1..] {

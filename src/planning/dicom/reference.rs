@@ -1,4 +1,4 @@
-//! The CT of one phase, wherever it lies.
+//! Finds and reads the CT of one phase.
 
 use super::folder;
 use super::slice::Slice;
@@ -8,16 +8,17 @@ use crate::volume::Volume;
 use phasmid_core::error::{Error, Result};
 use std::path::Path;
 
-/// How far nominal percentages may be from the one that is meant.
+/// Tolerance for nominal percentages, in per cent.
 const NOMINAL: f64 = 0.5;
 
-/// Reads the CT of a phase in a folder and the folders in it, in per cent of the cycle, as
-/// [`super::read_series`] does, and says what people call it: the one series there, or of a 4D-CT,
-/// told apart as [`Phases`](super::Phases) does, that of the phase. One series needs not say its phase.
+/// Reads the CT of a phase, given in per cent of the cycle, from a folder and its subfolders, like
+/// [`super::read_series`], and returns it with the series' title. If the folder holds one series,
+/// that is read and need not state its phase; of a 4D-CT, divided as by [`Phases`](super::Phases),
+/// the series of the phase is read.
 ///
 /// # Errors
-/// As for [`super::read_series`]; several series that say no phase, a 4D-CT without that phase, one
-/// series whose images say that they are of another.
+/// Returns the errors of [`super::read_series`], and an error if there are several series without a
+/// phase, if a 4D-CT lacks the phase, or if the images of a single series state another phase.
 pub fn read_reference(folder: &Path, percent: f64) -> Result<(Volume, String)> {
     let sorted = Sorted::of(folder::slices(folder)?)?;
     let slices = chosen(sorted, percent, folder)?;
@@ -31,7 +32,8 @@ fn chosen(mut sorted: Sorted, percent: f64, folder: &Path) -> Result<Vec<Slice>>
     match (&sorted.phases[..], &left_out[..]) {
         ([], [_]) => return Ok(sorted.rest.remove(0)),
         ([(at, slices)], []) => {
-            // A description may have a percentage of anything; the images' own is of the cycle.
+            // A percentage in a description may mean anything; one in the images refers to the
+            // cycle.
             let says = slices[0].percent.is_some();
             if says && !meant(*at) {
                 return Err(Error::input(

@@ -1,19 +1,19 @@
-//! One CT image: what its header says, and its pixels in Hounsfield units.
+//! One CT image: its header fields, and its pixels in Hounsfield units.
 
 use super::element::{Elements, PIXEL_DATA, Tag};
 use glam::DVec3;
 use phasmid_core::error::{Error, Result};
 use std::path::{Path, PathBuf};
 
-/// Largest file of one image.
+/// Maximum file size of one image.
 const MOST_BYTES: u64 = 64 << 20;
 
-/// Least number: what is less is no Hounsfield unit but a scanner's mark for what it has not seen.
+/// Lower clamp: smaller values are scanner markers for pixels outside the field of view.
 const LEAST_HU: f32 = -1024.0;
 
 const CT_IMAGE: &str = "1.2.840.10008.5.1.4.1.1.2";
 
-/// Other objects that lie in such folders.
+/// Names of other DICOM objects often found in such folders.
 const OTHERS: [(&str, &str); 9] = [
     ("1.2.840.10008.1.3.10", "a media directory"),
     ("1.2.840.10008.5.1.4.1.1.2.1", "an Enhanced CT Image"),
@@ -79,27 +79,28 @@ const WANTED: [Tag; 25] = [
     PIXEL_DATA,
 ];
 
-/// An image without its pixels.
+/// Header fields of an image.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Slice {
     pub(super) path: PathBuf,
     pub(super) patient: String,
-    /// The series' identifier, and what people call it.
+    /// Series instance UID.
     pub(super) series: String,
+    /// Series description.
     pub(super) description: String,
-    /// Identifier of the frame of reference.
+    /// Frame of reference UID.
     pub(super) frame: String,
-    /// Centre of the first pixel, LPS, in millimetres.
+    /// Centre of the first pixel (LPS) in millimetres.
     pub(super) position_mm: DVec3,
-    /// Directions in which columns (i) and rows (j) count.
+    /// Directions of increasing column (i) and row (j) index.
     pub(super) along: [DVec3; 2],
     /// Columns and rows.
     pub(super) size: [usize; 2],
-    /// Distances of columns and of rows.
+    /// Spacing of columns and of rows.
     pub(super) spacing_mm: [f64; 2],
     pub(super) thickness_mm: Option<f64>,
     pub(super) tilt_deg: f64,
-    /// Per cent of the cycle, where the image says so itself.
+    /// Per cent of the cycle, if stated in the image.
     pub(super) percent: Option<f64>,
     pub(super) temporal: Option<f64>,
     pub(super) trigger_ms: Option<f64>,
@@ -110,14 +111,14 @@ pub(super) struct Slice {
 }
 
 impl Slice {
-    /// Reads what an image says.
+    /// Reads the header fields of an image.
     pub(super) fn look(path: &Path) -> Result<Self> {
         Self::with(path, |slice, elements| slice.stored(elements).map(|_| ()))
             .map(|(slice, ())| slice)
     }
 
-    /// Reads an image: what it says and its pixels, in Hounsfield units of at least -1024, columns
-    /// fastest.
+    /// Reads the header fields and the pixels of an image, in Hounsfield units of at least -1024,
+    /// columns fastest.
     pub(super) fn read(path: &Path) -> Result<(Self, Vec<f32>)> {
         Self::with(path, |slice, elements| slice.pixels(elements))
     }
@@ -202,11 +203,11 @@ impl Slice {
         })
     }
 
-    /// The words of all pixels, of which there is at least one.
+    /// Returns the stored 16-bit words of all pixels; at least one.
     fn stored<'a>(&self, e: &Elements<'a>) -> Result<&'a [[u8; 2]]> {
         let data = e.get(PIXEL_DATA).unwrap_or_default();
         let count = self.size[0] * self.size[1];
-        // A value of an odd length has a byte of padding; some writers add more.
+        // A value of odd length is padded with a byte; some writers add more.
         if data.len() < 2 * count || count == 0 {
             let [columns, rows] = self.size;
             let allowed = format!("{columns} x {rows} pixels of 2 bytes, at least one");
@@ -216,11 +217,11 @@ impl Slice {
         Ok(data[..2 * count].as_chunks::<2>().0)
     }
 
-    /// Stored values (PS3.5 8.1.1) by `slope x + intercept` (PS3.3 C.11.1).
+    /// Converts stored values (PS3.5 8.1.1) by `slope x + intercept` (PS3.3 C.11.1).
     fn pixels(&self, e: &Elements<'_>) -> Result<Vec<f32>> {
         let unused = 16 - u32::from(self.bits);
         let hu = |&word: &[u8; 2]| {
-            // Bits above the stored ones may hold anything.
+            // Bits above the stored ones may have any value.
             let high = u16::from_le_bytes(word) << unused;
             let stored = if self.signed {
                 f64::from(high as i16 >> unused)
@@ -232,18 +233,18 @@ impl Slice {
         Ok(self.stored(e)?.iter().map(hu).collect())
     }
 
-    /// The file's name, for messages.
+    /// The file's path, for messages.
     pub(super) fn place(&self) -> std::path::Display<'_> {
         self.path.display()
     }
 
-    /// What people call the series, and its identifier.
+    /// Returns the series' description and UID.
     pub(super) fn title(&self) -> String {
         format!("`{}` ({})", self.description, self.series)
     }
 }
 
-/// Bits that a pixel has, and whether it has a sign.
+/// Returns the number of bits stored, and whether pixels are signed.
 fn representation(e: &Elements<'_>) -> Result<(u16, bool)> {
     let allocated = e.short(ALLOCATED, "BitsAllocated")?;
     if allocated != 16 {

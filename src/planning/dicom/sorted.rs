@@ -1,22 +1,23 @@
-//! Images by series and phase of the breathing cycle.
+//! Sorts images by series and breathing phase.
 
 use super::slice::Slice;
 use phasmid_core::error::{Error, Result};
 use std::collections::BTreeMap;
 
-/// The images of a folder, each series or part of one by its phase.
+/// The images of a folder, grouped by series and phase.
 pub(super) struct Sorted {
     /// Per cent of the cycle, ascending, and the images of that phase.
     pub(super) phases: Vec<(f64, Vec<Slice>)>,
-    /// The series that say no phase.
+    /// Series without a phase.
     pub(super) rest: Vec<Vec<Slice>>,
 }
 
 impl Sorted {
-    /// Several series are a phase each or none; one is divided by what its images say.
+    /// Groups images: of several series, each is one phase or none; a single series is divided by
+    /// the phases its images state.
     ///
     /// # Errors
-    /// Two series of one phase.
+    /// Returns an error if two series have the same phase.
     pub(super) fn of(slices: Vec<Slice>) -> Result<Self> {
         let mut series: BTreeMap<String, Vec<Slice>> = BTreeMap::new();
         for slice in slices {
@@ -52,14 +53,14 @@ impl Sorted {
         Ok(sorted)
     }
 
-    /// The series that say no phase, by their descriptions.
+    /// Returns the descriptions of the series without a phase.
     pub(super) fn left_out(&self) -> Vec<String> {
         let words = |slices: &Vec<Slice>| format!("{}, {} images", slices[0].title(), slices.len());
         self.rest.iter().map(words).collect()
     }
 }
 
-/// What all images of a series say of their phase, or what its name does.
+/// Returns the phase stated by all images of a series, or else by its description.
 fn percent_of(slices: &[Slice]) -> Option<f64> {
     let own = slices[0].percent;
     let alike = slices.iter().all(|slice| slice.percent == own);
@@ -68,7 +69,7 @@ fn percent_of(slices: &[Slice]) -> Option<f64> {
     (0.0..=100.0).contains(&percent).then_some(percent % 100.0)
 }
 
-/// One series' images by phase; all of them back where none is said.
+/// Divides the images of one series by phase; returns them all as `Err` if no phase is stated.
 fn divided(slices: Vec<Slice>) -> Result<Vec<(f64, Vec<Slice>)>, Vec<Slice>> {
     type Key = fn(&Slice) -> Option<f64>;
     let keys: [Key; 3] = [|s| s.percent, |s| s.temporal, |s| s.trigger_ms];
@@ -101,8 +102,8 @@ fn divided(slices: Vec<Slice>) -> Result<Vec<(f64, Vec<Slice>)>, Vec<Slice>> {
     }
 }
 
-/// The percentage in a series' description: a number before `%`, or whole per cent after `T`, `T=` or
-/// `phase`.
+/// Extracts the percentage from a series description: a number before `%`, or an integer after `T`,
+/// `T=` or `phase`.
 pub(super) fn in_words(text: &str) -> Option<f64> {
     let digit = |c: char| c.is_ascii_digit();
     if let Some((before, _)) = text.split_once('%') {

@@ -1,4 +1,4 @@
-//! Slices above each other: a grid, or what keeps them from being one.
+//! Stacks slices into a grid, or reports why they do not form one.
 
 use super::slice::Slice;
 use crate::volume::{Grid, Volume, Voxels};
@@ -6,20 +6,20 @@ use glam::{DMat3, DVec3};
 use phasmid_core::error::{Error, Result};
 use rayon::prelude::*;
 
-/// By how much distances of slices may differ, as a part of the usual one.
+/// Maximum deviation of slice distances, as a fraction of the typical one.
 const UNEVEN: f64 = 0.02;
 
-/// By how many times their thickness slices may be apart: some scanners leave gaps, but not as wide as
-/// they.
+/// Maximum slice distance in units of the slice thickness: some scanners leave gaps, but narrower
+/// than a slice.
 const WIDEST: f64 = 1.75;
 
-/// How far slices may be off the line through the first, as a part of a pixel.
+/// Maximum lateral offset of slices from the line through the first, as a fraction of a pixel.
 const ASIDE: f64 = 0.1;
 
-/// Slices closer than this are the same one, in millimetres.
+/// Slices closer than this are duplicates, in millimetres.
 const SAME_MM: f64 = 1e-3;
 
-/// Slices from one end to the other.
+/// Slices sorted along their normal.
 #[derive(Debug)]
 pub(super) struct Stack {
     pub(super) grid: Grid,
@@ -27,7 +27,7 @@ pub(super) struct Stack {
 }
 
 impl Stack {
-    /// Puts slices in order.
+    /// Sorts and checks slices.
     pub(super) fn of(mut slices: Vec<Slice>) -> Result<Self> {
         alike(&slices)?;
         let normal = normal(&slices[0]);
@@ -49,7 +49,7 @@ impl Stack {
         Self::checked(slices, spacing)
     }
 
-    /// One slice of a thickness.
+    /// Creates a stack of one slice with the given thickness.
     pub(super) fn alone(slice: Slice, thickness_mm: f64) -> Result<Self> {
         Self::checked(vec![slice], thickness_mm)
     }
@@ -69,7 +69,7 @@ impl Stack {
         Ok(Self { grid, slices })
     }
 
-    /// Reads the pixels, in Hounsfield units: whole numbers if all are.
+    /// Reads the pixels, in Hounsfield units; as integers if all values are.
     pub(super) fn volume(&self) -> Result<Volume> {
         let read: Vec<Result<Vec<f32>>> = self.slices.par_iter().map(reread).collect();
         let mut voxels = Vec::with_capacity(self.grid.voxels());
@@ -86,7 +86,7 @@ impl Stack {
     }
 }
 
-/// The pixels of a slice that has been looked at.
+/// Reads the pixels of a slice; fails if its header has changed.
 fn reread(slice: &Slice) -> Result<Vec<f32>> {
     let (again, pixels) = Slice::read(&slice.path)?;
     if again == *slice {
@@ -102,7 +102,7 @@ fn normal(slice: &Slice) -> DVec3 {
     slice.along[0].cross(slice.along[1]).normalize()
 }
 
-/// Refuses slices of several patients, frames of reference, sizes, spacings or orientations.
+/// Rejects slices that differ in patient, frame of reference, size, spacing or orientation.
 fn alike(slices: &[Slice]) -> Result<()> {
     let first = &slices[0];
     for slice in slices {
@@ -141,8 +141,8 @@ fn alike(slices: &[Slice]) -> Result<()> {
     Ok(())
 }
 
-/// Refuses slices that lie beside the line through the first, as those of a tilted gantry do, whose
-/// couch moves aslant to the images.
+/// Rejects slices off the line through the first along the normal, as from a tilted gantry, where
+/// the couch moves obliquely to the images.
 fn upright(slices: &[Slice]) -> Result<()> {
     let first = &slices[0];
     let normal = normal(first);
@@ -168,7 +168,7 @@ fn upright(slices: &[Slice]) -> Result<()> {
     Ok(())
 }
 
-/// Refuses slices that are much thinner than they are apart: every second one is missing.
+/// Rejects slices much thinner than their distance, as if every second one is missing.
 fn adjoining(slice: &Slice, spacing: f64) -> Result<()> {
     match slice.thickness_mm {
         Some(mm) if mm > 0.0 && spacing > WIDEST * mm => Err(Error::input(
@@ -180,7 +180,7 @@ fn adjoining(slice: &Slice, spacing: f64) -> Result<()> {
     }
 }
 
-/// Refuses doubled and missing slices and uneven distances.
+/// Rejects duplicated and missing slices and uneven distances.
 fn even(slices: &[Slice], heights: &[f64]) -> Result<()> {
     let steps: Vec<f64> = heights.windows(2).map(|h| h[1] - h[0]).collect();
     if let Some(at) = steps.iter().position(|&mm| mm < SAME_MM) {

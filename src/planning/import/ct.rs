@@ -1,4 +1,4 @@
-//! The reference phase's CT, and the skin in it.
+//! The CT of the reference phase and its skin.
 
 use crate::isosurface::{Parts, isosurface};
 use crate::volume::Volume;
@@ -8,26 +8,28 @@ use phasmid_geometry::{Mesh, extension};
 use rayon::prelude::*;
 use std::path::Path;
 
-/// Part of a CT that may be body. No scanner's field of view is filled by a patient, but numbers that
-/// are no Hounsfield units (air at 0) are all above any level of skin.
+/// Maximum fraction of a CT above the skin level. No patient fills a scanner's field of view, but
+/// if the values are not Hounsfield units (air at 0), all are above any skin level.
 const MOST_BODY: f64 = 0.95;
 
-/// Denser than bone and all that is not metal, in Hounsfield units; and the part of a CT that may be.
-/// Of numbers whose bytes are swapped, or that are of another kind of image, far more are.
+/// Value in Hounsfield units above bone, reached only by metal. If the byte order is swapped or the
+/// image is not a CT, many more voxels exceed it.
 const DENSE_HU: f32 = 4095.0;
+/// Maximum fraction of a CT above `DENSE_HU`.
 const MOST_DENSE: f64 = 0.01;
 
-/// A CT in the LPS of its scanner.
+/// A CT in its scanner's LPS.
 pub(super) struct Ct {
     pub(super) volume: Volume,
     /// File or folder, for messages.
     pub(super) place: String,
-    /// What people call it.
+    /// Title, for display.
     pub(super) title: String,
 }
 
 impl Ct {
-    /// Reads a folder of DICOM, the one series or the phase of a 4D-CT, or a MetaImage.
+    /// Reads a MetaImage, or a DICOM folder with a single series or a 4D-CT that includes the
+    /// phase.
     pub(super) fn read(path: &Path, percent: f64) -> Result<Self> {
         let place = path.display().to_string();
         let (volume, title) = if path.is_dir() {
@@ -48,8 +50,9 @@ impl Ct {
         })
     }
 
-    /// The skin: the surface at a level in Hounsfield units around the largest body, without cavities.
-    /// Where the CT ends it is capped; a couch whose voxels touch the body's is a part of it.
+    /// Extracts the skin: the iso-surface at a level in Hounsfield units around the largest body,
+    /// without cavities. It is capped where the CT ends; a couch whose voxels touch the body is
+    /// included.
     pub(super) fn skin(&self, level_hu: f64) -> Result<Mesh> {
         let voxels = self.volume.voxels();
         let share_of = |is: &(dyn Fn(f32) -> bool + Sync)| {

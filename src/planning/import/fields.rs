@@ -1,4 +1,4 @@
-//! Displacement fields of the phases: whether they fit, and their way into the folder.
+//! Displacement fields of the phases: checks whether they fit, and writes them to the folder.
 
 use crate::metaimage::{self, Packing};
 use crate::planning::fit;
@@ -9,21 +9,21 @@ use phasmid_core::error::{Error, Result};
 use phasmid_geometry::Mesh;
 use std::path::{Path, PathBuf};
 
-/// The fields of all phases, looked at but not in memory: all on one grid.
+/// The fields of all phases, with headers read but not loaded; all on one grid.
 pub(super) struct Fields {
-    /// Where they are.
+    /// Grid of the files.
     pub(super) grid: Grid,
-    /// Where they are to be: there, or on a coarser grid of the same space.
+    /// Grid to write: the same, or a coarser one of the same extent.
     pub(super) target: Grid,
-    /// File of the first, whose grid it is.
+    /// File of the first field, from which `grid` was read.
     first: PathBuf,
     reference_percent: f64,
-    /// Per cent of the cycle, ascending, and the file; the reference phase may have none, as nothing
-    /// moves from it to itself.
+    /// Per cent of the cycle, ascending, and file. The reference phase may have no file, as its
+    /// displacement is zero.
     phases: Vec<(f64, Option<PathBuf>)>,
 }
 
-/// How far things go over the phases, in millimetres.
+/// Largest displacement over the phases, in millimetres.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(super) struct Motion {
     pub(super) skin_mm: f64,
@@ -31,11 +31,11 @@ pub(super) struct Motion {
 }
 
 impl Fields {
-    /// Looks at files by their phases; `spacing_mm` asks for a coarser grid.
+    /// Reads the headers of the files by phase; `spacing_mm` requests a coarser grid.
     ///
     /// # Errors
-    /// Phases that no planning has, files that are no fields or not on one grid, and fields that are
-    /// too large or coarser than asked for.
+    /// Returns an error for invalid phases, files that are not fields or not on one grid, and
+    /// fields that are too large or coarser than requested.
     pub(super) fn look(
         named: &[(f64, PathBuf)],
         reference_percent: f64,
@@ -126,27 +126,27 @@ impl Fields {
         })
     }
 
-    /// The phases, in per cent of the cycle, ascending.
+    /// Returns the phases in per cent of the cycle, ascending.
     pub(super) fn percents(&self) -> impl Iterator<Item = f64> {
         self.phases.iter().map(|(percent, _)| *percent)
     }
 
-    /// Refuses a CT that does not lie around the fields, or is turned against them.
+    /// Rejects a CT that does not enclose the fields or is rotated against them.
     pub(super) fn lie_in(&self, ct: &Grid, place: &str) -> Result<()> {
         fit::around(ct, &self.grid, place)
     }
 
-    /// Refuses a mesh that the fields do not reach all of.
+    /// Rejects a mesh that extends beyond the fields.
     pub(super) fn reach(&self, mesh: &Mesh, what: &str) -> Result<()> {
         fit::within(mesh, &self.grid, what).map_err(|e| e.at(self.first.display()))
     }
 
-    /// Writes them into a folder, one after the other, under the names of `files`, and says how far
-    /// skin and tumour go.
+    /// Writes the fields one by one into a folder, under the names in `files`. Returns the largest
+    /// displacements of skin and tumour.
     ///
     /// # Errors
-    /// A field that is malformed, one that moves the reference phase against itself, and what the
-    /// system refuses.
+    /// Returns an error if a field is malformed or cannot be written, or if the reference phase's
+    /// field is not zero.
     pub(super) fn write(
         &self,
         files: &[PhaseFile],
@@ -186,11 +186,11 @@ impl Fields {
     }
 }
 
-/// A grid of larger voxels, the same along all axes, whose centres reach to the ends of a grid's or
-/// beyond, by the same at both.
+/// Returns a grid with cubic voxels of the given spacing, centred on `grid`, whose outermost
+/// centres reach those of `grid` or beyond.
 fn coarser(grid: &Grid, spacing_mm: f64) -> Grid {
     let length_mm = grid.last() * grid.spacing_mm;
-    // What rounding makes of a whole number of steps is no step more.
+    // Rounding errors of an integer number of steps must not add one.
     let steps = (length_mm / spacing_mm - 1e-6).ceil().max(DVec3::ZERO);
     let before = 0.5 * (steps * spacing_mm - length_mm);
     Grid {

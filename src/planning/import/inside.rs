@@ -1,12 +1,12 @@
-//! Which points a closed surface encloses.
+//! Tests which points a closed surface encloses.
 
 use glam::DVec3;
 use phasmid_geometry::Mesh;
 
-/// Which of some points, by their numbers, lie outside a closed surface: those from which a ray along x
-/// passes it an even number of times. Points on the surface are either.
+/// Returns the indices of the points outside a closed surface: those from which a ray along x
+/// crosses it an even number of times. Points on the surface may count as either.
 pub(super) fn outside(points: &[DVec3], surface: &Mesh) -> Vec<usize> {
-    // Points by their z, so that each triangle meets the few beside it.
+    // Sort the points by z, so that each triangle is tested only against the few in its z range.
     let mut order: Vec<usize> = (0..points.len()).collect();
     order.sort_by(|&a, &b| points[a].z.total_cmp(&points[b].z));
     let mut within = vec![false; points.len()];
@@ -29,13 +29,13 @@ pub(super) fn outside(points: &[DVec3], surface: &Mesh) -> Vec<usize> {
     (0..points.len()).filter(|&n| !within[n]).collect()
 }
 
-/// Whether the ray from a point along x passes a triangle.
+/// Returns whether the ray along x from a point crosses a triangle.
 fn crosses(corners: [DVec3; 3], indices: [u32; 3], p: DVec3) -> bool {
     let mut inside = false;
     for side in 0..3 {
         let ends = [side, (side + 1) % 3];
-        // The same way round for both triangles of an edge, so that no ray slips between them and none
-        // passes both.
+        // Use the same edge direction for both triangles of an edge, so that a ray crosses exactly
+        // one of them.
         let turned = indices[ends[0]] > indices[ends[1]];
         let [u, v] = [usize::from(turned), usize::from(!turned)].map(|end| corners[ends[end]]);
         if (u.z > p.z) != (v.z > p.z) {
@@ -49,7 +49,7 @@ fn crosses(corners: [DVec3; 3], indices: [u32; 3], p: DVec3) -> bool {
     let [a, b, c] = corners;
     let normal = (b - a).cross(c - a);
     let along = normal.y * (p.y - a.y) + normal.z * (p.z - a.z);
-    // A triangle along the ray is passed nowhere in particular.
+    // For a triangle parallel to the ray, use its centroid.
     let x = if normal.x == 0.0 {
         (a.x + b.x + c.x) / 3.0
     } else {

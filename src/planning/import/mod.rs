@@ -1,4 +1,4 @@
-//! A planning folder from what a clinic has: a CT, displacement fields and a tumour.
+//! Creates a planning folder from clinical data: a CT, displacement fields and a tumour.
 //!
 //! ```text
 //!  DICOM or MetaImage ------> [ ct ] ------> skin ---\
@@ -6,11 +6,11 @@
 //!  MetaImage fields --------> [ fields ] -> reach? --/
 //! ```
 //!
-//! All three are in one LPS, that of the scanner that took the CT, and so is the folder, as
-//! [`planning`](super::planning) has it. A field gives, at each point of the reference phase, the way
-//! to where its tissue is at its phase: what a registration says whose fixed image is the reference
-//! phase and whose moving one is the other (ITK, elastix's `transformix -def all`, plastimatch's
-//! `output_vf`). What does not fit together is refused before anything is written.
+//! All three are in the LPS of the scanner that took the CT, and so is the folder, see
+//! [`planning`](super::planning). A field gives, at each point of the reference phase, the
+//! displacement of its tissue to its own phase: the result of a registration whose fixed image is
+//! the reference phase and whose moving image is the other (ITK, elastix's `transformix -def all`,
+//! plastimatch's `output_vf`). Inconsistent inputs are rejected before anything is written.
 
 mod ct;
 mod fields;
@@ -31,74 +31,75 @@ use phasmid_geometry::{Mesh, ply};
 use std::path::{Path, PathBuf};
 use tumour::Tumour;
 
-/// A skin that moves less over all phases shows no breath, in millimetres.
+/// Minimum skin motion over all phases, in millimetres; below it the fields contain no breathing.
 const LEAST_MOTION_MM: f64 = 0.1;
 
-/// No breath moves skin or tumour farther, in millimetres: what does is in another unit, or in another
-/// order of bytes.
+/// Maximum breathing motion of skin and tumour, in millimetres; above it the fields have other
+/// units or another byte order.
 const MOST_MOTION_MM: f64 = 100.0;
 
-/// What to make a planning folder of.
+/// Inputs of a planning folder.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Import {
     /// The patient's name in the planning: 1 to 64 letters, digits, `-`, `_` or `.`.
     pub name: String,
-    /// The CT of the reference phase: a folder of DICOM with one series, or with the phases of a 4D-CT
-    /// of which the reference phase is taken; or a MetaImage in Hounsfield units.
+    /// The CT of the reference phase: a DICOM folder with one series or a 4D-CT that includes the
+    /// reference phase, or a MetaImage in Hounsfield units.
     pub ct: PathBuf,
     /// Level of the skin in Hounsfield units, see [`SKIN_HU`](super::isosurface::SKIN_HU).
     pub skin_hu: f64,
-    /// The tumour at the reference phase: a closed mesh (PLY, STL or OBJ) in millimetres in the CT's
-    /// LPS, normals outwards, or a MetaImage mask, 0 outside and 1 inside.
+    /// The tumour at the reference phase: a closed mesh (PLY, STL or OBJ) in millimetres in the
+    /// CT's LPS, normals outwards, or a MetaImage mask, 0 outside and 1 inside.
     pub tumour: PathBuf,
-    /// The isocentre in the CT's LPS, in millimetres; the tumour's centroid if there is none.
+    /// The isocentre in the CT's LPS, in millimetres; defaults to the tumour's centroid.
     pub isocentre_mm: Option<DVec3>,
     /// The reference phase, in per cent of the cycle.
     pub reference_percent: f64,
-    /// Displacement from the reference phase to each phase, by per cent of the cycle: 0 is the end of
-    /// inhaling. The reference phase's own may be left out: nothing moves.
+    /// Displacement fields from the reference phase to each phase, by per cent of the cycle; 0 is
+    /// end-inhale. The field of the reference phase itself may be omitted; it is zero.
     pub phases: Vec<(f64, PathBuf)>,
-    /// Distance of the voxels that the fields get, in millimetres, no less than they have; theirs if
-    /// there is none. Breathing is smooth: fields on a CT's own grid are many times larger than they
-    /// have to be, and all of them have to be in a tracker's memory.
+    /// Voxel spacing of the written fields, in millimetres, not less than that of the input;
+    /// defaults to the input's. Breathing is smooth: fields on a CT's own grid are far larger than
+    /// necessary, and a tracker holds all of them in memory.
     pub spacing_mm: Option<f64>,
-    /// Whether the folder gets the CT, as MetaImage.
+    /// Whether to write the CT to the folder, as MetaImage.
     pub with_ct: bool,
-    /// Whether files in the folder may be replaced.
+    /// Whether existing files in the folder may be replaced.
     pub force: bool,
 }
 
-/// What has been made.
+/// Summary of an import.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Imported {
-    /// What `planning.toml` says.
+    /// Content of `planning.toml`.
     pub file: PlanningFile,
-    /// What the CT is called.
+    /// Title of the CT.
     pub ct: String,
-    /// Where the CT's voxels lie.
+    /// Grid of the CT.
     pub ct_grid: Grid,
-    /// The skin's triangles.
+    /// Number of triangles of the skin.
     pub skin_triangles: usize,
     /// The tumour's volume in cubic millimetres.
     pub tumour_mm3: f64,
     /// The tumour's centroid in the CT's LPS, in millimetres.
     pub tumour_mm: DVec3,
-    /// Farthest that the tumour's centroid goes from the reference phase, in millimetres.
+    /// Largest distance of the tumour's centroid from its position at the reference phase, in
+    /// millimetres.
     pub tumour_motion_mm: f64,
-    /// Farthest that any point of the skin does.
+    /// The same for any point of the skin.
     pub skin_motion_mm: f64,
 }
 
 impl Import {
-    /// Makes the folder, which may exist and, unless `force`, hold anything but files of the names that
-    /// are written.
-    /// `step` hears what goes on.
+    /// Writes the folder. It may exist but must not contain any of the files to be written, unless
+    /// `force` is set. Progress messages go to `step`.
     ///
     /// # Errors
-    /// What cannot be read; a CT with slices missing, of several series or at uneven distances, or not
-    /// in Hounsfield units; fields that are not on one grid, too large in all, lie outside of the CT, do not reach skin
-    /// and tumour or move the reference phase against itself; a tumour that is not closed or not in
-    /// the body; an isocentre outside of the CT; what the system refuses. Nothing is left behind.
+    /// Returns an error if an input cannot be read; if the CT has missing slices, several series or
+    /// uneven distances, or is not in Hounsfield units; if the fields are not on one grid, too
+    /// large in total, outside the CT, do not cover skin and tumour or move the reference phase; if
+    /// the tumour is not closed or not in the body; if the isocentre is outside the CT; or if
+    /// writing fails. Then no files are left behind.
     pub fn write(&self, out: &Path, step: &dyn Fn(&str)) -> Result<Imported> {
         if !PlanningFile::is_name(&self.name) {
             let found = format!("{:?}", self.name);
@@ -124,7 +125,7 @@ impl Import {
         step("skin");
         let skin = ct.skin(self.skin_hu)?;
         self.in_body(&tumour, &skin)?;
-        // They are a box, so that they reach what the skin encloses too.
+        // The fields cover a box, so they cover everything inside the skin too.
         fields.reach(&skin, "skin")?;
 
         let made = !out.exists();
@@ -153,16 +154,16 @@ impl Import {
                     format!("{MOST_MOTION_MM} mm or less: displacements in millimetres"),
                 ));
             }
-            // Last, so that a folder with a planning.toml is whole.
+            // Write it last, so that a folder with a planning.toml is complete.
             file.write(out)?;
             Ok(motion)
         })();
         let motion = motion.inspect_err(|_| {
-            // Files that were there before may be what is imported.
+            // Existing files may be the inputs of the import.
             if self.force {
                 return;
             }
-            // The first failure is the one worth telling.
+            // Ignore errors of the cleanup; the first failure is reported.
             discard(out, file.names());
             if made {
                 let _ = std::fs::remove_dir(out);
@@ -180,7 +181,7 @@ impl Import {
         })
     }
 
-    /// The isocentre: the one that is asked for, if the CT shows it.
+    /// Returns the isocentre: the requested one, if it lies in the CT, else the tumour's centroid.
     fn isocentre(&self, ct: &Ct, tumour: &Tumour) -> Result<DVec3> {
         let Some(at) = self.isocentre_mm else {
             return Ok(tumour.moments.centroid_mm);
@@ -199,7 +200,7 @@ impl Import {
         ))
     }
 
-    /// Refuses a tumour that is not in the body.
+    /// Rejects a tumour that is not inside the body.
     fn in_body(&self, tumour: &Tumour, skin: &Mesh) -> Result<()> {
         let outside = inside::outside(&tumour.mesh.vertices, skin);
         let Some(&first) = outside.first() else {

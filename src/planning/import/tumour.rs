@@ -1,4 +1,4 @@
-//! The tumour: a mesh as somebody has outlined it, or the surface of a mask.
+//! The tumour: a mesh, or the surface of a mask.
 
 use crate::isosurface::{Parts, isosurface};
 use crate::metaimage;
@@ -7,7 +7,7 @@ use phasmid_core::error::{Error, Result};
 use phasmid_geometry::{Mesh, extension};
 use std::path::Path;
 
-/// Level of a mask's surface: midway between outside (0) and tumour (1).
+/// Level of a mask's surface, half-way between outside (0) and tumour (1).
 const MIDWAY: f64 = 0.5;
 
 /// A tumour in the CT's LPS.
@@ -29,7 +29,7 @@ impl Tumour {
             }
         };
         let moments = closed(&mesh, &place)?;
-        // A planning has no use for colours and textures.
+        // Drop colours and texture coordinates.
         let mesh = Mesh {
             vertices: mesh.vertices,
             triangles: mesh.triangles,
@@ -39,14 +39,14 @@ impl Tumour {
     }
 }
 
-/// All parts of a mask: what lies apart belongs to the target too.
+/// Extracts the surface of all parts of a mask; separate parts belong to the target too.
 fn of_mask(path: &Path, place: &str) -> Result<Mesh> {
     let mask = metaimage::read_volume(path)?;
     let numbers = (0..mask.voxels().len()).map(|n| f64::from(mask.voxels().get(n)));
     let (least, most) = numbers.fold((f64::MAX, f64::MIN), |(a, b), x| (a.min(x), b.max(x)));
     let allowed = "a mask: 0 outside and 1 in the tumour";
     if least < 0.0 || most > 1.0 {
-        // Of labels, or of 255 for 1, the surface would not lie midway.
+        // With labels, or 255 instead of 1, the level would not be half-way.
         return Err(Error::input(
             place,
             format!("numbers from {least} to {most}"),

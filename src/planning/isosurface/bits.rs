@@ -1,20 +1,20 @@
-//! Which voxels are inside: a bit each, with a voxel of outside all around.
+//! Inside/outside bitmap of a volume, with a border of outside voxels.
 
 use crate::volume::{Volume, Voxels};
 use rayon::prelude::*;
 
-/// One bit a voxel, in rows along i. Voxel (i, j, k) of the volume is bit i + 1 of row (j + 1, k + 1);
-/// what lies around is outside.
+/// One bit per voxel, in rows along i, with a border of outside voxels. Voxel (i, j, k) of the
+/// volume is bit i + 1 of row (j + 1, k + 1).
 pub(super) struct Bits {
-    /// Voxels with the border.
+    /// Number of voxels including the border.
     pub(super) size: [usize; 3],
-    /// Words a row.
+    /// 64-bit words per row.
     pub(super) words: usize,
     bits: Vec<u64>,
 }
 
 impl Bits {
-    /// The voxels of `level` or more.
+    /// Marks the voxels of `level` or more.
     pub(super) fn of(volume: &Volume, level: f64) -> Self {
         let size = volume.grid().size.map(|n| n + 2);
         let words = size[0].div_ceil(64);
@@ -28,7 +28,7 @@ impl Bits {
                 for j in 0..nj {
                     let row = &mut slice[words * (j + 1)..words * (j + 2)];
                     let from = ni * (j + nj * k);
-                    // A loop for each kind of number, so that each is one that compares and shifts.
+                    // One loop per value type, so that each compiles to compares and shifts.
                     match volume.voxels() {
                         Voxels::I16(v) => set(row, &v[from..from + ni], |x| f64::from(x) >= level),
                         Voxels::F32(v) => set(row, &v[from..from + ni], |x| f64::from(x) >= level),
@@ -42,7 +42,7 @@ impl Bits {
         self.bits.iter().all(|&word| word == 0)
     }
 
-    /// A row, with the border's coordinates.
+    /// Returns a row; coordinates include the border.
     pub(super) fn row(&self, j: usize, k: usize) -> &[u64] {
         let from = self.words * (j + self.size[1] * k);
         &self.bits[from..from + self.words]
@@ -55,13 +55,13 @@ impl Bits {
 }
 
 fn set<T: Copy>(row: &mut [u64], numbers: &[T], inside: impl Fn(T) -> bool) {
-    // The first bit is the border's.
+    // The first bit belongs to the border.
     for (at, &x) in numbers.iter().enumerate() {
         row[(at + 1) / 64] |= u64::from(inside(x)) << ((at + 1) % 64);
     }
 }
 
-/// The greatest number of a volume.
+/// Returns the largest value of a volume.
 pub(super) fn highest(volume: &Volume) -> f32 {
     match volume.voxels() {
         Voxels::I16(v) => v.iter().copied().max().map_or(0.0, f32::from),

@@ -1,4 +1,5 @@
-//! Bodies of voxels that touch by their faces, by runs along i: the largest, and what it encloses.
+//! Connected components of face-adjacent voxels by run-length labelling: keeps the largest and
+//! fills its cavities.
 
 use super::bits::Bits;
 use super::ragged;
@@ -7,7 +8,7 @@ use std::ops::Range;
 
 const MOST_RUNS: usize = 1 << 26;
 
-/// Clears all bits but those of the body with the most voxels; of equals the first.
+/// Clears all bits except those of the component with the most voxels, the first of equals.
 pub(super) fn keep_largest(bits: &mut Bits, place: &str) -> Result<()> {
     let mut runs = Runs::of(bits, true, place)?;
     let mut voxels = vec![0_u64; runs.spans.len()];
@@ -22,10 +23,10 @@ pub(super) fn keep_largest(bits: &mut Bits, place: &str) -> Result<()> {
     Ok(())
 }
 
-/// Sets all bits that cannot be reached from the sides, within the volume's slices.
+/// Sets all bits that cannot be reached from the sides within the volume's slices.
 pub(super) fn fill(bits: &mut Bits, place: &str) -> Result<()> {
     let mut runs = Runs::of(bits, false, place)?;
-    // The first row is border from end to end, and the border of all slices hangs together.
+    // The first row is all border, and the border of all slices is connected.
     let outside = runs.root(0);
     runs.each_not_of(outside, |j, k, span| {
         write(bits.row_mut(j, k), span, true);
@@ -33,13 +34,13 @@ pub(super) fn fill(bits: &mut Bits, place: &str) -> Result<()> {
     Ok(())
 }
 
-/// Runs of equal bits in the rows of the volume's slices, joined where they touch.
+/// Runs of equal bits in the rows of the volume's slices, merged where they touch.
 struct Runs {
-    /// First bit and the one after the last.
+    /// First bit and one past the last.
     spans: Vec<[u32; 2]>,
-    /// A run of the same body that comes before, or itself.
+    /// An earlier run of the same component, or the run itself.
     parents: Vec<u32>,
-    /// The first run of each row, and of none beyond.
+    /// First run of each row, and the end of the last row.
     rows: Vec<usize>,
     size: [usize; 3],
 }
@@ -79,7 +80,7 @@ impl Runs {
         self.rows[row]..self.rows[row + 1]
     }
 
-    /// Joins the runs of two rows that lie beside each other.
+    /// Merges adjacent runs of two rows.
     fn join(&mut self, before: usize, row: usize) {
         let (mut a, mut b) = (self.row(before), self.row(row));
         while !a.is_empty() && !b.is_empty() {
@@ -97,10 +98,10 @@ impl Runs {
         }
     }
 
-    /// The first run of a run's body.
+    /// Returns the first run of a run's component.
     fn root(&mut self, mut run: u32) -> u32 {
         while self.parents[run as usize] != run {
-            // Halves the way for the next who asks.
+            // Path halving, to speed up later look-ups.
             let over = self.parents[self.parents[run as usize] as usize];
             self.parents[run as usize] = over;
             run = over;
@@ -108,7 +109,7 @@ impl Runs {
         run
     }
 
-    /// Every run that is not of a body, with its row.
+    /// Calls `act` for every run that is not part of a component, with its row.
     fn each_not_of(&mut self, body: u32, mut act: impl FnMut(usize, usize, [u32; 2])) {
         for row in 0..self.rows.len() - 1 {
             for run in self.row(row) {
@@ -132,7 +133,7 @@ fn spans(row: &[u64], count: usize, value: bool, to: &mut Vec<[u32; 2]>) {
     }
 }
 
-/// The first bit at or after `from` that is one in the row xor `flip`.
+/// Returns the first set bit of the row xor `flip` at or after `from`.
 fn next_one(row: &[u64], flip: u64, from: usize, count: usize) -> Option<usize> {
     let mut at = from;
     while at < count {
@@ -146,7 +147,7 @@ fn next_one(row: &[u64], flip: u64, from: usize, count: usize) -> Option<usize> 
     None
 }
 
-/// Makes the bits of a run ones or zeros.
+/// Sets or clears the bits of a run.
 fn write(row: &mut [u64], [begin, end]: [u32; 2], value: bool) {
     for (word, bits) in row.iter_mut().enumerate() {
         let first = 64 * word as u32;

@@ -1,4 +1,4 @@
-//! From bits to vertices and triangles, a slice for each thread.
+//! Converts the bitmap to vertices and triangles, parallel over slices.
 
 use super::bits::Bits;
 use super::ragged;
@@ -11,10 +11,10 @@ use rayon::prelude::*;
 
 const MOST_VERTICES: u64 = 1 << 26;
 
-/// Least distance of a vertex from a voxel's centre, as a part of the distance of voxels.
+/// Minimum distance of a vertex from a voxel's centre, as a fraction of the voxel distance.
 const LEAST: f64 = 1e-3;
 
-/// The surface around the bits' ones.
+/// Returns the surface around the set bits.
 pub(super) fn mesh(volume: &Volume, level: f64, bits: &Bits, place: &str) -> Result<Mesh> {
     let [_, nj, nk] = bits.size;
     let starts = starts(bits, place)?;
@@ -45,7 +45,8 @@ pub(super) fn mesh(volume: &Volume, level: f64, bits: &Bits, place: &str) -> Res
     })
 }
 
-/// The words of the edges along an axis that begin in a row and cross the surface.
+/// Returns one word of the mask of edges that start in a row, run along an axis and cross the
+/// surface.
 fn crossed(bits: &Bits, j: usize, k: usize, axis: usize, word: usize) -> u64 {
     let here = bits.row(j, k)[word];
     match axis {
@@ -56,12 +57,12 @@ fn crossed(bits: &Bits, j: usize, k: usize, axis: usize, word: usize) -> u64 {
     }
 }
 
-/// A word of a row moved by one bit, so that each bit meets its neighbour.
+/// Returns a word of a row shifted by one bit, so that each bit lines up with its neighbour.
 fn after(row: &[u64], word: usize) -> u64 {
     row[word] >> 1 | row.get(word + 1).map_or(0, |next| next << 63)
 }
 
-/// The number of the first vertex on edges along each axis, for each row.
+/// Returns, for each row, the index of the first vertex on the edges along each axis.
 fn starts(bits: &Bits, place: &str) -> Result<Vec<[u32; 3]>> {
     let [_, nj, nk] = bits.size;
     let mut starts: Vec<[u32; 3]> = (0..nj * nk)
@@ -79,7 +80,7 @@ fn starts(bits: &Bits, place: &str) -> Result<Vec<[u32; 3]>> {
         for count in row {
             let start = sum;
             sum += u64::from(*count);
-            // What is too large is never used.
+            // Overflowing values are never used, see the check below.
             *count = start as u32;
         }
     }
@@ -89,7 +90,7 @@ fn starts(bits: &Bits, place: &str) -> Result<Vec<[u32; 3]>> {
     Ok(starts)
 }
 
-/// The vertices on edges that begin in a slice, in the order of [`starts`].
+/// Returns the vertices on edges that start in a slice, in the order of [`starts`].
 fn slice_vertices(volume: &Volume, level: f64, bits: &Bits, k: usize) -> Vec<DVec3> {
     let mut vertices = Vec::new();
     for j in 0..bits.size[1] {
@@ -107,8 +108,8 @@ fn slice_vertices(volume: &Volume, level: f64, bits: &Bits, k: usize) -> Vec<DVe
     vertices
 }
 
-/// The vertex on an edge that crosses the surface, from a voxel (with the border's coordinates) along
-/// an axis.
+/// Returns the vertex on a crossing edge that starts at a voxel (coordinates include the border)
+/// and runs along an axis.
 fn vertex(volume: &Volume, level: f64, at: [usize; 3], axis: usize) -> DVec3 {
     let grid = volume.grid();
     let number = |at: [usize; 3]| {
@@ -117,7 +118,7 @@ fn vertex(volume: &Volume, level: f64, at: [usize; 3], axis: usize) -> DVec3 {
     };
     let mut end = at;
     end[axis] += 1;
-    // What the border cuts ends at the voxels' outer faces.
+    // Edges to the border are cut at the outer faces of the voxels.
     let part = match (number(at), number(end)) {
         (Some(a), Some(b)) => ((level - a) / (b - a)).clamp(LEAST, 1.0 - LEAST),
         _ => 0.5,
@@ -127,7 +128,7 @@ fn vertex(volume: &Volume, level: f64, at: [usize; 3], axis: usize) -> DVec3 {
     grid.point(index)
 }
 
-/// The rows of edges that the cells of a row have: axis, and the row's place beside the cells'.
+/// Rows of edges of a row of cells: axis, and row offset relative to the cells' row.
 const EDGE_ROWS: [(usize, usize, usize); 8] = [
     (0, 0, 0),
     (0, 1, 0),
@@ -139,7 +140,7 @@ const EDGE_ROWS: [(usize, usize, usize); 8] = [
     (2, 1, 0),
 ];
 
-/// The triangles of a row of cells.
+/// Appends the triangles of a row of cells.
 fn row_triangles(bits: &Bits, starts: &[[u32; 3]], [j, k]: [usize; 2], to: &mut Vec<[u32; 3]>) {
     let rows = [
         bits.row(j, k),
@@ -147,7 +148,7 @@ fn row_triangles(bits: &Bits, starts: &[[u32; 3]], [j, k]: [usize; 2], to: &mut 
         bits.row(j, k + 1),
         bits.row(j + 1, k + 1),
     ];
-    // Vertices before the word in each row of edges.
+    // Number of vertices before the current word in each row of edges.
     let mut before = EDGE_ROWS.map(|(axis, dj, dk)| starts[j + dj + bits.size[1] * (k + dk)][axis]);
     for word in 0..bits.words {
         let corners = rows.map(|row| [row[word], after(row, word)]);
@@ -165,7 +166,7 @@ fn row_triangles(bits: &Bits, starts: &[[u32; 3]], [j, k]: [usize; 2], to: &mut 
             }
             let below = (1_u64 << bit) - 1;
             let number = |row: usize, below: u64| before[row] + (edges[row] & below).count_ones();
-            // Edges along j and k stand at both ends of the cell.
+            // Edges along j and k exist at both ends of the cell.
             let ends = [below, below << 1 | 1];
             let mut numbers = [0; 12];
             for corner in 0..8 {

@@ -1,10 +1,10 @@
-//! The surface where a volume passes through a level: a patient's skin in a CT.
+//! Iso-surfaces of volumes, such as a patient's skin in a CT.
 //!
-//! Marching cubes (Lorensen, Cline 1987) over one bit a voxel, with the cells' triangles not copied
-//! from a table of somebody's but derived (`table`). Every vertex stands on an edge between
-//! two voxels, where trilinear interpolation is linear, so that it lies on the interpolated level
-//! itself. The mesh is closed (what the volume's border cuts is capped there), manifold, and its
-//! normals point to the lower numbers.
+//! Marching cubes (Lorensen, Cline 1987) over one bit per voxel; the triangles of each cell case
+//! are derived instead of copied from a published table (`table`). Every vertex lies on an edge
+//! between two voxels, where trilinear interpolation is linear, so it lies on the interpolated
+//! level itself. The mesh is closed (capped at the volume's border) and manifold, and its normals
+//! point towards lower values.
 
 mod bits;
 mod label;
@@ -18,35 +18,35 @@ use bits::Bits;
 use phasmid_core::error::{Error, Result};
 use phasmid_geometry::Mesh;
 
-/// Level of a patient's skin in Hounsfield units: midway between air (-1000) and tissue (about 0 to
-/// 50), where a voxel stands that the skin cuts in half.
+/// Level of a patient's skin in Hounsfield units: half-way between air (-1000) and tissue (about 0
+/// to 50), the value of a voxel that the skin cuts in half.
 pub const SKIN_HU: f64 = -500.0;
 
-/// Which parts of a level's surface are wanted.
+/// Selects the parts of an iso-surface.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Parts {
-    /// All of them.
+    /// All parts.
     All,
-    /// Those of the largest body (voxels that touch by their faces, the most of them): couch, mask
-    /// and wires go, lungs stay as cavities whose normals point into them.
+    /// Only the largest component of face-adjacent voxels: couch, mask and wires are dropped, lungs
+    /// remain as cavities whose normals point into them.
     Largest,
-    /// As `Largest`, without its cavities: one closed surface. Air that cannot be reached from the
-    /// four sides of the volume, passing voxels' faces, counts as inside. Its first and last slice
-    /// are no way in: a windpipe that they cut does not make the lungs a part of the skin.
+    /// Like `Largest`, without its cavities: one closed surface. Air that cannot be reached through
+    /// voxel faces from the four sides of the volume counts as inside. The first and last slice are
+    /// not entrances: a trachea that they cut does not make the lungs part of the skin.
     LargestFilled,
 }
 
-/// The surface on which a volume has the number `level`, with what is greater or equal inside, in
-/// millimetres in the patient frame.
+/// Returns the surface where a volume has the value `level`, with greater or equal values inside,
+/// in millimetres in the patient frame.
 ///
-/// Vertices lie on the level of the trilinear interpolation; where that would put one within a
-/// thousandth of a voxel's distance of a voxel's centre, it is moved to that distance, so that no
-/// triangle collapses. Caps lie on the outer faces of the volume's voxels, half a voxel beyond the
-/// outermost centres. The result does not depend on the number of threads.
+/// Vertices lie on the level of the trilinear interpolation, but at least a thousandth of the voxel
+/// distance from any voxel's centre, so that no triangle collapses. Caps lie on the outer faces of
+/// the volume's voxels, half a voxel beyond the outermost centres. The result does not depend on
+/// the number of threads.
 ///
 /// # Errors
-/// A level that no voxel reaches, or not finite; a volume of noise rather than bodies: more than
-/// 2^26 runs of voxels or vertices.
+/// Returns an error if the level is not finite or no voxel reaches it, or if the volume has more
+/// than 2^26 runs of voxels or vertices (noise).
 pub fn isosurface(volume: &Volume, level: f64, parts: Parts, place: &str) -> Result<Mesh> {
     if !level.is_finite() {
         return Err(Error::input(
@@ -73,7 +73,7 @@ pub fn isosurface(volume: &Volume, level: f64, parts: Parts, place: &str) -> Res
     march::mesh(volume, level, &bits, place)
 }
 
-/// A volume with more of anything than anyone could use.
+/// Error for a volume with unreasonably many components.
 fn ragged(found: String, place: &str) -> Error {
     Error::input(
         place,

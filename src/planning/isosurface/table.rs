@@ -1,31 +1,32 @@
-//! The triangles of a cell for each of the 256 ways in which its corners can be inside.
+//! Triangles of a cell for each of the 256 combinations of inside corners.
 //!
-//! Corner c stands at (bit 0, bit 1, bit 2 of c) along i, j, k. Edge `4 axis + b + 2 c` runs along
-//! an axis where the two axes after it in the order i j k without itself are b and c.
+//! Corner c is at (bit 0, bit 1, bit 2 of c) along i, j, k. Edge `4 axis + b + 2 c` runs along
+//! `axis`; b and c are its coordinates along the other two axes, in the order i j k.
 //!
-//! On each face of the cell, seen from outside, the corners' cycle has runs of inside corners, and
-//! a segment cuts off each run, from the edge where it begins to that where it ends. The cell on
-//! the other side of the face sees the same runs and the same segments, the other way round. An
-//! edge that the surface crosses ends one segment of one of its faces and begins one of the other:
-//! the segments close to loops. Loops become triangles by diagonals none of which lies in a face. So
-//! two triangles meet at every side of a triangle, over the whole grid, and the triangles at a
-//! vertex make one fan through the four cells of its edge: the mesh is closed and manifold whatever
-//! the bits are. A table that lets a diagonal lie in a face is not, where two neighbours do so.
+//! On each face of the cell, seen from outside, the cycle of corners contains runs of inside
+//! corners. A segment cuts off each run, from the edge where it starts to the edge where it ends.
+//! The adjacent cell sees the same runs and the same segments in the opposite direction. An edge
+//! that crosses the surface ends a segment of one of its faces and starts one of the other, so the
+//! segments form closed loops. Loops are cut into triangles by diagonals, none of which lies in a
+//! face. So exactly two triangles meet at every triangle side over the whole grid, and the
+//! triangles at a vertex form one fan through the four cells of its edge: the mesh is closed and
+//! manifold for any bits. A table with diagonals in faces fails where two neighbours share such a
+//! diagonal.
 
 use std::sync::LazyLock;
 
-/// Corners of an edge: the lower one, and the axis it runs along.
+/// Returns the index of an edge from its lower corner and its axis.
 pub(super) fn edge(corner: usize, axis: usize) -> usize {
     let (b, c) = [(1, 2), (0, 2), (0, 1)][axis];
     4 * axis + (corner >> b & 1) + 2 * (corner >> c & 1)
 }
 
-/// Triangles of edges for each set of corners that are inside (bit c for corner c). Their corners
-/// run anticlockwise seen from outside.
+/// Triangles, as edge indices, for each set of inside corners (bit c for corner c). Their corners
+/// run counter-clockwise seen from outside.
 pub(super) static TRIANGLES: LazyLock<Vec<Vec<[u8; 3]>>> =
     LazyLock::new(|| (0..256).map(triangles).collect());
 
-/// The six faces, each with its corners anticlockwise seen from outside the cell.
+/// The six faces, each with its corners counter-clockwise seen from outside the cell.
 fn faces() -> [[usize; 4]; 6] {
     let mut faces = [[0; 4]; 6];
     for axis in 0..3 {
@@ -36,12 +37,12 @@ fn faces() -> [[usize; 4]; 6] {
     faces
 }
 
-/// The edge between two neighbouring corners.
+/// Returns the edge between two adjacent corners.
 fn between(a: usize, b: usize) -> usize {
     edge(a.min(b), (a ^ b).trailing_zeros() as usize)
 }
 
-/// The loops of a cell, each a list of edges.
+/// Returns the loops of a cell, each as a list of edges.
 fn loops(inside: usize) -> Vec<Vec<usize>> {
     let is_in = |corner: usize| inside >> corner & 1 == 1;
     let mut next = [None; 12];
@@ -51,7 +52,7 @@ fn loops(inside: usize) -> Vec<Vec<usize>> {
             if is_in(before) || !is_in(face[begin]) {
                 continue;
             }
-            // The corner before the run is outside, so that it ends.
+            // The corner before the run is outside, so the loop terminates.
             let mut end = begin;
             while is_in(face[(end + 1) % 4]) {
                 end += 1;
@@ -74,7 +75,7 @@ fn loops(inside: usize) -> Vec<Vec<usize>> {
     loops
 }
 
-/// Whether two edges of the cell lie in one face.
+/// Returns whether two edges of the cell lie in one face.
 fn share_a_face(a: usize, b: usize) -> bool {
     let on = |edge: usize, face: &[usize; 4]| {
         (0..4).any(|i| between(face[i], face[(i + 1) % 4]) == edge)
@@ -94,8 +95,8 @@ fn triangles(inside: usize) -> Vec<[u8; 3]> {
     triangles
 }
 
-/// Cuts the part of a loop from one place to another into triangles, if diagonals outside of the
-/// faces can do it. There are at most seven corners: trying is cheap.
+/// Cuts the part of a loop between two positions into triangles; returns whether this is possible
+/// with diagonals outside the faces. Loops have at most seven corners, so brute force is cheap.
 fn cut(list: &[usize], from: usize, to: usize, triangles: &mut Vec<[u8; 3]>) -> bool {
     if to - from < 2 {
         return true;

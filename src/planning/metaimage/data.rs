@@ -1,4 +1,4 @@
-//! The numbers: from their file, unpacked, by pieces.
+//! Reads the data of a MetaImage in pieces, and decompresses it.
 
 use super::header::{Header, Packed, Skip};
 use flate2::read::ZlibDecoder;
@@ -6,21 +6,21 @@ use phasmid_core::error::{Error, Result};
 use std::fs::File;
 use std::io::{BufReader, Read, Seek, SeekFrom, Take};
 
-/// Bytes of a piece: whole triples of numbers of any kind.
+/// Size of a piece in bytes, a multiple of three values of any type.
 const PIECE: usize = 24 << 13;
 
-/// Deflate never makes more than 1032 bytes of one (<https://zlib.net/zlib_tech.html>).
+/// Maximum expansion of deflate: 1032 (<https://zlib.net/zlib_tech.html>).
 const MOST_UNPACKED: u64 = 1032;
 
-/// A file's numbers, not read yet, of which as many bytes are there as the header declares; packed,
-/// as many as could be unpacked to them. Nobody makes room for what is not there.
+/// The data of a file, checked to be as long as the header declares, or long enough to decompress
+/// to that. So no memory is allocated for data that does not exist.
 pub(super) struct Data<'a> {
     header: &'a Header,
     source: Take<BufReader<File>>,
 }
 
 impl<'a> Data<'a> {
-    /// Opens the numbers' file at their beginning.
+    /// Opens the data file and seeks to the start of the data.
     pub(super) fn open(header: &'a Header) -> Result<Self> {
         let path = &header.data;
         let io = |e| Error::io(path, e);
@@ -58,7 +58,7 @@ impl<'a> Data<'a> {
         Ok(Self { header, source })
     }
 
-    /// Hands all numbers to `take`, in order, by pieces of whole triples.
+    /// Passes all data to `take`, in order, in pieces of whole triples of values.
     pub(super) fn read(self, mut take: impl FnMut(&[u8])) -> Result<()> {
         let (header, declared) = (self.header, self.header.bytes());
         let mut source = self.source;
@@ -68,7 +68,7 @@ impl<'a> Data<'a> {
             }
             Packed::Zlib(_) => {
                 let mut unpacked = ZlibDecoder::new(source);
-                // One byte more, to see whether there is one, and that the stream's sum is right.
+                // Read one more byte, to detect surplus data and verify the stream's checksum.
                 pieces(&mut unpacked, declared, &mut take)
                     .and_then(|read| Ok(read + unpacked.read(&mut [0])? as u64))
                     .map_err(|e| {
@@ -92,7 +92,7 @@ impl<'a> Data<'a> {
     }
 }
 
-/// At most `most` bytes of a source by pieces; how many there were.
+/// Reads at most `most` bytes in pieces; returns the number of bytes read.
 fn pieces(source: &mut impl Read, most: u64, take: &mut impl FnMut(&[u8])) -> std::io::Result<u64> {
     let mut piece = vec![0; PIECE];
     let mut done = 0;

@@ -1,6 +1,6 @@
-//! The kinds of numbers.
+//! Value types.
 
-/// A kind of number, by its size in the file.
+/// A value type, by its size in the file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Element {
     I8,
@@ -15,8 +15,8 @@ pub(super) enum Element {
     F64,
 }
 
-/// The names that MetaIO has for them. `MET_LONG` has four bytes there on every machine. Arrays are
-/// what older programs called more than one channel.
+/// MetaIO's type names. `MET_LONG` has four bytes in MetaIO on every machine. Older programs append
+/// `_ARRAY` to the name if there is more than one channel.
 const NAMES: [(&str, Element); 12] = [
     ("MET_CHAR", Element::I8),
     ("MET_UCHAR", Element::U8),
@@ -32,7 +32,7 @@ const NAMES: [(&str, Element); 12] = [
     ("MET_DOUBLE", Element::F64),
 ];
 
-/// What may stand in a file, for messages.
+/// Allowed types, for messages.
 pub(super) const ALLOWED: &str = "MET_CHAR, MET_UCHAR, MET_SHORT, MET_USHORT, MET_INT, MET_UINT, \
      MET_LONG, MET_ULONG, MET_LONG_LONG, MET_ULONG_LONG, MET_FLOAT or MET_DOUBLE";
 
@@ -53,7 +53,7 @@ impl Element {
     }
 }
 
-/// Appends all numbers of a kind in `$bytes`, each by `as` another.
+/// Appends all values of type `$kind` in `$bytes`, each cast with `as`.
 macro_rules! append {
     ($kind:ty, $bytes:expr, $big:expr, $to:expr, $out:ty) => {{
         let (words, _) = $bytes.as_chunks::<{ size_of::<$kind>() }>();
@@ -66,7 +66,7 @@ macro_rules! append {
 }
 
 impl Element {
-    /// Appends whole numbers that all fit.
+    /// Appends integer values, all of which must fit.
     pub(super) fn append_i16(self, bytes: &[u8], big: bool, to: &mut Vec<i16>) {
         match self {
             Self::I8 => append!(i8, bytes, big, to, i16),
@@ -76,7 +76,7 @@ impl Element {
         }
     }
 
-    /// Appends numbers, the nearest `f32` to each.
+    /// Appends values, each rounded to the nearest `f32`.
     pub(super) fn append_f32(self, bytes: &[u8], big: bool, to: &mut Vec<f32>) {
         match self {
             Self::I8 => append!(i8, bytes, big, to, f32),

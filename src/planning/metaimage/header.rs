@@ -1,4 +1,4 @@
-//! The text at the head: `Key = Value` by lines, the last of them `ElementDataFile`.
+//! The text header: lines `Key = Value`, ending with `ElementDataFile`.
 
 use super::element::{ALLOWED, Element};
 use super::lines::{Lines, shown};
@@ -9,41 +9,41 @@ use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
-/// Longest header; ITK copies a study's whole dictionary into it.
+/// Maximum length of a header; ITK copies a study's complete dictionary into it.
 const LONGEST_HEADER: u64 = 1 << 20;
 
-/// Most numbers in a file: those of a volume of the largest size.
+/// Maximum number of values in a file: that of the largest volume.
 const MOST_NUMBERS: u64 = 1 << 28;
 
-/// What a header says.
+/// Content of a header.
 #[derive(Debug)]
 pub(super) struct Header {
     /// The header's file, for messages.
     pub(super) place: String,
     pub(super) grid: Grid,
-    /// Numbers a voxel.
+    /// Values per voxel.
     pub(super) channels: usize,
     pub(super) element: Element,
     pub(super) big_endian: bool,
     pub(super) packed: Packed,
-    /// The file with the numbers.
+    /// File with the data.
     pub(super) data: PathBuf,
     pub(super) skip: Skip,
 }
 
-/// How the numbers are packed.
+/// Compression of the data.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Packed {
     No,
-    /// By zlib, in so many bytes, if the header says.
+    /// zlib, with the compressed size in bytes if the header states it.
     Zlib(Option<u64>),
 }
 
-/// Where in their file the numbers begin.
+/// Where the data starts in its file.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Skip {
     Bytes(u64),
-    /// They are the file's last bytes.
+    /// The data is at the end of the file.
     AllButTheData,
 }
 
@@ -59,7 +59,7 @@ impl Header {
         parse(&bytes, path)
     }
 
-    /// Bytes of the numbers, unpacked.
+    /// Size of the uncompressed data in bytes.
     pub(super) fn bytes(&self) -> u64 {
         (self.grid.voxels() * self.channels * self.element.bytes()) as u64
     }
@@ -118,7 +118,8 @@ impl Lines<'_> {
         let Some((_, size)) = self.numbers::<usize, 3>(&["DimSize"])? else {
             return Err(Error::input(&self.place, "no DimSize", "three numbers"));
         };
-        // What ElementSize means where there is a spacing is how much of it a voxel takes.
+        // Next to a spacing, ElementSize is the extent of a voxel rather than the distance of
+        // voxels.
         let spacing = match self.numbers::<f64, 3>(&["ElementSpacing"])? {
             None => self.numbers(&["ElementSize"])?,
             spacing => spacing,
@@ -144,8 +145,8 @@ impl Lines<'_> {
         grid.checked(&self.place)
     }
 
-    /// The matrix counts, as for ITK. Letters alone would be a second way to say it, which programs
-    /// read in two ways.
+    /// As for ITK, only the matrix counts. Without one, letters alone would define the axes, which
+    /// programs interpret differently, so they are rejected.
     fn orientation(&self, has_axes: bool) -> Result<()> {
         let key = "AnatomicalOrientation";
         match self.get(key)? {

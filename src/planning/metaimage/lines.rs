@@ -1,18 +1,18 @@
-//! Lines `Key = Value`, found by their keys, some of which have several names.
+//! Lines `Key = Value`, found by key; some keys have several names.
 
 use phasmid_core::error::{Error, Result};
 use phasmid_geometry::file::{next_line, quoted};
 use std::fmt::Display;
 use std::path::Path;
 
-/// The lines that matter, each with its number.
+/// The relevant lines, each with its line number.
 pub(super) struct Lines<'a> {
     pub(super) place: String,
     lines: Vec<(usize, &'a str, &'a str)>,
 }
 
 impl<'a> Lines<'a> {
-    /// All lines, and the offset of what follows them.
+    /// Parses all lines; also returns the offset of the data that follows.
     pub(super) fn read(bytes: &'a [u8], path: &Path) -> Result<(Self, u64)> {
         let mut lines = Self {
             place: path.display().to_string(),
@@ -46,10 +46,10 @@ impl<'a> Lines<'a> {
         ))
     }
 
-    /// The value of a key that has several names.
+    /// Returns the value of a key that has several names.
     ///
     /// # Errors
-    /// Two values that are not the same.
+    /// Returns an error if there are two different values.
     pub(super) fn any_of(&self, keys: &[&'static str]) -> Result<Option<(&'static str, &'a str)>> {
         let mut found: Option<(&'static str, &'a str)> = None;
         for &(_, key, value) in &self.lines {
@@ -76,7 +76,7 @@ impl<'a> Lines<'a> {
             .ok_or_else(|| Error::input(&self.place, format!("no {key}"), "a line that says it"))
     }
 
-    /// Checks a key that has only one value that is read here, where it stands at all.
+    /// Checks that a key has the only supported value, if it is present.
     pub(super) fn is(&self, key: &str, wanted: &str) -> Result<()> {
         let same = |value: &str| value.eq_ignore_ascii_case(wanted);
         let mut all = self.lines.iter().filter(|(_, k, _)| *k == key);
@@ -91,7 +91,7 @@ impl<'a> Lines<'a> {
             return Ok(None);
         };
         match value.bytes().next().map(|b| b.to_ascii_lowercase()) {
-            // As MetaIO reads them.
+            // Same rule as MetaIO.
             Some(b't' | b'1') => Ok(Some(true)),
             Some(b'f' | b'0') => Ok(Some(false)),
             _ => Err(self.wrong(key, shown(value), "True or False")),
@@ -131,7 +131,7 @@ impl<'a> Lines<'a> {
         }
     }
 
-    /// A complaint about a key's value, with its line.
+    /// Creates an error about a key's value, with its line.
     pub(super) fn wrong(&self, key: &str, found: impl Display, allowed: impl Display) -> Error {
         let line = self.lines.iter().rev().find(|(_, k, _)| *k == key);
         let line = line.map_or(1, |&(number, _, _)| number);

@@ -1,9 +1,9 @@
-//! MetaImage (`.mha`, `.mhd` with `.raw` or `.zraw`): volumes and displacement fields as ITK,
-//! elastix and plastimatch write them.
+//! MetaImage (`.mha`, or `.mhd` with `.raw` or `.zraw`): volumes and displacement fields as written
+//! by ITK, elastix and plastimatch.
 //!
-//! The format is that of MetaIO (<https://itk.org/Wiki/MetaIO/Documentation>), where the text leaves
-//! doubt ITK's reader decides: `TransformMatrix` lists the direction of i, then that of j, then that
-//! of k; coordinates are LPS; `CenterOfRotation` moves nothing.
+//! The format is that of MetaIO (<https://itk.org/Wiki/MetaIO/Documentation>); where the text is
+//! ambiguous, ITK's reader decides: `TransformMatrix` lists the directions of i, j and k in this
+//! order; coordinates are LPS; `CenterOfRotation` has no effect.
 
 mod data;
 mod element;
@@ -24,12 +24,12 @@ use header::Header;
 use phasmid_core::error::{Error, Result};
 use std::path::Path;
 
-/// Reads a volume of one number a voxel. Whole numbers of up to 16 bits that an `i16` can hold stay
-/// such; all others become `f32`, rounded where they have more than 24 bits.
+/// Reads a volume of one value per voxel. Integers of up to 16 bits that fit an `i16` are kept as
+/// such; all other types become `f32`, rounded if they have more than 24 bits.
 ///
 /// # Errors
-/// What the system refuses; a malformed or truncated file, what the format has and this reader does
-/// not (named), more numbers than 2^28, one that is not finite.
+/// Returns an error if the file cannot be read, is malformed or truncated, uses an unsupported
+/// feature, or has more than 2^28 values or one that is not finite.
 pub fn read_volume(path: &Path) -> Result<Volume> {
     let header = Header::read(path)?;
     header.has_channels(1, "one number a voxel: a volume, not a field of vectors")?;
@@ -46,10 +46,11 @@ pub fn read_volume(path: &Path) -> Result<Volume> {
     Volume::new(header.grid, voxels, &header.place)
 }
 
-/// Reads a field of three numbers a voxel, displacements in millimetres, as `f32`.
+/// Reads a field of three values per voxel, displacements in millimetres, as `f32`.
 ///
 /// # Errors
-/// As for [`read_volume`]; a displacement that is not finite or longer than 500 mm.
+/// Returns the errors of [`read_volume`], and an error if a displacement is not finite or longer
+/// than 500 mm.
 pub fn read_field(path: &Path) -> Result<Field> {
     let header = Header::read(path)?;
     header.has_channels(3, "ElementNumberOfChannels = 3: a displacement field")?;
@@ -67,10 +68,10 @@ pub fn read_field(path: &Path) -> Result<Field> {
     Field::new(header.grid, vectors, &header.place)
 }
 
-/// Reads where the voxels of a file lie and how many numbers each has, and nothing else.
+/// Reads only the grid of a file and its number of values per voxel.
 ///
 /// # Errors
-/// What the system refuses, and a malformed header.
+/// Returns an error if the header cannot be read or is malformed.
 pub fn read_grid(path: &Path) -> Result<(Grid, usize)> {
     let header = Header::read(path)?;
     Ok((header.grid, header.channels))
@@ -85,7 +86,7 @@ impl Header {
     }
 }
 
-/// So many numbers a voxel, in words.
+/// Number of values per voxel, for messages.
 pub(super) fn channels(count: usize) -> String {
     match count {
         1 => "1 number a voxel".to_owned(),

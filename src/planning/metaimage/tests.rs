@@ -1,11 +1,12 @@
-//! Files of SimpleITK 2.5 (ITK 5.4), of plastimatch's and elastix's form, and broken ones.
+//! Files of SimpleITK 2.5 (ITK 5.4), files in the form of plastimatch and elastix, and malformed
+//! ones.
 
 use super::*;
 use glam::{DMat3, DVec3};
 use std::path::PathBuf;
 
-/// Files that SimpleITK wrote: 4 x 3 x 2 voxels, number `-1000 + i + 10 j + 100 k` and what their
-/// names say; in fields (i / 2, -j / 4, k + 1/8).
+/// Files written by SimpleITK: 4 x 3 x 2 voxels of `-1000 + i + 10 j + 100 k` in the type given by
+/// the name; fields have (i / 2, -j / 4, k + 1/8).
 fn itk(name: &str) -> PathBuf {
     PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../.."))
         .join("tests/data/metaimage")
@@ -54,7 +55,7 @@ fn fields_of_itk_are_read_as_it_meant_them() {
             let exact = [0.5 * i, -0.25 * j, k + 0.125].map(|x| x as f32);
             assert_eq!(field.vectors()[n], exact, "{name}: {n}");
         }
-        // Displacements are along the patient's axes, whatever the grid's are.
+        // Displacements are along the patient's axes, independent of the grid's axes.
         let at = field.grid().point(DVec3::new(2.0, 2.0, 1.0));
         assert!((field.at(at).unwrap() - DVec3::new(1.0, -0.5, 1.125)).length() < 1e-12);
         assert_eq!(read_grid(&itk(name)).unwrap(), (*field.grid(), 3));
@@ -98,7 +99,7 @@ fn what_is_written_is_read_to_the_bit() {
     assert!(other.to_string().contains("extension `nii`"), "{other}");
 }
 
-/// A header with lines changed or added, before 24 numbers of two bytes, big endian.
+/// A header with lines changed or added, followed by 24 values of two bytes, big endian.
 fn with(lines: &[(&str, &str)]) -> Vec<u8> {
     let mut keys = vec![
         ("ObjectType", "Image"),
@@ -139,7 +140,7 @@ fn other_names_and_orders_mean_the_same() {
     assert_eq!(volume.grid().spacing_mm, DVec3::new(1.0, 1.0, 2.0));
     assert_eq!(volume.grid().origin_mm, DVec3::new(1.0, 2.0, 3.0));
     assert_eq!(volume.voxels().get(23), (256 * 23 + 3) as f32);
-    // With a spacing beside a size that says something else.
+    // A spacing next to a different ElementSize.
     let both = read(&with(&[
         ("ElementSpacing", "2 2 2"),
         ("Modality", "MET_MOD_CT"),
@@ -154,7 +155,7 @@ fn other_names_and_orders_mean_the_same() {
 
 #[test]
 fn fields_of_plastimatch_are_read() {
-    // The text of its own writer, numbers by C's %g and %f.
+    // Text in the form of plastimatch's writer, numbers formatted by C's %g and %f.
     let head = "ObjectType = Image\nNDims = 3\nBinaryData = True\n\
                 BinaryDataByteOrderMSB = False\nTransformMatrix = 1 0 0 0 1 0 0 0 1\n\
                 Offset = -250. 0. 1e+02\nCenterOfRotation = 0 0 0\n\
@@ -172,7 +173,7 @@ fn fields_of_plastimatch_are_read() {
     let field = read_field(&path).unwrap();
     assert_eq!(field.grid().origin_mm, DVec3::new(-250.0, 0.0, 100.0));
     assert_eq!(field.vectors()[3], [4.5, 5.0, 5.5]);
-    // What six digits lose of 1000 / 1024 mm is no other grid.
+    // Six digits of 1000 / 1024 mm still count as the same grid.
     let exact = DVec3::new(0.9765625, 0.9765625, 2.5);
     let ct = Grid::upright([2, 1, 2], exact, field.grid().origin_mm);
     assert_eq!(field.grid().difference(&ct), None);
@@ -312,7 +313,7 @@ fn packed_data_that_are_not_the_declared_ones_are_named() {
     assert!(cut.contains("as CompressedDataSize says"), "{cut}");
     let cut = changed("CompressedDataSize", "Comment", 3);
     assert!(cut.contains("cannot be unpacked"), "{cut}");
-    // No room is made for what a few bytes cannot hold.
+    // No memory is allocated for more than the given bytes can expand to.
     let bomb = changed("DimSize = 5 4 3", "DimSize = 512 512 512", 0);
     assert!(bomb.contains("bytes of packed data"), "{bomb}");
 }
@@ -332,7 +333,7 @@ fn numbers_that_are_none_are_named() {
         words.contains("f.mhd: voxel 2: NaN; allowed: finite numbers"),
         "{words}"
     );
-    // A file with something before the numbers.
+    // A data file with leading bytes before the data.
     let text = std::fs::read_to_string(&path).unwrap();
     let mut long = b"what the scanner said first".to_vec();
     long.extend([0; 16]);

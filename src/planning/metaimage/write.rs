@@ -1,4 +1,4 @@
-//! Writing, little endian, with the keys and in the order that ITK has.
+//! Writes MetaImage files, little endian, with ITK's keys in ITK's order.
 
 use crate::volume::{Field, Grid, Volume, Voxels};
 use flate2::Compression;
@@ -10,19 +10,20 @@ use phasmid_geometry::extension;
 use std::io::Write;
 use std::path::Path;
 
-/// Whether numbers are packed on writing.
+/// Compression of written data.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Packing {
-    /// As they are.
+    /// Uncompressed.
     Plain,
-    /// By zlib.
+    /// Compressed with zlib.
     Zlib,
 }
 
-/// Writes a volume: `.mha`, or `.mhd` with its numbers in a `.raw` (`.zraw` if packed) beside it.
+/// Writes a volume to `.mha`, or to `.mhd` with its data in a `.raw` file (`.zraw` if compressed)
+/// of the same name.
 ///
 /// # Errors
-/// Another extension, and what the system refuses.
+/// Returns an error if the extension is another one or the files cannot be written.
 pub fn write_volume(path: &Path, volume: &Volume, packing: Packing) -> Result<()> {
     match volume.voxels() {
         Voxels::I16(v) => write(path, volume.grid(), "MET_SHORT", 1, packing, |out| {
@@ -34,24 +35,24 @@ pub fn write_volume(path: &Path, volume: &Volume, packing: Packing) -> Result<()
     }
 }
 
-/// Writes a displacement field, three `MET_FLOAT` a voxel; files as for [`write_volume`].
+/// Writes a displacement field, three `MET_FLOAT` per voxel, in the same files as [`write_volume`].
 ///
 /// # Errors
-/// As for [`write_volume`].
+/// Returns the errors of [`write_volume`].
 pub fn write_field(path: &Path, field: &Field, packing: Packing) -> Result<()> {
     write(path, field.grid(), "MET_FLOAT", 3, packing, |out| {
         put(out, field.vectors().as_flattened(), f32::to_le_bytes)
     })
 }
 
-/// Writes a volume of whole numbers, not packed, that is never in memory as a whole: `plane` makes
-/// the numbers of each k, i fastest, then j.
+/// Writes an uncompressed integer volume without holding all of it in memory: `plane` returns the
+/// values of each k, i fastest, then j.
 ///
 /// # Errors
-/// As for [`write_volume`].
+/// Returns the errors of [`write_volume`].
 ///
 /// # Panics
-/// Where a plane is not of as many numbers as the grid's have.
+/// Panics if a plane does not have the grid's number of values.
 pub fn write_volume_by_planes(
     path: &Path,
     grid: &Grid,
@@ -62,13 +63,13 @@ pub fn write_volume_by_planes(
     })
 }
 
-/// Writes a displacement field by planes, as [`write_volume_by_planes`] does a volume.
+/// Writes a displacement field plane by plane, like [`write_volume_by_planes`].
 ///
 /// # Errors
-/// As for [`write_volume`].
+/// Returns the errors of [`write_volume`].
 ///
 /// # Panics
-/// As for [`write_volume_by_planes`].
+/// Panics like [`write_volume_by_planes`].
 pub fn write_field_by_planes(
     path: &Path,
     grid: &Grid,
@@ -81,7 +82,7 @@ pub fn write_field_by_planes(
     })
 }
 
-/// Hands over one plane after the other.
+/// Writes one plane after the other.
 fn planes<T>(
     grid: &Grid,
     plane: &impl Fn(usize) -> Vec<T>,
@@ -95,7 +96,7 @@ fn planes<T>(
     })
 }
 
-/// Numbers that are turned into bytes at a time: whoever takes bytes is slow to take few.
+/// Number of values converted to bytes at a time, since small writes are slow.
 const PIECE: usize = 1 << 14;
 
 fn put<T: Copy, const N: usize>(
@@ -185,7 +186,8 @@ fn header(
     text + &format!("ElementType = {element}\nElementDataFile = {data}\n")
 }
 
-/// Where i, j and k come from, each by the nearest side of the patient: RAI for the axes of LPS.
+/// Returns the anatomical letters of the directions from which i, j and k come, by the nearest
+/// patient axis: RAI for the axes of LPS.
 fn letters(grid: &Grid) -> String {
     let mut taken = [false; 3];
     let mut letters = String::new();

@@ -1,4 +1,4 @@
-//! `planning.toml`.
+//! The file `planning.toml`.
 
 use glam::DVec3;
 use phasmid_core::error::{Error, Result};
@@ -11,16 +11,16 @@ use std::fmt;
 use std::io::Write;
 use std::path::{Component, Path};
 
-/// Most phases that a planning has.
+/// Maximum number of phases.
 pub(crate) const MOST_PHASES: usize = 64;
 
-/// Distances that voxels of fields may have, in millimetres.
+/// Allowed voxel spacing of fields, in millimetres.
 pub(crate) const SPACING_MM: std::ops::RangeInclusive<f64> = 0.1..=50.0;
 
-/// What a patient may be called, in words.
+/// Message text: allowed patient names.
 pub(crate) const ALLOWED_NAME: &str = "1 to 64 letters, digits, '-', '_' or '.'";
 
-/// What `planning.toml` says.
+/// Content of `planning.toml`.
 ///
 /// ```toml
 /// name = "p01"
@@ -38,47 +38,47 @@ pub(crate) const ALLOWED_NAME: &str = "1 to 64 letters, digits, '-', '_' or '.'"
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PlanningFile {
-    /// The patient: 1 to 64 letters, digits, `-`, `_` or `.`.
+    /// Patient name: 1 to 64 letters, digits, `-`, `_` or `.`.
     pub name: String,
-    /// Phase at which skin, tumour and CT are, in per cent of the cycle; one of those below.
+    /// Phase of skin, tumour and CT, in per cent of the cycle; one of `phase`.
     pub reference_phase: f64,
     /// The isocentre in the files' LPS, in millimetres.
     #[serde(deserialize_with = "exactly")]
     pub isocentre_mm: DVec3,
-    /// Distances of the fields' voxels, in millimetres.
+    /// Voxel spacing of the fields, in millimetres.
     pub spacing_mm: Spacing,
-    /// File of the skin, in the folder.
+    /// Skin file, in the folder.
     pub skin: String,
-    /// File of the tumour, in the folder.
+    /// Tumour file, in the folder.
     pub tumour: String,
-    /// File of the CT at the reference phase, in the folder.
+    /// CT file of the reference phase, in the folder.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub ct: Option<String>,
     /// The phases, ascending.
     pub phase: Vec<PhaseFile>,
 }
 
-/// A phase and its field.
+/// A phase and its displacement field.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PhaseFile {
-    /// Per cent of the cycle, 0 (end of inhaling) or more, less than 100.
+    /// Per cent of the cycle, 0 (end-inhale) or more, less than 100.
     pub percent: f64,
     /// File of the displacements from the reference phase to this one, in the folder.
     pub field: String,
 }
 
-/// Distances of voxels along i, j and k in millimetres; in a file one number where all are the same.
+/// Voxel spacing along i, j and k in millimetres; in a file, a single number if all are equal.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Spacing(pub DVec3);
 
 impl PlanningFile {
-    /// Its name in the folder.
+    /// File name in the folder.
     pub const NAME: &str = "planning.toml";
 
-    /// That of a patient called `patient` with the isocentre at the origin, whose files have the names that
-    /// are usual: `skin.ply`, `tumour.ply`, `dvf_00.mha` by each phase's per cent, and `ct_50.mha` by
-    /// the reference phase's where there is a CT.
+    /// Creates the file of patient `patient` with the isocentre at the origin and the default file
+    /// names: `skin.ply`, `tumour.ply`, `dvf_00.mha` with each phase's per cent, and `ct_50.mha`
+    /// with that of the reference phase, if there is a CT.
     pub fn usual(
         percents: impl IntoIterator<Item = f64>,
         reference_percent: f64,
@@ -101,11 +101,11 @@ impl PlanningFile {
         }
     }
 
-    /// Makes the folder where there is none. An older `planning.toml` goes, so that the folder is no
-    /// planning until the new one is written, last.
+    /// Creates the folder if it does not exist. Removes an older `planning.toml`, so that the
+    /// folder is not a valid planning until the new one is written last.
     ///
     /// # Errors
-    /// What the system refuses.
+    /// Returns the system's error.
     pub fn begin(&self, folder: &Path) -> Result<()> {
         std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
         let path = folder.join(Self::NAME);
@@ -115,7 +115,7 @@ impl PlanningFile {
         }
     }
 
-    /// All files of the planning, by their names in the folder.
+    /// Returns the names of all files of the planning.
     pub fn names(&self) -> impl Iterator<Item = &str> {
         let fields = self.phase.iter().map(|phase| phase.field.as_str());
         [Self::NAME, &self.skin, &self.tumour]
@@ -124,7 +124,7 @@ impl PlanningFile {
             .chain(fields)
     }
 
-    /// Whether a patient may have this name in a planning: 1 to 64 letters, digits, `-`, `_` or `.`.
+    /// Returns whether a patient name is valid: 1 to 64 letters, digits, `-`, `_` or `.`.
     pub fn is_name(text: &str) -> bool {
         let known = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '.');
         (1..=64).contains(&text.len()) && text.chars().all(known)
@@ -133,15 +133,15 @@ impl PlanningFile {
     /// Reads and checks the `planning.toml` of a folder.
     ///
     /// # Errors
-    /// What the system refuses, and what [`Self::parse`] does.
+    /// Returns an error if the file cannot be read or [`Self::parse`] rejects it.
     pub fn read(folder: &Path) -> Result<Self> {
         Self::from_source(&TomlSource::read(&folder.join(Self::NAME))?)
     }
 
-    /// Reads and checks it from text; `place` stands for the file in messages.
+    /// Parses and checks the text of a file; `place` is used as the file name in messages.
     ///
     /// # Errors
-    /// Unknown fields, wrong types and values that no plan can have, each with its line.
+    /// Returns an error with the line for an unknown field, a wrong type or an invalid value.
     pub fn parse(text: &str, place: &str) -> Result<Self> {
         Self::from_source(&TomlSource::new(text, place))
     }
@@ -152,15 +152,15 @@ impl PlanningFile {
         Ok(file)
     }
 
-    /// The text of the file.
+    /// Returns the content as TOML.
     pub fn to_toml(&self) -> String {
         toml::to_string(self).expect("numbers, strings and tables always serialise")
     }
 
-    /// Writes it into a folder.
+    /// Writes the file into a folder.
     ///
     /// # Errors
-    /// What the system refuses.
+    /// Returns the system's error.
     pub fn write(&self, folder: &Path) -> Result<()> {
         replace(&folder.join(Self::NAME), |out| {
             out.write_all(self.to_toml().as_bytes())
@@ -221,7 +221,7 @@ impl PlanningFile {
     }
 }
 
-/// Refuses names that lead out of the folder: it is moved and copied as a whole.
+/// Rejects names that lead out of the folder, which is moved and copied as a whole.
 fn in_folder(name: &str, field: &str, source: &TomlSource) -> Result<()> {
     let mut parts = Path::new(name).components();
     if !name.is_empty() && parts.all(|part| matches!(part, Component::Normal(_))) {

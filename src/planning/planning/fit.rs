@@ -1,4 +1,4 @@
-//! Whether files of a planning fit each other. Messages say which does not, and what would.
+//! Checks that the files of a planning fit each other.
 
 use crate::metaimage;
 use crate::volume::{Field, Grid, listed};
@@ -8,15 +8,15 @@ use phasmid_geometry::Mesh;
 use std::collections::HashSet;
 use std::path::Path;
 
-/// Longest displacement that a field from the reference phase to itself may have: what a
-/// registration of an image with itself leaves.
+/// Maximum displacement in the field from the reference phase to itself: the residual of
+/// registering an image with itself.
 const STILL_MM: f64 = 0.5;
 
-/// Most bytes of fields at once; ten of 512 x 512 x 100 voxels are three quarters of it, and a field is
-/// as good on a grid of 3 mm.
+/// Maximum total size of the fields in bytes. Ten fields of 512 x 512 x 100 voxels take three
+/// quarters of it; a 3 mm grid is sufficient.
 const MOST_BYTES: u64 = 4 << 30;
 
-/// Volume and centroid of what a surface encloses.
+/// Volume and centroid enclosed by a surface.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Moments {
     /// Volume in cubic millimetres.
@@ -25,7 +25,8 @@ pub struct Moments {
     pub centroid_mm: DVec3,
 }
 
-/// The grid of a file that has so many numbers a voxel: 1, a CT, or 3, a field.
+/// Reads the grid of a file, which must have `channels` values per voxel: 1 for a CT, 3 for a
+/// field.
 pub(crate) fn grid_of(path: &Path, channels: usize) -> Result<Grid> {
     let (grid, found) = metaimage::read_grid(path)?;
     if found == channels {
@@ -39,7 +40,7 @@ pub(crate) fn grid_of(path: &Path, channels: usize) -> Result<Grid> {
     ))
 }
 
-/// Refuses so many fields on a grid that they cannot be in memory together.
+/// Rejects fields that do not fit in memory together.
 pub(crate) fn in_memory(grid: &Grid, fields: usize, place: &str) -> Result<()> {
     let bytes = 12 * grid.voxels() as u64 * fields as u64;
     if bytes <= MOST_BYTES {
@@ -52,8 +53,8 @@ pub(crate) fn in_memory(grid: &Grid, fields: usize, place: &str) -> Result<()> {
     ))
 }
 
-/// Refuses a CT that is turned against the fields, or does not hold them (to within one of their
-/// voxels).
+/// Rejects a CT that is rotated against the fields, or does not enclose them to within one of their
+/// voxels.
 pub(crate) fn around(ct: &Grid, fields: &Grid, place: &str) -> Result<()> {
     for axis in 0..3 {
         let (a, b) = (ct.direction.col(axis), fields.direction.col(axis));
@@ -76,7 +77,7 @@ pub(crate) fn around(ct: &Grid, fields: &Grid, place: &str) -> Result<()> {
     Err(Error::input(place, found, allowed))
 }
 
-/// Refuses a mesh that the fields do not reach all of.
+/// Rejects a mesh that extends beyond the fields.
 pub(crate) fn within(mesh: &Mesh, fields: &Grid, place: &str) -> Result<()> {
     let outside = |v: &&DVec3| !fields.holds(fields.index(**v));
     let count = mesh.vertices.iter().filter(outside).count();
@@ -94,7 +95,7 @@ pub(crate) fn within(mesh: &Mesh, fields: &Grid, place: &str) -> Result<()> {
     ))
 }
 
-/// Refuses a field from the reference phase to itself that moves anything.
+/// Rejects a field from the reference phase to itself that is not zero.
 pub(crate) fn still(field: &Field, place: &str) -> Result<()> {
     let longest = field.longest_mm();
     if longest <= STILL_MM {
@@ -105,7 +106,7 @@ pub(crate) fn still(field: &Field, place: &str) -> Result<()> {
     Err(Error::input(place, found, allowed))
 }
 
-/// Refuses a surface that encloses no volume; what it encloses.
+/// Returns the moments of a closed surface; rejects any other surface.
 pub fn closed(mesh: &Mesh, place: &str) -> Result<Moments> {
     let mut sides = HashSet::with_capacity(3 * mesh.triangles.len());
     for &[a, b, c] in &mesh.triangles {
@@ -148,7 +149,7 @@ pub fn closed(mesh: &Mesh, place: &str) -> Result<Moments> {
     ))
 }
 
-/// By tetrahedra from a point of the surface, so that a far origin costs no digits.
+/// Moments by tetrahedra from a point of the surface, so that a distant origin costs no precision.
 fn moments(mesh: &Mesh) -> Moments {
     let from = mesh.vertices.first().copied().unwrap_or_default();
     let (mut volume, mut moment) = (0.0, DVec3::ZERO);

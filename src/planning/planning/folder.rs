@@ -1,4 +1,4 @@
-//! A folder whose files fit each other, read one by one.
+//! A checked planning folder whose files are read on demand.
 
 use super::file::PlanningFile;
 use super::fit;
@@ -10,23 +10,23 @@ use phasmid_core::source::TomlSource;
 use phasmid_geometry::Mesh;
 use std::path::{Path, PathBuf};
 
-/// A planning folder: its `planning.toml` and the grids of its fields and CT, which have been looked
-/// at, and the way to its files.
+/// A planning folder: its `planning.toml`, with the grids of its fields and CT checked. Files are
+/// read on demand.
 #[derive(Debug)]
 pub struct Folder {
     path: PathBuf,
     file: PlanningFile,
-    /// The fields', in the files' LPS.
+    /// Grid of the fields, in the files' LPS.
     grid: Grid,
 }
 
 impl Folder {
-    /// Looks at a folder.
+    /// Opens a folder and checks the file headers.
     ///
     /// # Errors
-    /// What [`PlanningFile::read`] refuses; a field or CT that is not there or malformed; fields
-    /// whose grids are not the same or do not have the spacing that the file says; a CT that lies
-    /// elsewhere: turned against the fields or not around them.
+    /// Returns the errors of [`PlanningFile::read`], and an error if a field or CT is missing or
+    /// malformed, if the fields' grids differ from each other or from the stated spacing, or if the
+    /// CT is rotated against the fields or does not enclose them.
     pub fn open(path: &Path) -> Result<Self> {
         let source = TomlSource::read(&path.join(PlanningFile::NAME))?;
         let file = PlanningFile::from_source(&source)?;
@@ -63,28 +63,29 @@ impl Folder {
         Ok(folder)
     }
 
-    /// What `planning.toml` says.
+    /// Returns the content of `planning.toml`.
     pub fn file(&self) -> &PlanningFile {
         &self.file
     }
 
-    /// The fields' grid in the patient frame.
+    /// Returns the grid of the fields in the patient frame.
     pub fn grid(&self) -> Grid {
         self.grid.shifted(-self.file.isocentre_mm)
     }
 
-    /// The skin at the reference phase, in the patient frame.
+    /// Reads the skin at the reference phase, in the patient frame.
     ///
     /// # Errors
-    /// What [`Mesh::read`] refuses, and vertices outside of the fields.
+    /// Returns the errors of [`Mesh::read`], and an error if vertices lie outside the fields.
     pub fn skin(&self) -> Result<Mesh> {
         self.mesh(&self.file.skin)
     }
 
-    /// The tumour at the reference phase, in the patient frame.
+    /// Reads the tumour at the reference phase, in the patient frame.
     ///
     /// # Errors
-    /// As for [`Self::skin`], and a surface that is not closed or whose normals point inwards.
+    /// Returns the errors of [`Self::skin`], and an error if the surface is not closed or its
+    /// normals point inwards.
     pub fn tumour(&self) -> Result<Mesh> {
         let mesh = self.mesh(&self.file.tumour)?;
         let path = self.path.join(&self.file.tumour);
@@ -92,15 +93,15 @@ impl Folder {
         Ok(mesh)
     }
 
-    /// The displacements from the reference phase to a phase, in the order of the file, in the
+    /// Reads the displacements from the reference phase to a phase, by index in the file, in the
     /// patient frame.
     ///
     /// # Errors
-    /// What [`metaimage::read_field`] refuses, and a field from the reference phase to itself that
-    /// moves anything by more than 0.5 mm.
+    /// Returns the errors of [`metaimage::read_field`], and an error if the field from the
+    /// reference phase to itself moves anything by more than 0.5 mm.
     ///
     /// # Panics
-    /// Where there is no phase of that number.
+    /// Panics if the index is out of range.
     pub fn field(&self, phase: usize) -> Result<Field> {
         let entry = &self.file.phase[phase];
         let path = self.path.join(&entry.field);
@@ -111,10 +112,11 @@ impl Folder {
         Ok(field.shifted(-self.file.isocentre_mm))
     }
 
-    /// The CT at the reference phase in Hounsfield units, in the patient frame, if there is one.
+    /// Reads the CT at the reference phase in Hounsfield units, in the patient frame, if there is
+    /// one.
     ///
     /// # Errors
-    /// What [`metaimage::read_volume`] refuses.
+    /// Returns the errors of [`metaimage::read_volume`].
     pub fn ct(&self) -> Result<Option<Volume>> {
         let Some(name) = &self.file.ct else {
             return Ok(None);

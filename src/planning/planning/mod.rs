@@ -1,4 +1,4 @@
-//! The planning folder: all that a host knows of a patient.
+//! The planning folder, which contains all data about a patient available to the host.
 //!
 //! ```text
 //! planning.toml    names and places of the files below, see [`PlanningFile`]
@@ -8,9 +8,9 @@
 //! ct_50.mha        the reference phase in Hounsfield units, if there is one
 //! ```
 //!
-//! The files are in the LPS of the scanner that took the CT, whose origin may lie anywhere. What
-//! is handed out here is in the patient frame: the same axes, the origin at the isocentre. Phase 0
-//! is the end of inhaling and phase 50 that of exhaling.
+//! The files are in the LPS of the scanner that took the CT, with an arbitrary origin. The data
+//! returned here is in the patient frame: the same axes, with the origin at the isocentre. Phase 0
+//! is end-inhale, phase 50 end-exhale.
 
 mod file;
 pub mod fit;
@@ -33,23 +33,24 @@ use std::path::Path;
 pub struct Planning {
     /// The patient's name in the folder.
     pub name: String,
-    /// Phase at which skin and tumour are, in per cent of the cycle.
+    /// Phase of skin and tumour, in per cent of the cycle.
     pub reference_percent: f64,
     /// The skin at the reference phase.
     pub skin: Mesh,
     /// The tumour at the reference phase: closed, normals outwards.
     pub tumour: Mesh,
     /// Displacement of the reference phase's points to each phase (per cent of the cycle,
-    /// ascending); all on one grid, which holds skin and tumour.
+    /// ascending); all on one grid, which encloses skin and tumour.
     pub phases: Vec<(f64, Field)>,
 }
 
 impl Planning {
-    /// Reads a whole folder. Where fields are large and only few points matter, [`Folder`] reads
-    /// them one by one.
+    /// Reads a complete folder. If the fields are large and only few points are needed, use
+    /// [`Folder`] to read them one by one.
     ///
     /// # Errors
-    /// As for [`Folder::open`] and what it reads; fields of more than 4 GiB in all.
+    /// Returns the errors of [`Folder::open`] and of its readers, and an error if the fields exceed
+    /// 4 GiB in total.
     pub fn load(path: &Path) -> Result<Self> {
         let folder = Folder::open(path)?;
         let count = folder.file().phase.len();
@@ -66,14 +67,14 @@ impl Planning {
         })
     }
 
-    /// Writes it as a folder with the isocentre at the origin of its files, without a CT. The folder
-    /// is made if it is not there.
+    /// Writes a folder without a CT, with the isocentre at the origin of its files. Creates the
+    /// folder if it does not exist.
     ///
     /// # Errors
-    /// What the system refuses.
+    /// Returns the system's error.
     ///
     /// # Panics
-    /// Where there is no phase.
+    /// Panics if there are no phases.
     pub fn save(&self, path: &Path) -> Result<()> {
         let percents = self.phases.iter().map(|(percent, _)| *percent);
         let spacing_mm = self.phases[0].1.grid().spacing_mm;
@@ -87,7 +88,7 @@ impl Planning {
         for (phase, (_, field)) in file.phase.iter().zip(&self.phases) {
             metaimage::write_field(&path.join(&phase.field), field, Packing::Plain)?;
         }
-        // Last, so that a folder with a planning.toml is whole.
+        // Write it last, so that a folder with a planning.toml is complete.
         file.write(path)
     }
 }

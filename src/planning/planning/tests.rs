@@ -1,4 +1,4 @@
-//! Folders that are whole, and one of every kind that is not.
+//! A valid folder, and one of every invalid kind.
 
 use super::*;
 use crate::isosurface::{Parts, isosurface};
@@ -21,7 +21,7 @@ fn ball(radius: f64) -> Mesh {
     isosurface(&volume, 0.0, Parts::Largest, "ball").unwrap()
 }
 
-/// Displacement to a phase: breathing along the body, with a shear that depends on the place.
+/// Displacement to a phase: breathing along the body, with a position-dependent shear.
 fn moved(p: DVec3, percent: f64) -> DVec3 {
     let depth = (percent * 0.02 * std::f64::consts::PI).cos() + 1.0;
     depth * DVec3::new(0.0, -2.0, 4.0 + 0.05 * (p - CENTRE).y)
@@ -31,7 +31,7 @@ const TEXT: &str = "name = \"p01\"\nreference_phase = 50\nisocentre_mm = [12, -1
     spacing_mm = [4.0, 4, 5]\nskin = \"skin.ply\"\ntumour = \"tumour.ply\"\nct = \"ct_50.mha\"\n\
     \n[[phase]]\npercent = 0\nfield = \"dvf_00.mha\"\n\n[[phase]]\npercent = 50\nfield = \"dvf_50.mha\"\n";
 
-/// A folder that is whole.
+/// Creates a valid folder.
 fn folder() -> (tempfile::TempDir, PathBuf) {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().to_owned();
@@ -158,7 +158,7 @@ fn a_file_that_no_plan_has_is_named_with_its_line() {
     assert_eq!(spacing, Spacing(DVec3::splat(4.0)));
 }
 
-/// What is said of a folder after a change.
+/// Returns the error message after a modification of the folder.
 fn complaint(change: impl Fn(&Path)) -> String {
     let (_dir, path) = folder();
     change(&path);
@@ -242,7 +242,7 @@ fn a_ct_that_lies_elsewhere_is_named() {
     let mut turned = grid();
     turned.direction = DMat3::from_rotation_z(0.1);
     assert!(other(turned).contains("axis 0 along"));
-    // One of finer voxels around the fields is what a CT is.
+    // A CT has finer voxels and encloses the fields.
     let (_dir, path) = folder();
     let fine = Grid::upright([60, 50, 60], DVec3::ONE, grid().origin_mm - 2.0);
     let ct = Volume::new(fine, Voxels::I16(vec![0; fine.voxels()]), "ct").unwrap();

@@ -1,15 +1,15 @@
-//! Displacement fields: a vector at each voxel.
+//! Displacement fields: one vector per voxel.
 
 use super::grid::{Grid, listed};
 use super::trilinear::cell;
 use glam::DVec3;
 use phasmid_core::error::{Error, Result};
 
-/// Longest displacement, in millimetres: no organ moves so far, and a field in other units does.
+/// Maximum displacement in millimetres: no organ moves that far, so larger values have other units.
 const LONGEST_MM: f32 = 500.0;
 
 /// A displacement at each voxel of a grid, in millimetres along the axes of the patient frame (not
-/// of the grid), as ITK, elastix and plastimatch have it.
+/// of the grid), as in ITK, elastix and plastimatch.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Field {
     grid: Grid,
@@ -17,11 +17,11 @@ pub struct Field {
 }
 
 impl Field {
-    /// A field of vectors, i fastest, then j, then k. `place` names it in messages.
+    /// Creates a field from vectors, i fastest, then j, then k. `place` names it in messages.
     ///
     /// # Errors
-    /// What [`Grid::checked`] refuses; as many vectors as are not the grid's; one that is not finite
-    /// or longer than 500 mm.
+    /// Returns the errors of [`Grid::checked`], and an error if the number of vectors differs from
+    /// that of the voxels, or if a vector is not finite or longer than 500 mm.
     pub fn new(grid: Grid, vectors: Vec<[f32; 3]>, place: &str) -> Result<Self> {
         let grid = grid.checked(place)?;
         if vectors.len() != grid.voxels() {
@@ -43,10 +43,10 @@ impl Field {
         Ok(Self { grid, vectors })
     }
 
-    /// A field whose displacement at each voxel is a function of its centre, both in millimetres.
+    /// Creates a field from a function of the voxels' centres, both in millimetres.
     ///
     /// # Errors
-    /// As for [`Field::new`].
+    /// Returns the errors of [`Field::new`].
     pub fn of(grid: Grid, value: impl Fn(DVec3) -> DVec3 + Sync, place: &str) -> Result<Self> {
         use rayon::prelude::*;
         let grid = grid.checked(place)?;
@@ -65,27 +65,26 @@ impl Field {
         Self::new(grid, vectors, place)
     }
 
-    /// Where its voxels lie.
+    /// Returns the grid.
     pub fn grid(&self) -> &Grid {
         &self.grid
     }
 
-    /// Its vectors, i fastest, then j, then k.
+    /// Returns the vectors, i fastest, then j, then k.
     pub fn vectors(&self) -> &[[f32; 3]] {
         &self.vectors
     }
 
-    /// The displacement at a point in the patient frame, both in millimetres, trilinear between
-    /// centres. In the outer half of the outermost voxels it is that of the nearest point between
-    /// centres; beyond the voxels it is `None`.
+    /// Returns the displacement at a point in the patient frame, both in millimetres, by trilinear
+    /// interpolation. In the outer half of the outermost voxels it is that of the nearest point
+    /// between centres; `None` outside the voxels.
     #[inline]
     pub fn at(&self, point_mm: DVec3) -> Option<DVec3> {
         let index = self.grid.index(point_mm);
         self.grid.holds(index).then(|| self.nearest(index))
     }
 
-    /// The displacement at an index; beyond the outermost centres that of the nearest point between
-    /// them.
+    /// Returns the displacement at an index, clamped to the outermost centres.
     pub fn nearest(&self, index: DVec3) -> DVec3 {
         let cell = cell(&self.grid, index);
         (0..8).fold(DVec3::ZERO, |sum, c| {
@@ -94,14 +93,13 @@ impl Field {
         })
     }
 
-    /// The longest displacement, in millimetres.
+    /// Returns the length of the longest displacement, in millimetres.
     pub fn longest_mm(&self) -> f64 {
         let square = |v: &[f32; 3]| v.iter().map(|&x| f64::from(x) * f64::from(x)).sum();
         self.vectors.iter().map(square).fold(0.0, f64::max).sqrt()
     }
 
-    /// The same field with its grid elsewhere by `shift_mm`: the points move, not their
-    /// displacements.
+    /// Returns the field with its grid shifted by `shift_mm`; the displacements are unchanged.
     #[must_use]
     pub fn shifted(mut self, shift_mm: DVec3) -> Self {
         self.grid = self.grid.shifted(shift_mm);

@@ -1,44 +1,44 @@
-//! Where voxels lie.
+//! Voxel grids.
 
 use glam::{DMat3, DVec3};
 use phasmid_core::error::{Error, Result};
 
-/// Most voxels that a volume may have. 512 x 512 x 1000 are fewer.
+/// Maximum number of voxels, more than 512 x 512 x 1000.
 const MOST_VOXELS: u64 = 1 << 28;
 
-/// Most voxels along an axis.
+/// Maximum number of voxels along an axis.
 const LONGEST_AXIS: usize = 1 << 14;
 
-/// Least and greatest distance of voxels, in millimetres.
+/// Minimum and maximum voxel spacing, in millimetres.
 const SPACING_MM: [f64; 2] = [1e-3, 1e3];
 
-/// Farthest that an origin may be, in millimetres.
+/// Maximum absolute coordinate of an origin, in millimetres.
 const FARTHEST_MM: f64 = 1e6;
 
-/// How far directions may be from orthonormal; files give six digits.
+/// Tolerance for orthonormal directions; files give six digits.
 const ORTHONORMAL: f64 = 1e-4;
 
-/// How far places of grids may be apart that count as the same, as a part of a voxel: a spacing of six
-/// digits puts the far side of a volume off by as much.
+/// Maximum distance between corresponding corners of grids that count as equal, as a fraction of a
+/// voxel: rounding the spacing to six digits shifts the far side of a volume by as much.
 const SAME: f64 = 0.01;
 
-/// A grid of voxels, as ITK and DICOM have it: index (0, 0, 0) is the centre of the first voxel, and
+/// A grid of voxels, as in ITK and DICOM: index (0, 0, 0) is the centre of the first voxel, and
 /// `point = origin + direction (spacing * index)`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Grid {
     /// Voxels along i, j and k; i runs fastest in memory.
     pub size: [usize; 3],
-    /// Distance of neighbouring centres along i, j and k, in millimetres.
+    /// Spacing of voxel centres along i, j and k, in millimetres.
     pub spacing_mm: DVec3,
     /// Centre of the first voxel in the patient frame (LPS), in millimetres.
     pub origin_mm: DVec3,
-    /// Its columns are the directions of i, j and k in the patient frame: orthonormal, right- or
+    /// The columns are the directions of i, j and k in the patient frame: orthonormal, right- or
     /// left-handed.
     pub direction: DMat3,
 }
 
 impl Grid {
-    /// A grid along the axes of the patient frame.
+    /// Creates a grid along the axes of the patient frame.
     pub fn upright(size: [usize; 3], spacing_mm: DVec3, origin_mm: DVec3) -> Self {
         Self {
             size,
@@ -48,12 +48,12 @@ impl Grid {
         }
     }
 
-    /// The grid, if there can be such voxels in memory: 1 to 16384 along each axis and at most 2^28
-    /// in all, spacings of 0.001 to 1000 mm, an origin within 1e6 mm, orthonormal directions to
+    /// Returns the grid if it is valid: 1 to 16384 voxels along each axis and at most 2^28 in
+    /// total, spacings of 0.001 to 1000 mm, an origin within 1e6 mm, directions orthonormal to
     /// 1e-4. `place` names it in messages.
     ///
     /// # Errors
-    /// What cannot be.
+    /// Returns the first violation.
     pub fn checked(self, place: &str) -> Result<Self> {
         let [ni, nj, nk] = self.size;
         if self.size.iter().any(|n| !(1..=LONGEST_AXIS).contains(n)) {
@@ -79,7 +79,7 @@ impl Grid {
                 format!("spacings of {least} to {most} mm"),
             ));
         }
-        // glam's maximum passes over what is no number.
+        // glam's maximum ignores NaN.
         let origin = self.origin_mm.to_array();
         if !origin.iter().all(|mm| mm.abs() <= FARTHEST_MM) {
             return Err(Error::input(
@@ -104,44 +104,45 @@ impl Grid {
         Ok(self)
     }
 
-    /// Voxels in all.
+    /// Returns the total number of voxels.
     pub fn voxels(&self) -> usize {
         self.size.iter().product()
     }
 
-    /// Place of a voxel in memory.
+    /// Returns the memory index of a voxel.
     pub fn offset(&self, [i, j, k]: [usize; 3]) -> usize {
         i + self.size[0] * (j + self.size[1] * k)
     }
 
-    /// The point of an index (whole numbers are centres), in millimetres in the patient frame.
+    /// Returns the point of an index (integers are centres), in millimetres in the patient frame.
     #[inline]
     pub fn point(&self, index: DVec3) -> DVec3 {
         self.origin_mm + self.direction * (self.spacing_mm * index)
     }
 
-    /// The index of a point; [`Grid::point`]'s inverse, as far as the directions are orthonormal.
+    /// Returns the index of a point, the inverse of [`Grid::point`] up to the orthonormality of the
+    /// directions.
     #[inline]
     pub fn index(&self, point_mm: DVec3) -> DVec3 {
         self.direction.transpose() * (point_mm - self.origin_mm) / self.spacing_mm
     }
 
-    /// Whether an index lies in the space of the voxels, which reaches half a voxel beyond the
-    /// outermost centres, and by as much farther as the corners of grids may be apart that are the
-    /// same by [`Grid::difference`]: what is cut at the border of one lies in the other.
+    /// Returns whether an index lies in the space of the voxels, which extends half a voxel beyond
+    /// the outermost centres, plus the tolerance of [`Grid::difference`]: a surface cut at the
+    /// border of one grid must lie in an equal one.
     #[inline]
     pub fn holds(&self, index: DVec3) -> bool {
         let reach = DVec3::splat(0.5 + 2.0 * SAME);
         index.cmpge(-reach).all() && index.cmple(self.last() + reach).all()
     }
 
-    /// The index of the last voxel.
+    /// Returns the index of the last voxel.
     #[inline]
     pub fn last(&self) -> DVec3 {
         DVec3::from_array(self.size.map(|n| n as f64 - 1.0))
     }
 
-    /// The box around all centres along the patient's axes, for a message.
+    /// Bounding box of all centres along the patient's axes, for messages.
     pub(crate) fn box_in_words(&self) -> String {
         let corner = |n: usize| {
             let pick = |axis: usize| [0.0, 1.0][n >> axis & 1];
@@ -152,15 +153,15 @@ impl Grid {
         format!("{} to {} mm", listed(low), listed(high))
     }
 
-    /// The same grid with its origin elsewhere by `shift_mm`.
+    /// Returns the grid with its origin shifted by `shift_mm`.
     #[must_use]
     pub fn shifted(mut self, shift_mm: DVec3) -> Self {
         self.origin_mm += shift_mm;
         self
     }
 
-    /// In words, how this grid differs from another by more than a hundredth of a voxel at any of
-    /// its corners: what is here and what is there.
+    /// Describes how this grid differs from another by more than a hundredth of a voxel at any
+    /// corner, as texts for this grid and the other; `None` if they are equal.
     pub fn difference(&self, other: &Self) -> Option<(String, String)> {
         if self.size != other.size {
             let words = |g: &Self| format!("{} x {} x {} voxels", g.size[0], g.size[1], g.size[2]);
@@ -196,7 +197,7 @@ impl Grid {
     }
 }
 
-/// Three numbers for a message.
+/// Formats three numbers for a message.
 pub(crate) fn listed(v: DVec3) -> String {
     format!("({}, {}, {})", v.x, v.y, v.z)
 }

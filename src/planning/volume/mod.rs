@@ -1,4 +1,4 @@
-//! Volumes: a grid in the patient frame with a number, or a displacement, at each voxel's centre.
+//! Volumes: a grid in the patient frame with a value or a displacement at each voxel's centre.
 
 mod field;
 mod grid;

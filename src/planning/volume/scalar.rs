@@ -1,21 +1,21 @@
-//! Volumes of numbers: Hounsfield units, or anything else with one value a voxel.
+//! Scalar volumes: Hounsfield units, or any other single value per voxel.
 
 use super::grid::Grid;
 use super::trilinear::cell;
 use glam::DVec3;
 use phasmid_core::error::{Error, Result};
 
-/// The numbers of a volume, i fastest, then j, then k.
+/// The values of a volume, i fastest, then j, then k.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Voxels {
-    /// Whole numbers, as a CT's Hounsfield units are.
+    /// Integers, such as the Hounsfield units of a CT.
     I16(Vec<i16>),
-    /// Anything else; finite.
+    /// All other values; finite.
     F32(Vec<f32>),
 }
 
 impl Voxels {
-    /// How many.
+    /// Returns the number of values.
     pub fn len(&self) -> usize {
         match self {
             Self::I16(v) => v.len(),
@@ -23,15 +23,15 @@ impl Voxels {
         }
     }
 
-    /// Whether there is none.
+    /// Returns whether there are no values.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// One of them.
+    /// Returns the value at a memory index.
     ///
     /// # Panics
-    /// Where there is none of that number.
+    /// Panics if the index is out of range.
     #[inline]
     pub fn get(&self, offset: usize) -> f32 {
         match self {
@@ -41,7 +41,7 @@ impl Voxels {
     }
 }
 
-/// A number at each voxel of a grid.
+/// A value at each voxel of a grid.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Volume {
     grid: Grid,
@@ -49,10 +49,11 @@ pub struct Volume {
 }
 
 impl Volume {
-    /// A volume. `place` names it in messages.
+    /// Creates a volume. `place` names it in messages.
     ///
     /// # Errors
-    /// What [`Grid::checked`] refuses; as many numbers as are not the grid's; one that is not finite.
+    /// Returns the errors of [`Grid::checked`], and an error if the number of values differs from
+    /// that of the voxels, or if a value is not finite.
     pub fn new(grid: Grid, voxels: Voxels, place: &str) -> Result<Self> {
         let grid = grid.checked(place)?;
         if voxels.len() != grid.voxels() {
@@ -74,10 +75,10 @@ impl Volume {
         Ok(Self { grid, voxels })
     }
 
-    /// A volume whose number at each voxel is a function of its centre, in millimetres.
+    /// Creates a volume from a function of the voxels' centres, in millimetres.
     ///
     /// # Errors
-    /// As for [`Volume::new`].
+    /// Returns the errors of [`Volume::new`].
     pub fn of(grid: Grid, value: impl Fn(DVec3) -> f64 + Sync, place: &str) -> Result<Self> {
         use rayon::prelude::*;
         let grid = grid.checked(place)?;
@@ -95,26 +96,26 @@ impl Volume {
         Self::new(grid, Voxels::F32(voxels), place)
     }
 
-    /// Where its voxels lie.
+    /// Returns the grid.
     pub fn grid(&self) -> &Grid {
         &self.grid
     }
 
-    /// Its numbers.
+    /// Returns the values.
     pub fn voxels(&self) -> &Voxels {
         &self.voxels
     }
 
-    /// The number at a point in the patient frame, in millimetres, trilinear between centres. In
-    /// the outer half of the outermost voxels it is that of the nearest point between centres;
-    /// beyond the voxels it is `None`.
+    /// Returns the value at a point in the patient frame, in millimetres, by trilinear
+    /// interpolation. In the outer half of the outermost voxels it is that of the nearest point
+    /// between centres; `None` outside the voxels.
     #[inline]
     pub fn at(&self, point_mm: DVec3) -> Option<f64> {
         let index = self.grid.index(point_mm);
         self.grid.holds(index).then(|| self.nearest(index))
     }
 
-    /// The number at an index; beyond the outermost centres that of the nearest point between them.
+    /// Returns the value at an index, clamped to the outermost centres.
     pub fn nearest(&self, index: DVec3) -> f64 {
         let cell = cell(&self.grid, index);
         (0..8)
@@ -122,7 +123,7 @@ impl Volume {
             .sum()
     }
 
-    /// The same volume with its grid elsewhere by `shift_mm`.
+    /// Returns the volume with its grid shifted by `shift_mm`.
     #[must_use]
     pub fn shifted(mut self, shift_mm: DVec3) -> Self {
         self.grid = self.grid.shifted(shift_mm);

@@ -1,4 +1,4 @@
-//! Transforms against their inverses, interpolation against polynomials that it takes exactly.
+//! Transforms against their inverses, and interpolation of polynomials that it reproduces exactly.
 
 use super::*;
 use glam::{DMat3, DQuat, DVec3};
@@ -9,12 +9,12 @@ fn oblique() -> Grid {
         size: [7, 5, 4],
         spacing_mm: DVec3::new(0.9, 1.3, 3.0),
         origin_mm: DVec3::new(-120.0, 33.0, 810.0),
-        // A left-handed grid is one too.
+        // Left-handed grids are allowed too.
         direction: DMat3::from_quat(turn) * DMat3::from_diagonal(DVec3::new(1.0, 1.0, -1.0)),
     }
 }
 
-/// One of the functions that trilinear interpolation along the grid's axes takes exactly.
+/// A function that trilinear interpolation along the grid's axes reproduces exactly.
 fn trilinear(i: DVec3) -> f64 {
     3.0 - i.x + 2.0 * i.y + 0.5 * i.z - 0.25 * i.x * i.y + i.y * i.z - 0.125 * i.x * i.y * i.z
 }
@@ -30,7 +30,7 @@ fn an_index_is_the_inverse_of_a_point() {
     ] {
         assert!((grid.index(grid.point(index)) - index).length() < 1e-12);
     }
-    // A step along j is a spacing along the second column.
+    // A step along j is one spacing along the second column.
     let step = grid.point(DVec3::Y) - grid.point(DVec3::ZERO);
     assert!((step - 1.3 * grid.direction.y_axis).length() < 1e-12);
 }
@@ -64,7 +64,7 @@ fn beyond_the_voxels_there_is_nothing() {
     let grid = oblique();
     let volume = Volume::of(grid, |p| grid.index(p).x, "v").unwrap();
     let at = |i: f64| volume.at(grid.point(DVec3::new(i, 2.0, 1.0)));
-    // Half a voxel beyond the last centre the number of that centre, then none.
+    // Up to half a voxel beyond the last centre the value is that of the centre; beyond, `None`.
     assert!((at(-0.49).unwrap()).abs() < 1e-5);
     assert!((at(6.49).unwrap() - 6.0).abs() < 1e-5);
     assert_eq!(at(-0.53), None);
@@ -120,7 +120,7 @@ fn what_cannot_be_is_named() {
 fn grids_differ_in_words() {
     let good = oblique();
     let mut other = good;
-    // What six digits of a file lose is no difference.
+    // The rounding to six digits in a file is not a difference.
     other.origin_mm += 1e-4;
     other.spacing_mm *= 1.0 + 1e-6;
     assert_eq!(good.difference(&other), None);

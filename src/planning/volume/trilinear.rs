@@ -3,14 +3,13 @@
 use super::Grid;
 use glam::DVec3;
 
-/// Eight voxels and their weights, which sum to one.
+/// Offsets and weights of eight voxels; the weights sum to one.
 pub(super) struct Cell {
     pub(super) offsets: [usize; 8],
     pub(super) weights: [f64; 8],
 }
 
-/// The cell of an index; indices beyond the outermost centres are moved onto them. Not a number
-/// counts as the first voxel's.
+/// Returns the cell of an index, clamped to the outermost centres. NaN counts as the first voxel.
 pub(super) fn cell(grid: &Grid, index: DVec3) -> Cell {
     let mut low = [0_usize; 3];
     let mut step = [0_usize; 3];
@@ -18,7 +17,7 @@ pub(super) fn cell(grid: &Grid, index: DVec3) -> Cell {
     let strides = [1, grid.size[0], grid.size[0] * grid.size[1]];
     for axis in 0..3 {
         let last = grid.size[axis] - 1;
-        // `max` takes the zero of the two where the other is no number.
+        // `max` returns 0 if the index is NaN.
         let x = index[axis].max(0.0).min(last as f64);
         // The last centre belongs to the cell before it.
         low[axis] = (x as usize).min(last.saturating_sub(1));

@@ -1,4 +1,4 @@
-//! Dialects that ship inside the program.
+//! Built-in dialects.
 
 use phasmid_core::error::{Error, Result};
 use phasmid_core::source::TomlSource;
@@ -11,7 +11,7 @@ pub(super) const DIALECTS: [(&str, &str); 3] = [
     ("okline", phasmid_device_profiles::DIALECTS_OKLINE),
 ];
 
-/// A shipped dialect, or a file.
+/// Loads a built-in dialect or a file.
 pub(super) fn source(name_or_path: &str) -> Result<TomlSource> {
     if let Some((name, text)) = DIALECTS.iter().find(|(name, _)| *name == name_or_path) {
         return Ok(TomlSource::new(text, &format!("built-in dialect {name}")));

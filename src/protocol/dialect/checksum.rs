@@ -2,7 +2,7 @@
 
 use serde::Deserialize;
 
-/// How a packet is checked.
+/// Checksum algorithm of a packet.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(super) enum Checksum {
@@ -18,7 +18,7 @@ pub(super) enum Checksum {
 }
 
 impl Checksum {
-    /// Bytes that it takes.
+    /// Returns its size in bytes.
     pub(super) fn len(self) -> usize {
         match self {
             Self::Sum8 | Self::Xor8 => 1,

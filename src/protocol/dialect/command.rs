@@ -1,4 +1,4 @@
-//! What a dialect is made of when its file has been checked.
+//! Parts of a checked dialect.
 
 use super::field::{Field, Kind};
 use super::file::ErrorFile;
@@ -8,29 +8,29 @@ use super::uses::Chunk;
 use crate::scpi::DeviceError;
 use std::sync::Arc;
 
-/// How messages are told from each other.
+/// Message framing.
 #[derive(Debug, Clone)]
 pub(super) enum Framing {
-    /// IEEE 488.2: the device's own.
+    /// IEEE 488.2: the device's native framing.
     Scpi(Arc<LineEnds>),
     Line(Arc<LineEnds>),
     Packet(Arc<Layout>),
 }
 
-/// The ends of lines and what else is said of them.
+/// Line ends and other line settings.
 #[derive(Debug, Clone)]
 pub(super) struct LineEnds {
     pub(super) to_device: String,
     pub(super) to_host: String,
-    /// Begins what is not looked at.
+    /// Start of a comment, which is ignored.
     pub(super) comment: Option<String>,
     pub(super) any_case: bool,
-    /// Longest line without its end.
+    /// Maximum line length without the line end.
     pub(super) max: usize,
 }
 
 impl LineEnds {
-    /// A line without comment and without spaces at its ends.
+    /// Strips comment and surrounding spaces from a line.
     pub(super) fn content<'a>(&self, line: &'a [u8]) -> &'a [u8] {
         let end = self.comment.as_ref().and_then(|comment| {
             let comment = comment.as_bytes();
@@ -53,14 +53,14 @@ pub(super) struct Command {
     pub(super) args: Vec<Field>,
     /// Messages for the firmware.
     pub(super) runs: Vec<Template>,
-    /// How the values stand in the firmware's answers: one for each message.
+    /// Templates of the values in the firmware's answers, one per message.
     pub(super) answers: Vec<Option<Template>>,
-    /// What a reply says.
+    /// Values of the reply.
     pub(super) values: Vec<Field>,
     /// The lines of a reply; the last one ends it.
     pub(super) reply: Vec<Template>,
     pub(super) chunk: Option<Chunk>,
-    /// Bytes of a piece of a long answer.
+    /// Bytes per piece of a long answer.
     pub(super) chunk_bytes: usize,
 }
 
@@ -74,12 +74,12 @@ impl Command {
     }
 }
 
-/// How a device refuses.
+/// Refusals of a device.
 #[derive(Debug, Clone)]
 pub(super) struct Errors {
     /// Its line; `None` in packets.
     pub(super) line: Option<Template>,
-    /// How the number stands in a packet's data.
+    /// Encoding of the number in a packet's data.
     pub(super) number: Option<Kind>,
     pub(super) default: ErrorFile,
     pub(super) busy: ErrorFile,
@@ -87,8 +87,8 @@ pub(super) struct Errors {
 }
 
 impl Errors {
-    /// The dialect's error for the firmware's: by its number, else by its class (-200 for -222),
-    /// else the default.
+    /// Maps a firmware error to the dialect's: by number, else by class (-200 for -222), else the
+    /// default.
     pub(super) fn of(&self, error: &DeviceError) -> &ErrorFile {
         let number = error.code.number();
         [number, number / 100 * 100]

@@ -1,16 +1,16 @@
-//! Cuts a stream of bytes into a dialect's messages.
+//! Splits a byte stream into a dialect's messages.
 //!
-//! Whatever is wrong, the stream is in step again: lines at the next end of a line; packets at the
-//! next place where a header stands that can be one and, where packets are checked, whose checksum
-//! matches. Garbage before a packet that looks like a header takes bytes of that packet with it where
-//! there is neither start nor checksum; whoever asked asks again.
+//! After any error the stream resynchronises: lines at the next line end; packets at the next
+//! plausible header, with a matching checksum if packets have one. Without start bytes and
+//! checksum, garbage that looks like a header swallows bytes of the following packet; the client
+//! must then retry.
 
 use super::packet::{Extent, Layout};
 use super::{LineEnds, WireError};
 use crate::scpi::{ErrorCode, Framer, Framing};
 use std::sync::Arc;
 
-/// Which way a stream runs.
+/// Direction of a stream.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Direction {
     /// From the host to the device.
@@ -19,12 +19,12 @@ pub enum Direction {
     ToHost,
 }
 
-/// What a stream gave.
+/// Output of a cutter.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Cut {
-    /// A message: a line without its end, a packet whole.
+    /// A message: a line without its end, or a complete packet.
     Message(Vec<u8>),
-    /// Bytes that were thrown away, and why. Told once for a stretch of them, when it begins.
+    /// Bytes were discarded, with the reason. Reported once per run of bytes, at its start.
     Dropped(WireError),
 }
 
@@ -44,7 +44,7 @@ struct Lines {
     ends: Arc<LineEnds>,
     end: u8,
     buffer: Vec<u8>,
-    /// The rest of the line is thrown away.
+    /// The rest of the line is discarded.
     skips: bool,
 }
 
@@ -53,7 +53,7 @@ struct Packets {
     layout: Arc<Layout>,
     direction: Direction,
     buffer: Vec<u8>,
-    /// Bytes have been thrown away since the last packet.
+    /// Bytes have been discarded since the last packet.
     dropping: bool,
 }
 
@@ -84,7 +84,7 @@ impl Cutter {
         }))
     }
 
-    /// Takes bytes as they came and hands on every complete message.
+    /// Takes received bytes and passes on every complete message.
     pub fn push(&mut self, bytes: &[u8], take: &mut dyn FnMut(Cut)) {
         match &mut self.0 {
             State::Scpi(framer) => framer.push(bytes, &mut |framing| {
@@ -103,8 +103,8 @@ impl Cutter {
         }
     }
 
-    /// Whether a part of a message has come whose rest cannot be told from the next message: the
-    /// driver calls [`Self::reset`] when it stops coming.
+    /// Returns whether a partial message is pending whose rest cannot be distinguished from the
+    /// next message; the driver calls [`Self::reset`] after a timeout.
     pub fn inside(&self) -> bool {
         match &self.0 {
             State::Scpi(framer) => framer.inside_block(),
@@ -113,7 +113,7 @@ impl Cutter {
         }
     }
 
-    /// Throws away what has come of an unfinished message.
+    /// Discards a partial message.
     pub fn reset(&mut self) {
         match &mut self.0 {
             State::Scpi(framer) => framer.reset(),

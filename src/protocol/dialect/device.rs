@@ -1,4 +1,4 @@
-//! The device's side of a dialect: what a message asks, and how it is answered.
+//! Device side of a dialect: parses requests and builds replies.
 
 use super::command::{Command, Framing, LineEnds};
 use super::field::Field;
@@ -24,11 +24,11 @@ impl From<DeviceError> for Unfit {
 }
 
 impl Dialect {
-    /// What a message asks of the device.
+    /// Parses a request to the device.
     ///
     /// # Errors
-    /// A message that is damaged, of a command that the dialect does not have, or whose arguments
-    /// are none; [`Self::nack`] makes the answer.
+    /// Returns an error if the message is damaged, its command unknown or its arguments invalid;
+    /// [`Self::nack`] builds the answer.
     pub fn asked(&self, message: &[u8]) -> Result<Asked, WireError> {
         match &self.framing {
             Framing::Scpi(ends) | Framing::Line(ends) => {
@@ -113,7 +113,7 @@ impl Dialect {
         })
     }
 
-    /// The firmware's own (SCPI) messages that a command stands for, in order.
+    /// Returns the firmware (SCPI) messages of a command, in order.
     pub fn runs(&self, asked: &Asked) -> Vec<String> {
         let command = self.command(&asked.command);
         // What could not be said has been refused when it was asked.
@@ -122,12 +122,12 @@ impl Dialect {
         })
     }
 
-    /// The reply with its end, made of the firmware's answers: one for each message of
-    /// [`Self::runs`], without newlines, empty where a message has none. Empty where no reply is
-    /// wanted.
+    /// Builds the reply, including its end, from the firmware's answers: one per message of
+    /// [`Self::runs`], without newlines, empty for messages without an answer. Returns an empty
+    /// reply if none is wanted.
     ///
     /// # Errors
-    /// Answers that are not as the file has them.
+    /// Returns an error if the answers do not match the file.
     pub fn answer(&self, asked: &Asked, answers: &[Vec<u8>]) -> Result<Vec<u8>, DeviceError> {
         let command = self.command(&asked.command);
         let Some(command) = command.filter(|_| asked.wants_reply) else {
@@ -170,7 +170,7 @@ impl Dialect {
         }
     }
 
-    /// What the device says unasked when something happens; `None` where the dialect does not tell.
+    /// Returns the unsolicited message for an event; `None` if the dialect does not report it.
     pub fn event(&self, event: Event) -> Option<Vec<u8>> {
         let (Framing::Scpi(ends) | Framing::Line(ends)) = &self.framing else {
             return None;

@@ -19,11 +19,11 @@ pub(super) struct Field {
     pub(super) divisor: f64,
     /// Allowed on the wire.
     pub(super) range: (f64, f64),
-    /// What the wire says and the device's word for it; empty where anything goes.
+    /// Pairs of wire value and device word; empty if any value is allowed.
     pub(super) choices: Vec<(String, String)>,
     /// Size in a packet.
     pub(super) bytes: Option<usize>,
-    /// What is sent whatever is asked, and not looked at when it is received; in base units.
+    /// Constant that is always sent and ignored on reception; in base units.
     pub(super) constant: Option<Value>,
     /// Most significant byte first.
     pub(super) big: bool,
@@ -69,7 +69,7 @@ impl Field {
         code.with(format!("{}: {found}, allowed {allowed}", self.name))
     }
 
-    /// What stands on the wire for one of the choices.
+    /// Returns the wire value of a choice.
     fn wire_word(&self, value: &Value) -> Outcome<&str> {
         let word = value.to_string();
         let known = self
@@ -86,7 +86,7 @@ impl Field {
         }
     }
 
-    /// One of the choices for what stands on the wire.
+    /// Returns the choice for a wire value.
     fn chosen(&self, wire: &str) -> Outcome<Value> {
         let known = self
             .choices
@@ -144,7 +144,7 @@ impl Field {
         }
     }
 
-    /// Some value that is allowed.
+    /// Returns an example of an allowed value.
     pub(super) fn example(&self) -> Value {
         if let Some(constant) = &self.constant {
             return constant.clone();

@@ -1,4 +1,4 @@
-//! The host's side of a dialect: how a command is asked, and what a message means to who asked.
+//! Host side of a dialect: builds requests and interprets replies.
 
 use super::command::Framing;
 use super::device::{Unfit, values_of_line, whole};
@@ -8,10 +8,10 @@ use crate::scpi::{DeviceError, ErrorCode};
 use phasmid_core::error::Result;
 
 impl Dialect {
-    /// A command as the host sends it, with its end.
+    /// Returns a command as the host sends it, including its end.
     ///
     /// # Errors
-    /// A command that the dialect does not have, and arguments that are missing, of another kind, or
+    /// Returns an error if the command is unknown, or an argument is missing, of the wrong type or
     /// out of range.
     pub fn request(
         &self,
@@ -64,7 +64,7 @@ impl Dialect {
         }
     }
 
-    /// What a message means to the host that has asked `command` with `sequence`.
+    /// Interprets a message for the host that has sent `command` with `sequence`.
     pub fn reply(&self, command: &str, message: &[u8], sequence: u8) -> Reply {
         match &self.framing {
             Framing::Scpi(_) | Framing::Line(_) => self.reply_line(command, message),

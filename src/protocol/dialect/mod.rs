@@ -1,19 +1,19 @@
-//! Dialects: how a device's control port talks, as a file.
+//! Dialects: the language of a device's control port, described by a file.
 //!
-//! The device's own language is SCPI ([`crate::scpi`]). A dialect is another one in its
-//! place: how bytes are cut into messages, which commands there are, which of the device's own
-//! messages each stands for, how it is answered, what is said unasked; and how a host does what a
-//! scan needs. Both halves read the same file, so the emulated device speaks it, and a physical
-//! device that speaks it needs no code in the host. Everything here is a function of its arguments:
-//! nothing waits, and what comes off a wire is bounded.
+//! The device's own language is SCPI ([`crate::scpi`]). A dialect replaces it: it defines how bytes
+//! are split into messages, the commands, the device's own messages that each stands for, replies,
+//! unsolicited messages, and how a host performs the operations of a scan. Both sides read the same
+//! file, so the emulated device speaks it, and a physical device that speaks it needs no code in
+//! the host. Everything here is a pure function of its arguments: nothing blocks, and all input is
+//! bounded.
 //!
 //! ```text
 //!  host: request --bytes--> cutter --message--> asked --> runs --> firmware
 //!        reply <--message-- cutter <--bytes-- answer, refusal <-- answers, errors
 //! ```
 //!
-//! Without a checksum a bit error in a number is another number: dialects of plain lines and of
-//! packets without checksums leave it to the host to read back what it has set.
+//! Without a checksum a bit error in a number goes unnoticed: with line dialects and packets
+//! without checksums, the host must read back what it has set.
 //!
 #![doc = include_str!("guide.md")]
 
@@ -62,18 +62,20 @@ pub struct Dialect {
 }
 
 impl Dialect {
-    /// A shipped dialect by its name, or else a file by its path.
+    /// Loads a built-in dialect by its name, or else a file by its path.
     ///
     /// # Errors
-    /// A name that is neither, unreadable files, and all that [`Self::parse`] refuses.
+    /// Returns an error if the name is neither built in nor a file, if the file cannot be read, or
+    /// if [`Self::parse`] fails.
     pub fn load(name_or_path: &str) -> Result<Self> {
         Self::from_source(&builtin::source(name_or_path)?)
     }
 
-    /// Reads and checks a dialect from text; `place` stands for the file in messages.
+    /// Parses and checks a dialect; `place` is the file name used in messages.
     ///
     /// # Errors
-    /// Syntax, unknown fields, wrong types, and whatever contradicts itself, each with its line.
+    /// Returns an error with its line on a syntax error, an unknown field, a wrong type or an
+    /// inconsistency.
     pub fn parse(text: &str, place: &str) -> Result<Self> {
         Self::from_source(&TomlSource::new(text, place))
     }
@@ -81,12 +83,12 @@ impl Dialect {
     /// Reads and checks a dialect.
     ///
     /// # Errors
-    /// As [`Self::parse`].
+    /// Returns an error under the same conditions as [`Self::parse`].
     pub fn from_source(source: &TomlSource) -> Result<Self> {
         check::dialect(&source.deserialize()?, source)
     }
 
-    /// Names of the shipped dialects.
+    /// Returns the names of the built-in dialects.
     pub fn names() -> impl Iterator<Item = &'static str> {
         builtin::DIALECTS.iter().map(|(name, _)| *name)
     }
@@ -97,7 +99,7 @@ impl Dialect {
         found.map(|(_, text)| *text)
     }
 
-    /// Name by which it is chosen.
+    /// Returns the name used to select it.
     pub fn name(&self) -> &str {
         &self.name
     }
@@ -107,12 +109,13 @@ impl Dialect {
         &self.description
     }
 
-    /// Whether the device's own grammar is spoken (IEEE 488.2), so that its messages pass through.
+    /// Returns whether it is the device's native grammar (IEEE 488.2), so that messages pass
+    /// through unchanged.
     pub fn is_scpi(&self) -> bool {
         matches!(self.framing, Framing::Scpi(_))
     }
 
-    /// How messages are told from each other, in words.
+    /// Returns a description of the message framing.
     pub fn framing(&self) -> String {
         match &self.framing {
             Framing::Scpi(_) => "SCPI".to_owned(),
@@ -124,17 +127,17 @@ impl Dialect {
         }
     }
 
-    /// Whether messages are packets, whose bytes have all of their bits.
+    /// Returns whether messages are packets, which need 8-bit bytes.
     pub fn is_binary(&self) -> bool {
         matches!(self.framing, Framing::Packet(_))
     }
 
-    /// Whether messages have a number that a reply repeats.
+    /// Returns whether messages have a sequence number that replies repeat.
     pub fn has_sequence(&self) -> bool {
         matches!(&self.framing, Framing::Packet(layout) if layout.sequence.is_some())
     }
 
-    /// Whether damaged messages are told from sound ones.
+    /// Returns whether damaged messages can be detected.
     pub fn has_checksum(&self) -> bool {
         matches!(&self.framing, Framing::Packet(layout) if layout.checksum.is_some())
     }
@@ -155,7 +158,7 @@ impl Dialect {
         }
     }
 
-    /// Whether the device sends back what it receives: [`Self::echoed`] says how.
+    /// Returns whether the device echoes what it receives: see [`Self::echoed`].
     pub fn echo(&self) -> bool {
         self.echo
     }
@@ -170,7 +173,7 @@ impl Dialect {
         }
     }
 
-    /// What the device says after power-on, in order of time.
+    /// Returns the messages after power-on, in time order.
     pub fn boot(&self) -> &[Boot] {
         &self.boot
     }
@@ -180,7 +183,8 @@ impl Dialect {
         &self.host
     }
 
-    /// Whether another dialect does an operation with the same words, whatever it calls them.
+    /// Returns whether another dialect performs an operation with the same messages, regardless of
+    /// command names.
     pub fn does_alike(&self, other: &Self, operation: &str) -> bool {
         let words = |dialect: &Self| {
             let operation = dialect.host.get(operation)?;
@@ -202,12 +206,12 @@ impl Dialect {
         self.commands.iter().map(|command| command.name.as_str())
     }
 
-    /// How a command's long answer is read in pieces; `None` where it comes whole.
+    /// Returns how a command's long answer is read in pieces; `None` if it comes in one message.
     pub fn chunk(&self, command: &str) -> Option<&Chunk> {
         self.command(command)?.chunk.as_ref()
     }
 
-    /// Whether the device answers a command at all: SCPI does not answer an order.
+    /// Returns whether the device answers a command; SCPI answers only queries.
     pub fn is_answered(&self, command: &str) -> bool {
         match (&self.framing, self.command(command)) {
             (Framing::Packet(_), found) => found.is_some(),

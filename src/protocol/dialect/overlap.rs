@@ -1,7 +1,7 @@
-//! Whether some line fits two templates: the product of two automata, whose states are the places in
-//! the one and in the other (Hopcroft and Ullman 1979, theorem 3.3). A field counts as any number of
-//! the characters that it may have, so a pair that is told apart by numbers alone counts as the same:
-//! a file in doubt is refused.
+//! Tests whether some line matches two templates, by the product of two automata whose states are
+//! positions in the templates (Hopcroft and Ullman 1979, theorem 3.3). A field matches any number
+//! of its allowed characters, so templates that differ only in the range of numbers count as
+//! overlapping: in doubt a file is rejected.
 
 use super::field::Field;
 use super::template::{Part, Template};

@@ -1,4 +1,4 @@
-//! Where what stands in a packet.
+//! Packet layout.
 
 use super::Direction;
 use super::checksum::Checksum;
@@ -7,9 +7,9 @@ use super::file::{CodeFile, FlagsFile, LengthFile};
 /// The layout of a dialect's packets.
 #[derive(Debug, Clone)]
 pub(super) struct Layout {
-    /// Length of every packet, where all are alike.
+    /// Length of every packet, if fixed.
     pub(super) size: Option<usize>,
-    /// Longest packet.
+    /// Maximum packet length.
     pub(super) max: usize,
     pub(super) start: Vec<u8>,
     pub(super) flags: Option<FlagsFile>,
@@ -23,14 +23,14 @@ pub(super) struct Layout {
     pub(super) checksum: Option<Checksum>,
 }
 
-/// What the beginning of a packet says.
+/// Result of reading the start of a packet.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Extent {
-    /// Too few bytes to tell.
+    /// Too few bytes to decide.
     More,
-    /// So many bytes in all, and where its data end.
+    /// Total length in bytes, and end of the data.
     Whole { len: usize, data_end: usize },
-    /// No packet begins so.
+    /// Not the start of a packet.
     None,
 }
 
@@ -94,7 +94,7 @@ impl Layout {
         }
     }
 
-    /// How far the packet reaches that begins with `head`.
+    /// Returns the extent of the packet that starts with `head`.
     pub(super) fn extent(&self, head: &[u8], direction: Direction) -> Extent {
         let known = head.len().min(self.start.len());
         if head[..known] != self.start[..known] {
@@ -132,10 +132,10 @@ impl Layout {
         Extent::Whole { len, data_end }
     }
 
-    /// Takes a packet apart.
+    /// Parses a packet.
     ///
     /// # Errors
-    /// What is wrong with it.
+    /// Returns an error that describes the defect.
     pub(super) fn open<'a>(
         &self,
         packet: &'a [u8],
@@ -164,7 +164,7 @@ impl Layout {
         })
     }
 
-    /// Puts a packet together; `None` when the data do not fit.
+    /// Builds a packet; `None` if the data do not fit.
     pub(super) fn seal(
         &self,
         direction: Direction,

@@ -1,4 +1,4 @@
-//! How a device refuses: by the dialect's own number and words for what the firmware says.
+//! Refusals: maps firmware errors to the dialect's own numbers and texts.
 
 use super::command::Framing;
 use super::device::Unfit;
@@ -8,20 +8,20 @@ use super::{Asked, Dialect, Direction, Head, Value, WireError};
 use crate::scpi::DeviceError;
 
 impl Dialect {
-    /// The reply to a command that the firmware refuses, with the dialect's own number; empty where
-    /// no reply is wanted.
+    /// Returns the reply to a command refused by the firmware, with the dialect's error number;
+    /// empty if no reply is wanted.
     pub fn refusal(&self, asked: &Asked, error: &DeviceError) -> Vec<u8> {
         let own = self.errors.as_ref().map(|errors| errors.of(error));
         self.refuse(self.head(asked), asked.wants_reply, own, &error.detail)
     }
 
-    /// The reply to a message that is no command; empty where it is not answered.
+    /// Returns the reply to an invalid message; empty if it is not answered.
     pub fn nack(&self, error: &WireError) -> Vec<u8> {
         let own = self.errors.as_ref().map(|errors| errors.of(&error.error));
         self.refuse(error.head, error.wants_reply, own, &error.error.detail)
     }
 
-    /// The reply of a device that has no time now (the file's `busy` error).
+    /// Returns the reply of a busy device (the file's `busy` error).
     pub fn busy(&self, asked: &Asked) -> Vec<u8> {
         let own = self.errors.as_ref().map(|errors| &errors.busy);
         self.refuse(self.head(asked), asked.wants_reply, own, "")

@@ -1,8 +1,8 @@
-//! Texts with `{name}` in them: filled in one direction, taken apart in the other.
+//! Templates with `{name}` placeholders: formatted in one direction, parsed in the other.
 //!
-//! A `{name}` ends where the text behind it first occurs, and the last one at the end, so that there
-//! is one way to read a line and no search. Strings in quotes and blocks (IEEE 488.2, 7.7.5 and
-//! 7.7.6) say themselves where they end.
+//! A `{name}` ends at the first occurrence of the text that follows it, and the last one at the end
+//! of the line, so parsing is unambiguous and needs no backtracking. Quoted strings and blocks
+//! (IEEE 488.2, 7.7.5 and 7.7.6) determine their own end.
 
 use crate::scpi::{BlockPrefix, block_header};
 
@@ -25,7 +25,7 @@ impl Template {
     /// Reads a template.
     ///
     /// # Errors
-    /// What is wrong with it.
+    /// Returns an error that describes the defect.
     pub(super) fn parse(text: &str) -> Result<Self, String> {
         let mut parts = Vec::new();
         let mut plain = String::new();
@@ -78,7 +78,8 @@ impl Template {
     /// The text with what `value` gives in the places of the names.
     ///
     /// # Errors
-    /// Those of `value`, made of words, and a value that could not be told from the text behind it.
+    /// Returns an error if `value` fails, or if a value could not be distinguished from the text
+    /// after it.
     pub(super) fn fill<E: From<String>>(
         &self,
         mut value: impl FnMut(&str) -> Result<Vec<u8>, E>,
@@ -102,7 +103,7 @@ impl Template {
         Ok(line)
     }
 
-    /// Takes a line apart; `None` when it is none of this template's.
+    /// Parses a line; `None` if it does not match the template.
     pub(super) fn split<'a>(
         &'a self,
         line: &'a [u8],

@@ -1,4 +1,4 @@
-//! How the host's operations are done in a dialect.
+//! Host operations in terms of a dialect's commands.
 
 use super::{Event, Value};
 use phasmid_core::error::{Error, Result};
@@ -32,7 +32,7 @@ pub(super) const OPERATIONS: [(&str, &[&str]); 18] = [
     ("marked", &[]),
 ];
 
-/// Operations that a scan cannot do without.
+/// Operations required for a scan.
 const NEEDED: [&str; 1] = ["trigger"];
 
 impl HostUse {
@@ -47,12 +47,12 @@ impl HostUse {
         all.filter(|name| self.operations.contains_key(*name))
     }
 
-    /// Names of those that it lacks and that a scan cannot do without.
+    /// Returns the names of missing operations that a scan requires.
     pub fn needed(&self) -> impl Iterator<Item = &'static str> {
         self.missing().filter(|name| NEEDED.contains(name))
     }
 
-    /// Names of those that it lacks.
+    /// Returns the names of missing operations.
     pub fn missing(&self) -> impl Iterator<Item = &'static str> {
         let all = OPERATIONS.iter().map(|(name, _)| *name);
         all.filter(|name| !self.operations.contains_key(*name))
@@ -114,7 +114,7 @@ impl Step {
     /// The arguments with the operation's inputs in their places.
     ///
     /// # Errors
-    /// An input that is not given.
+    /// Returns an error if an input is missing.
     pub fn args<'a>(&'a self, inputs: &[(&str, Value)]) -> Result<Vec<(&'a str, Value)>> {
         let value = |argument: &Argument| match argument {
             Argument::Literal(value) => Ok(value.clone()),
@@ -144,10 +144,10 @@ pub struct Chunk {
     pub check: Option<String>,
 }
 
-/// Most bytes that are put together.
+/// Maximum size of a reassembled answer in bytes.
 pub const MAX_CHUNKED_BYTES: usize = 8 << 20;
 
-/// Puts the pieces of a long answer together.
+/// Reassembles the pieces of a long answer.
 #[derive(Debug, Clone)]
 pub struct Gather<'a> {
     chunk: &'a Chunk,
@@ -171,11 +171,11 @@ impl<'a> Gather<'a> {
         (&self.chunk.offset, Value::Number(self.bytes.len() as f64))
     }
 
-    /// Takes a piece; gives the whole when it was the last one.
+    /// Adds a piece; returns the whole answer after the last one.
     ///
     /// # Errors
-    /// Words for a piece that does not fit those before it, more than [`MAX_CHUNKED_BYTES`], and a
-    /// whole that does not match its checksum.
+    /// Returns an error if a piece does not fit the previous ones, the size exceeds
+    /// [`MAX_CHUNKED_BYTES`] or the checksum does not match.
     pub fn take(&mut self, values: &[(String, Value)]) -> Result<Option<Vec<u8>>, String> {
         let find = |name: &str| {
             let found = values.iter().find(|(n, _)| n == name).map(|(_, v)| v);

@@ -1,4 +1,4 @@
-//! What is passed between a dialect and whoever uses it: values, events, and what is wrong.
+//! Data exchanged between a dialect and its users: values, events and errors.
 
 use crate::scpi::{DeviceError, ErrorCode};
 use std::fmt::{self, Display};
@@ -56,10 +56,10 @@ impl From<&str> for Value {
     }
 }
 
-/// What the device says unasked.
+/// An unsolicited message from the device.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Event {
-    /// It has been switched on, or has started anew.
+    /// The device was powered on or restarted.
     Booted,
     /// An exposure of a sequence has ended.
     Exposed {
@@ -70,16 +70,16 @@ pub enum Event {
     },
     /// A sequence has ended.
     SequenceDone,
-    /// A trigger came when nobody waited for it.
+    /// A trigger arrived when none was expected.
     TriggerMissed,
 }
 
-/// What a message meant to the host that asked.
+/// Meaning of a message for the host that sent the request.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Reply {
     /// The answer is complete; its values by their names in the file.
     Done(Vec<(String, Value)>),
-    /// A line of an answer of several lines; the others are still to come.
+    /// A line of a multi-line answer that is not yet complete.
     More(Vec<(String, Value)>),
     /// The device refuses.
     Refused {
@@ -88,9 +88,9 @@ pub enum Reply {
         /// The dialect's or the device's words, empty where a refusal bears none.
         text: String,
     },
-    /// Not an answer: something that the device says of its own accord.
+    /// Not an answer, but an unsolicited message.
     Event(Event),
-    /// Sound, but not an answer to this question: another sequence number, another command, an echo.
+    /// Valid, but not an answer to this request: another sequence number or command, or an echo.
     Other,
     /// Damaged, or not of this dialect; says what is wrong.
     Bad(String),

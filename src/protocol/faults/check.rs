@@ -1,4 +1,4 @@
-//! What a schedule may say.
+//! Checks of a fault schedule.
 
 use super::{Fault, MAX_FAULTS, Schedule, Side};
 use phasmid_core::error::Result;
@@ -6,19 +6,19 @@ use phasmid_core::source::TomlSource;
 use std::fmt::{Debug, Display};
 use std::ops::RangeInclusive;
 
-/// What is wrong with a fault.
+/// A problem with a fault.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{field}: {found}; allowed: {allowed}")]
 pub struct Flaw {
     /// The field, such as `when.nth`.
     pub field: String,
-    /// What stands there.
+    /// Value found.
     pub found: String,
-    /// What may stand there.
+    /// Allowed values.
     pub allowed: String,
 }
 
-/// Longest time that a fault takes, in milliseconds.
+/// Maximum duration of a fault in milliseconds.
 const MAX_MS: f64 = 3.6e6;
 
 pub(super) fn schedule(schedule: &Schedule, source: &TomlSource) -> Result<()> {
@@ -35,7 +35,7 @@ pub(super) fn schedule(schedule: &Schedule, source: &TomlSource) -> Result<()> {
     Ok(())
 }
 
-/// Refuses faults for devices that are not there: they could never strike.
+/// Rejects faults for unknown devices, which could never occur.
 pub(super) fn devices(schedule: &Schedule, names: &[&str], source: &TomlSource) -> Result<()> {
     for (i, fault) in schedule.fault.iter().enumerate() {
         fault.check_device(names).map_err(|flaw| {
@@ -83,7 +83,7 @@ impl Fault {
     /// Checks what types allow and the kind does not.
     ///
     /// # Errors
-    /// The first field that says what it may not.
+    /// Returns the first invalid field.
     pub fn check(&self) -> std::result::Result<(), Flaw> {
         self.check_parameters()?;
         within("by_ms", self.by_ms, 0.0..=MAX_MS)?;
@@ -111,10 +111,10 @@ impl Fault {
         self.check_when()
     }
 
-    /// Checks that the device that it is for, if it is for one alone, is among those of these names.
+    /// Checks that the fault's device, if it names one, is in `names`.
     ///
     /// # Errors
-    /// The field `device`.
+    /// Returns an error for the field `device` if it is not.
     pub fn check_device(&self, names: &[&str]) -> std::result::Result<(), Flaw> {
         let there = names.iter().any(|name| self.concerns(name));
         let device = self.device.as_deref().unwrap_or_default();

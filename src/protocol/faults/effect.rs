@@ -1,9 +1,9 @@
-//! What a fault amounts to.
+//! Effect of a fault.
 
 use super::kind::What;
 use super::{Direction, Fault};
 
-/// A fault with its parameters as they act, times in nanoseconds of device time.
+/// A fault with resolved parameters, times in nanoseconds of device time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Effect {
     /// The frame never arrives.
@@ -25,14 +25,14 @@ pub enum Effect {
         /// The middle one when absent.
         row: Option<u32>,
     },
-    /// Rows are missing, those below move up, and as many at the bottom are black.
+    /// Rows are missing: those below move up, and the same number at the bottom are black.
     RowsMissing {
         /// The middle one when absent.
         row: Option<u32>,
         /// How many.
         rows: u32,
     },
-    /// Bits are the other way round, anywhere in the frame.
+    /// Bits are flipped at random positions in the frame.
     BitsFlipped {
         /// How many.
         count: u32,
@@ -41,7 +41,7 @@ pub enum Effect {
     Dark,
     /// Another pattern is shown.
     WrongPattern {
-        /// Places from the right one; never 0.
+        /// Offset from the correct pattern; never 0.
         offset: i32,
     },
     /// The projector is lit for a part of the exposure.
@@ -68,7 +68,7 @@ pub enum Effect {
         /// How many.
         count: u32,
     },
-    /// Bits of the message are the other way round.
+    /// Bits of the message are flipped.
     BitErrors {
         /// Which way.
         direction: Direction,
@@ -77,16 +77,16 @@ pub enum Effect {
     },
     /// The command is refused.
     Nak,
-    /// The port is gone for so long.
+    /// The port disappears for a time.
     Disconnect {
         /// How long.
         for_ns: u64,
     },
-    /// The device boots.
+    /// The device restarts.
     Reset,
 }
 
-/// How many bits are the other way round.
+/// Number of flipped bits.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Bits {
     /// So many of a message.

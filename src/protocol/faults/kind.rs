@@ -1,4 +1,4 @@
-//! The kinds of faults and what is to be known of them.
+//! Kinds of faults and their properties.
 
 use serde::{Deserialize, Serialize};
 
@@ -10,7 +10,7 @@ pub enum What {
     Dropped,
     /// A frame that arrives twice.
     Repeated,
-    /// A frame that arrives late; those behind it wait.
+    /// A frame that arrives late and delays those after it.
     Late,
     /// A frame that arrives after the next one.
     Swapped,
@@ -18,31 +18,31 @@ pub enum What {
     Torn,
     /// A frame that has lost rows.
     RowsMissing,
-    /// Bits of a frame that are the other way round.
+    /// Flipped bits in a frame.
     BitsFlipped,
     /// A frame without the projector's light.
     Dark,
     /// A frame of another pattern of the sequence.
     WrongPattern,
-    /// A frame that has seen the projector's light for a part of its exposure.
+    /// A frame with the projector's light on for only part of its exposure.
     PartialExposure,
     /// A reply that never arrives.
     NoReply,
-    /// A reply that arrives late; those behind it wait.
+    /// A reply that arrives late and delays those after it.
     LateReply,
     /// A reply that arrives twice.
     ReplyTwice,
-    /// Bytes before a reply that nobody sent.
+    /// Spurious bytes before a reply.
     GarbageBefore,
-    /// Bytes inside of a reply that nobody sent.
+    /// Spurious bytes inside a reply.
     GarbageInside,
-    /// Bits on the line that are the other way round.
+    /// Flipped bits on the line.
     BitErrors,
     /// A command that the device refuses to take now.
     Nak,
     /// A port that goes away and comes back.
     Disconnect,
-    /// A device that boots.
+    /// A device that restarts.
     Reset,
 }
 
@@ -67,7 +67,7 @@ pub struct Parameter {
     pub allowed: &'static str,
 }
 
-/// What is to be known of a kind of fault.
+/// Properties of a kind of fault.
 #[derive(Debug)]
 pub struct Kind {
     /// The kind.
@@ -83,7 +83,7 @@ pub struct Kind {
 }
 
 impl What {
-    /// What is to be known of the kind.
+    /// Returns the properties of the kind.
     pub fn kind(self) -> &'static Kind {
         // In the order of the enum, as a test makes sure of.
         &Kind::ALL[self as usize]

@@ -1,5 +1,5 @@
-//! A schedule of faults: what goes wrong on a bad day, and when. The same file makes the same bad day
-//! again tomorrow.
+//! Fault schedules: which faults a device injects, and when. The same file reproduces the same
+//! faults.
 //!
 //! ```toml
 //! seed = 7                     # of all that is left to chance; 0 when absent
@@ -20,8 +20,8 @@
 //! times = 1
 //! ```
 //!
-//! Conditions of `when` are taken one after the other, and all must hold: `device`, `frames`,
-//! `command` and `window_s` say which frames or messages count at all; `nth` and `every` count those;
+//! Conditions of `when` are evaluated in order, and all must hold: `device`, `frames`, `command`
+//! and `window_s` say which frames or messages count at all; `nth` and `every` count those;
 //! `probability` decides about what is left; `times` ends it.
 
 mod check;
@@ -40,45 +40,45 @@ use phasmid_core::source::TomlSource;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
-/// Most faults of a schedule, those added while a device runs included.
+/// Maximum number of faults in a schedule, including those added at run time.
 pub const MAX_FAULTS: usize = 1024;
 
 /// A schedule: the file of `phasmid serve --faults`.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Schedule {
-    /// Seed of all that is left to chance.
+    /// Seed of all random choices.
     #[serde(default)]
     pub seed: u64,
-    /// What goes wrong. Where two strike the same frame or message, the earlier one acts first.
+    /// Faults. If two affect the same frame or message, the earlier one acts first.
     #[serde(default)]
     pub fault: Vec<Fault>,
 }
 
-/// One thing that goes wrong, as it is written in a schedule or sent over the service channel.
+/// One fault, as written in a schedule or sent over the service channel.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Fault {
-    /// What goes wrong.
+    /// Kind of fault.
     pub what: What,
     /// Whether frames or messages are counted. Only `disconnect` and `reset` leave the choice; for
     /// the others it says what goes without saying.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub on: Option<Side>,
-    /// The device, by its name, where one `serve` has several; all of them when absent.
+    /// Name of the device if one `serve` has several; all devices when absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub device: Option<String>,
-    /// When it strikes; every time when absent.
+    /// When it occurs; always when absent.
     #[serde(default, skip_serializing_if = "When::is_always")]
     pub when: When,
-    /// After so many times it is over; never when absent.
+    /// Maximum number of occurrences; unlimited when absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub times: Option<u64>,
     /// `late`, `late-reply`: how late, in milliseconds of device time. `swapped`: how long it waits
     /// for the next frame.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub by_ms: Option<f64>,
-    /// `disconnect`: how long the port is gone, in milliseconds of device time.
+    /// `disconnect`: time for which the port is gone, in milliseconds of device time.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub for_ms: Option<f64>,
     /// `torn`, `rows-missing`: the first row that it is about, from the top of what the link
@@ -97,10 +97,10 @@ pub struct Fault {
     /// `bit-errors`: which way.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub direction: Option<Direction>,
-    /// `wrong-pattern`: by how many patterns; beyond either end the sequence begins again.
+    /// `wrong-pattern`: offset in patterns; the sequence wraps around.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub offset: Option<i32>,
-    /// `partial-exposure`: what part of the exposure the projector is lit.
+    /// `partial-exposure`: fraction of the exposure during which the projector is lit.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub fraction: Option<f64>,
 }
@@ -109,13 +109,13 @@ pub struct Fault {
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct When {
-    /// The nth frame or message of those that count, from 1.
+    /// Number of the counted frame or message, from 1.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub nth: Option<u64>,
-    /// Every so many of them; with `nth` from that one on.
+    /// Every nth of them; with `nth`, starting from that one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub every: Option<u64>,
-    /// From a device time on, until before another, in seconds.
+    /// Device time window in seconds; the end is excluded.
     #[serde(
         default,
         skip_serializing_if = "Option::is_none",
@@ -126,7 +126,7 @@ pub struct When {
     /// answers, of a frame the last command before it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub command: Option<String>,
-    /// So often, by the schedule's seed: 0 to 1.
+    /// Probability, 0 to 1, drawn from the schedule's seed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub probability: Option<f64>,
     /// Which frames count; those of triggered exposures when absent.
@@ -147,7 +147,7 @@ pub enum Frames {
     All,
 }
 
-/// Which way bytes go.
+/// Direction of bytes.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Direction {
@@ -158,7 +158,7 @@ pub enum Direction {
     ToHost,
 }
 
-/// A fault that has struck.
+/// A fault that has occurred.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Struck {
     /// Device time in nanoseconds.
@@ -179,7 +179,7 @@ impl Schedule {
     /// Reads and checks a file.
     ///
     /// # Errors
-    /// Unreadable files, and all that [`Self::from_source`] refuses.
+    /// Returns an error if the file cannot be read or if [`Self::from_source`] fails.
     pub fn read(path: &Path) -> Result<Self> {
         Self::from_source(&TomlSource::read(path)?)
     }
@@ -187,7 +187,8 @@ impl Schedule {
     /// Reads and checks a file that is for devices of these names.
     ///
     /// # Errors
-    /// As for [`Self::read`], and a fault for a device that is not among them.
+    /// Returns an error if [`Self::read`] fails or if a fault names a device that is not among
+    /// them.
     pub fn read_for(path: &Path, devices: &[&str]) -> Result<Self> {
         let source = TomlSource::read(path)?;
         let schedule = Self::from_source(&source)?;
@@ -198,8 +199,8 @@ impl Schedule {
     /// Reads and checks a document.
     ///
     /// # Errors
-    /// Syntax, unknown fields, parameters that a fault does not have, values outside of their ranges:
-    /// each with its line.
+    /// Returns an error with its line on a syntax error, an unknown field, a parameter that the
+    /// fault does not have, or a value out of range.
     pub fn from_source(source: &TomlSource) -> Result<Self> {
         let schedule: Self = source.deserialize()?;
         check::schedule(&schedule, source)?;
@@ -240,7 +241,7 @@ impl Fault {
 }
 
 impl When {
-    /// Whether nothing is asked.
+    /// Returns whether there are no conditions.
     pub fn is_always(&self) -> bool {
         *self == Self::default()
     }

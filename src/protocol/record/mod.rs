@@ -1,6 +1,6 @@
-//! A recording: every byte and frame between a device and whoever uses it, with its time, in one
-//! file that is only ever appended to. What was written before a KILL, a full disk or a power cut
-//! can be read up to the last whole record; there is no index that could be missing.
+//! Recordings: every byte and frame between a device and its client, with timestamps, in one
+//! append-only file. After a kill, a full disk or a power cut the file can be read up to the last
+//! complete record; it needs no index.
 //!
 //! All numbers are little-endian. A file is a head of 16 bytes and records behind it:
 //!
@@ -73,9 +73,9 @@ use std::sync::Arc;
 pub const HEAD_LEN: usize = 16;
 /// Length of a record without its payload in bytes.
 pub const RECORD_LEN: usize = 36;
-/// Longest text or JSON of a record in bytes; longer ones are cut by the writer.
+/// Maximum text or JSON length of a record in bytes; the writer truncates longer ones.
 pub const MAX_TEXT: usize = 64 << 10;
-/// Most bytes of a port in one record; more are several records.
+/// Maximum port bytes per record; more are split into several records.
 pub const MAX_BYTES: usize = 1 << 20;
 /// Longest payload in bytes: a frame's.
 pub const MAX_PAYLOAD: usize = wire::HEADER_LEN + wire::MAX_PAYLOAD as usize;

@@ -1,4 +1,4 @@
-//! Records out of bytes: bounded, checked, and up to the first damage.
+//! Reads records: bounded, checked, and up to the first damage.
 
 use super::{
     Channel, Event, FILE_MAGIC, HEAD_LEN, MAX_BYTES, MAX_PAYLOAD, MAX_TEXT, RECORD_LEN,
@@ -32,8 +32,8 @@ impl fmt::Display for Damage {
     }
 }
 
-/// Reads the records of a recording in order. It gives the damage that it meets once, and then
-/// nothing more. No more than one record is in memory, and no more of it than the file has.
+/// Reads the records of a recording in order. Damage is reported once, after which there are no
+/// more records. At most one record is in memory, and no more of it than the file contains.
 pub struct Reader<R> {
     source: R,
     /// Number of the record that is to come.
@@ -63,7 +63,7 @@ impl<R: Read> Reader<R> {
     /// Starts to read; `place` names the file in messages.
     ///
     /// # Errors
-    /// What is no recording, or one of another version; what the system refuses.
+    /// Returns an error if the file cannot be read, is not a recording, or has another version.
     pub fn new(mut source: R, place: &str) -> Result<Self> {
         let allowed = "a recording of phasmid serve --record or phasmid scan --record";
         let refuse = |found: String| Err(Error::input(place, found, allowed));
@@ -99,7 +99,7 @@ impl<R: Read> Reader<R> {
     /// The next record; `None` behind the last.
     ///
     /// # Errors
-    /// The first damage. A file that the system stops reading is damaged there.
+    /// Returns the first damage as an error. A read failure counts as damage at that point.
     pub fn read(&mut self) -> Result<Option<Record>, Damage> {
         while !self.ended {
             let read = self.step();

@@ -1,8 +1,8 @@
-//! Writes a recording on a thread of its own: whoever records never waits for the disk.
+//! Writes a recording on its own thread, so that the caller never waits for the disk.
 //!
-//! What waits to be written is bounded. Where the disk is too slow or full, the recording ends with
-//! a record that says so, as far as there is room for one, and with one notice; what is recorded
-//! goes on.
+//! The write queue is bounded. If the disk is too slow or full, the recording ends with a record
+//! that gives the reason, if there is space for one, and with one notice; the recorded session
+//! continues.
 
 use super::{About, Channel, Event, MAX_BYTES, Store, encode_head, encode_record};
 use phasmid_core::error::{Error, Result};
@@ -10,7 +10,7 @@ use std::collections::VecDeque;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 
-/// What may wait to be written.
+/// Limits of the write queue.
 #[derive(Debug, Clone, Copy)]
 pub struct Limits {
     /// Records.
@@ -51,7 +51,7 @@ impl Shared {
     }
 }
 
-/// A recording under way; dropping it ends the recording in order.
+/// A recording in progress; dropping it ends the recording cleanly.
 pub struct Recorder {
     shared: Arc<Shared>,
     writer: Option<JoinHandle<()>>,
@@ -62,7 +62,7 @@ impl Recorder {
     /// why the recording was cut.
     ///
     /// # Errors
-    /// A file that takes nothing, and a thread that the system refuses.
+    /// Returns an error if the file cannot be written or the thread cannot be started.
     pub fn start(
         mut store: impl Store + 'static,
         place: &str,
@@ -101,7 +101,7 @@ impl Recorder {
         })
     }
 
-    /// Records what happened at a time. Never waits; what comes after the recording was cut is lost.
+    /// Records an event at a time. Never blocks; events after the recording was cut are lost.
     pub fn put(&self, time_ns: u64, channel: Channel, event: Event) {
         match event {
             Event::Sent(bytes) if bytes.len() > MAX_BYTES => {

@@ -5,10 +5,10 @@ use std::io::{self, Seek, SeekFrom, Write};
 
 /// Takes a recording, and can be cut back to its last whole record.
 pub trait Store: Write + Send {
-    /// Forgets all but the first `len` bytes.
+    /// Truncates it to the first `len` bytes.
     ///
     /// # Errors
-    /// What the system refuses.
+    /// Returns an error if the system call fails.
     fn cut_back(&mut self, len: u64) -> io::Result<()>;
 }
 

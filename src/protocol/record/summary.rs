@@ -1,4 +1,4 @@
-//! What a recording holds, in figures.
+//! Statistics of a recording.
 
 use super::{About, Channel, Damage, Event, Reader, Record};
 use crate::Frame;

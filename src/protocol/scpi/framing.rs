@@ -1,5 +1,5 @@
-//! Cuts a byte stream into program messages. A newline ends a message, with or without a carriage
-//! return, except inside a block. Whatever is wrong, the next newline starts afresh.
+//! Splits a byte stream into program messages. A newline ends a message, with or without a carriage
+//! return, except inside a block. After any error the stream resynchronises at the next newline.
 
 use super::block::{self, Prefix};
 use super::error::{DeviceError, ErrorCode};
@@ -14,7 +14,7 @@ pub const MAX_BLOCK_BYTES: usize = 64 << 20;
 pub enum Framing {
     /// A message without its newline.
     Message(Vec<u8>),
-    /// A message that was thrown away, and why.
+    /// A discarded message, with the reason.
     Dropped(DeviceError),
 }
 
@@ -81,7 +81,7 @@ impl Framer {
         matches!(self.mode, Mode::Block(_))
     }
 
-    /// Throws away what has come of an unfinished message.
+    /// Discards a partial message.
     pub fn reset(&mut self) {
         *self = Self::default();
     }

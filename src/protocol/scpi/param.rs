@@ -68,7 +68,7 @@ impl Number {
     /// The value, with the special words replaced, when it lies in the range.
     ///
     /// # Errors
-    /// -222 with what was given and the range.
+    /// Returns -222 with the value and the range if it is out of range.
     pub fn within(self, min: f64, max: f64, default: f64) -> Result<f64, DeviceError> {
         let value = match self {
             Self::Value(value) => value,
@@ -111,7 +111,8 @@ impl<'a> Args<'a> {
     /// A number of a quantity.
     ///
     /// # Errors
-    /// -109 none left, -131 or -138 its suffix, -141 an unknown word, -158 or -168 another kind.
+    /// Returns -109 if none is left, -131 or -138 for its suffix, -141 for an unknown word, -158 or
+    /// -168 for another type.
     pub fn number(&mut self, quantity: Quantity) -> Result<Number, DeviceError> {
         match self.next()? {
             Param::Number { value, suffix } => quantity
@@ -133,7 +134,8 @@ impl<'a> Args<'a> {
     /// A boolean: ON, OFF, or a number that rounds to nonzero or zero (SCPI-1999 vol 1, 7.3).
     ///
     /// # Errors
-    /// -109 none left, -141 an unknown word, -138 a suffix, -158 or -168 another kind.
+    /// Returns -109 if none is left, -141 for an unknown word, -138 for a suffix, -158 or -168 for
+    /// another type.
     pub fn boolean(&mut self) -> Result<bool, DeviceError> {
         match self.next()? {
             Param::Number { value, suffix } => {
@@ -150,7 +152,8 @@ impl<'a> Args<'a> {
     /// One word of a list; words in SCPI's notation, `SOFTware` for instance.
     ///
     /// # Errors
-    /// -109 none left, -224 an unknown word with the list, -128, -158 or -168 another kind.
+    /// Returns -109 if none is left, -224 for an unknown word with the list, -128, -158 or -168 for
+    /// another type.
     pub fn choice<T: Copy>(&mut self, choices: &[(&str, T)]) -> Result<T, DeviceError> {
         match self.next()? {
             Param::Name(word) => choices
@@ -180,7 +183,7 @@ impl<'a> Args<'a> {
     /// A string.
     ///
     /// # Errors
-    /// -109 none left, -128, -148 or -168 another kind.
+    /// Returns -109 if none is left, -128, -148 or -168 for another type.
     pub fn text(&mut self) -> Result<&'a str, DeviceError> {
         match self.next()? {
             Param::Text(text) => Ok(text),
@@ -191,7 +194,7 @@ impl<'a> Args<'a> {
     /// A block.
     ///
     /// # Errors
-    /// -109 none left, -128, -148 or -158 another kind.
+    /// Returns -109 if none is left, -128, -148 or -158 for another type.
     pub fn block(&mut self) -> Result<&'a [u8], DeviceError> {
         match self.next()? {
             Param::Block(bytes) => Ok(bytes),
@@ -202,7 +205,7 @@ impl<'a> Args<'a> {
     /// Checks that nothing is left.
     ///
     /// # Errors
-    /// -108 when something is.
+    /// Returns -108 if a parameter is left.
     pub fn finish(mut self) -> Result<(), DeviceError> {
         match self.params.next() {
             None => Ok(()),

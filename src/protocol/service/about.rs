@@ -1,4 +1,4 @@
-//! What a device tells of its inside.
+//! Internal state of a device as reported over the service channel.
 
 use crate::faults::{Fault, Struck};
 use phasmid_pattern::Pattern;
@@ -8,11 +8,11 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum ClockPace {
-    /// As on the wall.
+    /// Real time.
     Real,
-    /// It jumps to what happens next.
+    /// It jumps to the next event.
     Fast,
-    /// It stands still until it is told to go on.
+    /// It stands still until it is advanced.
     Stepped,
 }
 
@@ -23,19 +23,19 @@ pub struct Clock {
     pub pace: ClockPace,
     /// Nanoseconds from power-on.
     pub now_ns: u64,
-    /// On the wall's time: how late events were handled.
+    /// In real time mode: lateness of event handling.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub late: Option<Late>,
 }
 
-/// By how much events were handled after they were due, in nanoseconds.
+/// Delay between due time and handling of events, in nanoseconds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Late {
     /// Events since power-on, of all devices of the server.
     pub events: u64,
     /// Mean.
     pub mean_ns: u64,
-    /// What 99 of 100 did not exceed, told up to an eighth too large.
+    /// 99th percentile, overestimated by up to one eighth.
     pub percentile_99_ns: u64,
     /// The largest.
     pub max_ns: u64,
@@ -75,7 +75,7 @@ pub struct ObjectAbout {
     /// Where it is at that time.
     #[serde(flatten)]
     pub place: PlaceAbout,
-    /// What no eye sees of a patient.
+    /// Internal anatomy of a patient.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub patient: Option<PatientAbout>,
 }
@@ -83,7 +83,7 @@ pub struct ObjectAbout {
 /// A patient at a time.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct PatientAbout {
-    /// How much of the breath is over, 0 to 1: 0 is the end of inhaling.
+    /// Breathing phase, 0 to 1: 0 is end-inhale.
     pub phase: f64,
     /// Centroid of the tumour in the scene's frame in millimetres.
     pub tumour_mm: [f64; 3],
@@ -91,7 +91,7 @@ pub struct PatientAbout {
     pub tumour_mm3: f64,
 }
 
-/// What lies behind a frame.
+/// Ground truth of a frame.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct FrameAbout {
     /// The frame's identity.
@@ -121,7 +121,7 @@ pub struct FrameAbout {
 /// What a projector showed.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Shown {
-    /// Sequence that the pattern is of; `None` for what is shown at rest.
+    /// Sequence of the pattern; `None` for the pattern shown at rest.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sequence: Option<String>,
     /// Its position there.
@@ -163,7 +163,7 @@ pub struct DeviceAbout {
     pub history: u64,
 }
 
-/// What goes wrong with a device.
+/// Faults of a device.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct FaultsAbout {
     /// The faults in force, those that have struck as often as they may included.
@@ -174,7 +174,7 @@ pub struct FaultsAbout {
     pub struck: Vec<Struck>,
 }
 
-/// Most strokes that [`FaultsAbout`] lists.
+/// Maximum number of occurrences listed by [`FaultsAbout`].
 pub const MAX_STRUCK: usize = 256;
 
 /// A fault in force.

@@ -65,7 +65,7 @@ impl Maps {
 /// Sends a request over an open channel and reads the answer's maps. Timeouts are the stream's.
 ///
 /// # Errors
-/// What the system or the device refuses, and answers that are none.
+/// Returns an error if the stream fails, the device refuses the request, or the answer is invalid.
 pub fn ask(stream: &mut (impl Read + Write), request: Request) -> Result<Maps> {
     Ok(call(stream, &request)?.1)
 }
@@ -73,7 +73,7 @@ pub fn ask(stream: &mut (impl Read + Write), request: Request) -> Result<Maps> {
 /// Sends a request over an open channel and reads the answer. Timeouts are the stream's.
 ///
 /// # Errors
-/// What the system or the device refuses, and answers that are none.
+/// Returns an error if the stream fails, the device refuses the request, or the answer is invalid.
 pub fn call(stream: &mut (impl Read + Write), request: &Request) -> Result<(Reply, Maps)> {
     let io = |e| Error::io("service channel", e);
     stream.write_all(request.to_line().as_bytes()).map_err(io)?;

@@ -1,5 +1,5 @@
-//! Reads a request, and says of one that is none what was found and what is allowed: JSON that is
-//! wrong in itself, and JSON of another shape.
+//! Parses requests. Errors state what was found and what is allowed, both for malformed JSON and
+//! for JSON of the wrong shape.
 
 mod fields;
 mod once;
@@ -18,7 +18,7 @@ const SHOWN: usize = 60;
 /// Reads a line.
 ///
 /// # Errors
-/// What is not a request, worded for the reply.
+/// Returns an error, worded for the reply, if the line is not a valid request.
 pub(super) fn request(line: &[u8]) -> Result<Request, String> {
     let Once(value) = serde_json::from_slice(line).map_err(|e| {
         let words = e.to_string();

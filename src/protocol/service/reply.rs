@@ -69,7 +69,7 @@ impl Reply {
     /// Reads and checks a line.
     ///
     /// # Errors
-    /// What is not a reply, contradicts itself or is beyond any bound.
+    /// Returns an error if the line is not a reply, is inconsistent, or exceeds a limit.
     pub fn parse(line: &[u8]) -> Result<Self> {
         let bad = |what: String| Error::device(format!("service reply: {what}"));
         let reply: Self = serde_json::from_slice(line).map_err(|e| bad(e.to_string()))?;

@@ -1,4 +1,4 @@
-//! Requests: what a client may ask for or do.
+//! Requests that a client may send.
 
 use crate::faults::Fault;
 use serde::{Deserialize, Serialize};
@@ -7,23 +7,23 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Request {
-    /// Something of the emulator's inside.
+    /// Internal state of the emulator.
     Get(Item),
     /// The truth at a device time in nanoseconds, of a scene that moves; [`Item::Truth`] is that of
     /// the middle of the last sequence.
     #[serde(rename = "truth_at_ns")]
     TruthAt(u64),
-    /// What lies behind a frame, by its id.
+    /// Ground truth of a frame, by its id.
     TruthOfFrame(u64),
-    /// Something that happens to the device.
+    /// An external event.
     Do(Action),
-    /// An object is taken to another place in the scene.
+    /// Moves an object to another pose in the scene.
     Place(Placement),
-    /// Stepped time goes on.
+    /// Advances stepped time.
     Clock(Step),
-    /// Something goes wrong from now on.
+    /// Adds a fault.
     Fault(Box<Fault>),
-    /// Faults are over.
+    /// Removes faults.
     ClearFaults(Which),
 }
 
@@ -45,7 +45,7 @@ pub struct Placement {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Item {
-    /// The truth behind the frames, over the whole sensor.
+    /// Ground truth of the frames, over the whole sensor.
     Truth,
     /// Device time and how it passes.
     Clock,
@@ -53,7 +53,7 @@ pub enum Item {
     Objects,
     /// The device's state and counters.
     Device,
-    /// What goes wrong, and what has.
+    /// Faults in force, and faults that have occurred.
     Faults,
 }
 
@@ -76,7 +76,7 @@ pub enum Action {
     Trigger,
 }
 
-/// How far stepped time goes.
+/// How far to advance stepped time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Step {
@@ -84,7 +84,7 @@ pub enum Step {
     StepNs(u64),
     /// To a device time in nanoseconds, a day from now at most.
     RunUntilNs(u64),
-    /// No further: all steps that are under way are called off.
+    /// Stop: cancels all pending steps.
     Stop,
 }
 
@@ -110,7 +110,7 @@ impl Request {
     /// Reads a line.
     ///
     /// # Errors
-    /// What is not a request, worded for the reply.
+    /// Returns an error, worded for the reply, if the line is not a valid request.
     pub fn parse(line: &[u8]) -> Result<Self, String> {
         super::parse::request(line)
     }

@@ -1,5 +1,5 @@
-//! USB as device and host speak it: requests, descriptors, the video and the serial class, and USB/IP
-//! that carries them all.
+//! USB protocol shared by device and host: requests, descriptors, the video and serial classes, and
+//! USB/IP as their transport.
 
 pub mod cdc;
 pub mod descriptor;

@@ -1,4 +1,5 @@
-//! Gathers the light of points of surfaces: rays to all sides, and the light where they end.
+//! Gathers indirect light at surface points: casts rays over the hemisphere and evaluates the light
+//! where they hit.
 
 use super::hemisphere::{Hemisphere, Ray};
 use super::patch::{Shown, shown};
@@ -13,10 +14,10 @@ use glam::{DVec3, Vec3};
 use phasmid_geometry::raycast::{LANES, Scratch};
 use rayon::prelude::*;
 
-/// Points of one task.
+/// Points per parallel task.
 const TASK: usize = 64;
 
-/// Gathers light.
+/// Gathers indirect light.
 pub(super) struct Gatherer<'a> {
     worlds: &'a Worlds,
     rays: &'a Rays<'a>,
@@ -25,22 +26,23 @@ pub(super) struct Gatherer<'a> {
     samples: f64,
 }
 
-/// A point that light is gathered at.
+/// A point at which light is gathered.
 struct Place<'w> {
-    /// As the point's row sees it: another instant's surface would stand in the way of itself.
+    /// World at the instant of the point's row; in the world of another instant, a moved surface
+    /// would occlude the point.
     world: &'w World,
     point: DVec3,
     normal: DVec3,
     own: Surface,
-    /// Angle that the rays are turned by about the normal.
+    /// Rotation of the rays about the normal.
     turn: f64,
 }
 
-/// Where sixteen rays end.
+/// Hits of sixteen rays.
 type Met<'a> = [Option<(Patch, Evenly<'a>)>; LANES];
 
-/// What one task has gathered: rays that end in the projector's light, and of each point how many
-/// there are, and the light of lamps with its swing.
+/// Result of one task: rays that end in the projector's light, the number of these rays per point,
+/// and per point the lamps' light and its flicker amplitude.
 #[derive(Default)]
 struct Gathered {
     rays: Vec<[f32; 7]>,
@@ -64,8 +66,9 @@ impl<'a> Gatherer<'a> {
         }
     }
 
-    /// The light of the points that pixels see, pixel by pixel; of none where one sees nothing. The
-    /// lamps' is apart: irradiance in W/m^2, and by how much it swings.
+    /// Gathers the light at the points seen by `pixels`, in order; none for a pixel that sees no
+    /// surface. The lamps' light is returned separately, as irradiance in W/m^2 and flicker
+    /// amplitude.
     pub(super) fn gather(
         &self,
         map: &GeometryBuffer,
@@ -105,8 +108,8 @@ impl<'a> Gatherer<'a> {
     fn place<'w>(&self, world: &'w World, map: &GeometryBuffer, pixel: usize) -> Place<'w> {
         let width = map.width;
         let direction = self.rays.center(pixel % width, pixel / width);
-        // Neighbours' rays are turned against each other, so that what a few rays miss is not the
-        // same all over: by the multiplicative hash of Knuth's (TAOCP 3, section 6.4).
+        // The rays of neighbouring points are rotated differently, which decorrelates their
+        // sampling errors. The angle comes from Knuth's multiplicative hash (TAOCP 3, section 6.4).
         let hash = (pixel as u32).wrapping_mul(2_654_435_769);
         Place {
             world,
@@ -135,7 +138,7 @@ impl<'a> Gatherer<'a> {
         }
     }
 
-    /// The patches where sixteen rays end.
+    /// Returns the patches hit by sixteen rays.
     fn meet<'w>(&self, place: &Place<'w>, rays: &[Ray; LANES], scratch: &mut Scratch) -> Met<'w> {
         let directions = std::array::from_fn(|lane| rays[lane].direction);
         let world = place.world;
@@ -146,7 +149,7 @@ impl<'a> Gatherer<'a> {
             }
             let (direction, normal, t) = (directions[lane], hits.normal(lane), hits.t[lane]);
             let facing = normal.dot(direction);
-            // From the sphere to the tangent plane, along the ray.
+            // Projects from the sphere onto the tangent plane along the ray.
             let onto = |side: DVec3| (side - direction * (normal.dot(side) / facing)) * t;
             let patch = Patch {
                 point: place.point + direction * t,
@@ -196,7 +199,7 @@ impl<'a> Gatherer<'a> {
         }
     }
 
-    /// Adds what rays bring of the lamps' light, and by how much it swings.
+    /// Adds the lamps' light carried by the rays, and its flicker amplitude.
     fn lamps(&self, world: &World, met: &Met<'_>, sum: &mut [f64; 2], scratch: &mut Scratch) {
         for lamp in &self.rays.optics.lamps {
             let thrown_back: [f64; LANES] = std::array::from_fn(|lane| {
@@ -224,7 +227,7 @@ impl<'a> Gatherer<'a> {
     }
 }
 
-/// Where rays end that a light may reach, for its shadow rays.
+/// Returns the hits that a light may reach, as targets of its shadow rays.
 fn points(met: &Met<'_>, wanted: impl Fn(usize) -> bool) -> [Option<(DVec3, Surface)>; LANES] {
     std::array::from_fn(|lane| {
         let (patch, _) = met[lane].as_ref().filter(|_| wanted(lane))?;
@@ -232,8 +235,8 @@ fn points(met: &Met<'_>, wanted: impl Fn(usize) -> bool) -> [Option<(DVec3, Surf
     })
 }
 
-/// A box's width with half of a blur's variance: a box of width w has w^2 / 12, and a footprint is
-/// two boxes.
+/// Widens a box by half of a blur's variance: a box of width w has variance w^2 / 12, and a
+/// footprint is two boxes.
 fn widened(side: f64, blur: f64) -> f64 {
     if blur > 0.0 {
         side.hypot(blur * 6f64.sqrt()).copysign(side)
@@ -243,7 +246,7 @@ fn widened(side: f64, blur: f64) -> f64 {
 }
 
 impl Bounce {
-    /// Adds a point with its rays, as far as the plan has a use for them.
+    /// Adds a point with its rays, keeping only what the plan uses.
     fn push(&mut self, rays: &[[f32; 7]], plan: &Plan) {
         for block in rays.chunks(BLOCK) {
             let of = |field: usize| -> [f32; BLOCK] {

@@ -1,4 +1,4 @@
-//! Where bounced light is gathered, and what each pixel takes from there.
+//! Gather points of indirect light, and their interpolation weights for each pixel.
 
 use crate::buffer::GeometryBuffer;
 use crate::geometry::Rays;
@@ -6,17 +6,19 @@ use crate::truth::Truth;
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
-/// Normals of one smooth surface are closer than 20 degrees over a cell of the grid.
+/// Minimum cosine between two normals of a smooth surface within a grid cell (20 degrees).
 const COS_BENT: f64 = 0.939_692_620_785_908_4;
-/// A point of the grid is this part of its distance off a pixel's tangent plane at most.
+/// Maximum offset of a grid point from a pixel's tangent plane, relative to its distance from the
+/// pixel.
 const OFF_PLANE: f64 = 0.2;
-/// Points that share less than this of a cell do not stand for a pixel in it.
+/// Minimum sum of bilinear weights of the usable grid points; below it a pixel becomes a gather
+/// point itself.
 const LEAST: f64 = 0.2;
 
-/// Pixels at which light is gathered: a grid of them, row by row, and then those that no point of
-/// the grid stands for.
+/// Pixels at which light is gathered: the grid, row by row, followed by pixels that cannot be
+/// interpolated from it.
 pub(super) struct Grid {
-    /// `None` where a place of the grid sees nothing.
+    /// `None` where a grid pixel sees no surface.
     pub(super) pixels: Vec<Option<usize>>,
     /// As in [`Bounce`](super::Bounce).
     pub(super) first: Vec<u32>,
@@ -24,18 +26,18 @@ pub(super) struct Grid {
     pub(super) stride: usize,
 }
 
-/// What a pixel's centre sees.
+/// Surface point seen by a pixel's centre.
 struct Seen {
     point: DVec3,
     normal: DVec3,
 }
 
-/// A pixel's place in the grid along one axis: the point before it, and how far it is on its way to
-/// the next.
+/// A pixel's position in the grid along one axis: index of the preceding grid point and fraction of
+/// the way to the next.
 type Along = (usize, f64);
 
 impl Grid {
-    /// A grid of every `step`th column and row, the last ones included.
+    /// Builds a grid of every `step`th column and row, including the last ones.
     pub(super) fn new(map: &GeometryBuffer, rays: &Rays<'_>, step: usize) -> Self {
         let (columns, rows) = (places(map.width, step), places(map.height, step));
         let stride = columns.len();
@@ -105,7 +107,7 @@ impl Grid {
     }
 }
 
-/// Every `step`th of `count` places, and the last.
+/// Returns every `step`th of `count` indices, and the last.
 fn places(count: usize, step: usize) -> Vec<usize> {
     let mut places: Vec<usize> = (0..count).step_by(step).collect();
     if places.last() != Some(&(count - 1)) {
@@ -131,7 +133,7 @@ impl Seen {
         })
     }
 
-    /// Whether one smooth surface goes on from here to there.
+    /// Returns whether both points are on one smooth surface.
     fn goes_on_to(&self, other: &Self) -> bool {
         let way = other.point - self.point;
         self.normal.dot(other.normal) >= COS_BENT

@@ -1,18 +1,19 @@
-//! Directions spread over a hemisphere by the cosine, each with the patch of it that it stands for.
+//! Cosine-distributed directions over a hemisphere, each with the patch of the hemisphere it
+//! represents.
 
 use glam::{DVec2, DVec3};
 use phasmid_geometry::raycast::LANES;
 use std::f64::consts::PI;
 
-/// Angle between one point of a disc and the next, as florets have it (Vogel: "A better way to
+/// Golden angle between consecutive points of a Vogel spiral on the disc (Vogel: "A better way to
 /// construct the sunflower head", Mathematical Biosciences 44, 1979): pi (3 - sqrt 5).
 const GOLDEN: f64 = 2.399_963_229_728_653;
 
-/// Points spread evenly over a unit disc, neighbours in one group; lifted on the hemisphere above
-/// it they are spread by the cosine (Malley's method).
+/// Points evenly distributed over a unit disc, grouped by proximity. Projected up onto the
+/// hemisphere they are cosine-distributed (Malley's method).
 pub(crate) struct Hemisphere {
     groups: Vec<[DVec2; LANES]>,
-    /// Side of the square of the disc that each point stands for.
+    /// Side of the square on the disc that each point represents.
     side: f64,
 }
 
@@ -23,7 +24,7 @@ pub(crate) struct Ray {
 }
 
 impl Hemisphere {
-    /// `count` directions, a multiple of sixteen.
+    /// Creates `count` directions; `count` is a multiple of sixteen.
     pub(crate) fn new(count: usize) -> Self {
         let mut points: Vec<DVec2> = (0..count)
             .map(|i| {
@@ -31,7 +32,7 @@ impl Hemisphere {
                 DVec2::from_angle(i as f64 * GOLDEN) * radius
             })
             .collect();
-        // Strips across the disc, and groups along each of them.
+        // Divide the disc into strips, and each strip into groups.
         points.sort_by(|a, b| a.x.total_cmp(&b.x));
         let strip = (count / LANES).isqrt().max(1) * LANES;
         for strip in points.chunks_mut(strip) {
@@ -44,19 +45,19 @@ impl Hemisphere {
         }
     }
 
-    /// The points of the disc, group by group.
+    /// Returns the points on the disc, group by group.
     pub(crate) fn points(&self) -> impl Iterator<Item = DVec2> {
         self.groups.iter().flatten().copied()
     }
 
-    /// Least height that a patch's sides are worked out for: on the rim it is that of the patch's part
-    /// inside of the disc.
+    /// Lower limit of the height used to compute a patch's sides. On the rim it corresponds to the
+    /// part of the patch inside the disc.
     pub(crate) fn lowest(&self) -> f64 {
         (self.side / 2.0).sqrt()
     }
 
-    /// The directions in groups of sixteen above a surface with a unit normal, turned about it by an
-    /// angle.
+    /// Returns the directions about a unit normal, in groups of sixteen, rotated about it by
+    /// `turn`.
     pub(crate) fn above(
         &self,
         normal: DVec3,
@@ -104,7 +105,7 @@ mod tests {
             for ray in &rays {
                 assert!((ray.direction.length() - 1.0).abs() < 1e-12);
             }
-            // Seen along the normal, the patches are the disc in squares.
+            // Projected along the normal, the patches are squares that tile the disc.
             let covered: f64 = rays
                 .iter()
                 .map(|r| r.sides[0].cross(r.sides[1]).dot(normal))

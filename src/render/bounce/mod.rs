@@ -1,19 +1,19 @@
 //! Interreflection: one diffuse bounce of the light of projector and lamps.
 //!
-//! The light that surfaces throw on a point is the integral of their radiance over its hemisphere.
-//! Over rays spread by the cosine it is the mean of albedo times irradiance where they end (e.g.
-//! Pharr, Jakob, Humphreys: "Physically Based Rendering", 4th edition, section 13.2). Where they
-//! end does not change with the slide, so the geometry pass traces them once and keeps, for each
-//! that ends in the projector's light, a place on the slide, a footprint and a weight; a frame then
-//! averages its slide over them ([`light`](super::light)). The light of lamps joins the ambient
-//! light.
+//! The indirect irradiance of a point is the integral of incoming radiance over its hemisphere. For
+//! cosine-distributed rays it is the mean of albedo times irradiance at their hits (e.g. Pharr,
+//! Jakob, Humphreys: "Physically Based Rendering", 4th edition, section 13.2). The hits do not
+//! depend on the projected pattern, so the geometry pass traces the rays once and stores, for each
+//! that ends in the projector's light, a pattern position, a footprint and a weight; each frame
+//! then averages its pattern over them ([`light`](super::light)). The lamps' indirect light is
+//! added to the ambient light.
 //!
-//! A ray stands for a solid angle, which is a parallelogram on the slide: without that footprint
-//! each ray would pick a stripe of a fringe at random, and the mean of 64 would still sway by an
-//! eighth of what they bring.
+//! Each ray represents a solid angle, which maps to a parallelogram on the pattern. Without that
+//! footprint each ray would sample a fringe at a random phase, and the mean of 64 rays would still
+//! fluctuate by an eighth of their contribution.
 //!
-//! Bounced light varies slowly, so it is gathered at every fourth pixel or so and interpolated over
-//! each smooth surface (`grid`). A pixel on an edge has that of its centre.
+//! Indirect light varies slowly, so it is gathered at about every fourth pixel and interpolated
+//! over each smooth surface (`grid`). A mixed pixel uses the value at its centre.
 
 mod gather;
 mod grid;
@@ -28,34 +28,34 @@ use gather::Gatherer;
 use grid::Grid;
 pub(super) use hemisphere::Hemisphere;
 
-/// Rays whose slides are averaged side by side.
+/// Rays averaged together (SIMD block).
 pub(super) const BLOCK: usize = 8;
 
-/// What bounces, ready for frames.
+/// Indirect light, prepared for the exposure of frames.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Bounce {
-    /// Of each point at which light is gathered, the end of its blocks of rays.
+    /// For each gather point, the end index of its blocks of rays.
     pub(super) ends: Vec<u32>,
-    /// Irradiance in W/m^2 that each point has under full white.
+    /// Irradiance of each gather point in W/m^2 under full white.
     pub(super) white: Vec<f32>,
-    /// Projector coordinates of the rays' ends; those that add nothing hold zeros. As in the maps,
-    /// empty when no slide varies that way.
+    /// Projector coordinates of the rays' hits; zeros for padding rays. As in the maps, empty when
+    /// no pattern varies along that axis.
     pub(super) x: Vec<[f32; BLOCK]>,
     pub(super) y: Vec<[f32; BLOCK]>,
-    /// Derivatives of the coordinates by the two sides of each ray's part of the hemisphere.
+    /// Derivatives of the coordinates along the two sides of each ray's patch of the hemisphere.
     pub(super) x_slope: Vec<[[f32; 2]; BLOCK]>,
     pub(super) y_slope: Vec<[[f32; 2]; BLOCK]>,
-    /// Irradiance in W/m^2 that each ray brings under full white.
+    /// Irradiance contributed by each ray under full white, in W/m^2.
     pub(super) weight: Vec<[f32; BLOCK]>,
-    /// Of each pixel, the first of the four points that it is interpolated from.
+    /// For each pixel, the first of the four points it is interpolated from.
     pub(super) first: Vec<u32>,
     /// Electrons per second for 1 W/m^2 at each of them.
     pub(super) shares: Vec<[f32; 4]>,
-    /// Points in a row of the grid: the four are `first`, the next, and those one row on.
+    /// Points per grid row: the four are `first`, the next one, and those one row below.
     pub(super) stride: usize,
 }
 
-/// Fills the buffer's bounce, and adds what bounces of the lamps' light to its ambient maps.
+/// Fills the buffer's `bounce` and adds the lamps' indirect light to its ambient maps.
 pub(super) fn run(worlds: &Worlds, rays: &Rays<'_>, plan: &Plan, map: &mut GeometryBuffer) {
     map.bounce = Bounce::default();
     let Some(wanted) = rays.optics.interreflection else {
@@ -72,7 +72,7 @@ pub(super) fn run(worlds: &Worlds, rays: &Rays<'_>, plan: &Plan, map: &mut Geome
 }
 
 impl Bounce {
-    /// What a pixel has of a quantity that is known at the points.
+    /// Interpolates a quantity given at the gather points for a pixel.
     #[inline(always)]
     pub(super) fn at(&self, pixel: usize, points: &[f32]) -> f32 {
         let first = self.first[pixel] as usize;
@@ -81,13 +81,14 @@ impl Bounce {
         (a * near[0] + b * near[1]) + (c * far[0] + d * far[1])
     }
 
-    /// How many points there are, with those that [`Self::at`] may touch beyond the last.
+    /// Returns the number of points, including those past the end that [`Self::at`] may access.
     pub(super) fn padded(&self) -> usize {
         self.ends.len() + self.stride + 2
     }
 }
 
-/// Adds light that no slide changes: of each point its irradiance, and by how much that swings.
+/// Adds the lamps' indirect light, which does not depend on the pattern: irradiance and flicker
+/// amplitude of each point.
 fn add_lamps(map: &mut GeometryBuffer, bounce: &Bounce, lamps: &[[f32; 2]]) {
     let of = |which: usize| -> Vec<f32> {
         let mut points: Vec<f32> = lamps.iter().map(|point| point[which]).collect();
@@ -104,7 +105,7 @@ fn add_lamps(map: &mut GeometryBuffer, bounce: &Bounce, lamps: &[[f32; 2]]) {
     }
     let mut former = None;
     for mixed in &mut map.mixed {
-        // The groups of a pixel's samples add up.
+        // A pixel's sample groups are summed, so the light is added to the first only.
         if former != Some(mixed.pixel) {
             mixed.ambient += bounce.at(mixed.pixel as usize, &steady);
             mixed.flickering += bounce.at(mixed.pixel as usize, &swing);

@@ -1,22 +1,22 @@
-//! The light of projector and lamps on a patch of surface that some ray has met.
+//! Projector and lamp light on a surface patch hit by a ray.
 
 use crate::look::{Evenly, Patch};
 use crate::shade::Optics;
 use crate::{Plan, Term};
 use glam::{DMat2, DVec2};
 
-/// A patch in the projector's field, shadows aside.
+/// A patch in the projector's field, regardless of shadows.
 pub(super) struct Shown {
-    /// Place on the slide.
+    /// Position in the pattern in projector pixels.
     pub(super) px: DVec2,
-    /// Sides of the patch there.
+    /// Sides of the patch in the pattern.
     pub(super) sides: [DVec2; 2],
-    /// What it throws back under full white in W/m^2.
+    /// Radiant exitance under full white in W/m^2.
     pub(super) thrown_back: f64,
 }
 
-/// Where on the slide a patch is lit from, and what it throws back; `None` outside of the field and
-/// on the far side.
+/// Returns the projector position that lights a patch and the patch's exitance; `None` outside the
+/// field and if the patch faces away.
 pub(super) fn shown(
     optics: &Optics,
     plan: &Plan,
@@ -29,7 +29,7 @@ pub(super) fn shown(
     let local = axes * way;
     let distance2 = way.length_squared();
     let cos = -patch.normal.dot(way) / distance2.sqrt();
-    // NaN, of a point in the pupil itself, is not lit.
+    // A point in the pupil itself gives NaN and counts as unlit.
     if !(local.z > 0.0 && cos > 0.0) {
         return None;
     }

@@ -1,12 +1,11 @@
-//! The camera's pupil as `aperture.wgsl` reads it: points and turns as tables, so that samples are
-//! those of the CPU.
+//! Tables of pupil points and rotations for `aperture.wgsl`, so that the samples match the CPU's.
 
 use crate::aperture::Aperture;
 use crate::sampled::{pupil_index, turn};
 use glam::DVec2;
 use phasmid_geometry::raycast::LANES;
 
-/// Points of the pupil for `side` x `side` samples, in their order.
+/// Returns the pupil points for `side` x `side` samples, in sample order.
 pub(super) fn points(aperture: &Aperture, side: usize) -> impl Iterator<Item = [f32; 2]> {
     let count = side * side;
     (0..count).map(move |k| {
@@ -15,7 +14,8 @@ pub(super) fn points(aperture: &Aperture, side: usize) -> impl Iterator<Item = [
     })
 }
 
-/// Cosine and sine of the turns of all tiles of sixteen pixels, `rows` of which lie together.
+/// Returns cosine and sine of the rotation of each tile of sixteen pixels; `rows` rows share a
+/// packet.
 pub(super) fn turns(
     (width, height): (usize, usize),
     rows: usize,

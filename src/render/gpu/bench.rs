@@ -1,4 +1,4 @@
-//! Scenes for tests: their maps by the CPU, taken to the GPU with all that rays meet.
+//! Test scenes: CPU geometry maps uploaded to the GPU together with the scene.
 
 use super::sampled::Sampler;
 use super::{Engine, geometry as gpu, looks, optics, scene, skin, upload};
@@ -15,7 +15,7 @@ use glam::DVec2;
 use phasmid_profile::{Interreflection, Profile, Scene};
 use std::path::Path;
 
-/// A scene with the maps of its geometry pass, but for what bounces.
+/// A scene and its geometry-pass maps, without indirect light.
 pub(super) struct Bench {
     profile: Profile,
     worlds: Worlds,
@@ -23,12 +23,13 @@ pub(super) struct Bench {
     pub(super) plan: Plan,
     table: Option<Vec<DVec2>>,
     pub(super) map: GeometryBuffer,
-    /// The interreflection that the scene wants.
+    /// Interreflection settings of the scene.
     pub(super) wanted: Option<Interreflection>,
 }
 
 impl Bench {
-    /// Of a scene's lines, its files in a folder, before a small camera of a bench's field.
+    /// Builds a test scene from TOML lines, with its files in `folder`, seen by a small camera with
+    /// the bench's field of view.
     pub(super) fn new(lines: &str, folder: &Path, change: impl Fn(&mut Profile)) -> Self {
         let mut profile = Profile::load("pmp-bench").unwrap();
         (profile.camera.width_px, profile.camera.height_px) = (286, 123);
@@ -86,7 +87,7 @@ impl Bench {
         [lens.width_px, lens.height_px].map(|side| side as usize)
     }
 
-    /// The CPU's maps with what bounces.
+    /// Returns the CPU's maps including indirect light.
     pub(super) fn bounced(&mut self) -> GeometryBuffer {
         let mut map = self.map.clone();
         self.optics.interreflection = self.wanted;
@@ -94,7 +95,7 @@ impl Bench {
         map
     }
 
-    /// An engine that has all of it.
+    /// Returns an engine with everything uploaded.
     pub(super) fn engine(&self) -> Engine {
         let mut engine = Engine::for_tests();
         optics::write(&mut engine, &self.optics);
@@ -106,7 +107,7 @@ impl Bench {
         engine
     }
 
-    /// Has the GPU find the mixed pixels of its maps.
+    /// Runs mixed-pixel detection on the GPU.
     pub(super) fn see_mixed(&self, engine: &mut Engine) {
         let options = Options::default();
         let aperture = Aperture::new(&self.profile.camera);

@@ -1,10 +1,9 @@
-//! Interreflection on the GPU: points at which light is gathered, and their rays. Twin of
-//! `bounce/mod.rs`.
+//! Interreflection on the GPU: gather points and their rays. Twin of `bounce/mod.rs`.
 //!
-//! A point has room for all of its rays, 16 bytes each and axis that slides vary along, of which those
-//! that bring light come first: 64 rays at every fourth column and row, and at the pixels that these
-//! do not stand for, are some 40 MB an axis for a camera of 1138 x 489 pixels. More than a buffer of
-//! the GPU holds is an error.
+//! Each point reserves space for all of its rays, 16 bytes per ray and axis of pattern variation;
+//! rays that carry light come first. 64 rays at every fourth column and row, and at pixels that
+//! cannot be interpolated, take about 40 MB per axis for a camera of 1138 x 489 pixels. Exceeding
+//! the GPU's maximum buffer size is an error.
 
 use super::{Engine, Stage, grid, maps};
 use crate::bounce::Hemisphere;
@@ -13,9 +12,9 @@ use bytemuck::{Pod, Zeroable};
 use phasmid_core::error::{Error, Result};
 use phasmid_profile::Interreflection;
 
-/// Bytes of a ray along one axis of the slide.
+/// Bytes per ray and pattern axis.
 const RAY: u64 = 16;
-/// Bytes of a point.
+/// Bytes per point.
 const POINT: u64 = 16;
 
 /// Twin of `BounceParams` in `bounce_types.wgsl`.
@@ -23,7 +22,7 @@ const POINT: u64 = 16;
 #[derive(Debug, Clone, Copy, Default, Pod, Zeroable)]
 struct Params {
     size: [u32; 2],
-    /// Of the grid.
+    /// Columns and rows of the grid.
     places: [u32; 2],
     step: u32,
     samples: u32,
@@ -45,7 +44,7 @@ impl Params {
     fn new(wanted: Interreflection, size: [usize; 2]) -> Self {
         let size = size.map(|side| side as u32);
         let step = wanted.step_px;
-        // Every `step`th of them, and the last.
+        // Every `step`th pixel, and the last.
         let places = |count: u32| (count - 1).div_ceil(step) + 1;
         Self {
             size,
@@ -61,12 +60,11 @@ impl Params {
     }
 }
 
-/// Gathers the light that surfaces throw on each other, of which the maps of all pixels are at hand,
-/// and adds that of lamps to the ambient maps. Waits for the GPU once: how many points there are
-/// decides how much memory they take.
+/// Gathers indirect light for the maps already on the GPU, and adds that of lamps to the ambient
+/// maps. Waits for the GPU once, since the number of points determines the memory to allocate.
 ///
 /// # Errors
-/// More points than there is memory for, or a GPU that has failed.
+/// Returns an error if the points do not fit in memory or if the GPU has failed.
 pub(crate) fn run(
     engine: &mut Engine,
     wanted: Interreflection,
@@ -89,7 +87,7 @@ pub(crate) fn run(
         grid(pixels),
     )?;
     let gather = Stage::new("gather", "main", plan).with("rays_a_point", wanted.samples.into());
-    // A workgroup a point.
+    // One workgroup per point.
     engine.run(&mut commands, &gather, grid(64 * params.points as usize))?;
     if plan.has(Term::Lights) {
         engine.run(
@@ -104,7 +102,7 @@ pub(crate) fn run(
     Ok(())
 }
 
-/// Which points each pixel is interpolated from; counts them in `bounce_count`.
+/// Determines which points each pixel is interpolated from; counts the points in `bounce_count`.
 fn shares(engine: &mut Engine, params: &Params, plan: &Plan) -> Result<()> {
     let pixels = u64::from(params.size[0]) * u64::from(params.size[1]);
     engine.write("bounce_params", bytemuck::bytes_of(params));
@@ -121,7 +119,7 @@ fn shares(engine: &mut Engine, params: &Params, plan: &Plan) -> Result<()> {
     Ok(())
 }
 
-/// Room for points and rays.
+/// Allocates buffers for points and rays.
 fn reserve(engine: &mut Engine, params: &Params, plan: &Plan) -> Result<()> {
     let points = u64::from(params.points);
     let bytes = points * u64::from(params.samples) * RAY;
@@ -144,8 +142,8 @@ fn reserve(engine: &mut Engine, params: &Params, plan: &Plan) -> Result<()> {
     Ok(())
 }
 
-/// Of each direction its place in the disc under the hemisphere, its height above it, and what the
-/// height of its patch's sides is divided by.
+/// Returns for each direction its position on the disc below the hemisphere, its height above the
+/// disc, and the divisor used for the sides of its patch.
 fn disc(samples: u32) -> Vec<[f32; 4]> {
     let hemisphere = Hemisphere::new(samples as usize);
     let lowest = hemisphere.lowest();

@@ -1,25 +1,26 @@
-//! Finding a GPU, and knowing when it is gone.
+//! Selects and opens a GPU, and tracks its failures.
 
 use phasmid_core::error::{Error, Result};
 use serde::Serialize;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Storage buffers that an entry point may need.
+/// Maximum number of storage buffers per entry point.
 const STORAGE_BUFFERS: u32 = 24;
 
-/// Bytes that the largest map takes a pixel.
+/// Bytes per pixel of the largest map.
 const LARGEST_ELEMENT: u64 = 16;
-/// Threads of a pass that numbers of 32 bits count, with room for those that fill a grid.
+/// Maximum number of threads per pass: fits 32 bits, with headroom for those that pad the dispatch
+/// grid.
 const MOST_SAMPLES: u64 = 1 << 31;
 
-/// What is known of an adapter.
+/// Properties of an adapter.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Adapter {
-    /// The device's name.
+    /// Device name.
     pub name: String,
-    /// Discrete, integrated, virtual, or software that runs on the processor.
+    /// Discrete, integrated, virtual, or software running on the CPU.
     pub kind: &'static str,
-    /// The driver and its version.
+    /// Driver name and version.
     pub driver: String,
     /// Whether it is hardware rather than software.
     pub hardware: bool,
@@ -27,20 +28,20 @@ pub struct Adapter {
 
 /// An opened GPU.
 pub struct Gpu {
-    /// What it is.
+    /// Adapter of this GPU.
     pub adapter: Adapter,
     pub(crate) device: wgpu::Device,
     pub(super) queue: wgpu::Queue,
-    /// Whether passes can be timed, and nanoseconds of a tick.
+    /// Nanoseconds per timestamp tick; `None` if passes cannot be timed.
     pub(super) tick_ns: Option<f32>,
-    /// What went wrong, of which nothing works since.
+    /// First failure; no operation works after it.
     failure: Arc<Mutex<Option<String>>>,
 }
 
 fn instance() -> wgpu::Instance {
     let mut wanted = wgpu::InstanceDescriptor::new_without_display_handle();
     wanted.backends = wgpu::Backends::VULKAN;
-    // Messages of the validation layers are for those who write drivers.
+    // Disables validation layers and debug output.
     wanted.flags = wgpu::InstanceFlags::empty();
     wgpu::Instance::new(wanted)
 }
@@ -61,7 +62,7 @@ fn describe(info: &wgpu::AdapterInfo) -> Adapter {
     }
 }
 
-/// The Vulkan adapters of this machine, the fastest kind first; none without a driver.
+/// Returns the Vulkan adapters of this machine, the fastest kind first; empty without a driver.
 pub fn adapters() -> Vec<Adapter> {
     let mut found: Vec<_> = candidates(&instance())
         .iter()
@@ -84,10 +85,11 @@ fn candidates(instance: &wgpu::Instance) -> Vec<wgpu::Adapter> {
 }
 
 impl Gpu {
-    /// Opens the fastest kind of adapter there is; hardware only, or software too.
+    /// Opens the fastest available kind of adapter; software adapters only if `software` is set.
     ///
     /// # Errors
-    /// No such adapter, one whose limits are too small, or one that refuses.
+    /// Returns an error if there is no such adapter, if its limits are too small, or if it cannot
+    /// be opened.
     pub fn open(software: bool) -> Result<Arc<Self>> {
         let mut refusal = None;
         for adapter in candidates(&instance()) {
@@ -144,7 +146,7 @@ impl Gpu {
         };
         let lost = note(about.name.clone());
         device.set_device_lost_callback(move |reason, words| {
-            // A device that we let go says so too.
+            // The callback also fires when we drop the device ourselves.
             if reason != wgpu::DeviceLostReason::Destroyed {
                 lost(format!("lost: {words}"));
             }
@@ -166,10 +168,10 @@ impl Gpu {
         })
     }
 
-    /// Whether its buffers hold the maps of a camera's pixels, and its threads count their samples.
+    /// Checks that a camera's maps fit in a buffer and that its samples can be addressed.
     ///
     /// # Errors
-    /// Too many pixels or samples for this adapter.
+    /// Returns an error if there are too many pixels or samples for this adapter.
     pub(crate) fn holds(&self, pixels: u64, samples: u64) -> Result<()> {
         let most = self.largest_buffer() / LARGEST_ELEMENT;
         let refuse = |what: &str, found: u64, most: u64| {
@@ -187,7 +189,7 @@ impl Gpu {
         Ok(())
     }
 
-    /// How many bytes a buffer may have.
+    /// Returns the maximum buffer size in bytes.
     pub(super) fn largest_buffer(&self) -> u64 {
         let limits = self.device.limits();
         limits
@@ -195,16 +197,16 @@ impl Gpu {
             .min(limits.max_storage_buffer_binding_size)
     }
 
-    /// Notes what went wrong, if nothing did before.
+    /// Records a failure unless one is already recorded.
     pub(crate) fn fail(&self, words: impl std::fmt::Display) {
         let mut failure = self.failure.lock().unwrap_or_else(PoisonError::into_inner);
         failure.get_or_insert_with(|| format!("GPU {}: {words}", self.adapter.name));
     }
 
-    /// Whether it works.
+    /// Checks that the GPU has not failed.
     ///
     /// # Errors
-    /// What has gone wrong first: a lost device, no more memory.
+    /// Returns the first failure, such as a lost device or lack of memory.
     pub fn check(&self) -> Result<()> {
         let failure = self.failure.lock().unwrap_or_else(PoisonError::into_inner);
         match &*failure {

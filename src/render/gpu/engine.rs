@@ -1,4 +1,4 @@
-//! Runs entry points of shaders over named buffers.
+//! Runs shader entry points on named buffers.
 
 use super::timing::{PassTime, Timing};
 use super::{Gpu, Stage, shaders, store::Store};
@@ -18,12 +18,12 @@ pub(crate) struct Engine {
     timing: Timing,
 }
 
-/// Passes on their way to the GPU.
+/// Recorded passes, not yet submitted.
 pub(crate) struct Commands(wgpu::CommandEncoder);
 
 struct Module {
     shader: wgpu::ShaderModule,
-    /// Of each entry point, the buffers that it uses: name, binding, and whether it only reads.
+    /// For each entry point, the buffers it uses: name, binding and whether access is read-only.
     used: HashMap<String, Vec<(String, u32, bool)>>,
 }
 
@@ -31,17 +31,17 @@ struct Pipeline {
     pipeline: wgpu::ComputePipeline,
     layout: wgpu::BindGroupLayout,
     module: Arc<Module>,
-    /// For the store's generation.
+    /// Bind group, with the generation of the store it was built for.
     bound: Option<(u64, wgpu::BindGroup)>,
 }
 
 impl Gpu {
-    /// Waits until all that was submitted is done.
+    /// Waits until all submitted work is done.
     pub(super) fn wait(&self) -> Result<()> {
         self.poll(wgpu::PollType::wait_indefinitely())
     }
 
-    /// Waits until what was submitted then is done.
+    /// Waits until a submission is done.
     pub(super) fn wait_for(&self, submission: wgpu::SubmissionIndex) -> Result<()> {
         self.poll(wgpu::PollType::Wait {
             submission_index: Some(submission),
@@ -73,40 +73,40 @@ impl Engine {
         &self.gpu
     }
 
-    /// Gives a buffer contents.
+    /// Writes a buffer's contents.
     pub(crate) fn write(&mut self, name: &'static str, bytes: &[u8]) {
         self.store.write(name, bytes);
     }
 
-    /// Sees that a buffer has room for so many bytes.
+    /// Ensures that a buffer has a capacity of at least `bytes`.
     pub(crate) fn reserve(&mut self, name: &'static str, bytes: u64) {
         self.store.reserve(name, bytes);
     }
 
-    /// Gives a part of a buffer contents, whole words; it has room for them.
+    /// Writes part of a buffer, in whole words, which must lie within its capacity.
     pub(crate) fn write_at(&mut self, name: &str, offset: u64, bytes: &[u8]) {
         self.store.write_at(name, offset, bytes);
     }
 
-    /// Sees that there is a buffer, of whatever size, for shaders that name it and do without it.
+    /// Ensures that a buffer exists, of any size, for shaders that bind but do not use it.
     pub(crate) fn provide(&mut self, name: &'static str) {
         self.store.provide(name);
     }
 
-    /// How many bytes a buffer has room for; 0 of none.
+    /// Returns a buffer's capacity in bytes; 0 if it does not exist.
     pub(crate) fn size(&self, name: &str) -> u64 {
         self.store.size(name)
     }
 
-    /// A list of passes, to be submitted.
+    /// Creates an empty list of passes.
     pub(crate) fn commands(&self) -> Commands {
         Commands(self.gpu.device.create_command_encoder(&Default::default()))
     }
 
-    /// Adds a pass of so many workgroups.
+    /// Adds a pass with the given number of workgroups.
     ///
     /// # Errors
-    /// A shader that the driver does not take, or a GPU that has failed.
+    /// Returns an error if the driver rejects the shader or if the GPU has failed.
     pub(crate) fn run(
         &mut self,
         commands: &mut Commands,
@@ -119,10 +119,10 @@ impl Engine {
         })
     }
 
-    /// Adds a pass of as many workgroups as a buffer says: three words at an offset in bytes.
+    /// Adds a pass whose workgroup count is read from a buffer: three words at a byte offset.
     ///
     /// # Errors
-    /// As [`Self::run`].
+    /// Returns an error under the same conditions as [`Self::run`].
     pub(crate) fn run_indirect(
         &mut self,
         commands: &mut Commands,
@@ -155,12 +155,12 @@ impl Engine {
         dispatch(&mut pass, &self.store)
     }
 
-    /// Hands passes over to the GPU.
+    /// Submits passes to the GPU.
     pub(crate) fn submit(&self, commands: Commands) -> wgpu::SubmissionIndex {
         self.gpu.queue.submit([commands.0.finish()])
     }
 
-    /// Adds a copy of a part of a buffer, whole words, to a place in one of the caller's.
+    /// Adds a copy of part of a buffer, in whole words, into one of the caller's buffers.
     pub(super) fn copy_out(
         &self,
         commands: &mut Commands,
@@ -177,10 +177,10 @@ impl Engine {
         Ok(())
     }
 
-    /// A part of a buffer, whole words; waits for all that was submitted.
+    /// Reads part of a buffer, in whole words, after waiting for all submitted work.
     ///
     /// # Errors
-    /// A GPU that has failed.
+    /// Returns an error if the GPU has failed.
     pub(crate) fn read_back(&self, name: &str, bytes: Range<u64>) -> Result<Vec<u8>> {
         let length = bytes.end - bytes.start;
         if length == 0 {
@@ -201,12 +201,12 @@ impl Engine {
         Ok(view.to_vec())
     }
 
-    /// Times passes from now on, where the adapter has a clock.
+    /// Enables timing of passes, if the adapter supports timestamps.
     pub(crate) fn time_passes(&mut self) {
         self.timing = Timing::on(&self.gpu);
     }
 
-    /// What passes have taken since they are timed, by shader and entry point.
+    /// Returns the time spent in passes since timing was enabled, by shader and entry point.
     pub(crate) fn times(&mut self) -> BTreeMap<String, PassTime> {
         self.timing.collect(&self.gpu)
     }
@@ -351,12 +351,12 @@ impl Pipeline {
 
 #[cfg(test)]
 impl Engine {
-    /// Opens any adapter, software too.
+    /// Opens any adapter, including software.
     pub(crate) fn for_tests() -> Self {
         Self::new(Gpu::open(true).expect("a Vulkan adapter: install mesa-vulkan-drivers"))
     }
 
-    /// Runs `main` of a shader that takes words from `input` to `output`.
+    /// Runs `main` of a shader that maps words from `input` to `output`.
     pub(crate) fn call(
         &mut self,
         shader: &'static str,
@@ -368,7 +368,7 @@ impl Engine {
         self.call_stage(&stage, input, output_len, threads)
     }
 
-    /// The same of a stage with constants.
+    /// As `call`, for a stage with constants.
     pub(crate) fn call_stage(
         &mut self,
         stage: &Stage,

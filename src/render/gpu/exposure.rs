@@ -1,5 +1,5 @@
-//! The exposure pass on the GPU: mean electrons of all pixels from the maps of the geometry pass.
-//! Twin of `schedule.rs`, `timetable.rs` and of `light`.
+//! Exposure pass on the GPU: computes the mean electrons of all pixels from the geometry maps. Twin
+//! of `schedule.rs`, `timetable.rs` and `light`.
 
 use super::engine::Commands;
 use super::tables::{Head, Tables};
@@ -10,37 +10,37 @@ use crate::{Plan, Term};
 use phasmid_core::error::Result;
 use std::sync::Arc;
 
-/// Pieces of the bell's left half, which is enough for `bell.wgsl`.
+/// Polynomial pieces of the bell's left half, which suffices for `bell.wgsl`.
 const PIECES: usize = 96;
 
-/// Exposes pixels to slides.
+/// Exposes pixels to patterns.
 #[derive(Default)]
 pub(crate) struct Exposure {
     tables: Tables,
     has_bell: bool,
 }
 
-/// What a shot exposes the pixels to.
+/// Light that a shot exposes the pixels to.
 pub(crate) struct Shown<'a> {
     pub(crate) plan: &'a Plan,
     pub(crate) when: &'a Timetable,
-    /// Of the slides that are seen, as the timetable counts them.
+    /// Tables of the visible patterns, numbered as in the timetable.
     pub(crate) tables: &'a [Arc<Table>],
-    /// Pixels of the image.
+    /// Number of pixels of the image.
     pub(crate) pixels: usize,
-    /// Whether the light joins what `electrons` holds: that of another instant of the exposure.
+    /// Whether to add to the contents of `electrons`, which hold another instant of the exposure.
     pub(crate) adds: bool,
 }
 
 impl Exposure {
-    /// Adds the passes that leave the mean electrons of all pixels in `electrons`.
+    /// Adds the passes that write the mean electrons of all pixels to `electrons`.
     ///
-    /// The maps, and what the plan asks for beside them, are at hand: `mixed_heads` and so on always.
-    /// The schedule is written at once, so that the commands must be submitted before the next
-    /// exposure is asked for.
+    /// The maps and the other buffers of the plan must be on the GPU; `mixed_heads` and related
+    /// buffers always. The schedule is written immediately, so the commands must be submitted
+    /// before the next exposure is recorded.
     ///
     /// # Errors
-    /// Slides that the GPU has no memory for, or a GPU that has failed.
+    /// Returns an error if the patterns do not fit in GPU memory or if the GPU has failed.
     pub(crate) fn run(
         &mut self,
         engine: &mut Engine,
@@ -66,11 +66,11 @@ impl Exposure {
         )?;
         for entry in ["main", "pixels"] {
             let stage = stage("mixed_exposure", entry).with("adds", adds);
-            // The first word is the number of heads, the others are groups of threads.
+            // The first word is the number of heads; the following words are workgroup counts.
             engine.run_indirect(commands, &stage, "mixed_count", 4)?;
         }
         if shown.plan.has(Term::Interreflection) {
-            // Room for so many points, of 16 bytes each; there may be fewer.
+            // Capacity in points of 16 bytes; there may be fewer points.
             let points = engine.size("bounce_points") / 16 * heads.len() as u64;
             engine.reserve("bounce_light", 4 * points);
             engine.run(
@@ -83,11 +83,10 @@ impl Exposure {
         Ok(())
     }
 
-    /// Sees that all buffers are there that the shaders name: those that the plan leaves out hold
-    /// nothing.
+    /// Ensures that all buffers bound by the shaders exist; those the plan does not need are empty.
     fn provide(&mut self, engine: &mut Engine, pixels: usize) {
         engine.reserve("electrons", 4 * pixels as u64);
-        // A head takes 16 bytes.
+        // 16 bytes per head.
         let heads = engine.size("mixed_heads") / 16;
         engine.reserve("mixed_electrons", 4 * heads);
         for name in ["under_skin", "mixed_skin", "mixtures"] {
@@ -100,7 +99,7 @@ impl Exposure {
     }
 }
 
-/// Coefficients of the bell's left half, eight numbers a piece.
+/// Coefficients of the bell's left half, eight numbers per piece.
 pub(super) fn bell() -> Vec<[f32; 8]> {
     let eight = |c: &[f64; 6]| std::array::from_fn(|k| c.get(k).map_or(0.0, |&c| c as f32));
     Bell::new().pieces()[..PIECES].iter().map(eight).collect()
@@ -110,7 +109,8 @@ fn flag(on: bool) -> f64 {
     f64::from(u8::from(on))
 }
 
-/// A schedule as `schedule.wgsl` has it: a head of two, lines, parts, and two for each table.
+/// Packs a schedule in the layout of `schedule.wgsl`: two header entries, lines, parts, and two
+/// entries per table.
 pub(super) fn packed(shown: &Shown<'_>, heads: &[Head]) -> Vec<[u32; 4]> {
     let when = shown.when;
     let parts = 2 + when.lines.len() as u32;

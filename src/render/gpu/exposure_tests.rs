@@ -1,5 +1,5 @@
-//! Electrons of whole frames by the GPU's exposure pass against the CPU's, both from the maps of the
-//! CPU's geometry pass: what differs is the exposure alone.
+//! Compares electrons of whole frames from the GPU's exposure pass with the CPU's. Both use the
+//! CPU's geometry maps, so that only the exposure differs.
 
 use super::exposure::{Exposure, Shown};
 use super::{Engine, maps, skin, upload, upload_mixed};
@@ -41,7 +41,7 @@ rotation_deg = [10, 20, 35]
 albedo = 0.6
 ";
 
-/// The middle of the bench before a scene, and the maps of what it sees.
+/// The central part of the bench camera in front of a scene, and its geometry maps.
 struct Setup {
     profile: Profile,
     plan: Plan,
@@ -153,7 +153,7 @@ impl Setup {
         }
     }
 
-    /// What light does under pixels and samples, as `skin_types.wgsl` has it.
+    /// Uploads the subsurface data of pixels and samples in the layout of `skin_types.wgsl`.
     fn upload_skin(&self, engine: &mut Engine) {
         let Some(skin) = &self.map.skin else { return };
         let mixtures: Vec<&Mixture> = self.optics.skins.mixtures().collect();
@@ -186,7 +186,7 @@ impl Setup {
         engine.write("mixed_skin", bytemuck::cast_slice(&samples));
     }
 
-    /// Exposes as often as is said, each time adding to the last.
+    /// Exposes the given number of times, each adding to the previous.
     fn on_gpu(
         &self,
         (engine, exposure): (&mut Engine, &mut Exposure),
@@ -220,7 +220,7 @@ impl Setup {
         }
     }
 
-    /// Every kind of slide by itself.
+    /// Checks every kind of pattern separately.
     fn check(&self, name: &str, bar: f32) {
         let (mut engine, mut exposure) = (Engine::for_tests(), Exposure::default());
         self.upload(&mut engine);
@@ -232,7 +232,7 @@ impl Setup {
         }
     }
 
-    /// Holds electrons within a part of a grey level, of 255 to a full well.
+    /// Checks that electrons agree within `bar` grey levels (255 levels per full well).
     fn compare(&self, name: &str, cpu: &[f32], gpu: &[f32], bar: f32) {
         let level = (self.profile.camera.sensor.full_well_e / 255.0) as f32;
         let mixed = |i: usize| self.map.mixed.iter().any(|m| m.pixel as usize == i);
@@ -251,7 +251,7 @@ impl Setup {
     }
 }
 
-/// The CPU's bounce, as `bounce_types.wgsl` has it.
+/// Uploads the CPU's indirect light in the layout of `bounce_types.wgsl`.
 fn upload_bounce(engine: &mut Engine, map: &GeometryBuffer) {
     let (bounce, mut before) = (&map.bounce, 0);
     let (mut points, mut x, mut y) = (Vec::new(), Vec::new(), Vec::new());
@@ -359,8 +359,8 @@ intensity_w_sr = 0.3
 flicker = { frequency_hz = 100, depth = 0.5, phase_deg = 25 }
 ";
 
-/// Rows that see different slides, each at its place in the mains' period; and light that is added
-/// to what is there.
+/// Rows that see different patterns, each at its own phase of the mains period; and accumulation of
+/// light.
 #[test]
 #[ignore = "needs a Vulkan adapter"]
 fn rows_that_follow_each_other() {

@@ -1,4 +1,4 @@
-//! Which scenes f32 cannot hold: those are left to the CPU.
+//! Detects scenes that exceed f32 precision and must be rendered on the CPU.
 
 use crate::lamps::LampShape;
 use crate::shade::Optics;
@@ -6,22 +6,25 @@ use crate::world::{Placed, World};
 use glam::DVec2;
 use phasmid_geometry::{Lens, Solid};
 
-/// Distance from the camera within which f32 holds a scene: its rounding is half a micrometre there.
+/// Maximum distance from the camera at which f32 suffices: its rounding error there is half a
+/// micrometre.
 const FAR_MM: f64 = 10_000.0;
-/// Levels of a hierarchy that a ray's stack has room for, as in `bvh.wgsl`.
+/// Maximum depth of a hierarchy that fits a ray's stack, as in `bvh.wgsl`.
 const LEVELS: usize = 48;
-/// Radius over distance below which the normals of round surfaces are off by a thousandth.
+/// Minimum ratio of radius to distance; below it the normals of curved surfaces are off by a
+/// thousandth.
 const LEAST_RADIUS: f64 = 2e-4;
-/// Distance of a lens's axis from its image's middle in pixels above which f32 has too few digits for
-/// a place in the image.
+/// Maximum distance of the principal point from the image centre in pixels; above it f32 has too
+/// few digits for image coordinates.
 const FARTHEST_AXIS_PX: f64 = 8192.0;
-/// Focal length in pixels above which a direction's rounding is a part of a pixel that counts.
+/// Maximum focal length in pixels; above it the rounding of directions is a significant fraction of
+/// a pixel.
 const LONGEST_PX: f64 = 10_000.0;
 
-/// Whether f32 holds a scene, and if not, why.
+/// Checks that f32 precision suffices for a scene.
 ///
 /// # Errors
-/// What it cannot hold.
+/// Returns the reason if it does not.
 pub(crate) fn fits(world: &World, optics: &Optics) -> Result<(), String> {
     let far = world.farthest_mm().max(optics.projector.center().length());
     if far > FAR_MM {
@@ -98,8 +101,8 @@ pub(crate) fn fits(world: &World, optics: &Optics) -> Result<(), String> {
     }
 }
 
-/// Whether a plane without end is seen far away: at the corners of the image, as it is the farthest
-/// there.
+/// Returns whether an infinite plane is visible far away. Tests the image corners, where it is
+/// farthest.
 fn runs_far(placed: &Placed, lens: &Lens) -> bool {
     let Solid::Plane { half } = placed.solid else {
         return false;

@@ -1,43 +1,43 @@
-//! Frames on their way back from the GPU: several at a time, so that it works at the next while the
-//! processor copies the last, once, to where the link takes it from.
+//! Readback of frames from the GPU. Several are in flight, so that the GPU renders the next frame
+//! while the CPU copies the previous one, once, to where the link reads it.
 
 use super::engine::Commands;
 use super::{Engine, Gpu};
 use phasmid_core::error::{Error, Result};
 use std::sync::mpsc;
 
-/// Frames under way together: one that is worked at, one that waits, one that is copied.
+/// Frames in flight: one being rendered, one waiting, one being copied.
 pub(crate) const DEPTH: usize = 3;
 
-/// Buffers that the processor can read.
+/// Buffers that the CPU can map.
 #[derive(Default)]
 pub(super) struct Frames {
     free: Vec<wgpu::Buffer>,
 }
 
-/// A frame that is on its way.
+/// A frame in flight.
 pub(crate) struct Ticket {
     buffer: wgpu::Buffer,
     bytes: usize,
-    /// Groups of samples that there was room for.
+    /// Capacity in sample groups.
     room: u64,
     submission: wgpu::SubmissionIndex,
     mapped: mpsc::Receiver<Result<(), wgpu::BufferAsyncError>>,
 }
 
-/// A frame that has come back.
+/// A frame that has been read back.
 pub(super) struct Arrived {
     pub(super) data: Vec<u8>,
-    /// Groups of samples that mixed pixels wanted, and that there was room for.
+    /// Sample groups needed by mixed pixels, and capacity available.
     pub(super) wanted: u64,
     pub(super) room: u64,
 }
 
-/// Bytes of `mixed_count`, whose last word is what mixed pixels wanted.
+/// Bytes of `mixed_count`, whose last word is the number of sample groups needed.
 const COUNT: u64 = 20;
 
 impl Frames {
-    /// Submits passes, and a copy of the frame that they leave behind.
+    /// Submits passes and a copy of the resulting frame.
     pub(super) fn submit(
         &mut self,
         engine: &Engine,
@@ -63,7 +63,7 @@ impl Frames {
         engine.gpu().check()?;
         let (tell, mapped) = mpsc::channel();
         buffer.map_async(wgpu::MapMode::Read, .., move |outcome| {
-            // Whoever asked may have given up.
+            // The receiver may have been dropped.
             let _ = tell.send(outcome);
         });
         Ok(Ticket {

@@ -6,11 +6,11 @@ use glam::DVec2;
 use phasmid_core::error::Result;
 use phasmid_geometry::Lens;
 
-/// Pixels along a side of the tile that a workgroup looks at, as in `geometry.wgsl`.
+/// Side in pixels of a workgroup's tile, as in `geometry.wgsl`.
 const SIDE: usize = 8;
 
-/// Takes the ideal image points of the camera's pixels to the GPU, where its lens is distorted: made
-/// in f64.
+/// Uploads the ideal image points of the camera's pixels, computed in f64, if its lens has
+/// distortion.
 pub(crate) fn write_rays(engine: &mut Engine, table: Option<&[DVec2]>) {
     let rays: Vec<[f32; 2]> = table
         .unwrap_or_default()
@@ -20,10 +20,10 @@ pub(crate) fn write_rays(engine: &mut Engine, table: Option<&[DVec2]>) {
     engine.write("rays", bytemuck::cast_slice(&rays));
 }
 
-/// Adds the pass over all pixels' centres of a camera; the scene, the optics and the rays are there.
+/// Adds the pass over all pixel centres; scene, optics and rays must already be uploaded.
 ///
 /// # Errors
-/// A GPU that has failed.
+/// Returns an error if the GPU has failed.
 pub(crate) fn run(
     engine: &mut Engine,
     commands: &mut Commands,
@@ -37,7 +37,8 @@ pub(crate) fn run(
     engine.run(commands, &stage, grid(tiles * SIDE * SIDE))
 }
 
-/// The plan's terms that geometry passes know, so that others do not make them anew.
+/// Reduces a plan to the terms that the geometry shaders use, so that other terms do not cause
+/// recompilation.
 fn of_geometry(plan: &Plan) -> Plan {
     let mut geometry = *plan;
     for term in Term::ALL {

@@ -1,4 +1,4 @@
-//! Veiling glare on the GPU. Twin of `glare.rs`, which makes the weights.
+//! Veiling glare on the GPU. Twin of `glare.rs`, which computes the weights.
 
 use super::engine::Commands;
 use super::{Engine, Stage, grid};
@@ -8,7 +8,7 @@ use bytemuck::{Pod, Zeroable};
 use phasmid_core::error::Result;
 use phasmid_profile as profile;
 
-/// Pixels that a workgroup sums up, as in `glare.wgsl`.
+/// Pixels summed by one workgroup, as in `glare.wgsl`.
 const PART: usize = 1024;
 
 /// Spreads the scattered light of images of one size.
@@ -32,8 +32,7 @@ struct Size {
 }
 
 impl Glare {
-    /// Takes the weights there, for an image of so many columns and rows; `None` where nothing is
-    /// scattered.
+    /// Uploads the weights for an image of the given size; `None` if there is no glare.
     pub(crate) fn new(
         engine: &mut Engine,
         glare: &profile::Glare,
@@ -63,17 +62,17 @@ impl Glare {
         Some(Self { pixels, cells })
     }
 
-    /// Adds the passes that spread the light of `electrons`.
+    /// Adds the passes that apply glare to `electrons`.
     ///
     /// # Errors
-    /// A GPU that has failed.
+    /// Returns an error if the GPU has failed.
     pub(crate) fn run(
         &self,
         engine: &mut Engine,
         commands: &mut Commands,
         plan: &Plan,
     ) -> Result<()> {
-        // A workgroup a cell, and a part of the image.
+        // One workgroup per cell, and one per part of the image.
         let (of_cells, of_parts) = (64 * self.cells, 64 * self.pixels.div_ceil(PART));
         for (entry, threads) in [
             ("cells", of_cells),
@@ -89,7 +88,7 @@ impl Glare {
     }
 }
 
-/// Adds the tables of one axis, and says where they are.
+/// Appends the tables of one axis and records their offsets.
 fn pack(axis: &Axis, k: usize, params: &mut Size, tables: &mut Vec<u32>) {
     let span = axis.covers.iter().map(|(_, shares)| shares.len()).max();
     let span = span.unwrap_or(0);

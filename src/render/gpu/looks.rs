@@ -1,8 +1,7 @@
-//! What objects look like, and the lamps, as shaders read them: `looks.wgsl`, `look_values.wgsl` and
-//! `texture.wgsl`.
+//! Materials and lamps in the layout of `looks.wgsl`, `look_values.wgsl` and `texture.wgsl`.
 //!
-//! All of it is taken to the GPU once. Each instant brings the smooth normals of meshes that deform:
-//! the CPU, which deforms them, has made them.
+//! Everything is uploaded once, except for the smooth normals of deforming meshes, which the CPU
+//! computes and uploads for each instant.
 
 #[cfg(test)]
 mod board_tests;
@@ -20,13 +19,13 @@ use crate::shade::Optics;
 use crate::worlds::Worlds;
 use pack::Packer;
 
-/// Room for the lamps in front of the look's values.
+/// Space for the lamps in front of the material values.
 const LAMPS: usize = 32 * 8;
 
-/// What the GPU has of a scene's looks.
+/// Materials of a scene on the GPU.
 #[derive(Default)]
 pub(crate) struct Looks {
-    /// Shapes that meshes which deform are kept in; 0 before anything is there.
+    /// Number of shapes kept per deforming mesh; 0 before the first upload.
     shapes: usize,
     deforming: Vec<Deforming>,
 }
@@ -35,15 +34,15 @@ pub(crate) struct Looks {
 struct Deforming {
     object: u16,
     shape: usize,
-    /// Place among the look's values.
+    /// Offset among the material values.
     at: u32,
-    /// The shape that is there.
+    /// Shape currently uploaded.
     blend: Option<Blend>,
 }
 
 impl Looks {
-    /// Takes all looks and lamps there, with meshes in the shapes that they have now; of what is
-    /// there already, only what has changed.
+    /// Uploads all materials and lamps, with meshes in their current shapes. Later calls upload
+    /// only changes.
     pub(crate) fn update(&mut self, engine: &mut Engine, optics: &Optics, worlds: &Worlds) {
         let steps = worlds.steps();
         if self.shapes != steps.len() {

@@ -1,9 +1,9 @@
-//! The maps over the camera's pixels in the GPU's memory: `maps_in.wgsl` and `maps_out.wgsl`.
+//! Per-pixel maps in GPU memory: `maps_in.wgsl` and `maps_out.wgsl`.
 
 use super::Engine;
 use phasmid_core::error::Result;
 
-/// Room for the maps of so many pixels.
+/// Allocates the maps for `pixels` pixels.
 pub(crate) fn reserve_maps(engine: &mut Engine, pixels: usize) {
     let pixels = pixels as u64;
     for (name, bytes) in [
@@ -22,7 +22,7 @@ pub(crate) fn reserve_maps(engine: &mut Engine, pixels: usize) {
     }
 }
 
-/// The first `count` elements of a buffer.
+/// Reads the first `count` elements of a buffer.
 pub(crate) fn words<T: bytemuck::Pod>(engine: &Engine, name: &str, count: u64) -> Result<Vec<T>> {
     let bytes = engine.read_back(name, 0..count * size_of::<T>() as u64)?;
     Ok(bytemuck::pod_collect_to_vec(&bytes))

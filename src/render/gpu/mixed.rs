@@ -1,4 +1,4 @@
-//! Mixed pixels in the GPU's memory: `mixed_types.wgsl` and what goes with it.
+//! Mixed pixels in GPU memory: `mixed_types.wgsl` and related buffers.
 
 use super::Engine;
 #[cfg(test)]
@@ -8,11 +8,11 @@ use crate::buffer::Mixed;
 use bytemuck::{Pod, Zeroable};
 use phasmid_core::error::{Error, Result};
 
-/// Samples of a head.
+/// Samples per head.
 const LANES: u64 = 16;
-/// Words of `mixed_count`; the last one is the most heads that a pass has wanted.
+/// Words of `mixed_count`; the last is the maximum number of heads a pass has needed.
 const COUNTS: u64 = 5;
-/// Room for so many heads at least.
+/// Minimum capacity in heads.
 const LEAST: u64 = 1024;
 
 /// Twin of `MixedSample` in `mixed_types.wgsl`.
@@ -25,22 +25,22 @@ pub(super) struct MixedSample {
     pub(super) blur: f32,
 }
 
-/// How many heads of mixed pixels there is room for. It starts at what most scenes fit in and grows
-/// when a pass has wanted more, which is then run again: no sample is lost.
+/// Capacity for heads of mixed pixels. It starts at a size sufficient for most scenes. If a pass
+/// needs more, it grows and the pass is run again, so no sample is lost.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Room {
     pub(super) heads: u64,
-    /// What the adapter's largest buffer holds.
+    /// Maximum capacity, limited by the adapter's largest buffer.
     most: u64,
-    /// How skin spreads light is kept too.
+    /// Whether subsurface spread is stored too.
     skin: bool,
 }
 
-/// Bytes of the spread of light under skin at one sample.
+/// Bytes per sample of subsurface spread.
 const SKIN: u64 = 24;
 
 impl Room {
-    /// For so many heads, or as many as the adapter can hold if that is less.
+    /// Allocates space for `heads` heads, limited to what the adapter can hold.
     pub(super) fn new(engine: &Engine, heads: u64, skin: bool) -> Self {
         let bytes = engine.gpu().largest_buffer();
         let most = bytes / (LANES * size_of::<MixedSample>() as u64);
@@ -63,10 +63,10 @@ impl Room {
         }
     }
 
-    /// Makes room for what a pass has wanted; tells whether there was too little.
+    /// Grows to the number of heads a pass needed; returns whether it had to grow.
     ///
     /// # Errors
-    /// More than the adapter can hold.
+    /// Returns an error if that exceeds what the adapter can hold.
     pub(super) fn grow(&mut self, wanted: u64) -> Result<bool> {
         if wanted <= self.heads {
             return Ok(false);
@@ -83,19 +83,19 @@ impl Room {
     }
 }
 
-/// Takes back what passes have wanted until now.
+/// Resets the recorded number of heads needed.
 pub(super) fn forget(engine: &mut Engine) {
     engine.write("mixed_count", &[0; COUNTS as usize * 4]);
 }
 
-/// The most heads that a pass has wanted; waits for it.
+/// Returns the maximum number of heads a pass has needed; waits for the GPU.
 #[cfg(test)]
 pub(super) fn wanted(engine: &Engine) -> Result<u64> {
     let counts: Vec<u32> = words(engine, "mixed_count", COUNTS)?;
     Ok(counts[COUNTS as usize - 1].into())
 }
 
-/// The mixed pixels as the CPU has them, in its order; skin aside.
+/// Reads the mixed pixels back in the CPU's layout and order, without skin.
 #[cfg(test)]
 pub(crate) fn back(engine: &Engine) -> Result<Vec<Mixed>> {
     let counts: Vec<u32> = words(engine, "mixed_count", COUNTS)?;
@@ -117,7 +117,7 @@ pub(crate) fn back(engine: &Engine) -> Result<Vec<Mixed>> {
             mixed
         })
         .collect();
-    // Stable: groups of one pixel stay in their order.
+    // The sort is stable, so groups of one pixel keep their order.
     found.sort_by_key(|mixed| mixed.pixel);
     Ok(found)
 }

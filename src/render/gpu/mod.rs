@@ -1,8 +1,9 @@
-//! The passes on a GPU, through wgpu: the shaders in `shaders/` are their twins, by name and order.
+//! The rendering passes on a GPU, through wgpu: the shaders in `shaders/` are twins of the CPU
+//! passes, with the same names and order.
 //!
-//! `device` finds an adapter; `shaders` holds the sources and puts them together; `engine` runs them
-//! over named buffers (`store`), specialised by the plan (`stage`), and times them (`timing`).
-//! `exposure` is light, its slides in `tables`; `glare` spreads it.
+//! `device` finds an adapter; `shaders` assembles the sources; `engine` runs them on named buffers
+//! (`store`), specialised by the plan (`stage`), and times them (`timing`). `exposure` computes the
+//! light from pattern `tables`; `glare` scatters it.
 
 mod aperture;
 #[cfg(test)]

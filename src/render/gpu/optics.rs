@@ -1,4 +1,4 @@
-//! What turns geometry into electrons, as shaders read it: `optics.wgsl`.
+//! Parameters that convert geometry to electrons, in the layout of `optics.wgsl`.
 
 use super::Engine;
 use crate::light::Falloff;
@@ -66,7 +66,7 @@ impl FalloffData {
 struct OpticsData {
     camera: LensData,
     projector: LensData,
-    /// Axes of the projector in the rig's frame; in the fourth places its pupil.
+    /// Axes of the projector in the rig's frame; the fourth components hold its pupil.
     axes: [[f32; 4]; 3],
     seen: FalloffData,
     shown: FalloffData,
@@ -80,7 +80,7 @@ struct OpticsData {
     spare: u32,
 }
 
-/// Takes the optics to the GPU: buffer `optics`.
+/// Uploads the optics to the buffer `optics`.
 pub(crate) fn write(engine: &mut Engine, optics: &Optics) {
     let pose = &optics.projector.rig_from_view;
     let axes = std::array::from_fn(|i| {

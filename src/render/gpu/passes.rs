@@ -1,4 +1,4 @@
-//! All passes of one renderer on a GPU: what its maps hold, and frames on their way back.
+//! All GPU passes of one renderer: state of its maps, and readback of frames.
 
 use super::engine::Commands;
 use super::exposure::{Exposure, Shown};
@@ -26,27 +26,27 @@ pub(crate) struct Passes {
     frames: Frames,
     made: Option<Made>,
     exposure: Exposure,
-    /// Passes of the last instant's light, which go to the GPU with what follows them.
+    /// Recorded passes of the last instant's light, submitted together with the next passes.
     open: Option<Commands>,
-    /// The revision of scene and plan that the maps hold.
+    /// Revision of scene and plan for which the maps are valid.
     holds: Option<u64>,
 }
 
-/// What renderers have at hand for their passes.
+/// The renderer's state that the passes read.
 pub(crate) struct View<'a> {
     pub(crate) profile: &'a Profile,
     pub(crate) worlds: &'a Worlds,
     pub(crate) optics: &'a Optics,
-    /// Ideal image points of the pixels, where the lens is distorted.
+    /// Ideal image points of the pixels, if the lens has distortion.
     pub(crate) rays: Option<&'a [DVec2]>,
     pub(crate) plan: &'a Plan,
     pub(crate) options: Options,
     pub(crate) fixed: Option<&'a FixedPattern>,
-    /// Counts states of scene and plan.
+    /// Revision counter of scene and plan.
     pub(crate) revision: u64,
 }
 
-/// What one plan needs.
+/// Resources built for one plan.
 struct Made {
     plan: Plan,
     scene: Scene,
@@ -109,23 +109,23 @@ impl Passes {
         self.engine.gpu()
     }
 
-    /// Forgets what it holds of the scene, which is another one now; pipelines stay.
+    /// Discards everything that depends on the scene after it has changed; pipelines are kept.
     pub(crate) fn forget(&mut self) {
         self.made = None;
         self.holds = None;
     }
 
-    /// Runs the geometry pass if its result is not at hand.
+    /// Runs the geometry pass unless the maps are up to date.
     ///
     /// # Errors
-    /// A GPU that has failed.
+    /// Returns an error if the GPU has failed.
     pub(crate) fn look(&mut self, view: &View<'_>) -> Result<()> {
         let engine = &mut self.engine;
-        // A plan that changes is another revision too.
+        // A changed plan also changes the revision.
         if self.holds == Some(view.revision) {
             return engine.gpu().check();
         }
-        // What the open passes look at is about to change.
+        // The inputs of the open passes are about to change.
         if let Some(open) = self.open.take() {
             engine.submit(open);
         }
@@ -153,12 +153,12 @@ impl Passes {
         engine.gpu().check()
     }
 
-    /// Adds the light of a shot, or of an instant of it, that [`Self::look`] was at.
+    /// Adds the light of a shot, or of the instant of it for which [`Self::look`] was called.
     ///
     /// # Errors
-    /// A GPU that has failed.
+    /// Returns an error if the GPU has failed.
     pub(crate) fn expose(&mut self, shown: &Shown<'_>) -> Result<()> {
-        // Its schedule is about to be written over.
+        // Its schedule is about to be overwritten.
         if let Some(open) = self.open.take() {
             self.engine.submit(open);
         }
@@ -168,10 +168,11 @@ impl Passes {
         Ok(())
     }
 
-    /// Reads the light out, into a frame that comes back: one submission with the light.
+    /// Reads the light out into a frame and starts its readback, in one submission with the
+    /// exposure.
     ///
     /// # Errors
-    /// A GPU that has failed.
+    /// Returns an error if the GPU has failed.
     pub(crate) fn read(&mut self, sensor: &Sensor<'_>) -> Result<Ticket> {
         let engine = &mut self.engine;
         let (Some(made), Some(mut commands)) = (&self.made, self.open.take()) else {
@@ -186,11 +187,11 @@ impl Passes {
             .submit(engine, commands, bytes, made.sampler.room())
     }
 
-    /// Waits for a frame; `None` where there was no room for all the samples of mixed pixels. There
-    /// is more then, and it has to be made again.
+    /// Waits for a frame. Returns `None` if the samples of mixed pixels exceeded the capacity,
+    /// which has then been increased; the frame must be rendered again.
     ///
     /// # Errors
-    /// A GPU that has failed, or that has too little memory for the samples.
+    /// Returns an error if the GPU has failed or has too little memory for the samples.
     pub(crate) fn take(&mut self, ticket: Ticket) -> Result<Option<Vec<u8>>> {
         let Arrived { data, wanted, room } = self.frames.take(self.engine.gpu(), ticket)?;
         if wanted <= room {
@@ -203,18 +204,18 @@ impl Passes {
         Ok(None)
     }
 
-    /// Asks for memory, as passes do.
+    /// Reserves a buffer, as the passes do.
     #[cfg(test)]
     pub(crate) fn reserve(&mut self, name: &'static str, bytes: u64) {
         self.engine.reserve(name, bytes);
     }
 
-    /// Times passes from now on.
+    /// Enables timing of passes.
     pub(crate) fn time_passes(&mut self) {
         self.engine.time_passes();
     }
 
-    /// What passes have taken since they are timed, by shader and entry point.
+    /// Returns the time spent in passes since timing was enabled, by shader and entry point.
     pub(crate) fn times(&mut self) -> BTreeMap<String, PassTime> {
         self.engine.times()
     }

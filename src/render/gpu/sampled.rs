@@ -1,4 +1,4 @@
-//! The passes that see pixels by several rays: those that are mixed, or all of them.
+//! Passes that sample pixels with several rays: mixed pixels, or all of them.
 
 use super::engine::Commands;
 use super::mixed::{self, Room};
@@ -11,7 +11,7 @@ use crate::{Options, Plan, Term};
 use bytemuck::{Pod, Zeroable};
 use phasmid_core::error::Result;
 
-/// Twin of `Sampling` in `sampling.wgsl`, its tables aside.
+/// Twin of `Sampling` in `sampling.wgsl`, without its tables.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 struct SamplingData {
@@ -26,19 +26,19 @@ struct SamplingData {
     spare: [u32; 3],
 }
 
-/// Sees pixels by several rays.
+/// Samples pixels with several rays.
 pub(crate) struct Sampler {
     aperture: Aperture,
-    /// Samples on a side of a pixel.
+    /// Samples along a pixel's side.
     side: usize,
     room: Room,
     data: SamplingData,
-    /// A bit for each object whose albedo varies over its surface.
+    /// One bit per object, set if its albedo varies over its surface.
     varies: Vec<[u32; 2]>,
 }
 
 impl Sampler {
-    /// Takes what the passes need beside maps, optics and world to the GPU.
+    /// Uploads what the passes need besides maps, optics and world.
     pub(crate) fn new(
         engine: &mut Engine,
         worlds: &Worlds,
@@ -51,7 +51,7 @@ impl Sampler {
         let depth_of_field = plan.has(Term::DepthOfField) && aperture.radius_mm > 0.0;
         let side = options.side(depth_of_field);
         let pixels = u64::from(lens.width_px) * u64::from(lens.height_px);
-        // What scenes mostly take: all that is on edges, a part of what may be out of focus.
+        // Typical need: pixels on edges, and some of those that may be out of focus.
         let heads = match side {
             1 | 2 => pixels / 16,
             _ => pixels / 4,
@@ -77,14 +77,14 @@ impl Sampler {
             varies: varies(&worlds.any().looks),
         };
         sampler.room.reserve(engine);
-        // What was wanted under another plan is not now.
+        // Counts recorded under the previous plan no longer apply.
         mixed::forget(engine);
         sampler.see(engine, worlds);
         sampler
     }
 
-    /// Takes note of a scene that may be seen otherwise than before: by all rows at once, or by each
-    /// at its own time.
+    /// Updates the sampling for a scene that may now be seen by all rows at once, or by each row at
+    /// its own time.
     pub(crate) fn see(&mut self, engine: &mut Engine, worlds: &Worlds) {
         let rows = worlds.rows_together() as u32;
         if self.data.rows != rows {
@@ -93,7 +93,7 @@ impl Sampler {
         }
     }
 
-    /// Groups of sixteen samples that there is room for.
+    /// Returns the capacity in groups of sixteen samples.
     pub(super) fn room(&self) -> u64 {
         self.room.heads
     }
@@ -113,10 +113,10 @@ impl Sampler {
         engine.write("sampling", &parts.concat());
     }
 
-    /// Adds the passes that follow the one over pixels' centres, to be submitted with it.
+    /// Adds the passes that follow the pixel-centre pass, to be submitted with it.
     ///
     /// # Errors
-    /// A GPU that has failed.
+    /// Returns an error if the GPU has failed.
     pub(crate) fn run(
         &self,
         engine: &mut Engine,
@@ -151,12 +151,12 @@ impl Sampler {
         Ok(())
     }
 
-    /// Makes room where there was too little for the groups that mixed pixels wanted, the last word of
-    /// `mixed_count`; tells whether there was: then the pass over the centres and these have to be
+    /// Grows the capacity if mixed pixels needed more groups (`wanted`, the last word of
+    /// `mixed_count`). Returns whether it grew; the pixel-centre pass and these passes must then be
     /// run again.
     ///
     /// # Errors
-    /// More mixed pixels than the adapter can hold.
+    /// Returns an error if the adapter cannot hold the mixed pixels.
     pub(crate) fn has_grown(&mut self, engine: &mut Engine, wanted: u64) -> Result<bool> {
         let grown = self.room.grow(wanted)?;
         if grown {

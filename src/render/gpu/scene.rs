@@ -1,11 +1,11 @@
-//! The scene as shaders read it: `bvh.wgsl` and `world.wgsl`.
+//! The scene in the layout of `bvh.wgsl` and `world.wgsl`.
 //!
-//! What stands still and what moves as a rigid body is taken to the GPU once; each instant brings the
-//! poses alone. A mesh that deforms brings its corners and boxes too, some 4 MB for 65,536 triangles:
-//! the CPU refits its hierarchy rather than build it anew. On two cores busy with other work the least
-//! was 1.0 ms for the refit (fifteen runs), 0.1 ms for blending and 1.1 ms for the normals in f64,
-//! against 122 ms for building (four runs): too rough for a ratio, plain enough for the choice. A
-//! refit by shaders has not been measured; the CPU's own would remain, for the looks.
+//! Static and rigidly moving geometry is uploaded once; each instant uploads only poses. A
+//! deforming mesh also uploads its corners and boxes, about 4 MB for 65,536 triangles: the CPU
+//! refits its hierarchy instead of rebuilding it. Minimum times on two cores under other load were
+//! 1.0 ms for the refit (fifteen runs), 0.1 ms for blending and 1.1 ms for the normals in f64,
+//! versus 122 ms for building (four runs): too rough for a ratio, but clear enough for the choice.
+//! A refit by shaders has not been measured; the CPU's would still be needed for the materials.
 
 use super::Engine;
 use crate::path::Blend;
@@ -65,24 +65,24 @@ struct WorldData {
     by_row: u32,
 }
 
-/// Where a hierarchy's nodes and triangles begin, of each of the shapes that it is kept in.
+/// Offsets of a hierarchy's nodes and triangles, for each of its stored shapes.
 struct Place {
     nodes: Vec<u32>,
     triangles: Vec<u32>,
-    /// The shapes that are there; none of what does not deform.
+    /// Uploaded shapes; `None` for meshes that do not deform.
     blends: Vec<Option<Blend>>,
 }
 
-/// What the GPU has of a scene.
+/// A scene on the GPU.
 #[derive(Default)]
 pub(crate) struct Scene {
-    /// Of each hierarchy, that of what stands still first.
+    /// One entry per hierarchy, that of the static geometry first.
     places: Vec<Place>,
-    /// Shapes that meshes which deform are kept in; 0 before anything is there.
+    /// Number of shapes kept per deforming mesh; 0 before the first upload.
     shapes: usize,
 }
 
-/// The largest number that WGSL's tests take for a size without end.
+/// Size at or above which the shaders treat a solid as infinite.
 const ENDLESS: f64 = 3e38;
 
 fn rows(pose: &Pose) -> [[f32; 4]; 3] {
@@ -127,8 +127,8 @@ fn nodes<F>(tree: &Tree<'_, F>) -> Vec<NodeData> {
     tree.bvh.nodes().iter().map(node).collect()
 }
 
-/// Corners as the hierarchy has them; unit normals in f64, so that small triangles far away have
-/// theirs too, and zero where there is no area.
+/// Returns corners in hierarchy order, and unit normals. Normals are computed in f64, so that small
+/// distant triangles have one too; they are zero for degenerate triangles.
 fn triangles<F: Frame + Sync>(tree: &Tree<'_, F>) -> Vec<TriangleData> {
     tree.bvh
         .corners()
@@ -143,7 +143,7 @@ fn triangles<F: Frame + Sync>(tree: &Tree<'_, F>) -> Vec<TriangleData> {
 }
 
 impl Scene {
-    /// Takes the scene there as it is now; of what is there already, only what has changed.
+    /// Uploads the scene in its current state; later calls upload only changes.
     pub(crate) fn update(&mut self, engine: &mut Engine, worlds: &Worlds, height: usize) {
         let steps = worlds.steps();
         if self.shapes == steps.len() {
@@ -154,7 +154,7 @@ impl Scene {
         self.place(engine, worlds, height);
     }
 
-    /// Everything that poses do not tell.
+    /// Uploads everything except poses.
     fn begin(&mut self, engine: &mut Engine, steps: &[World]) {
         self.shapes = steps.len();
         self.places.clear();
@@ -180,7 +180,7 @@ impl Scene {
         engine.write("owner", bytemuck::cast_slice(&owner));
     }
 
-    /// The meshes that have deformed since.
+    /// Uploads meshes that have deformed since the last call.
     fn reshape(&mut self, engine: &mut Engine, steps: &[World]) {
         let still = usize::from(steps[0].still().is_some());
         for (s, step) in steps.iter().enumerate() {
@@ -199,7 +199,7 @@ impl Scene {
         }
     }
 
-    /// Where everything is: for all rows, or for each.
+    /// Uploads all poses, for all rows or for each row.
     fn place(&self, engine: &mut Engine, worlds: &Worlds, height: usize) {
         let by_row = worlds.rows_together() == 1;
         let (mut trees, mut solids) = (Vec::new(), Vec::new());
@@ -217,7 +217,7 @@ impl Scene {
             }
             solids.extend(world.solids.iter().map(SolidData::new));
         }
-        // No binding may be shorter than what it is an array of.
+        // A binding must hold at least one element.
         trees.resize(trees.len().max(1), TreeData::zeroed());
         solids.resize(solids.len().max(1), SolidData::zeroed());
         let world = worlds.any();
@@ -233,7 +233,7 @@ impl Scene {
     }
 }
 
-/// Buffers that are being filled.
+/// Buffers being filled.
 #[derive(Default)]
 struct Parts {
     nodes: Vec<NodeData>,

@@ -1,5 +1,5 @@
-//! The sensor pass on the GPU: `electrons` to the bytes of `frame`, or to `expected_dn`. Twin of
-//! `sensor/mod.rs`; the fixed pattern is the CPU's, drawn once.
+//! Sensor pass on the GPU: converts `electrons` to the bytes of `frame`, or to `expected_dn`. Twin
+//! of `sensor/mod.rs`; the fixed pattern is generated once on the CPU.
 
 use super::{Commands, Engine, Stage, grid};
 use crate::sensor::{FixedPattern, Sensor};
@@ -26,17 +26,17 @@ struct Parameters {
     unused: u32,
 }
 
-/// The sensor of a camera, for the frames that it reads.
+/// The sensor of a camera.
 pub(crate) struct SensorPass {
     plan: Plan,
     width: usize,
     pixels: usize,
-    /// Share of the excess over the full well that spills.
+    /// Fraction of the charge beyond the full well that spills.
     bloom: f32,
 }
 
 impl SensorPass {
-    /// Takes what is the same in every frame to the GPU. `blooming_percent` is the profile's.
+    /// Uploads what is the same in every frame. `blooming_percent` is the profile's.
     pub(crate) fn new(
         engine: &mut Engine,
         plan: &Plan,
@@ -58,15 +58,15 @@ impl SensorPass {
         }
     }
 
-    /// Bytes of a frame, without what fills its last word.
+    /// Returns the bytes of a frame, without padding.
     pub(crate) fn frame_bytes(&self, sensor: &Sensor<'_>) -> usize {
         self.pixels * if sensor.numbers().wide { 2 } else { 1 }
     }
 
-    /// Adds the passes from `electrons`, which are light's alone and serve as scratch, to `frame`.
+    /// Adds the passes from `electrons` (photoelectrons only, overwritten as scratch) to `frame`.
     ///
     /// # Errors
-    /// As [`Engine::run`].
+    /// Returns an error under the same conditions as [`Engine::run`].
     pub(crate) fn read(
         &self,
         engine: &mut Engine,
@@ -81,11 +81,11 @@ impl SensorPass {
         engine.run(commands, &stage, grid(self.pixels.div_ceil(4)))
     }
 
-    /// Adds the passes from `electrons`, as before, to `expected_dn`: digital numbers without shot
-    /// and read noise, not rounded, which tests hold against the CPU's.
+    /// Adds the passes from `electrons`, as before, to `expected_dn`: unrounded digital numbers
+    /// without shot and read noise, which tests compare with the CPU's.
     ///
     /// # Errors
-    /// As [`Engine::run`].
+    /// Returns an error under the same conditions as [`Engine::run`].
     #[cfg(test)]
     pub(crate) fn expect(
         &self,
@@ -99,7 +99,7 @@ impl SensorPass {
         engine.run(commands, &stage, grid(self.pixels))
     }
 
-    /// What both need; with blooming the wells are filled first, and spill.
+    /// Steps common to both; with blooming, wells are filled first and then spill.
     fn fill_wells(
         &self,
         engine: &mut Engine,
@@ -123,7 +123,7 @@ impl SensorPass {
             key: numbers.key,
             read_noise_e: numbers.read_noise_e,
             full_well_e: numbers.full_well_e,
-            // WGSL promises nothing of infinity.
+            // WGSL does not guarantee infinities.
             apart_from_e: numbers.apart_from_e.min(f32::MAX),
             dark_e: numbers.dark_e,
             gain_dn_per_e: numbers.gain_dn_per_e,

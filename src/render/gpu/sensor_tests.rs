@@ -1,4 +1,4 @@
-//! Whole frames of electrons by the sensor pass of the GPU, beside the CPU's.
+//! Compares the GPU's sensor pass with the CPU's on whole frames.
 
 use super::Engine;
 use super::sensor::SensorPass;
@@ -6,7 +6,7 @@ use crate::sensor::{FixedPattern, Sensor, bloom};
 use crate::{Plan, Term};
 use phasmid_profile::{CameraResponse, Profile, Sensor as Parameters};
 
-/// An odd width, and a number of pixels that fills neither word nor workgroup.
+/// An odd width, and a pixel count that is a multiple of neither word nor workgroup size.
 const SIZE: (usize, usize) = (333, 217);
 const PIXELS: usize = SIZE.0 * SIZE.1;
 const TERMS: [Term; 5] = [
@@ -17,7 +17,7 @@ const TERMS: [Term; 5] = [
     Term::CameraResponse,
 ];
 
-/// A sensor with everything in it, whose converter ends a little before its well.
+/// A sensor with all effects, whose converter saturates slightly below the full well.
 fn sensor(bits: u32) -> Parameters {
     let full_well_e = 10_000.0;
     Parameters {
@@ -44,7 +44,7 @@ fn plan(terms: &[Term]) -> Plan {
     plan
 }
 
-/// Means from 0 to beyond the full well: evenly on a logarithmic scale, with whole runs of one.
+/// Means from 0 to beyond the full well, log-spaced, with runs of equal values.
 fn electrons(full_well_e: f64) -> Vec<f32> {
     let mean = |i: usize| {
         let u = (i as u32).wrapping_mul(2_654_435_769) >> 8;
@@ -79,7 +79,7 @@ impl Both {
         }
     }
 
-    /// Digital numbers of a frame, or what they are expected to be: the CPU's and the GPU's.
+    /// Returns the digital numbers of a frame, or their expected values, on CPU and GPU.
     fn frames(&mut self, expected: bool) -> [Vec<f32>; 2] {
         let fixed = FixedPattern::new(&self.sensor, PIXELS);
         let fixed = self.plan.has(Term::FixedPattern).then_some(&fixed);
@@ -137,7 +137,7 @@ impl Both {
         }
     }
 
-    /// Pixels whose numbers differ, and the largest difference in grey levels.
+    /// Returns the number of differing pixels and the largest difference in grey levels.
     fn differences(&mut self) -> (usize, f32) {
         let [cpu, gpu] = self.frames(false);
         let differences = cpu.iter().zip(&gpu).map(|(a, b)| (a - b).abs());
@@ -146,8 +146,9 @@ impl Both {
     }
 }
 
-/// Where rounding differs by a bit, a number at the very border of two becomes the other one, and
-/// so does a Poisson number: the share of such pixels grows with the numbers of the converter.
+/// Maximum number of differing pixels. A one-bit rounding difference changes values at a rounding
+/// boundary, and Poisson draws likewise; the fraction of such pixels grows with the converter's
+/// resolution.
 fn most_that_differ(bits: u32) -> usize {
     match bits {
         8 => PIXELS / 20_000,
@@ -180,7 +181,7 @@ fn frames_of_every_depth_are_the_cpus() {
     }
 }
 
-/// Each term alone, and all without it.
+/// Checks each term alone, and all other terms without it.
 #[test]
 #[ignore = "needs a Vulkan adapter"]
 fn every_term_is_the_cpus() {
@@ -203,12 +204,12 @@ fn expected_numbers_are_the_cpus() {
         let worst = cpu.iter().zip(&gpu).map(|(a, b)| (a - b).abs());
         let worst = worst.fold(0.0, f32::max);
         println!("{terms:?}: {worst:e}");
-        // Of 4095, whose own rounding is 2.4e-4.
+        // For values up to 4095, whose f32 rounding error is 2.4e-4.
         assert!(worst < 3e-3, "{terms:?}: {worst}");
     }
 }
 
-/// A test that compares with itself would see nothing: another noise id is another picture.
+/// Guards against comparing a frame with itself: another noise id must give another image.
 #[test]
 #[ignore = "needs a Vulkan adapter"]
 fn noise_follows_its_key() {

@@ -1,7 +1,7 @@
-//! The shaders' sources, and how a pass is put together from pieces.
+//! Shader sources, and assembly of a pass from pieces.
 //!
-//! The first line of a file names the pieces that it is built on: `// needs: plan, maps_in`. A pass
-//! is each of them once, those that others need first, and then the file itself.
+//! The first line of a file names its dependencies: `// needs: plan, maps_in`. A pass consists of
+//! each dependency once, in dependency order, followed by the file itself.
 
 use phasmid_core::error::{Error, Result};
 use std::borrow::Cow;
@@ -13,10 +13,10 @@ use phasmid_shaders::TESTS;
 #[cfg(not(test))]
 const TESTS: &[(&str, &str)] = &[];
 
-/// The source of a pass: all that it needs, and itself.
+/// Returns the source of a pass including its dependencies.
 ///
 /// # Errors
-/// A piece that is not there: a mistake in a shader's first line.
+/// Returns an error if a piece is missing, which is a mistake in a shader's first line.
 pub(super) fn assemble(name: &str) -> Result<String> {
     let mut taken = Vec::new();
     let mut source = String::new();
@@ -81,7 +81,7 @@ mod tests {
         }
     }
 
-    /// What no driver is needed for: every piece, with those that it is built on, is valid WGSL.
+    /// Checks, without a driver, that every piece with its dependencies is valid WGSL.
     #[test]
     fn every_shader_is_valid() {
         for name in all() {
@@ -94,7 +94,7 @@ mod tests {
         }
     }
 
-    /// The engine finds buffers by name: a number has one name, and a name one number.
+    /// The engine finds buffers by name, so names and binding numbers must map one to one.
     #[test]
     fn every_binding_has_one_number() {
         let mut numbers: BTreeMap<u32, String> = BTreeMap::new();
@@ -116,7 +116,7 @@ mod tests {
         }
     }
 
-    /// Every file in `shaders/` is part of the program.
+    /// Checks that every file in `shaders/` is embedded.
     #[test]
     fn no_shader_is_forgotten() {
         let root = concat!(env!("CARGO_MANIFEST_DIR"), "/../../shaders");

@@ -1,5 +1,4 @@
-//! Skin on the GPU: the tissues of a scene, where light comes from and how far it spreads. Twin of
-//! `skin/maps.rs`.
+//! Skin on the GPU: tissues of a scene, entry point and spread of light. Twin of `skin/maps.rs`.
 
 use super::{Commands, Engine, Stage, grid};
 use crate::Plan;
@@ -17,7 +16,7 @@ struct UnderSkin {
     unused: u32,
 }
 
-/// Takes the scene's tissues to the GPU: buffers `mixtures` and `skin_of`.
+/// Uploads the scene's tissues to the buffers `mixtures` and `skin_of`.
 pub(crate) fn write(engine: &mut Engine, skins: &Skins) {
     let gaussian = |c: &Component| [c.weight, c.sigma_mm, c.reach, 0.0].map(|v| v as f32);
     let mut mixtures = Vec::new();
@@ -34,10 +33,10 @@ pub(crate) fn write(engine: &mut Engine, skins: &Skins) {
     engine.write("skin_of", bytemuck::cast_slice(&of));
 }
 
-/// Follows the light of all pixels' centres: fills `under_skin`.
+/// Computes subsurface transport at all pixels' centres: fills `under_skin`.
 ///
 /// # Errors
-/// A GPU that has failed.
+/// Returns an error if the GPU has failed.
 pub(crate) fn run(
     engine: &mut Engine,
     commands: &mut Commands,
@@ -70,7 +69,7 @@ mod tests {
         assert_eq!(found.tissue, u32::from(tissue));
         let mut off = [0.0f32; 2];
         for axis in 0..2 {
-            // Nowhere is 0 rather than NaN.
+            // Missing values are 0, not NaN.
             if place[axis].is_finite() {
                 off[0] = off[0].max((found.origin[axis] - place[axis]).abs());
             }
@@ -112,7 +111,7 @@ mod tests {
         }
     }
 
-    /// Samples of a head, sixteen of them.
+    /// Returns the sixteen samples of a head.
     fn of_head(all: &[UnderSkin], head: usize) -> &[UnderSkin] {
         &all[16 * head..][..16]
     }
@@ -134,7 +133,7 @@ mod tests {
                 continue;
             };
             for (k, found) in of_head(&all, head).iter().enumerate() {
-                // What is lit there may be in shadow here, at an edge.
+                // At an edge, a sample lit on one may be in shadow on the other.
                 if found.tissue != u32::from(skin.at(k).1) {
                     missing += 1;
                     continue;
@@ -146,7 +145,7 @@ mod tests {
         }
         println!("{samples} samples, {missing} others; {worst:?}");
         assert!(samples > 1000 && missing <= samples / 200);
-        // On a ball's rim the normal turns within the rounding of a ray.
+        // At the rim of a ball the normal changes within the rounding of a ray.
         assert!(worst[0] < 1e-3 && worst[1] < 1e-4);
     }
 }

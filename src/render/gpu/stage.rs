@@ -2,12 +2,12 @@
 
 use crate::{Plan, Term};
 
-/// Threads of a workgroup, as in `plan.wgsl`.
+/// Threads per workgroup, as in `plan.wgsl`.
 const GROUP: u64 = 64;
-/// Workgroups along one dimension of a grid.
+/// Maximum number of workgroups along one dimension of a grid.
 const MOST_GROUPS: u64 = 65535;
 
-/// An entry point with the constants that it is built with.
+/// An entry point with its pipeline constants.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Stage {
     pub(super) shader: &'static str,
@@ -33,7 +33,7 @@ impl Stage {
         self
     }
 
-    /// All constants, those of the plan among them.
+    /// Returns all constants, including those of the plan.
     pub(super) fn all_constants(&self) -> Vec<(String, f64)> {
         let of_plan = Term::ALL
             .into_iter()
@@ -44,7 +44,7 @@ impl Stage {
     }
 }
 
-/// The grid of workgroups that has a thread for each of `count` things.
+/// Returns a grid of workgroups with at least `count` threads.
 pub(crate) fn grid(count: usize) -> [u32; 3] {
     let groups = (count as u64).div_ceil(GROUP).max(1);
     let rows = groups.div_ceil(MOST_GROUPS);

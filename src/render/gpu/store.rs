@@ -1,18 +1,18 @@
-//! Buffers in the GPU's memory, by the names that shaders have for them.
+//! Buffers in GPU memory, by their shader names.
 
 use super::Gpu;
 use phasmid_core::error::{Error, Result};
 use std::collections::HashMap;
 use std::sync::Arc;
 
-/// Bytes of the smallest buffer: more than any element takes, as no binding may hold less than one.
+/// Minimum buffer size in bytes: larger than any element, since a binding must hold at least one.
 const LEAST: u64 = 256;
 
 /// Named buffers.
 pub(super) struct Store {
     gpu: Arc<Gpu>,
     buffers: HashMap<&'static str, wgpu::Buffer>,
-    /// Changes with every buffer that takes another's place.
+    /// Incremented whenever a buffer is replaced.
     generation: u64,
 }
 
@@ -29,12 +29,12 @@ impl Store {
         self.generation
     }
 
-    /// Gives a buffer contents, and room for them. Empty contents are zeros.
+    /// Writes a buffer's contents, allocating it as needed. Empty contents are stored as zeros.
     pub(super) fn write(&mut self, name: &'static str, bytes: &[u8]) {
         let bytes = if bytes.is_empty() { &[0; 16] } else { bytes };
         self.reserve(name, bytes.len() as u64);
         if let Some(buffer) = self.buffers.get(name) {
-            // A whole number of words.
+            // Writes must be a whole number of words.
             let whole = bytes.len() & !3;
             self.gpu.queue.write_buffer(buffer, 0, &bytes[..whole]);
             if whole < bytes.len() {
@@ -45,8 +45,8 @@ impl Store {
         }
     }
 
-    /// Sees that a buffer has room; what it held is lost where it had not. One that is far too large
-    /// gives its memory back.
+    /// Ensures a buffer's capacity; reallocation loses its contents. A buffer that is far too large
+    /// is shrunk.
     pub(super) fn reserve(&mut self, name: &'static str, bytes: u64) {
         let bytes = (bytes.div_ceil(16) * 16).max(LEAST);
         let fits = |b: &wgpu::Buffer| b.size() >= bytes && b.size() <= bytes.max(1 << 20) * 4;
@@ -60,7 +60,7 @@ impl Store {
             ));
             return;
         }
-        // The one before goes first, so that both need not fit.
+        // Free the old buffer first, so that both need not fit at once.
         self.buffers.remove(name);
         self.generation += 1;
         let buffer = self.gpu.device.create_buffer(&wgpu::BufferDescriptor {
@@ -75,7 +75,7 @@ impl Store {
         self.buffers.insert(name, buffer);
     }
 
-    /// Gives a part of a buffer contents, whole words; there is room for them.
+    /// Writes part of a buffer, in whole words, which must lie within its capacity.
     pub(super) fn write_at(&self, name: &str, offset: u64, bytes: &[u8]) {
         if let Some(buffer) = self.buffers.get(name)
             && !bytes.is_empty()
@@ -84,14 +84,14 @@ impl Store {
         }
     }
 
-    /// Sees that there is a buffer, of whatever size, for shaders that name it and do without it.
+    /// Ensures that a buffer exists, of any size, for shaders that bind but do not use it.
     pub(super) fn provide(&mut self, name: &'static str) {
         if !self.buffers.contains_key(name) {
             self.reserve(name, 0);
         }
     }
 
-    /// How many bytes a buffer has room for; 0 of none.
+    /// Returns a buffer's capacity in bytes; 0 if it does not exist.
     pub(super) fn size(&self, name: &str) -> u64 {
         self.buffers.get(name).map_or(0, wgpu::Buffer::size)
     }

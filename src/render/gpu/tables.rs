@@ -1,8 +1,8 @@
-//! Slides' tables in the GPU's memory: all in one buffer, each where there was room.
+//! Pattern tables in GPU memory, all in one buffer.
 //!
-//! The CPU makes them (`light`) and keeps those that were used last; the same are kept here, in less
-//! memory. When they no longer fit, all go and those in use come back: a sequence that fits is taken
-//! there once.
+//! The CPU computes them (`light`) and caches the most recently used ones. This cache mirrors it
+//! with less memory. When tables no longer fit, all are evicted and those in use are uploaded
+//! again, so a sequence that fits is uploaded once.
 
 use super::Engine;
 use crate::light::{HeldRow, PictureTable, RowTable, Table};
@@ -12,11 +12,11 @@ use std::sync::{Arc, Weak};
 
 /// The buffer in `slides.wgsl`.
 const NAME: &str = "slide_cells";
-/// Bytes of a cell.
+/// Bytes per cell.
 const CELL: u64 = 16;
-/// Memory for tables in bytes, where the GPU's buffers may be as large.
+/// Maximum memory for tables in bytes, if the GPU allows buffers of that size.
 const MOST_BYTES: u64 = 256 << 20;
-/// Cells that there is room for at least.
+/// Minimum capacity in cells.
 const LEAST: u64 = 1 << 16;
 
 const UNIFORM: u32 = 0;
@@ -24,7 +24,7 @@ const ALONG_X: u32 = 1;
 const ALONG_Y: u32 = 2;
 const PICTURE: u32 = 3;
 
-/// What a shader is told of a table: twin of `Table` in `slides.wgsl`.
+/// Header of a table: twin of `Table` in `slides.wgsl`.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Head {
     kind: u32,
@@ -36,7 +36,7 @@ pub(super) struct Head {
 }
 
 impl Head {
-    /// As `schedule.wgsl` has it.
+    /// Returns the layout of `schedule.wgsl`.
     pub(super) fn words(self) -> [[u32; 4]; 2] {
         let [width, height] = self.size;
         let long = u32::from(self.long);
@@ -55,13 +55,13 @@ impl Head {
     }
 }
 
-/// Which tables are in the GPU's memory, and where.
+/// Tables in GPU memory and their offsets.
 pub(super) struct Tables {
     placed: Vec<(Weak<Table>, Head)>,
-    /// Cells in use, and cells that there is room for.
+    /// Cells in use, and capacity in cells.
     used: u64,
     room: u64,
-    /// Bytes that they may take.
+    /// Maximum size in bytes.
     most: u64,
 }
 
@@ -72,7 +72,7 @@ impl Default for Tables {
 }
 
 impl Tables {
-    /// Tables that take so many bytes at most.
+    /// Creates a cache of at most `most` bytes.
     pub(super) fn within(most: u64) -> Self {
         Self {
             placed: Vec::new(),
@@ -82,10 +82,10 @@ impl Tables {
         }
     }
 
-    /// Takes the tables of one exposure there, as far as they are not.
+    /// Uploads the tables of one exposure that are not yet there.
     ///
     /// # Errors
-    /// Tables that together do not fit.
+    /// Returns an error if the tables do not fit together.
     pub(super) fn place(
         &mut self,
         engine: &mut Engine,
@@ -120,7 +120,7 @@ impl Tables {
                 self.room = wanted.next_power_of_two().max(LEAST).min(most);
             }
         }
-        // Stays as it is where there is room.
+        // A no-op if the capacity suffices.
         engine.reserve(NAME, self.room.max(1) * CELL);
         tables
             .iter()
@@ -146,7 +146,7 @@ impl Tables {
     }
 }
 
-/// How many cells a table takes.
+/// Returns the size of a table in cells.
 fn cells_of(table: &Table) -> u64 {
     match table {
         Table::Uniform(_) => 0,
@@ -163,7 +163,7 @@ fn cells_of(table: &Table) -> u64 {
     }
 }
 
-/// A table's cells; places in its head are from the first of them.
+/// Returns a table's cells and its head, whose offsets are relative to the first cell.
 fn packed(table: &Table) -> (Vec<[u32; 4]>, Head) {
     match table {
         Table::Uniform(level) => (
@@ -201,8 +201,8 @@ fn packed_row(row: &RowTable) -> (Vec<[u32; 4]>, Head) {
     (cells, head)
 }
 
-/// Light of each pixel, then of each group of 2, 4 and so on; before them the word at which each
-/// starts.
+/// Returns the light of each pixel, then of each group of 2, 4 and so on, preceded by the start
+/// offset of each in words.
 fn held_words(held: &HeldRow) -> Vec<u32> {
     let groupings = held.groupings();
     let mut words = Vec::new();
@@ -215,7 +215,7 @@ fn held_words(held: &HeldRow) -> Vec<u32> {
     words
 }
 
-/// Whether sums of the picture take more than a word.
+/// Returns whether sums of the pattern image exceed one word.
 fn is_long(picture: &PictureTable) -> bool {
     picture
         .sums()

@@ -1,4 +1,4 @@
-//! The shaders' averages of slides under footprints against the CPU's, over many of them.
+//! Compares the shaders' averages of patterns under many footprints with the CPU's.
 
 use super::exposure::{Shown, bell, packed};
 use super::tables::Tables;
@@ -23,7 +23,7 @@ fn projector() -> Projector {
 }
 
 fn hash(i: u32) -> u32 {
-    // Mixes well enough (Mueller's integer hash).
+    // Mueller's integer hash.
     let i = (i ^ (i >> 16)).wrapping_mul(0x045d_9f3b);
     let i = (i ^ (i >> 16)).wrapping_mul(0x045d_9f3b);
     i ^ (i >> 16)
@@ -33,7 +33,7 @@ fn random_levels(count: u32) -> Vec<u16> {
     (0..count).map(|i| (hash(i) >> 24) as u16).collect()
 }
 
-/// Numbers in [0, 1).
+/// Pseudo-random numbers in [0, 1).
 struct Random(u32);
 
 impl Random {
@@ -42,7 +42,7 @@ impl Random {
         (hash(self.0) >> 8) as f32 / (1u32 << 24) as f32
     }
 
-    /// Of either sign, over decades; nothing in some cases.
+    /// Returns a size of either sign, over decades; 0 in some cases.
     fn size(&mut self, [low, high]: [f32; 2]) -> f32 {
         let size = low * (high / low).powf(self.next());
         match (self.next() * 8.0) as u32 {
@@ -52,7 +52,7 @@ impl Random {
         }
     }
 
-    /// A place on the slide, or beside it, or far away; often near a border.
+    /// Returns a position on, beside or far from the pattern, often near a border.
     fn place(&mut self, length: u32) -> f32 {
         let x = (self.next() * 1.2 - 0.1) * length as f32;
         match (self.next() * 16.0) as u32 {
@@ -83,7 +83,7 @@ fn cases(count: usize, sizes: [f32; 2], sigmas: [f32; 2]) -> Vec<Case> {
     (0..count).map(|_| case()).collect()
 }
 
-/// The CPU's levels: each footprint is the only lit sample of a mixed pixel.
+/// Returns the CPU's levels, with each footprint as the only lit sample of a mixed pixel.
 fn on_cpu(table: &Table, plan: &Plan, cases: &[Case]) -> Vec<f32> {
     let mut map = GeometryBuffer::default();
     for case in cases {
@@ -134,10 +134,12 @@ fn on_gpu(
     output.into_iter().map(f32::from_bits).collect()
 }
 
-/// Holds every level within `bar` of 255 of the CPU's; the worst and the mean are printed.
+/// Checks that every level is within `bar` (of 255) of the CPU's; prints the maximum and mean
+/// error.
 fn compare(name: &str, slide: &Slide, plan: &Plan, cases: &[Case], bar: f32) {
-    // The CPU places the parts of a footprint on a picture within 1e-4 of a slide pixel, which moves
-    // what borders bring by as much of the footprint's width; the GPU does so more closely.
+    // The CPU positions the parts of a footprint on an image to within 1e-4 of a projector pixel,
+    // which changes the contribution of borders by that fraction of the footprint's width. The GPU
+    // is more precise.
     let placed = |case: &Case| match slide {
         Slide::Picture { .. } => {
             let width = |s: [f32; 2]| (s[0].hypot(s[1]) / 8.0).max(3.4 * case.sigma).max(1e-3);
@@ -264,7 +266,7 @@ fn pictures_are_averaged_as_on_the_cpu() {
 fn blurred_rows_are_averaged_as_on_the_cpu() {
     let plan = plan(&[Term::ProjectorDefocus]);
     for (name, slide) in rows() {
-        // Beside the slide there is no light to blur.
+        // There is no light to blur outside the pattern.
         let on_slide = |case: &Case| {
             let [x, y] = case.at;
             (-0.5..1919.5).contains(&x) && (-0.5..1079.5).contains(&y)
@@ -297,7 +299,7 @@ fn uniform_slides_have_their_level() {
     );
 }
 
-/// Memory for two rows, and three of them in turn: those that went come back.
+/// Memory for two rows, used by three in turn: evicted rows are uploaded again.
 #[test]
 #[ignore = "needs a Vulkan adapter"]
 fn slides_that_do_not_fit_together_take_turns() {

@@ -1,23 +1,23 @@
-//! How long each pass takes, by the GPU's own clock.
+//! Pass durations measured with GPU timestamps.
 
 use super::Gpu;
 use serde::Serialize;
 use std::collections::BTreeMap;
 
-/// Passes between two readings of the clock's values.
+/// Maximum number of passes between two readbacks of timestamps.
 const MOST: u32 = 256;
 
-/// What a pass has taken so far.
+/// Accumulated time of a pass.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
 pub struct PassTime {
-    /// How often it ran.
+    /// Number of runs.
     pub runs: u64,
-    /// Nanoseconds of all runs together.
+    /// Total nanoseconds of all runs.
     pub total_ns: f64,
 }
 
-/// Reads the clock before and after passes; does nothing until it is switched on, or where the
-/// adapter has no clock.
+/// Records timestamps before and after passes; inactive until enabled, or if the adapter has no
+/// timestamps.
 pub(super) struct Timing {
     queries: Option<Queries>,
     taken: BTreeMap<String, PassTime>,
@@ -39,7 +39,7 @@ impl Timing {
         }
     }
 
-    /// Switches it on, where the adapter has a clock.
+    /// Enables timing, if the adapter supports timestamps.
     pub(super) fn on(gpu: &Gpu) -> Self {
         let buffer = |label, usage| {
             gpu.device.create_buffer(&wgpu::BufferDescriptor {
@@ -72,7 +72,7 @@ impl Timing {
         }
     }
 
-    /// Has the next pass timed; `None` where it is not.
+    /// Returns the timestamp writes for the next pass; `None` if it is not timed.
     pub(super) fn writes(&mut self, name: &str) -> Option<wgpu::ComputePassTimestampWrites<'_>> {
         let queries = self.queries.as_mut()?;
         let index = queries.names.len() as u32;
@@ -87,7 +87,7 @@ impl Timing {
         })
     }
 
-    /// Adds up what the passes so far have taken; waits for them.
+    /// Waits for the passes so far and accumulates their times.
     pub(super) fn collect(&mut self, gpu: &Gpu) -> BTreeMap<String, PassTime> {
         if let Some(queries) = &mut self.queries
             && !queries.names.is_empty()

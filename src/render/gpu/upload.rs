@@ -1,11 +1,11 @@
-//! Maps of the CPU's geometry pass, taken to the GPU, and back, for tests of one pass alone.
+//! Transfers the CPU's geometry maps to the GPU and back, to test single passes.
 
 use super::Engine;
 use super::maps::{reserve_maps, words};
 use crate::buffer::GeometryBuffer;
 use crate::{Plan, Term};
 
-/// Takes the maps there. What is nowhere is 0 rather than NaN.
+/// Uploads the geometry maps. Missing values are written as 0, not NaN.
 pub(crate) fn maps(engine: &mut Engine, map: &GeometryBuffer) {
     reserve_maps(engine, map.x.len());
     let real = |v: f32| if v.is_finite() { v } else { 0.0 };
@@ -45,7 +45,7 @@ pub(crate) fn maps(engine: &mut Engine, map: &GeometryBuffer) {
     engine.write("evenly", bytemuck::cast_slice(&map.evenly));
 }
 
-/// The maps of the GPU's geometry pass as the CPU's has them; the samples of mixed pixels stay.
+/// Reads the GPU's geometry maps back in the CPU's layout; samples of mixed pixels are unchanged.
 pub(crate) fn maps_back(
     engine: &Engine,
     (width, height): (usize, usize),

@@ -1,4 +1,4 @@
-//! Mixed pixels of the CPU's geometry pass, taken to the GPU.
+//! Uploads the mixed pixels of the CPU's geometry pass.
 
 use super::Engine;
 use super::mixed::MixedSample;
@@ -15,7 +15,7 @@ impl MixedSample {
     }
 }
 
-/// Takes the mixed pixels there, in their order.
+/// Uploads the mixed pixels in order.
 pub(crate) fn mixed(engine: &mut Engine, map: &GeometryBuffer) {
     let mut heads = Vec::with_capacity(map.mixed.len());
     for groups in map.mixed.chunk_by(|a, b| a.pixel == b.pixel) {
@@ -28,7 +28,7 @@ pub(crate) fn mixed(engine: &mut Engine, map: &GeometryBuffer) {
     let all = |mixed: &Mixed| std::array::from_fn::<_, 16, _>(|k| MixedSample::new(mixed, k));
     let samples: Vec<_> = map.mixed.iter().flat_map(all).collect();
     let [across, down, _] = super::grid(heads.len());
-    // How many heads, groups of threads for them, and how many were wanted.
+    // Number of heads, workgroup counts for them, and number of heads needed.
     let count = [heads.len() as u32, across, down, 1, heads.len() as u32];
     engine.write("mixed_heads", bytemuck::cast_slice(&heads));
     engine.write("mixed_samples", bytemuck::cast_slice(&samples));

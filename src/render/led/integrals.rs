@@ -3,14 +3,14 @@
 //! With `a` and `b` the lengths of a step in two time constants, these are divided differences of
 //! the exponential function at 0, -a, -b and -(a + b) (Higham: "Functions of Matrices", 2008,
 //! section 10.7.4), written as sums of positive terms. Two functions of one argument are enough.
-//! What `model` makes of them is within four units of 2^-53 of solutions of 100 digits (`tests`).
+//! The results of `model` are within four units of 2^-53 of 100-digit solutions (`tests`).
 
-/// Where the closed forms begin to lose digits and series take over.
+/// Argument below which series are used, because the closed forms lose digits.
 const SERIES_BELOW: f64 = 1.0;
-/// The same of [`both_gone`].
+/// The same limit for [`both_gone`].
 const BOTH_BELOW: f64 = 0.25;
 
-/// How far a step goes on the scale of one time constant.
+/// Exponential decay over a step with one time constant.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Decay {
     /// The step over the time constant.
@@ -22,18 +22,18 @@ pub(super) struct Decay {
 }
 
 impl Decay {
-    /// Of a step of 0 or more, and a time constant above 0.
+    /// Creates the decay for a step >= 0 and a time constant > 0.
     pub(super) fn new(step: f64, constant: f64) -> Self {
         let length = step / constant;
         if length > 800.0 {
-            // Less than the smallest number is left.
+            // The remainder underflows.
             return Self {
                 length: length.min(1e300),
                 left: 0.0,
                 gone: 1.0,
             };
         }
-        // The quotient's own rounding would cost exp as many units as it is long.
+        // Corrects the quotient's rounding error, which exp would amplify by `length`.
         let rest = (-length).mul_add(constant, step) / constant;
         Self {
             length,
@@ -42,7 +42,7 @@ impl Decay {
         }
     }
 
-    /// Mean over the step of exp(-a s), s from 0 to 1.
+    /// Returns the mean of exp(-a s) over the step, s from 0 to 1.
     pub(super) fn mean_left(&self) -> f64 {
         match self.length {
             0.0 => 1.0,
@@ -97,7 +97,7 @@ pub(super) fn left_and_gone(a: &Decay, b: &Decay) -> f64 {
 pub(super) fn both_gone(a: &Decay, b: &Decay) -> f64 {
     let (long, short) = if a.length > b.length { (a, b) } else { (b, a) };
     if long.length >= BOTH_BELOW {
-        // Of this difference a sixth is left at least.
+        // At least a sixth remains of this difference, so cancellation is harmless.
         return short.mean_gone() - left_and_gone(long, short);
     }
     // The sum over i, j from 1 of (-a)^i (-b)^j / (i! j! (i + j + 1)).

@@ -1,4 +1,4 @@
-//! Steps and means of the light source under a constant drive, exact for any length of a step.
+//! Steps and means of the light source under a constant drive, exact for any step length.
 
 use super::integrals::{Decay, both_gone, both_left, left_and_gone};
 use phasmid_profile::Led;
@@ -7,31 +7,31 @@ use phasmid_profile::Led;
 #[derive(Debug, Clone, PartialEq)]
 pub struct Model {
     rise_ns: f64,
-    /// Of each part that warms: its time constant, and the share of the light that it costs.
+    /// Time constant and fraction of light lost, for each warming part.
     droop: Vec<(f64, f64)>,
-    /// Share of the light that is left when all is warm.
+    /// Fraction of the light left at full heat.
     kept: f64,
 }
 
-/// Where a light source stands.
+/// State of a light source.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct State {
-    /// Emission relative to full current, before what heat costs.
+    /// Emission relative to full current, before thermal losses.
     pub(super) emission: f64,
-    /// Heat of each part relative to what full current makes of it.
+    /// Heat of each part relative to its steady state at full current.
     pub(super) heat: [f64; Led::MAX_DROOPS],
 }
 
 impl Model {
-    /// Of a profile's light source.
+    /// Creates the model of a profile's light source.
     pub fn new(led: &Led) -> Self {
         let droop = led.droop.iter().take(Led::MAX_DROOPS);
         let droop = droop.map(|droop| (droop.time_constant_s * 1e9, droop.fraction));
-        // From 10 to 90 per cent of 1 - exp(-t / T) it takes T ln 9.
+        // 1 - exp(-t / T) takes T ln 9 to rise from 10 to 90 per cent.
         Self::of(led.rise_us * 1e3 / 9f64.ln(), droop.collect())
     }
 
-    /// Of time constants in nanoseconds.
+    /// Creates a model from time constants in nanoseconds.
     pub(super) fn of(rise_ns: f64, droop: Vec<(f64, f64)>) -> Self {
         let lost: f64 = droop.iter().map(|(_, share)| share).sum();
         Self {
@@ -41,12 +41,12 @@ impl Model {
         }
     }
 
-    /// A source that is cold and dark.
+    /// Returns the state of a cold, dark source.
     pub fn off(&self) -> State {
         State::default()
     }
 
-    /// One that has been driven at a level for ever.
+    /// Returns the steady state at a drive level.
     pub fn settled(&self, drive: f64) -> State {
         State {
             emission: drive,
@@ -54,18 +54,18 @@ impl Model {
         }
     }
 
-    /// The light of a state, relative to that of a cold source at full current.
+    /// Returns the light of a state, relative to a cold source at full current.
     pub fn light(&self, state: &State) -> f64 {
         let droop = self.droop.iter().zip(&state.heat);
         let cool: f64 = droop.map(|((_, share), heat)| share * (1.0 - heat)).sum();
         state.emission * (self.kept + cool)
     }
 
-    /// The state after a step of so many nanoseconds at a drive from 0 to 1.
+    /// Returns the state after a step of `step_ns` nanoseconds at a drive from 0 to 1.
     pub fn after(&self, state: &State, drive: f64, step_ns: f64) -> State {
         let towards = |from: f64, constant: f64| {
             let decay = Decay::new(step_ns, constant);
-            // Rounding must not make it warmer than warm.
+            // Rounding must not exceed the steady state.
             (from * decay.left + drive * decay.gone).min(1.0)
         };
         let mut next = State {
@@ -78,8 +78,8 @@ impl Model {
         next
     }
 
-    /// The mean of the light over such a step; the light itself over a step of 0. Its relative error
-    /// is below 1e-14.
+    /// Returns the mean light over such a step; for a step of 0, the light itself. The relative
+    /// error is below 1e-14.
     pub fn mean(&self, state: &State, drive: f64, step_ns: f64) -> f64 {
         let (from, rest) = (state.emission, 1.0 - drive);
         let rise = Decay::new(step_ns, self.rise_ns);

@@ -1,18 +1,18 @@
-//! The light source along device time: what drives it, and what exposures see of it.
+//! The light source over device time: its drive, and the light during exposures.
 
 use super::{Model, State};
 use std::collections::VecDeque;
 use std::sync::Arc;
 
-/// Changes of the drive that are told apart between two exposures; of more, the oldest are over.
+/// Maximum number of drive changes kept between two exposures; beyond it the oldest are dropped.
 const MOST_CHANGES: usize = 4096;
 
-/// A value that changes at times, kept from some time on.
+/// A piecewise constant value over time, kept from some time on.
 #[derive(Debug, Clone)]
 struct Steps<T> {
-    /// Before the first change that is kept.
+    /// Value before the first kept change.
     first: T,
-    /// Each with the nanosecond that it holds from, in the order of time.
+    /// Values with their start time in nanoseconds, in time order.
     changes: VecDeque<(u64, T)>,
 }
 
@@ -24,7 +24,7 @@ impl<T: Copy + PartialEq> Steps<T> {
         }
     }
 
-    /// From a time on it is this, whatever was planned for later.
+    /// Sets the value from a time on, discarding later planned changes.
     fn set(&mut self, from_ns: u64, value: T) {
         while self.changes.back().is_some_and(|(ns, _)| *ns >= from_ns) {
             self.changes.pop_back();
@@ -52,19 +52,19 @@ impl<T: Copy + PartialEq> Steps<T> {
     }
 }
 
-/// A light source in a device. It is driven at a level, as lamp and current say, while patterns
-/// open it.
+/// The light source of a device. While the pattern sequence enables it, it is driven at a level set
+/// by lamp state and current.
 #[derive(Debug, Clone)]
 pub struct Source {
     model: Arc<Model>,
-    /// Where it stood at this nanosecond; what came before is forgotten.
+    /// Earliest known state and its time in nanoseconds; earlier history is discarded.
     known: (u64, State),
     level: Steps<f64>,
     open: Steps<bool>,
 }
 
 impl Source {
-    /// One that is cold and dark at time 0, and open.
+    /// Creates a source that is cold, dark and enabled at time 0.
     pub fn new(model: Model) -> Self {
         let state = model.off();
         Self {
@@ -75,21 +75,21 @@ impl Source {
         }
     }
 
-    /// From a time on lamp and current ask for this, 0 to 1.
+    /// Sets the drive level, 0 to 1, from a time on.
     pub fn drive(&mut self, from_ns: u64, level: f64) {
         self.level.set(from_ns, level.clamp(0.0, 1.0));
         self.bound();
     }
 
-    /// From a time on the pattern sequence lets it shine, or not. It may be said later than a
-    /// change of the level that came after it.
+    /// Enables or disables the source from a time on. May be called after a level change with a
+    /// later time.
     pub fn open(&mut self, from_ns: u64, open: bool) {
         self.open.set(from_ns, open);
         self.bound();
     }
 
-    /// What there is of light from a time on, as far as it is known. Times before the latest such
-    /// start are forgotten: exposures come in the order of time.
+    /// Returns the light from a time on, as far as known. History before the latest start is
+    /// discarded, so calls must be in time order, as exposures are.
     pub fn emission(&mut self, start_ns: u64) -> Arc<Emission> {
         self.forget_before(start_ns);
         Arc::new(Emission {
@@ -98,7 +98,7 @@ impl Source {
         })
     }
 
-    /// Stretches of constant drive from the time on that is known.
+    /// Returns the intervals of constant drive from the earliest known time on.
     fn pieces(&self) -> impl Iterator<Item = Piece> {
         let (mut from_ns, mut state) = self.known;
         let mut times: Vec<u64> = (self.level.changes.iter().map(|(ns, _)| *ns))
@@ -139,7 +139,7 @@ impl Source {
         self.open.forget_before(ns);
     }
 
-    /// Nobody who turns the lamp on and off fills the memory.
+    /// Bounds memory when the lamp is switched repeatedly.
     fn bound(&mut self) {
         let firsts = [
             self.level
@@ -157,11 +157,11 @@ impl Source {
     }
 }
 
-/// A stretch of constant drive.
+/// An interval of constant drive.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Piece {
     from_ns: u64,
-    /// At its start.
+    /// State at its start.
     state: State,
     drive: f64,
 }
@@ -180,14 +180,14 @@ impl Piece {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Emission {
     model: Arc<Model>,
-    /// At least one, in the order of time; the last goes on.
+    /// At least one, in time order; the last has no end.
     pieces: Vec<Piece>,
 }
 
 impl Emission {
-    /// Mean over a stretch of device time of the light, relative to that of a cold source at full
-    /// current; the light at that time over a stretch of none. Before the first that is known it is
-    /// taken to have been as it was then.
+    /// Returns the mean light over an interval of device time, relative to a cold source at full
+    /// current; for an empty interval, the light at that time. Before the earliest known time the
+    /// light is assumed constant.
     pub fn mean(&self, from_ns: u64, to_ns: u64) -> f64 {
         let to_ns = to_ns.max(from_ns);
         let first = self

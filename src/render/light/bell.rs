@@ -1,15 +1,15 @@
-//! The second antiderivative of the normal density.
+//! Second antiderivative of the normal distribution.
 
-/// Where the table ends on either side: beyond, the density's tail is below 1e-8.
+/// The table covers +-END; beyond it the density's tail is below 1e-8.
 const END: f64 = 6.0;
-/// Intervals a unit.
+/// Intervals per unit.
 const FINE: usize = 16;
 
 /// G with G'' = Phi, the normal distribution, and G = 0 far to the left:
 /// G(z) = ((z^2 + 1) Phi(z) + z phi(z)) / 2 is the integral of z Phi(z) + phi(z).
 ///
-/// Tabulated as quintic Hermite pieces, whose first two derivatives are continuous too, so that
-/// second differences do not see the pieces: G within 1e-11, its second derivative within 1e-8.
+/// Tabulated as quintic Hermite pieces with two continuous derivatives, so that second differences
+/// are smooth across pieces: G is accurate to 1e-11, its second derivative to 1e-8.
 pub(crate) struct Bell {
     pieces: Vec<[f64; 6]>,
 }
@@ -21,7 +21,7 @@ impl Bell {
         let node = |i: usize| {
             let z = i as f64 * h - END;
             let (p, d) = (distribution(z), density(z));
-            // G, and its derivatives by the fraction of an interval.
+            // G, and its derivatives with respect to the fraction of an interval.
             [
                 ((z * z + 1.0) * p + z * d) / 2.0,
                 (z * p + d) * h,
@@ -32,7 +32,7 @@ impl Bell {
         Self { pieces }
     }
 
-    /// Coefficients of each piece, from -6 on, sixteen a unit.
+    /// Returns the coefficients of each piece, starting at -6, sixteen per unit.
     pub(crate) fn pieces(&self) -> &[[f64; 6]] {
         &self.pieces
     }
@@ -71,7 +71,7 @@ impl Bell {
     }
 }
 
-/// Coefficients on [0, 1] from value, slope and curvature at both ends.
+/// Returns the coefficients on [0, 1] from value, slope and curvature at both ends.
 fn hermite(a: [f64; 3], b: [f64; 3]) -> [f64; 6] {
     let rise = b[0] - a[0] - a[1] - 0.5 * a[2];
     let slope = b[1] - a[1] - a[2];

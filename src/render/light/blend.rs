@@ -1,27 +1,27 @@
-//! A footprint's trapezoid under one Gaussian blur, or under several that share the light.
+//! A footprint's trapezoid convolved with a Gaussian blur or a mixture of Gaussians.
 
 use super::super::skin::{MOST, Mixture};
 use super::bell::Bell;
 use super::soft::Soft;
 
-/// How light spreads under skin, along one axis of the slide.
+/// Subsurface spread along one pattern axis.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Spread<'a> {
     pub(crate) mixture: &'a Mixture,
-    /// Slide pixels a millimetre of the surface.
+    /// Pattern pixels per millimetre on the surface.
     pub(crate) px_per_mm: f32,
 }
 
-/// Kernels reach this many standard deviations beyond the footprint; the rest, 6e-5, is the last
-/// pixel's.
+/// Kernel reach beyond the footprint, in standard deviations. The remainder, 6e-5, is assigned to
+/// the last pixel.
 const REACH: f64 = 4.0;
-/// Beyond this many nothing is left.
+/// Weights are zero past this many standard deviations.
 const END: f64 = 6.0;
 /// A Gaussian this many times as wide as the wider box, convolved with both, is a Gaussian of their
 /// variances' sum: to 8e-5 of its light left of a border, from the boxes' fourth cumulant.
 const SMOOTH: f64 = 1.25;
 
-/// The convolution of two boxes with a mixture of Gaussians, along one axis of the slide.
+/// Convolution of two boxes with a mixture of Gaussians, along one pattern axis.
 pub(super) struct Blend<'a> {
     bell: &'a Bell,
     parts: [Part<'a>; MOST],
@@ -34,7 +34,7 @@ struct Part<'a> {
     soft: Soft<'a>,
     sigma: f64,
     reach: f64,
-    /// Distance from which all its light lies on one side.
+    /// Distance beyond which all its light lies on one side.
     end: f64,
     /// One over the standard deviation where it counts as a Gaussian, boxes and all; else 0.
     smooth: f64,
@@ -93,7 +93,7 @@ impl<'a> Blend<'a> {
         &self.parts[..self.len]
     }
 
-    /// Half of the width of the trapezoid's foot, and how far blur reaches beyond it.
+    /// Returns half of the width of the trapezoid's foot, and the reach of the blur beyond it.
     pub(super) fn reach(&self) -> (f64, f64) {
         let reach = |part: &Part<'_>| part.reach * part.sigma;
         let outer = |part: &Part<'_>| part.soft.outer();
@@ -117,7 +117,7 @@ impl<'a> Blend<'a> {
         sigmas.fold(f64::INFINITY, f64::min)
     }
 
-    /// The part of the light that lies left of a border at distance e from the middle.
+    /// Returns the fraction of the light left of a border at distance e from the centre.
     pub(super) fn left_of(&self, e: f64) -> f64 {
         self.parts()
             .iter()

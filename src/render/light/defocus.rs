@@ -1,4 +1,4 @@
-//! The projector's defocus over depth: how wide a blur lies over each point.
+//! Projector defocus: blur width at each point as a function of depth.
 
 use super::super::shade::Shaded;
 use super::bell::Bell;
@@ -7,11 +7,11 @@ use glam::DVec3;
 use phasmid_geometry::raycast::LANES;
 use phasmid_profile::Projector;
 
-/// A thin lens's blur. The disc of [`Focus`](phasmid_profile::Focus) counts as the Gaussian of its
-/// variance, which for a disc of diameter c is (c/4)^2 along each axis. Where a fringe keeps six
-/// tenths of its contrast or more the two are within 0.03 of it (tested); further out a perfect
-/// disc's contrast vanishes and inverts, which real lenses, whose discs have soft rims, do less, and
-/// the Gaussian's goes on falling: such fringes are beyond measuring by either.
+/// Blur of a thin lens. The disc of [`Focus`](phasmid_profile::Focus) is approximated by a Gaussian
+/// of equal variance, (c/4)^2 along each axis for a disc of diameter c. While a fringe keeps at
+/// least six tenths of its contrast, the two agree within 0.03 (tested). For stronger blur the
+/// contrast of an ideal disc vanishes and inverts (less so for real lenses, whose discs have soft
+/// rims), while the Gaussian's keeps falling; such fringes are not measurable in either case.
 pub(crate) struct Defocus {
     pupil: DVec3,
     /// The projector's optical axis in the rig's frame.
@@ -20,7 +20,7 @@ pub(crate) struct Defocus {
     pub(crate) strength: f64,
     /// 1 / focused distance.
     pub(crate) sharp: f64,
-    /// Columns and rows of the slide.
+    /// Columns and rows of the pattern.
     size: [f64; 2],
     bell: Bell,
 }
@@ -42,8 +42,8 @@ impl Defocus {
         }
     }
 
-    /// Dims what lies within reach of the slide's border: the part that blur takes from a
-    /// footprint beyond the border brings no light. What blur carries out of the field is left out.
+    /// Dims points near the pattern's border: the part of a blurred footprint beyond the border
+    /// receives no light. Light that blur carries out of the field is neglected.
     pub(crate) fn dim_border(&self, shaded: &mut Shaded) {
         for lane in (0..LANES).filter(|&lane| shaded.reachable[lane]) {
             let sigma = self.sigma_px(DVec3::from_array(shaded.point.map(|axis| axis[lane])));
@@ -65,8 +65,8 @@ impl Defocus {
         }
     }
 
-    /// Standard deviation of the blur along each axis of the slide, in its pixels, at a point in
-    /// the rig's frame.
+    /// Returns the standard deviation of the blur along each pattern axis, in projector pixels, at
+    /// a point in the rig's frame.
     pub(crate) fn sigma_px(&self, point: DVec3) -> f64 {
         let z = self.axis.dot(point - self.pupil);
         self.strength * (self.sharp - 1.0 / z).abs()
@@ -78,8 +78,8 @@ mod tests {
     use super::*;
     use phasmid_profile::{Focus, Profile};
 
-    /// Contrast of fringes from every point of the pupil through a point on the axis, by direct
-    /// integration: similar triangles take a pupil's point p to focal_px p (1/distance - 1/z).
+    /// Fringe contrast at a point on the axis by direct integration over the pupil: by similar
+    /// triangles a pupil point p maps to focal_px p (1/distance - 1/z).
     #[test]
     fn the_gaussian_stands_for_the_disc() {
         let mut profile = Profile::load("pmp-bench").unwrap();

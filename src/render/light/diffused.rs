@@ -1,10 +1,10 @@
-//! Pictures on skin.
+//! Pattern images on skin.
 //!
 //! A normal distribution is a mixture of uniform ones, whose squared half widths are distributed as
 //! chi-square of three degrees of freedom; three of them have its moments up to the eleventh (the
-//! nodes and weights of Gauss and Laguerre). So each Gaussian of the spread is three squares on the
-//! picture, which the table has the means of. Along column and row that is right to some 4 of 255
-//! levels of a fringe and 7 of Gray code; along diagonals it is coarser.
+//! nodes and weights of Gauss and Laguerre). So each Gaussian of the spread becomes three squares
+//! on the image, whose means the table provides. Along columns and rows this is accurate to about 4
+//! of 255 levels for a fringe and 7 for Gray code; along diagonals it is coarser.
 
 use super::super::buffer::{GeometryBuffer, Mixed};
 use super::super::skin::{Component, SkinMaps};
@@ -18,7 +18,7 @@ const SQUARES: [(f32, f32); 3] = [
     (0.015_423_678, 14.065_798),
 ];
 
-/// Does again what the exposure pass did, for the pixels that see lit skin.
+/// Recomputes the exposure for pixels that see lit skin.
 pub(super) fn pixels(
     map: &GeometryBuffer,
     skin: &SkinMaps,

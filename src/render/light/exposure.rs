@@ -1,7 +1,7 @@
-//! The exposure pass: the slide's light at each pixel, averaged over the pixel's footprint.
+//! Exposure pass: the pattern's light at each pixel, averaged over the pixel's footprint.
 //!
-//! A slide that varies along one axis is averaged exactly by its [`RowTable`], and where the
-//! projector is out of focus by kernels on its [`HeldRow`]; a picture by its [`PictureTable`].
+//! A pattern that varies along one axis is averaged exactly by its [`RowTable`] and, where the
+//! projector is out of focus, by kernels on its [`HeldRow`]; an image by its [`PictureTable`].
 
 use super::super::buffer::GeometryBuffer;
 use super::super::{Plan, Term};
@@ -15,19 +15,18 @@ use phasmid_core::simd::widest;
 use phasmid_pattern::Axis;
 use phasmid_profile::Projector;
 
-/// A slide prepared for averaging.
+/// A pattern prepared for averaging.
 pub(crate) enum Table {
     /// One level, relative to full white.
     Uniform(f32),
-    /// Levels along one axis, and the same for kernels where the projector has a focus, or light
-    /// spreads under skin.
+    /// Levels along one axis, also prepared for kernels if there is projector defocus or skin.
     Row(Axis, RowTable, Option<HeldRow>),
-    /// Levels of each slide pixel.
+    /// Levels of each pattern pixel.
     Picture(PictureTable),
 }
 
 impl Table {
-    /// Prepares a slide of the projector's, with the terms of the plan.
+    /// Prepares a pattern for a projector, with the terms of the plan.
     pub(crate) fn new(slide: &Slide, projector: &Projector, plan: &Plan) -> Self {
         let curve = Curve::new(projector, plan);
         match slide {
@@ -53,7 +52,7 @@ impl Table {
         }
     }
 
-    /// Memory that the table takes, in bytes.
+    /// Returns the memory size of the table in bytes.
     pub(crate) fn bytes(&self) -> usize {
         match self {
             Self::Uniform(_) => 0,
@@ -63,11 +62,11 @@ impl Table {
     }
 }
 
-/// Mean electrons of the pixels from `first` on, mixed pixels excepted: exposure time times ambient
-/// light plus the slide's.
+/// Computes the mean electrons of the pixels from `first` on, except mixed pixels: exposure time
+/// times the sum of ambient and pattern light.
 ///
-/// `seconds` is the exposure; `light` the projector's light relative to full, 0 when it is off;
-/// `swing` the exposure times the mean over it of the pulse of what flickers, where something does.
+/// `seconds` is the exposure; `light` the projector's light relative to full, 0 when off; `swing`
+/// the exposure times the mean of the flicker over it, if anything flickers.
 pub(crate) fn run(
     map: &GeometryBuffer,
     table: &Table,
@@ -82,7 +81,7 @@ pub(crate) fn run(
     }
 }
 
-/// Mean electrons of steady light.
+/// Computes the mean electrons of steady light.
 fn average(
     map: &GeometryBuffer,
     table: &Table,
@@ -123,7 +122,7 @@ fn average(
     }
 }
 
-/// Mean electrons of steady light of a mixed pixel, the `index`th of the map.
+/// Returns the mean electrons of steady light of the `index`th mixed pixel.
 pub(crate) fn mixed(
     map: &GeometryBuffer,
     index: usize,
@@ -168,7 +167,7 @@ widest! {
         electrons: &mut [f32],
     ) => blurred_body
 }
-/// Does again what `along_row` did, for the pixels that have a kernel.
+/// Recomputes the result of `along_row` for pixels that have a kernel.
 #[inline(always)]
 fn blurred_body(
     map: &GeometryBuffer,
@@ -246,7 +245,7 @@ fn along_row_body(
         }
         let level = match (x.try_into(), slope.try_into()) {
             (Ok(x), Ok(slope)) => row.average(x, slope),
-            // The end of the image.
+            // End of the image: pad to a full block.
             _ => {
                 let (mut xs, mut slopes) = ([0.0; LANES], [[0.0; 2]; LANES]);
                 xs[..x.len()].copy_from_slice(x);
@@ -255,7 +254,7 @@ fn along_row_body(
             }
         };
         for ((e, &p), level) in e.iter_mut().zip(projected).zip(level) {
-            // The level of a pixel that sees nothing is not a number.
+            // The level is NaN for a pixel that sees no surface.
             *e += if p > 0.0 { light * p * level } else { 0.0 };
         }
     }

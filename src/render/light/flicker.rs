@@ -1,4 +1,4 @@
-//! Mains flicker: what an exposure sees of light that pulsates at twice the mains' frequency.
+//! Mains flicker: light modulated at twice the mains frequency, integrated over an exposure.
 
 use super::super::buffer::GeometryBuffer;
 use phasmid_profile as profile;
@@ -6,7 +6,7 @@ use std::f64::consts::PI;
 
 const NS_PER_S: u128 = 1_000_000_000;
 
-/// The pulse that all flickering light of a scene follows.
+/// Modulation shared by all flickering light of a scene.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Flicker {
     frequency_hz: u32,
@@ -21,10 +21,10 @@ impl Flicker {
         }
     }
 
-    /// Mean of cos(2 pi f t + phase) over an exposure: the cosine at its middle times
-    /// sin(pi f T) / (pi f T), for the integral of a cosine is a difference of sines. Whole turns
-    /// are taken off in integers, so that the billionth frame is as exact as the first, and an
-    /// exposure of whole periods sees exactly none of it.
+    /// Returns the mean of cos(2 pi f t + phase) over an exposure: the cosine at its middle times
+    /// sin(pi f T) / (pi f T), since the integral of a cosine is a difference of sines. Whole
+    /// periods are removed in integer arithmetic, so that the billionth frame is as accurate as the
+    /// first, and the mean over whole periods is exactly zero.
     pub(crate) fn swing(&self, start_ns: u64, exposure_ns: u64) -> f64 {
         let f = u128::from(self.frequency_hz);
         let turns = u128::from(exposure_ns) * f;
@@ -40,8 +40,8 @@ impl Flicker {
     }
 }
 
-/// Adds what flickers to the electrons of the pixels from `first` on; `seconds` is the exposure
-/// times the pulse's mean over it.
+/// Adds flickering light to the electrons of the pixels from `first` on; `seconds` is the exposure
+/// times the mean flicker over it.
 pub(crate) fn add(map: &GeometryBuffer, seconds: f32, first: usize, electrons: &mut [f32]) {
     let flickering = &map.flickering[first..first + electrons.len()];
     for (e, f) in electrons.iter_mut().zip(flickering) {
@@ -49,12 +49,12 @@ pub(crate) fn add(map: &GeometryBuffer, seconds: f32, first: usize, electrons: &
     }
 }
 
-/// The electrons of one pixel with those that flicker, where something does.
+/// Returns the electrons of one pixel including flickering light, if any.
 pub(crate) fn with(electrons: f32, seconds: Option<f32>, flickering: f32) -> f32 {
     seconds.map_or(electrons, |seconds| both(electrons, seconds, flickering))
 }
 
-/// Rounding must not leave less than no light.
+/// Clamped at zero, since rounding could make it negative.
 #[inline(always)]
 fn both(electrons: f32, seconds: f32, flickering: f32) -> f32 {
     (electrons + seconds * flickering).max(0.0)

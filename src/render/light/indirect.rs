@@ -1,5 +1,5 @@
-//! The exposure pass of what surfaces throw on each other: a slide averaged over the places that
-//! light bounces from, and spread over the pixels.
+//! Exposure pass of indirect light: averages a pattern over the ray hits of each gather point and
+//! interpolates the result over the pixels.
 
 use super::super::bounce::{BLOCK, Bounce};
 use super::exposure::Table;
@@ -9,17 +9,17 @@ use phasmid_core::simd::widest;
 use phasmid_pattern::Axis;
 use rayon::prelude::*;
 
-/// Points of one task.
+/// Points per parallel task.
 const TASK: usize = 256;
 
-/// A slide's light at the points where it is gathered.
+/// Indirect light of a pattern at the gather points.
 pub(crate) struct Indirect {
-    /// Irradiance in W/m^2; empty where no light bounces.
+    /// Irradiance in W/m^2; empty without indirect light.
     points: Vec<f32>,
 }
 
 impl Indirect {
-    /// Averages a slide, shown in full light.
+    /// Averages a pattern shown at full light.
     pub(crate) fn new(bounce: &Bounce, table: &Table) -> Self {
         let mut points = Vec::new();
         if !bounce.weight.is_empty() {
@@ -41,7 +41,7 @@ impl Indirect {
     }
 }
 
-/// The light of the points from `first` on.
+/// Computes the light of the points from `first` on.
 fn average(bounce: &Bounce, table: &Table, first: usize, points: &mut [f32]) {
     match table {
         Table::Uniform(level) => {
@@ -65,7 +65,7 @@ fn average(bounce: &Bounce, table: &Table, first: usize, points: &mut [f32]) {
     }
 }
 
-/// The blocks of rays of a point.
+/// Returns the ray blocks of a point.
 #[inline(always)]
 fn blocks(bounce: &Bounce, point: usize) -> std::ops::Range<usize> {
     let end = |point: usize| bounce.ends[point] as usize;

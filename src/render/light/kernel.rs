@@ -1,19 +1,20 @@
-//! Footprints under blur, as weights of held pixels.
+//! Blurred footprints as weights of pattern pixels.
 //!
-//! A footprint is a trapezoid (see `row_table`), and blur a Gaussian over it. The part of their
-//! convolution that lies left of a border at distance e from the middle is
+//! A footprint is a trapezoid (see `row_table`), convolved with a Gaussian blur. The fraction of
+//! the result left of a border at distance e from the middle is
 //!
 //! ```text
 //! (Q(e + (a+b)/2) - Q(e + (a-b)/2) - Q(e - (a-b)/2) + Q(e - (a+b)/2)) / (a b)
 //! ```
 //!
 //! with Q(e) = sigma^2 G(e / sigma) and G the second antiderivative of the normal distribution
-//! (`bell`), and a held pixel's weight is the difference over its two borders. That is exact. It is
-//! done once per state of the scene, in f64; a frame then takes a sum of a dozen products a pixel.
+//! (`bell`). A pattern pixel's weight is the difference between its two borders. This is exact. It
+//! is computed once per scene state, in f64; a frame then needs a sum of a dozen products per
+//! pixel.
 //!
-//! Where the blur is wide, pixels of the slide are taken together in groups of 2, 4, 8 and so on,
-//! never wider than a 48th of sigma, which keeps any pattern within 0.05 of 255 levels (within 0.5
-//! where the slide's end cuts the blur). That bounds a kernel to a thousand weights, and the
+//! Where the blur is wide, pattern pixels are averaged in groups of 2, 4, 8 and so on, never wider
+//! than a 48th of sigma, which keeps any pattern within 0.05 of 255 levels (within 0.5 where the
+//! end of the pattern truncates the blur). This bounds a kernel to a thousand weights plus the
 //! footprint's width.
 
 use super::bell::Bell;
@@ -21,18 +22,18 @@ use super::blend::{Blend, Spread};
 use super::row_table::WIDEST;
 use rayon::prelude::*;
 
-/// Products are summed in this many lanes; weights come in whole multiples of it.
+/// SIMD lanes of the sum of products; the number of weights is a multiple of it.
 const LANES: usize = 8;
-/// Pixels that one task fills, and one lookup finds.
+/// Pixels per task and lookup block.
 const BLOCK: usize = 2048;
-/// Blur narrower than this part of the footprint changes a level by less than 0.05 of 255.
+/// Blur narrower than this fraction of the footprint changes a level by less than 0.05 of 255.
 const SHARP: f64 = 2e-4;
-/// Least standard deviation of a part of a spread, in slide pixels.
+/// Minimum standard deviation of a spread component, in projector pixels.
 const LEAST: f64 = 1e-6;
-/// Blur takes no more groups than this, whatever its narrowest part asks for: what several
-/// Gaussians of very different widths could.
+/// Maximum number of groups of a kernel. Several Gaussians of very different widths would otherwise
+/// need more.
 const MOST_GROUPS: f64 = 1024.0;
-/// Groups of 2^0 to 2^10 slide pixels.
+/// Groups of 2^0 to 2^10 pattern pixels.
 const GROUPINGS: usize = 11;
 
 /// The kernels of many footprints, in order.
@@ -47,33 +48,33 @@ struct Block {
     weights: Vec<f32>,
 }
 
-/// One footprint's weights; none where it is sharp or unlit.
+/// Weights of one footprint; empty if it is sharp or unlit.
 #[derive(Debug, Clone, Copy, Default)]
 struct Run {
-    /// First of its weights in the block, and how many.
+    /// Index in the block of the first weight.
     from: u32,
     len: u32,
-    /// The group that the first weight is for.
+    /// Group of the first weight.
     group: u32,
-    /// Groups are 2^grouping slide pixels.
+    /// Groups span 2^grouping pattern pixels.
     grouping: u32,
 }
 
-/// What a footprint needs for its kernel.
+/// Input for the kernel of a footprint.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Blurred<'a> {
-    /// Projector coordinate of its middle in pixels.
+    /// Projector coordinate of the centre in pixels.
     pub(crate) x: f32,
-    /// Derivatives of the coordinate by the camera's column and row.
+    /// Derivatives of the coordinate with respect to camera column and row.
     pub(crate) slope: [f32; 2],
-    /// Standard deviation of the blur in slide pixels; 0 where it is sharp or unlit.
+    /// Standard deviation of the blur in projector pixels; 0 if sharp or unlit.
     pub(crate) sigma: f32,
-    /// Spread of light under the surface; `None` where it is not lit skin.
+    /// Subsurface spread; `None` if it is not lit skin.
     pub(crate) spread: Option<Spread<'a>>,
 }
 
 impl Kernels {
-    /// The kernels of `count` footprints on a row of `len` held pixels.
+    /// Computes the kernels of `count` footprints on a row of `len` pattern pixels.
     pub(crate) fn new<'a>(
         count: usize,
         len: usize,
@@ -93,7 +94,7 @@ impl Kernels {
         Self { blocks }
     }
 
-    /// Average level under a footprint; `None` where it has no blur.
+    /// Returns the average level under a footprint; `None` if it has no blur.
     #[inline(always)]
     pub(super) fn average(&self, i: usize, row: &HeldRow) -> Option<f32> {
         let block = &self.blocks[i / BLOCK];
@@ -112,7 +113,7 @@ impl Block {
         let (a, b) = (size(footprint.slope[0]), size(footprint.slope[1]));
         let sigma = f64::from(footprint.sigma);
         let sharp = SHARP * a.max(b);
-        // A spread may have sharp parts.
+        // A spread may have sharp components.
         let least = sharp.max(LEAST);
         let blend = Blend::new(bell, [a, b], sigma, footprint.spread, least);
         let (outer, beyond) = blend.reach();
@@ -125,15 +126,15 @@ impl Block {
         let grouping = (fine.max(few) as usize).min(GROUPINGS - 1);
         let group = (1usize << grouping) as f64;
         let last = (len.div_ceil(1 << grouping) - 1) as f64;
-        // From the slide's left end. Of what reaches beyond its ends the geometry pass knows; the
-        // kernel is the mean over the part on the slide.
+        // Position from the left end of the pattern. The geometry pass accounts for the part beyond
+        // its ends; the kernel is the mean over the part inside.
         let middle = f64::from(footprint.x) + 0.5;
         let reach = outer + beyond;
         let low = ((middle - reach) / group).floor().clamp(0.0, last);
         let high = ((middle + reach) / group).floor().clamp(0.0, last);
         let from = self.weights.len();
         let (start, end) = (blend.left_of(-middle), blend.left_of(len as f64 - middle));
-        // Nothing of a kernel far beyond an end is left: all is the last pixel's.
+        // A kernel far beyond an end degenerates to the last pixel.
         let part = (end - start).max(1e-9);
         let mut before = start;
         for i in low as usize..high as usize {
@@ -156,13 +157,13 @@ impl Block {
     }
 }
 
-/// A row of held pixels for kernels: light of each pixel, and means of groups of them.
+/// A pattern row for kernels: light of each pixel, and means of pixel groups.
 pub(crate) struct HeldRow {
     groupings: Vec<Vec<f32>>,
 }
 
 impl HeldRow {
-    /// `light` of each held pixel, relative to full white.
+    /// Creates a row from the `light` of each pixel, relative to full white.
     pub(super) fn new(light: &[f64]) -> Self {
         let last = light.last().copied().unwrap_or(0.0);
         let mut means = light.to_vec();
@@ -181,12 +182,12 @@ impl HeldRow {
         Self { groupings }
     }
 
-    /// Light of each pixel, then of each group of 2, 4 and so on.
+    /// Returns the light of each pixel, then of each group of 2, 4 and so on.
     pub(crate) fn groupings(&self) -> &[Vec<f32>] {
         &self.groupings
     }
 
-    /// Memory that the row takes, in bytes.
+    /// Returns the memory size of the row in bytes.
     pub(super) fn bytes(&self) -> usize {
         self.groupings
             .iter()
@@ -221,9 +222,9 @@ mod tests {
         }
     }
 
-    /// The mean of a blurred row over the footprint: at each of many places under the trapezoid
-    /// (midpoint rule), the sum over held pixels of the normal distribution between their borders;
-    /// over the part that is on the slide.
+    /// Reference mean of a blurred row over the footprint: midpoint rule over the trapezoid,
+    /// summing for each position the normal distribution between the borders of each pixel,
+    /// normalised to the part on the pattern.
     fn integrated(levels: &[f64], footprint: Blurred<'_>) -> f64 {
         let [a, b] = footprint.slope.map(|s| f64::from(s.abs()));
         let sigma = f64::from(footprint.sigma);
@@ -266,7 +267,7 @@ mod tests {
                     [1.0, 30.0],
                 ] {
                     for x in [0.2, 599.9, 602.3, 602.5, 603.7, 1199.0] {
-                        // Pixels are taken together from here on.
+                        // From this sigma on, pixels are grouped.
                         let near_end = !(1.0..1198.0).contains(&x);
                         let bar = if near_end && sigma >= 96.0 { 0.5 } else { 0.05 };
                         let footprint = blurred(x, slope, sigma);
@@ -284,8 +285,8 @@ mod tests {
 
     #[test]
     fn a_blurred_cosine_has_the_contrast_of_the_closed_form() {
-        // Held pixels take sinc(1/P) from a cosine, the footprint sinc(a/P) sinc(b/P), and the
-        // Gaussian exp(-2 pi^2 sigma^2 / P^2).
+        // Pixels attenuate a cosine by sinc(1/P), the footprint by sinc(a/P) sinc(b/P), and the
+        // Gaussian by exp(-2 pi^2 sigma^2 / P^2).
         let period = 24.0;
         let phase = |x: f64| std::f64::consts::TAU * x / period;
         let row: Vec<f64> = (0..960)

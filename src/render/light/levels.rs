@@ -1,17 +1,18 @@
-//! A slide's levels as light: what response curve and contrast ratio make of them.
+//! Converts pattern levels to light: response curve and contrast ratio.
 
 use super::super::{Plan, Term};
 use phasmid_profile::Projector;
 
 /// Light of each level.
 pub(super) struct Curve {
-    /// Relative to full white, an entry a level; `None` where light is proportional to the level.
+    /// Light relative to full white, one entry per level; `None` if light is proportional to the
+    /// level.
     light: Option<Vec<f64>>,
     full: f64,
 }
 
 impl Curve {
-    /// The projector's curve, as far as the plan holds its terms.
+    /// Creates the projector's curve with the terms in the plan.
     pub(super) fn new(projector: &Projector, plan: &Plan) -> Self {
         let mut projector = projector.clone();
         if !plan.has(Term::ProjectorResponse) {
@@ -31,7 +32,7 @@ impl Curve {
         }
     }
 
-    /// Light of one level, relative to full white.
+    /// Returns the light of one level, relative to full white.
     pub(super) fn light(&self, level: u16) -> f64 {
         match &self.light {
             Some(light) => light[usize::from(level)],
@@ -39,8 +40,9 @@ impl Curve {
         }
     }
 
-    /// Integers that stand for the light of levels, and what one of them stands for: the levels
-    /// themselves, or of 16 bits where a curve bends them (within 1/500 of a grey level of 255).
+    /// Returns integers proportional to the light of `levels`, and the light per unit: the levels
+    /// themselves, or 16-bit values if the response is non-linear (accurate to 1/500 of a grey
+    /// level of 255).
     pub(super) fn integers(&self, levels: &[u16]) -> (Vec<u16>, f32) {
         match &self.light {
             Some(light) => {

@@ -1,10 +1,9 @@
 //! The exposure pass: the projector's light at each pixel.
 //!
-//! `exposure` runs it. `levels` is what a slide's levels are as light; `row_table` and
-//! `picture_table` average slides over footprints, `kernel` under `defocus` and the spread of light
-//! under skin (`blend`) too, as `diffused` does with pictures. `flicker` is what an exposure sees of
-//! the mains, `indirect` what surfaces throw on each other. `vignetting` has
-//! its part in the geometry pass.
+//! `exposure` runs it. `levels` converts pattern levels to light; `row_table` and `picture_table`
+//! average patterns over footprints, `kernel` also with `defocus` and subsurface spread (`blend`),
+//! `diffused` does so for images. `flicker` computes mains flicker, `indirect` interreflection.
+//! `vignetting` acts in the geometry pass.
 
 mod bell;
 mod blend;

@@ -1,12 +1,12 @@
-//! A slide that is a picture, prepared for averaging over footprints.
+//! An image pattern, prepared for averaging over footprints.
 
 use super::row_table::WIDEST;
 
-/// A footprint is taken in parts whose slant is below half a slide pixel, up to 8 by 8 of them.
+/// A footprint is divided into parts with a slant below half a pattern pixel, up to 8 by 8 parts.
 const PARTS_PER_PX: f32 = 2.0;
 const MOST_PARTS: usize = 8;
 
-/// A picture as a summed-area table of (width + 1) x (height + 1) corners.
+/// Summed-area table of an image, with (width + 1) x (height + 1) corners.
 pub(crate) struct PictureTable {
     width: usize,
     height: usize,
@@ -33,12 +33,12 @@ impl PictureTable {
         }
     }
 
-    /// Average level, 0 to 1, over the footprint, a parallelogram, in as many parts as it takes to
-    /// follow its slant; each part counts as the rectangle of its second moments.
+    /// Returns the average level, 0 to 1, over a parallelogram footprint. It is divided into enough
+    /// parts to follow its slant; each part is replaced by the rectangle with the same second
+    /// moments.
     ///
-    /// A blur of standard deviations `blur` along columns and rows joins those moments: an
-    /// approximation, which keeps the mean and the width of every part but not the Gaussian's
-    /// shape.
+    /// A blur with standard deviations `blur` along columns and rows is added to those moments.
+    /// This approximation preserves mean and width of each part but not the Gaussian's shape.
     pub(super) fn average(
         &self,
         [x, y]: [f32; 2],
@@ -51,7 +51,7 @@ impl PictureTable {
         // NaN counts as no slant.
         let parts = ((slant * PARTS_PER_PX).ceil() as usize).clamp(1, MOST_PARTS);
         let narrow = 1.0 / parts as f32;
-        // A box of a Gaussian's variance is sqrt(12) deviations wide.
+        // A box with a Gaussian's variance is sqrt(12) standard deviations wide.
         let width = |s: [f32; 2], blur: f32| {
             let part = s[0].hypot(s[1]) * narrow;
             f64::from(part.hypot(blur * 12f32.sqrt()).clamp(1e-3, WIDEST))
@@ -70,7 +70,7 @@ impl PictureTable {
         (sum / (parts * parts) as f64) as f32 * self.scale
     }
 
-    /// Mean level over a rectangle about a place.
+    /// Returns the mean level over a rectangle centred on a position.
     fn rectangle(&self, (x, y): (f32, f32), (w, h): (f64, f64)) -> f64 {
         // From pixel centres to corners of the table.
         let (x, y) = (f64::from(x) + 0.5, f64::from(y) + 0.5);
@@ -85,7 +85,8 @@ impl PictureTable {
         total / ((x1 - x0) * (y1 - y0))
     }
 
-    /// Integral from the picture's corner, bilinear between corners as held pixels have it.
+    /// Returns the integral from the image corner; bilinear interpolation is exact for square
+    /// pixels.
     fn sum(&self, x: f64, y: f64) -> f64 {
         let (i, j) = (
             (x as usize).min(self.width - 1),
@@ -100,22 +101,22 @@ impl PictureTable {
         row(j) + t * (row(j + 1) - row(j))
     }
 
-    /// Memory that the table takes, in bytes.
+    /// Returns the memory size of the table in bytes.
     pub(super) fn bytes(&self) -> usize {
         size_of_val(self.sums.as_slice())
     }
 
-    /// Columns and rows of the picture.
+    /// Returns the columns and rows of the image.
     pub(crate) fn size(&self) -> [usize; 2] {
         [self.width, self.height]
     }
 
-    /// The corners' sums, row by row: whole numbers, as f64 holds them exactly.
+    /// Returns the corner sums, row by row: integers, which f64 represents exactly.
     pub(crate) fn sums(&self) -> &[f64] {
         &self.sums
     }
 
-    /// What one unit of the levels stands for.
+    /// Returns the light per unit of the levels.
     pub(crate) fn scale(&self) -> f32 {
         self.scale
     }

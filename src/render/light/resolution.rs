@@ -1,16 +1,16 @@
-//! Where a fringe is too fine to be told.
+//! Resolution limit of fringes.
 
 use std::f64::consts::PI;
 
-/// Least contrast left of a fringe that counts as told.
+/// Minimum remaining contrast of a resolved fringe.
 const LEAST: f64 = 0.05;
 
-/// Whether a fringe of `period` slide pixels can be told under a footprint, whose derivatives are
-/// `slope`, and a blur of standard deviation `sigma`, all in slide pixels, where skin leaves
-/// `under` of its contrast.
+/// Returns whether a fringe of `period` projector pixels is resolved under a footprint with
+/// derivatives `slope` and a blur of standard deviation `sigma` (projector pixels), where skin
+/// leaves the fraction `under` of its contrast.
 ///
-/// The two boxes of the footprint leave sinc(a/P) sinc(b/P) of its contrast, which is 0 at a box
-/// of one period and inverted beyond; the Gaussian leaves exp(-2 pi^2 sigma^2 / P^2).
+/// The two boxes of the footprint attenuate the contrast by sinc(a/P) sinc(b/P), which is 0 for a
+/// box of one period and negative beyond; the Gaussian by exp(-2 pi^2 sigma^2 / P^2).
 pub(crate) fn is_resolved(slope: [f32; 2], sigma: f32, under: f64, period: f64) -> bool {
     let [a, b] = slope.map(|s| f64::from(s.abs()) / period);
     let sigma = f64::from(sigma) / period;

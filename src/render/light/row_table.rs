@@ -1,60 +1,58 @@
-//! A slide that varies along one axis, prepared for averaging over footprints.
+//! A pattern that varies along one axis, prepared for averaging over footprints.
 //!
-//! A footprint is a parallelogram on the slide. Seen along the axis of a pattern its weight is the
-//! convolution of two boxes, as wide as the derivatives a and b of the projector coordinate by the
-//! camera's column and row: a trapezoid. A slide is a row of held pixels, so its average under the
-//! trapezoid is exact:
+//! A footprint is a parallelogram on the pattern. Projected onto the pattern axis, its weight is
+//! the convolution of two boxes with widths a and b, the derivatives of the projector coordinate
+//! with respect to camera column and row: a trapezoid. The pattern is piecewise constant, so its
+//! average under the trapezoid is exact:
 //!
 //! ```text
 //! (S(x + (a+b)/2) - S(x + (a-b)/2) - S(x - (a-b)/2) + S(x - (a+b)/2)) / (a b)
 //! ```
 //!
-//! with S the second antiderivative of the levels, a quadratic on each held pixel. Levels are
-//! integers, of 8 bits as a slide has them or of 16 where a response curve bends them, so the sums
-//! are kept in wrapping integers relative to the middle, exact however far from the slide's
-//! origin. Only the levels' departure from one under the footprint is summed: nothing where the
-//! footprint lies on one held pixel.
+//! with S the second antiderivative of the levels, quadratic on each pixel. Levels are integers, of
+//! 8 bits as displayed or of 16 with a non-linear response, so the sums are kept in wrapping
+//! integers relative to the centre, exact at any distance from the pattern's origin. Only
+//! deviations from the level at the centre are summed: zero if the footprint lies within one pixel.
 //!
-//! The difference of S over b cancels where b is small. Where b is less than a held pixel, at most
-//! one border lies in each flank of the trapezoid, and the mean of the first antiderivative P over
-//! a flank is that of a straight line plus the border's kink:
+//! The difference of S over b suffers cancellation if b is small. If b is less than a pixel, each
+//! flank of the trapezoid contains at most one border, and the mean of the first antiderivative P
+//! over a flank is that of a straight line plus the kink at the border:
 //!
 //! ```text
 //! P(middle of the flank) + (level after the border - level before) t^2 / (2 b)
 //! ```
 //!
-//! with t the flank's part beyond the border: nothing cancels, down to b = 0 and to footprints
-//! that are small against a held pixel.
+//! with t the flank's part beyond the border. This has no cancellation, down to b = 0 and for
+//! footprints much smaller than a pixel.
 
 use phasmid_core::simd::widest;
 
-/// Widest footprint along one axis, in slide pixels; wider ones (surfaces seen edge-on) count as
-/// this wide. Doubled sums of 255 over 2000 pixels to either side stay below 2^31.
+/// Maximum footprint width along one axis, in pattern pixels; wider ones (surfaces seen edge-on)
+/// are clamped. Doubled sums of 255 over 2000 pixels to either side stay below 2^31.
 pub(crate) const WIDEST: f32 = 2000.0;
-/// The narrower box is kept at least this fraction of the wider one, to divide by.
+/// Minimum width of the narrower box relative to the wider one, which avoids division by zero.
 const NARROWEST: f32 = 1.0 / 65536.0;
-/// Footprints are kept at least this wide, in slide pixels: less blurs nothing, and the rounding of
-/// positions stays small against it.
+/// Minimum footprint width in pattern pixels: smaller ones have no visible blur, and position
+/// rounding stays small relative to it.
 const SMALLEST: f32 = 1.0 / 512.0;
 
-/// Beyond the largest slide.
+/// Upper limit of coordinates, beyond the largest pattern.
 const LAST_PIXEL: f32 = 65536.0;
 
-/// Pixels averaged side by side.
+/// Pixels averaged per SIMD block.
 pub(super) const LANES: usize = 8;
 pub(super) type Lanes = [f32; LANES];
 
-/// A row of held pixels with its running sums.
+/// A row of pattern pixels with its running sums.
 pub(crate) struct RowTable {
     cells: Vec<Cell>,
     /// 1 / full level.
     scale: f32,
-    /// Whether second sums under a footprint may pass 2^31: levels of more than 8 bits.
+    /// Whether second sums under a footprint may exceed 2^31, as with levels of more than 8 bits.
     long: bool,
 }
 
-/// A held pixel: its level, and at its left border the first and second antiderivative, the
-/// second doubled.
+/// A pixel: its level, and the first and doubled second antiderivative at its left border.
 #[derive(Clone, Copy)]
 #[repr(C, align(16))]
 struct Cell {
@@ -63,26 +61,26 @@ struct Cell {
     sum_of_sums: u64,
 }
 
-/// Where eight trapezoids stand on the row.
+/// Positions of eight trapezoids on the row.
 struct Footprints {
     wide: Lanes,
     narrow: Lanes,
-    /// Held pixels at the middles.
+    /// Pixels at the centres.
     middle: [i32; LANES],
-    /// Held pixels at the trapezoids' corners, from the lowest to the highest.
+    /// Pixels at the trapezoids' corners, in ascending order.
     index: [[i32; LANES]; 4],
-    /// How far each corner is from its held pixel's left border.
+    /// Distance of each corner from its pixel's left border.
     t: [[f32; LANES]; 4],
 }
 
-/// What eight footprints find at their corners.
+/// Table values at the corners of eight footprints.
 struct Corners {
     level: [[u32; LANES]; 4],
     sum: [[u32; LANES]; 4],
 }
 
 impl RowTable {
-    /// Levels that stand for `scale` each, in order along the axis.
+    /// Creates a table from levels in units of `scale`, in order along the axis.
     pub(super) fn new(levels: &[u16], scale: f32) -> Self {
         let (mut sum, mut sum_of_sums) = (0u32, 0u64);
         // The second antiderivative gains sum + level / 2 a pixel; it is kept doubled.
@@ -107,9 +105,9 @@ impl RowTable {
         }
     }
 
-    /// Average levels, 0 to 1, under the trapezoids about `x` whose widths are the sizes of
-    /// `slope`. Beyond its ends the slide goes on with its last level: whether light falls there
-    /// is the geometry's to say.
+    /// Returns the average levels, 0 to 1, under the trapezoids centred on `x` with widths
+    /// |`slope`|. The pattern is extended by its end levels; whether light falls there is decided
+    /// by the geometry pass.
     ///
     /// Written lane by lane in stages, so that all but the lookups runs in SIMD registers; without
     /// closures over lanes, which are not inlined into them.
@@ -186,13 +184,14 @@ impl RowTable {
         at
     }
 
-    /// Levels by second differences, relative to the middle's; `LONG` where the sums need 64 bits.
+    /// Levels by second differences, relative to the centre's; `LONG` if the sums need 64 bits.
     #[inline(always)]
     fn thick<const LONG: bool>(&self, at: &Footprints, found: &Corners) -> Lanes {
         let mut average = [0.0; LANES];
         for lane in 0..LANES {
             let here = self.cells[at.middle[lane] as usize];
-            // S of the departure from the middle's level, from the middle pixel's left border.
+            // S of the deviation from the centre's level, starting at the centre pixel's left
+            // border.
             let s = |k: usize| {
                 let t = at.t[k][lane];
                 let steps = (at.index[k][lane] - at.middle[lane]) as u32;
@@ -232,7 +231,7 @@ impl RowTable {
         size_of_val(self.cells.as_slice())
     }
 
-    /// Each held pixel as four words: its level, its sum, and its sum of sums, the low word first.
+    /// Returns each pixel as four words: level, sum, and sum of sums, low word first.
     pub(crate) fn words(&self) -> impl ExactSizeIterator<Item = [u32; 4]> {
         let low = |sums: u64| sums as u32;
         self.cells.iter().map(move |cell| {
@@ -241,12 +240,12 @@ impl RowTable {
         })
     }
 
-    /// What one unit of the levels stands for.
+    /// Returns the light per unit of the levels.
     pub(crate) fn scale(&self) -> f32 {
         self.scale
     }
 
-    /// Whether second sums under a footprint may take more than a word.
+    /// Returns whether second sums under a footprint may exceed one word.
     pub(crate) fn is_long(&self) -> bool {
         self.long
     }
@@ -268,7 +267,7 @@ fn along_mixed_body(row: &RowTable, x: &[f32; 16], slope: &[[f32; 2]; 16]) -> [f
     levels
 }
 
-/// Levels where the narrower boxes are less than a held pixel, relative to the lowest corner's.
+/// Levels for narrower boxes of less than a pixel, relative to the lowest corner's.
 #[inline(always)]
 fn thin(at: &Footprints, found: &Corners) -> Lanes {
     let mut average = [0.0; LANES];
@@ -290,10 +289,10 @@ fn thin(at: &Footprints, found: &Corners) -> Lanes {
     average
 }
 
-/// The whole number below; |x| less than 2^22. A cast would saturate, at several instructions.
+/// Rounds down; |x| must be below 2^22. A cast would saturate, which takes several instructions.
 #[inline(always)]
 fn floor(x: f32) -> i32 {
-    /// Adding it rounds to whole numbers, in the low bits.
+    /// Adding it rounds to an integer, in the low bits.
     const WHOLE: f32 = 1.5 * (1u32 << 23) as f32;
     let rounded = x + WHOLE;
     rounded.to_bits().wrapping_sub(WHOLE.to_bits()) as i32 - i32::from(rounded - WHOLE > x)
@@ -321,7 +320,7 @@ mod tests {
         f64::from(all[0]) * 255.0
     }
 
-    /// The trapezoid against held pixels, by exact clipping of each in f64.
+    /// Reference: the trapezoid clipped exactly against each pixel, in f64.
     fn exact(levels: &[f64], x: f64, a: f64, b: f64) -> f64 {
         let (wide, narrow) = (a.max(b), a.min(b).max(1e-7 * a.max(b)));
         // The weight's own antiderivative, from -infinity.

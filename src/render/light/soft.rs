@@ -1,4 +1,4 @@
-//! A footprint's trapezoid under a Gaussian blur.
+//! A footprint's trapezoid convolved with a Gaussian blur.
 
 use super::bell::Bell;
 
@@ -32,7 +32,7 @@ impl<'a> Soft<'a> {
         (self.wide + self.narrow) / 2.0
     }
 
-    /// The part that lies left of a border at distance e from the middle.
+    /// Returns the fraction left of a border at distance e from the centre.
     pub(crate) fn left_of(&self, e: f64) -> f64 {
         let second = self.second_difference(e, |e| self.bell.at(e / self.sigma));
         second * self.sigma * self.sigma

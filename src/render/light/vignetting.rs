@@ -1,4 +1,4 @@
-//! The fall of light from a lens's axis outwards: factors on what the geometry pass finds.
+//! Vignetting: factors applied to the light in the geometry pass.
 
 use super::super::shade::Shaded;
 use glam::{DVec2, DVec3};
@@ -12,7 +12,7 @@ pub(crate) struct Falloff {
     pub(crate) vignetting: Vignetting,
     /// Half of the image's diagonal in ideal image coordinates.
     pub(crate) unit: f64,
-    /// How many cosines of the natural fall are the factor's.
+    /// Power of the cosine of natural vignetting contained in the factor.
     pub(crate) cosines: i32,
     lens: Lens,
 }
@@ -45,7 +45,7 @@ impl Falloff {
         } else {
             1.0
         };
-        // Below 0 only where no pixel is.
+        // Negative only outside the image.
         natural
             * self
                 .vignetting

@@ -1,4 +1,4 @@
-//! What a surface throws back of a light, counted as if it went evenly in all directions.
+//! Reflected light of a surface, treated as uniform over all directions.
 
 use super::Looks;
 use super::ggx::Ggx;
@@ -6,7 +6,7 @@ use crate::world::{Surface, World};
 use crate::{Plan, Term};
 use glam::DVec3;
 
-/// A place of a surface, and the sides of a patch about it.
+/// A surface point, and the sides of a patch around it.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Patch {
     /// In the rig's frame in millimetres.
@@ -24,8 +24,8 @@ pub(crate) struct Evenly<'a> {
 }
 
 impl Evenly<'_> {
-    /// Share of light from a direction at this cosine to the normal that is thrown back: that of
-    /// the body and that of the lobe together, so that no energy is lost or won.
+    /// Returns the fraction of light from a direction at this cosine to the normal that is
+    /// reflected, diffuse part and lobe together, so that energy is conserved.
     pub(crate) fn share(&self, cos: f64) -> f64 {
         match self.specular {
             Some(ggx) => ggx.under_even_light(self.albedo, cos),
@@ -35,7 +35,7 @@ impl Evenly<'_> {
 }
 
 impl Looks {
-    /// The material of a patch, its albedo averaged over it.
+    /// Returns the material of a patch, with its albedo averaged over the patch.
     pub(crate) fn evenly(&self, plan: &Plan, world: &World, patch: &Patch) -> Evenly<'_> {
         let look = &self.of[usize::from(world.object(patch.surface))];
         let mut albedo = look.albedo;

@@ -6,21 +6,22 @@
 //! Schlick (1994). Light scatters once between facets; what would scatter again is lost: 59 %
 //! of even light on the roughest metal, nearly nothing below a roughness of 0.4.
 //!
-//! What the lobe does not reflect enters the body. With E(c) the part that the lobe reflects of
-//! light at a cosine c, the diffuse part is albedo (1 - E(n.l)) (1 - E(n.v)) / (pi (1 - mean E)):
-//! symmetric, and the two together reflect E(n.v) + albedo (1 - E(n.v)), never more than all
-//! (Kelemen and Szirmay-Kalos, "A Microfacet Based Coupled Specular-Matte BRDF Model", Eurographics
-//! 2001).
+//! Light not reflected by the lobe enters the diffuse body. With E(c) the fraction that the lobe
+//! reflects of light at cosine c, the diffuse part is albedo (1 - E(n.l)) (1 - E(n.v)) / (pi (1 -
+//! mean E)): symmetric, and the two together reflect E(n.v) + albedo (1 - E(n.v)), never more than
+//! all (Kelemen and Szirmay-Kalos, "A Microfacet Based Coupled Specular-Matte BRDF Model",
+//! Eurographics 2001).
 
 use glam::DVec3;
 use rayon::prelude::*;
 use std::f64::consts::PI;
 
-/// Pieces of the table of E, evenly spaced in the root of the cosine: E is steep where light grazes.
+/// Intervals of the table of E, evenly spaced in the square root of the cosine, because E is steep
+/// at grazing angles.
 const PIECES: usize = 128;
-/// Samples a side of the grid that a value of the table is integrated over.
+/// Samples along a side of the integration grid of a table value.
 const GRID: usize = 48;
-/// Smallest cosine towards the camera: where an interpolated normal turns away from it.
+/// Minimum cosine towards the camera, used where an interpolated normal faces away from it.
 const GRAZING: f64 = 1e-4;
 
 /// A material with a specular lobe.
@@ -30,7 +31,7 @@ pub(crate) struct Ggx {
     pub(crate) alpha: f64,
     /// E at cosines (i / PIECES)^2.
     pub(crate) reflected: Vec<f64>,
-    /// One over 1 - mean E; 0 where nothing enters the body.
+    /// One over 1 - mean E; 0 if no light enters the body.
     pub(crate) coupling: f64,
 }
 
@@ -53,9 +54,9 @@ impl Ggx {
         ggx
     }
 
-    /// pi times the BRDF of a body of `albedo`: what a surface reflects of light from one
-    /// direction, relative to a white Lambertian one. All three are unit vectors away from the
-    /// surface; 0 where the light comes from behind.
+    /// Returns pi times the BRDF for a diffuse albedo of `albedo`: the reflectance for light from
+    /// one direction, relative to a white Lambertian surface. All three are unit vectors away from
+    /// the surface; 0 where the light comes from behind.
     pub(crate) fn reflectance(&self, albedo: f64, normal: DVec3, light: DVec3, view: DVec3) -> f64 {
         let cos_light = normal.dot(light);
         if !(cos_light > 0.0) {
@@ -67,8 +68,8 @@ impl Ggx {
         diffuse + self.lobe(normal, light, view, cos_light, cos_view)
     }
 
-    /// What a surface reflects towards `view` of light that is the same from everywhere: by
-    /// reciprocity, what it reflects to everywhere of light from there.
+    /// Returns the reflectance towards the viewer under uniform light: by reciprocity, the total
+    /// reflectance for light from the viewer's direction.
     pub(crate) fn under_even_light(&self, albedo: f64, cos_view: f64) -> f64 {
         let specular = self.albedo(cos_view.max(GRAZING));
         specular + albedo * (1.0 - specular)
@@ -94,15 +95,16 @@ impl Ggx {
         self.f0 + (1.0 - self.f0) * (1.0 - cos.clamp(0.0, 1.0)).powi(5)
     }
 
-    /// E, the part of light at a cosine that the lobe reflects.
+    /// Returns E, the fraction of light at a cosine that the lobe reflects.
     fn albedo(&self, cos: f64) -> f64 {
         let at = cos.clamp(0.0, 1.0).sqrt() * PIECES as f64;
         let i = (at as usize).min(PIECES - 1);
         self.reflected[i] + (at - i as f64) * (self.reflected[i + 1] - self.reflected[i])
     }
 
-    /// E integrated over the normals that a direction sees: each reflects F G2 / G1 of its light
-    /// (Heitz, "Sampling the GGX Distribution of Visible Normals", JCGT 7(4), 2018).
+    /// Computes E by integration over the distribution of visible normals, each of which reflects F
+    /// G2 / G1 of its light (Heitz, "Sampling the GGX Distribution of Visible Normals", JCGT 7(4),
+    /// 2018).
     fn integrate(&self, cos_view: f64) -> f64 {
         let cos = cos_view.max(GRAZING * GRAZING);
         let view = DVec3::new((1.0 - cos * cos).max(0.0).sqrt(), 0.0, cos);
@@ -134,7 +136,7 @@ impl Ggx {
             weight * self.fresnel(view.dot(h)) * (1.0 + own) / (1.0 + own + lambda(light.z))
         };
         let n = GRID * GRID;
-        // The weights' sum is a little off what it stands for.
+        // Normalises the sum of weights, which deviates slightly from n.
         let whole = 1.0 - 0.25 / (GRID * GRID) as f64;
         (0..n).map(sample).sum::<f64>() / (n as f64 * whole)
     }

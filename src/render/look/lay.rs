@@ -1,17 +1,17 @@
-//! How a picture of a given size is laid over a shape, in millimetres of its own frame:
+//! Mapping of a texture of a given size onto a shape, in millimetres of the shape's frame:
 //!
 //! - a sphere: longitude (0 towards -z, growing towards x) and latitude (growing towards y), each
 //!   times the radius: true to size along the equator and all meridians;
 //! - a cylinder: the angle about y times the radius, and y; its caps along x and z;
-//! - all else: x and y, as a slide thrown along z.
+//! - any other shape: x and y, as if projected along z.
 //!
-//! The middle of a picture lies on the origin of these coordinates; its columns run along the
-//! first, its rows down along the second.
+//! The texture's centre is at the origin of these coordinates; its columns run along the first, its
+//! rows along the second, downwards.
 
 use glam::{DVec2, DVec3};
 use phasmid_profile::Shape;
 
-/// Coordinates on a surface with their gradients by the place.
+/// Texture coordinates and their spatial gradients.
 pub(crate) struct Laid {
     pub(crate) at: DVec2,
     pub(crate) gradient: [DVec3; 2],

@@ -1,5 +1,5 @@
-//! By what an object's albedo varies over its surface: a texture, by the mesh's own coordinates or laid
-//! over the shape, or a board's ink.
+//! Spatial variation of an object's albedo: a texture, by mesh coordinates or mapped onto the
+//! shape, or a board's ink.
 
 use super::lay::Lay;
 use super::printed::Printed;
@@ -12,7 +12,7 @@ use phasmid_geometry::{Board, Mesh, Pose};
 use phasmid_profile::{Object, Scene};
 use std::sync::Arc;
 
-/// Least share of ink, and of paper, in a footprint on an outline.
+/// Minimum fraction of ink, and of paper, in a footprint on an outline.
 const EDGE: f64 = 1e-4;
 
 pub(crate) enum Map {
@@ -45,10 +45,10 @@ impl Map {
         Self::Board(Printed::new(board, ink, scene, object))
     }
 
-    /// Takes the coordinates of the object's mesh.
+    /// Takes the texture coordinates of the object's mesh.
     ///
     /// # Errors
-    /// A mesh without, where the scene gives the picture no size.
+    /// Returns an error if the mesh has none and the scene sets no texture size.
     pub(super) fn take(&mut self, mesh: &Mesh) -> Result<()> {
         match self {
             Self::Picture(picture) => picture.take(mesh),
@@ -65,8 +65,8 @@ impl Map {
         }
     }
 
-    /// Whether a footprint of this mean lies on an outline, within which it matters how the light
-    /// varies: told of a board, whose outlines are measured.
+    /// Returns whether a footprint with this mean lies on an outline, where the variation of light
+    /// within the footprint matters. Only for boards, whose outlines are measured.
     pub(super) fn is_edge(&self, mean: f64) -> bool {
         match self {
             Self::Picture(_) => false,
@@ -118,7 +118,7 @@ impl Picture {
                 let (Some(uv), Some(corners)) = (uv.get(index), corners) else {
                     return 1.0;
                 };
-                // Rows of a picture run down.
+                // Image rows run downwards.
                 let uv = uv.map(|[u, v]| DVec2::new(u.into(), 1.0 - f64::from(v)));
                 let blend = |w: [f64; 3]| (0..3).map(|i| uv[i] * w[i]).sum::<DVec2>();
                 let side = |side| blend(shares(corners, side));

@@ -1,5 +1,5 @@
-//! What surfaces look like beyond one albedo an object: done for the lanes that need it, after
-//! [`shade`](super::shade) has lit all of them as white or as Lambertian surfaces.
+//! Materials beyond a constant albedo. Applied to the lanes that need it, after
+//! [`shade`](super::shade) has lit all lanes as white or Lambertian surfaces.
 
 mod evenly;
 mod ggx;
@@ -31,7 +31,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 pub(super) use texture::{Texture, texels};
 
-/// The looks of all objects.
+/// Materials of all objects.
 pub(super) struct Looks {
     pub(super) of: Vec<Look>,
 }
@@ -39,18 +39,18 @@ pub(super) struct Looks {
 pub(super) struct Look {
     pub(super) albedo: f64,
     pub(super) specular: Option<Arc<Ggx>>,
-    /// The mesh's vertex colours are to be taken.
+    /// Whether to use the mesh's vertex colours.
     wants_colours: bool,
     pub(super) map: Option<Map>,
-    /// Of the object's first triangle among the world's.
+    /// Number of the object's first triangle in the world.
     pub(super) first_triangle: usize,
-    /// Smooth normals at the corners of its triangles; empty where nothing needs them.
+    /// Smooth normals at the corners of its triangles; empty if not needed.
     pub(super) normals: Vec<[Vec3; 3]>,
-    /// Reflectances at the corners of its triangles; empty where they are all one.
+    /// Reflectances at the corners of its triangles; empty if all are 1.
     pub(super) colours: Vec<[f32; 3]>,
 }
 
-/// What has been made for objects before, for those that want the same.
+/// Cache of resources shared between objects.
 #[derive(Default)]
 struct Made {
     materials: Vec<(Specular, Arc<Ggx>)>,
@@ -59,7 +59,7 @@ struct Made {
 
 impl Looks {
     /// # Errors
-    /// Textures that cannot be read.
+    /// Returns an error if a texture cannot be read.
     pub(super) fn new(scene: &Scene, skins: &Skins) -> Result<Self> {
         let mut made = Made::default();
         let look = |(i, object): (usize, &Object)| {
@@ -93,11 +93,11 @@ impl Looks {
         })
     }
 
-    /// Takes what an object's mesh, placed in the world at rest, has to say: vertices, and the
-    /// object's triangles over them, of which the first has this number.
+    /// Takes the material data of an object's mesh. `vertices` are at rest in the rig's frame; the
+    /// first of the object's triangles has the given number.
     ///
     /// # Errors
-    /// Colours or texture coordinates that the scene asks for and the mesh lacks.
+    /// Returns an error if the mesh lacks colours or texture coordinates that the scene requires.
     pub(super) fn mesh(
         &mut self,
         object: u16,
@@ -128,7 +128,7 @@ impl Looks {
         }
     }
 
-    /// What a surface is first lit as: its albedo, or white where [`apply`] comes after.
+    /// Returns the albedo for initial shading: the surface's, or white if [`apply`] follows.
     #[inline(always)]
     pub(super) fn first_albedo(&self, plan: &Plan, object: u16) -> f64 {
         let look = &self.of[usize::from(object)];
@@ -148,7 +148,7 @@ impl Looks {
         self.of[usize::from(object)].varies()
     }
 
-    /// How many objects there are.
+    /// Returns the number of objects.
     pub(super) fn len(&self) -> usize {
         self.of.len()
     }
@@ -190,7 +190,7 @@ pub(super) fn is_needed(plan: &Plan) -> bool {
     .any(|term| plan.has(term))
 }
 
-/// Sixteen rays of the camera that have been cast.
+/// Sixteen cast camera rays.
 pub(super) struct Rays<'a> {
     pub(super) world: &'a World,
     pub(super) optics: &'a Optics,
@@ -199,21 +199,21 @@ pub(super) struct Rays<'a> {
     pub(super) hits: &'a Hits,
 }
 
-/// A point of a surface as light finds it.
+/// A surface point to be lit.
 pub(super) struct Local<'a> {
     /// In the rig's frame in millimetres.
     pub(super) point: DVec3,
     /// Normal of the surface itself, on the camera's side.
     flat: DVec3,
-    /// Normal that its light follows.
+    /// Shading normal.
     normal: DVec3,
     /// Unit vector to the camera.
     view: DVec3,
     albedo: f64,
     specular: Option<&'a Ggx>,
-    /// Lit as white so far.
+    /// Whether it has been lit as white so far.
     is_white: bool,
-    /// Relative change of the projector's light on the albedo by its slope within the pixel.
+    /// Relative correction of the projector's light for its gradient within the pixel.
     slant: f64,
 }
 
@@ -241,8 +241,8 @@ impl<'a> Local<'a> {
         }
     }
 
-    /// What the surface makes of 1 W/m^2 from a direction, relative to a white Lambertian one that
-    /// faces it: reflectance times cosine, 0 from behind.
+    /// Returns the reflected light for 1 W/m^2 from a direction, relative to a white Lambertian
+    /// surface that faces it: reflectance times cosine, 0 from behind.
     pub(super) fn reflected(&self, towards: DVec3) -> f64 {
         if !(self.flat.dot(towards) > 0.0) {
             return 0.0;
@@ -254,7 +254,7 @@ impl<'a> Local<'a> {
         }
     }
 
-    /// What it makes of the projector's and of ambient light, where it has been lit as white.
+    /// Applies the material to projector and ambient light that was computed for a white surface.
     fn finish(&self, projector: DVec3, shaded: &mut Shaded, lane: usize) {
         let Some(ggx) = self.specular else {
             shaded.projected[lane] *= self.albedo;
@@ -262,7 +262,7 @@ impl<'a> Local<'a> {
             shaded.evenly[lane] *= self.albedo;
             return;
         };
-        // Lit by the cosine at the facet so far.
+        // The light so far contains the cosine at the facet.
         let light = (projector - self.point).normalize();
         let cos = self.flat.dot(light);
         shaded.projected[lane] *= if cos > 0.0 {
@@ -277,7 +277,7 @@ impl<'a> Local<'a> {
     }
 }
 
-/// Reflects the light of lanes whose surfaces are more than one albedo, and adds the lamps'.
+/// Applies the materials of lanes that have more than a constant albedo, and adds the lamps' light.
 pub(super) fn apply(rays: &Rays<'_>, shaded: &mut Shaded, scratch: &mut Scratch) {
     let mut locals: [Option<Local<'_>>; LANES] = std::array::from_fn(|lane| {
         let hit = rays.hits.is_hit(lane);
@@ -301,7 +301,7 @@ pub(super) fn apply(rays: &Rays<'_>, shaded: &mut Shaded, scratch: &mut Scratch)
     }
 }
 
-/// Multiplies albedos by what vertex colours and textures say.
+/// Multiplies albedos by vertex colours and textures.
 fn vary(rays: &Rays<'_>, locals: &mut [Option<Local<'_>>; LANES]) {
     let slopes = rays.optics.ray_slopes(rays.plan, &rays.bundle.directions);
     for lane in 0..LANES {
@@ -331,12 +331,13 @@ fn vary(rays: &Rays<'_>, locals: &mut [Option<Local<'_>>; LANES]) {
     }
 }
 
-/// What the slope of the projector's light adds to its mean on an albedo that `seen` tells over a
-/// footprint: the sum, over the sides, of the light's relative slope times the albedo's first moment.
-/// On a plane light falls with the cube of the distance: its cosine is the plane's own distance from
-/// the projector over that. The moment is taken from halves; on edges at any place in a footprint
-/// those have 3/4 of it on average. An outline that lies in a slope is moved by a twelfth of the
-/// slope in pixels, some 1e-4, which the centres of many dots together would show.
+/// Returns the relative change of the mean reflected light due to the gradient of the projector's
+/// light across a footprint with the albedo given by `seen`: the sum over both sides of the light's
+/// relative gradient times the albedo's first moment. On a plane, light falls with the cube of the
+/// distance, since the cosine is the plane's distance from the projector over that distance. The
+/// moment is estimated from halves of the footprint; averaged over edge positions these give 3/4 of
+/// it. Without this an outline would shift by a twelfth of the gradient in pixels, about 1e-4,
+/// which the mean over many dot centres would reveal.
 fn slant(
     way: DVec3,
     middle: DVec3,
@@ -353,12 +354,13 @@ fn slant(
     along(0) + along(1)
 }
 
-/// From the point that a pixel's centre sees to the mean of what the pixel sees, on a plane at this
-/// depth: a footprint is larger where it is farther. With p = depth(u) d(u) on the plane and d linear
-/// in the pixel u, p'' = 2 (depth'/depth) p', and the mean over a pixel is off by p''/24 along each
-/// side. It is some 1e-4 pixels, which the centres of many dots together would show.
+/// Returns the offset from the point seen by a pixel's centre to the mean point seen by the pixel,
+/// on a plane at this depth: the farther part of a footprint is larger. With p = depth(u) d(u) on
+/// the plane and d linear in the pixel u, p'' = 2 (depth'/depth) p', and the mean over a pixel is
+/// off by p''/24 along each side. It is about 1e-4 pixels, which the mean over many dot centres
+/// would reveal.
 fn footprint_shift(sides: [DVec3; 2], depth: f64) -> DVec3 {
-    // Grazing footprints, which no series describes, are left in their places.
+    // Clamped for grazing footprints, for which the series does not hold.
     let shift = |side: DVec3| side * ((side.z / depth).clamp(-0.5, 0.5) / 12.0);
     shift(sides[0]) + shift(sides[1])
 }
@@ -374,12 +376,12 @@ impl Look {
             || plan.has(Term::AlbedoMaps) && self.varies()
     }
 
-    /// Place of a surface among the object's triangles, which a solid's has none of.
+    /// Returns the index of a surface among the object's triangles; out of range for solids.
     fn index(&self, surface: Surface) -> usize {
         (surface.0 as usize).wrapping_sub(self.first_triangle)
     }
 
-    /// What the albedo is multiplied by.
+    /// Returns the factor on the albedo.
     fn factor(
         &self,
         world: &World,
@@ -408,7 +410,7 @@ impl Look {
         factor
     }
 
-    /// The normal that highlights follow, on the side of `flat`, the facet's.
+    /// Returns the shading normal, on the side of the facet normal `flat`.
     fn normal(&self, world: &World, surface: Surface, point: DVec3, flat: DVec3) -> DVec3 {
         let normals = self.normals.get(self.index(surface));
         let (Some(normals), Some(corners)) = (normals, world.corners(surface)) else {
@@ -438,8 +440,8 @@ fn barycentric(corners: [DVec3; 3], point: DVec3) -> [f64; 3] {
     }
 }
 
-/// By how much the weights of a triangle's corners change over a step in its plane; NaN where it
-/// is degenerate.
+/// Returns the change of the barycentric weights over a step in the triangle's plane; NaN if it is
+/// degenerate.
 fn shares([a, b, c]: [DVec3; 3], step: DVec3) -> [f64; 3] {
     let (e1, e2) = (b - a, c - a);
     let normal = e1.cross(e2);

@@ -1,25 +1,25 @@
-//! Smooth normals of a mesh: what its surface would have had before it became facets. Highlights
-//! need them, for a facet shines as a whole or not at all.
+//! Smooth normals of a mesh, which approximate the surface it was tessellated from. Highlights need
+//! them: a flat facet would shine as a whole or not at all.
 
 use super::super::mixed::COS_CREASE;
 use glam::{DVec3, Vec3};
 use std::collections::HashMap;
 
-/// Which triangles meet at the corners of which.
+/// Adjacency of triangles at vertices.
 pub(crate) struct Smoother {
-    /// The place of each triangle's corners.
+    /// Merged vertex index of each triangle's corners.
     places: Vec<[u32; 3]>,
-    /// Triangles around each place.
+    /// Triangles around each merged vertex.
     around: Vec<Vec<u32>>,
 }
 
 impl Smoother {
-    /// Vertices at one place are one vertex, as files without shared vertices mean them.
+    /// Merges vertices at equal positions, for files without shared vertices.
     pub(crate) fn new(vertices: &[DVec3], triangles: &[[u32; 3]]) -> Self {
         let mut numbers = HashMap::new();
         let mut around: Vec<Vec<u32>> = Vec::new();
         let mut place_of = |i: u32| {
-            // Adding zero makes one zero of both.
+            // Adding zero maps -0 to +0.
             let bits = (vertices[i as usize] + 0.0).to_array().map(f64::to_bits);
             *numbers.entry(bits).or_insert_with(|| {
                 around.push(Vec::new());
@@ -35,9 +35,9 @@ impl Smoother {
         Self { places, around }
     }
 
-    /// Unit normals at the corners of each triangle, its vertices wherever they have moved: the mean
-    /// of those of the triangles around the vertex, by area, that lie within a crease's angle of its
-    /// own.
+    /// Returns unit normals at the corners of each triangle for the current vertex positions: the
+    /// area-weighted mean of the normals of adjacent triangles within the crease angle of the
+    /// triangle's own.
     pub(crate) fn normals(&self, vertices: &[DVec3], triangles: &[[u32; 3]]) -> Vec<[Vec3; 3]> {
         let cross = |t: &[u32; 3]| {
             let [a, b, c] = t.map(|i| vertices[i as usize]);

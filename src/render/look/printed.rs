@@ -5,7 +5,7 @@ use glam::DVec3;
 use phasmid_geometry::{Board, Pose};
 use phasmid_profile::{Object, Scene};
 
-/// A board on the side of a plane that is towards -z in the object's own frame.
+/// A board printed on the side facing -z in the object's own frame.
 pub(crate) struct Printed {
     /// Scaled as the object is.
     pub(crate) board: Board,
@@ -23,7 +23,7 @@ impl Printed {
         }
     }
 
-    /// Mean over a spot's footprint, where the object rests.
+    /// Returns the mean over a spot's footprint in the rest frame.
     pub(super) fn albedo(&self, spot: &Spot) -> f64 {
         let own = |v: DVec3| self.object_from_rig.direction(v);
         if !(own(spot.normal).z < 0.0) {

@@ -1,13 +1,13 @@
-//! A spot on a surface that a pixel sees, which looks are looked up at.
+//! A spot on a surface seen by a pixel, at which materials are evaluated.
 
 use super::{barycentric, shares};
 use glam::DVec3;
 use phasmid_geometry::Pose;
 
-/// A place with its surroundings, in the rig's frame.
+/// A surface point with its footprint, in the rig's frame.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Spot {
-    /// Of the triangle that it lies on; `None` on a solid.
+    /// Corners of the triangle it lies on; `None` on a solid.
     pub(crate) corners: Option<[DVec3; 3]>,
     pub(crate) point: DVec3,
     pub(crate) normal: DVec3,
@@ -16,7 +16,7 @@ pub(crate) struct Spot {
 }
 
 impl Spot {
-    /// The spot as a rigid motion takes it along.
+    /// Returns the spot transformed by a rigid motion.
     pub(crate) fn moved(&self, pose: &Pose) -> Self {
         Self {
             corners: self.corners.map(|corners| corners.map(|p| pose.point(p))),
@@ -26,7 +26,7 @@ impl Spot {
         }
     }
 
-    /// The same spot of its triangle where that has other corners.
+    /// Returns the corresponding spot on its triangle with other corners.
     pub(crate) fn on(&self, corners: [DVec3; 3]) -> Self {
         let Some(now) = self.corners else {
             return *self;

@@ -1,8 +1,7 @@
-//! A picture as albedo: texels are held squares that repeat without end, averaged over a pixel's
-//! footprint.
+//! A texture as albedo: square texels, repeated infinitely, averaged over a pixel's footprint.
 //!
-//! Sums of the whole picture (Crow, "Summed-Area Tables for Texture Mapping", SIGGRAPH 1984) give
-//! the exact mean over a rectangle along the texels. A slanted footprint is cut into 4 x 4 to 8 x 8
+//! Summed-area tables (Crow, "Summed-Area Tables for Texture Mapping", SIGGRAPH 1984) give the
+//! exact mean over a rectangle along the texels. A slanted footprint is cut into 4 x 4 to 8 x 8
 //! pieces, each of which counts as the rectangle of its second moments: on a checkerboard that is
 //! good to 6 % of the contrast at worst, and to 2 % for 19 footprints of 20.
 
@@ -16,7 +15,7 @@ use std::path::Path;
 
 /// Longest side in texels: some 250 MB while it is read.
 const MAX_SIDE: u32 = 4096;
-/// Fewest and most pieces a side of a slanted footprint, and pieces a texel between them.
+/// Minimum and maximum pieces along a side of a slanted footprint, and pieces per texel in between.
 const PIECES: [f64; 3] = [4.0, 8.0, 3.0];
 /// A footprint slanted by less than this many texels is a rectangle.
 const STRAIGHT: f64 = 1e-2;
@@ -32,10 +31,10 @@ pub(crate) struct Texture {
 }
 
 impl Texture {
-    /// Reads a picture in sRGB; its luminance is the albedo.
+    /// Reads an sRGB image; its luminance is the albedo.
     ///
     /// # Errors
-    /// What [`texels`] refuses.
+    /// Returns an error if [`texels`] fails.
     pub(super) fn read(path: &Path) -> Result<Self> {
         let (width, height, albedo) = texels(path)?;
         Ok(Self::new(width, height, albedo.into_iter()))
@@ -93,7 +92,7 @@ impl Texture {
     fn rectangle(&self, center: DVec2, half: DVec2) -> f64 {
         let size = DVec2::new(self.width as f64, self.height as f64);
         let low = center - half;
-        // The first of the repeated pictures that the rectangle meets is the one at the origin.
+        // Shifts the rectangle so that it starts in the tile at the origin.
         let low = low - (low / size).floor() * size;
         let high = low + 2.0 * half;
         let total = self.sum(high.x, high.y) - self.sum(low.x, high.y) - self.sum(high.x, low.y)
@@ -101,7 +100,7 @@ impl Texture {
         total / (4.0 * half.x * half.y)
     }
 
-    /// Integral from the origin over the repeated picture.
+    /// Returns the integral from the origin over the repeated texture.
     fn sum(&self, x: f64, y: f64) -> f64 {
         let (w, h) = (self.width as f64, self.height as f64);
         let (i, j) = ((x / w).floor(), (y / h).floor());
@@ -134,10 +133,10 @@ impl Texture {
     }
 }
 
-/// Columns, rows and albedos of a picture's texels, row by row.
+/// Returns columns, rows and texel albedos of an image, row by row.
 ///
 /// # Errors
-/// What the system refuses, bytes that are no picture, one that is too large.
+/// Returns an error if the file cannot be read, is not an image, or is too large.
 pub(crate) fn texels(path: &Path) -> Result<(usize, usize, Vec<f64>)> {
     let place = path.display().to_string();
     let bytes = picture::bytes_of(path)?;

@@ -1,5 +1,5 @@
-//! What surfaces of the reference path look like: one texel, one blend of vertex colours, one value
-//! of the microfacet formula at a time.
+//! Materials of the reference path: one texel, one blend of vertex colours, one value of the
+//! microfacet formula per ray.
 
 use super::super::look::texels;
 use super::microfacets::Microfacets;
@@ -34,13 +34,13 @@ struct Picture {
     texels: Vec<f64>,
     /// Width and height in millimetres, where it is laid over the shape.
     size_mm: Option<DVec2>,
-    /// Places in the picture of triangles' corners, down from its top left, where it is not.
+    /// Texture coordinates of the triangles' corners, from the top left downwards, otherwise.
     corners: Vec<[DVec2; 3]>,
 }
 
 impl Look {
     /// # Errors
-    /// Textures that cannot be read.
+    /// Returns an error if a texture cannot be read.
     pub(super) fn new(object: &Object, folder: &Path) -> Result<Self> {
         let picture = match &object.texture {
             None => None,
@@ -71,7 +71,7 @@ impl Look {
         })
     }
 
-    /// Takes what a mesh says of itself, as far as the object wants it.
+    /// Takes the material data of a mesh that the object uses.
     pub(super) fn take(&mut self, object: &Object, mesh: &Mesh) {
         if object.vertex_colours {
             let of = |t: &[u32; 3]| t.map(|i| f64::from(mesh.colours[i as usize]));
@@ -173,8 +173,8 @@ impl Picture {
     }
 }
 
-/// Where on the picture's plane a point of a shape lies, in millimetres: about a sphere by longitude
-/// from -z towards x and by latitude towards y, about a cylinder by its angle and y, else along two
+/// Returns the texture coordinates of a point of a shape in millimetres: on a sphere by longitude
+/// from -z towards x and latitude towards y, on a cylinder by angle and y, otherwise along two
 /// axes.
 fn laid(surface: &Primitive, p: DVec3, normal: DVec3) -> DVec2 {
     let longitude = |ring: f64| (p.x / ring).asin();

@@ -1,4 +1,4 @@
-//! Objects at another place than the scene says.
+//! Moving an object at run time.
 
 use super::Renderer;
 use crate::term::Needs;
@@ -8,14 +8,13 @@ use crate::{Backend, Plan, Term, gpu};
 use phasmid_core::error::{Error, Result};
 
 impl Renderer {
-    /// Takes an object, counted from 0 in the order of the scene, to another place, as if the scene
-    /// said so: position in millimetres and rotation in degrees as in a scene file. The plan is made
-    /// anew, what was forced is forgotten, and frames that are under way have to be finished before.
-    /// A GPU that works stays open.
+    /// Moves an object to another pose, as if set in the scene file: position in millimetres,
+    /// rotation in degrees; `object` counts from 0 in scene order. The plan is rebuilt, forced
+    /// terms are reset, and pending frames must be finished first. A working GPU stays open.
     ///
     /// # Errors
-    /// What [`phasmid_profile::Scene::place`] refuses, files of meshes and pictures that have gone,
-    /// and a scene that a GPU which was asked for in so many words cannot hold; nothing has changed
+    /// Returns an error if [`phasmid_profile::Scene::place`] fails, if a mesh or texture file has
+    /// disappeared, or if an explicitly requested GPU cannot hold the scene. Nothing is changed
     /// then.
     pub fn place(
         &mut self,
@@ -42,7 +41,7 @@ impl Renderer {
             optics: &self.optics,
             world: &world,
         });
-        // What the slides have asked for.
+        // Keep the terms required by patterns.
         for term in [Term::FootprintX, Term::FootprintY] {
             plan.set(term, plan.has(term) || self.plan.has(term));
         }

@@ -1,5 +1,5 @@
-//! Time inside an exposure: the light of a scene that moves is the mean over instants, each of which
-//! has its own geometry.
+//! Motion within an exposure: the light of a moving scene is the mean over several instants, each
+//! with its own geometry.
 
 use super::Renderer;
 use crate::Term;
@@ -9,21 +9,20 @@ use crate::shot::Shutter;
 use crate::world::World;
 use crate::worlds::Moment;
 
-/// What a shot's pixels see of light.
+/// Light of a shot's pixels.
 pub(super) enum Light {
-    /// In the geometry at hand.
+    /// To be computed from the current geometry.
     Scheduled(Schedule),
     /// Mean electrons of the pixels, summed over instants.
     Summed(Vec<f32>),
 }
 
-/// An exposure in which nothing goes farther than this share of a pixel is looked at once: of fringes
-/// of ten pixels' period that leaves 3e-4 of their modulation unsaid.
+/// If nothing moves by more than this fraction of a pixel during an exposure, one instant is used.
+/// For fringes with a period of ten pixels the neglected loss of modulation is 3e-4.
 const STILL_PX: f64 = 0.125;
 
-/// Whether the camera sees something go from the first row's start to the last row's end. What swings
-/// to and fro goes all the way, so that it is asked for at each of the instants that would be looked
-/// at.
+/// Returns whether the camera sees motion between the start of the first row and the end of the
+/// last. Motion is summed over the candidate instants, so that oscillations are detected.
 fn goes(world: &World, shot: &Shot, shutter: Shutter, count: u32, rad_per_px: f64) -> bool {
     let whole_ns = shot.exposure_ns as f64 + shutter.skew_ns() as f64;
     let at = |i: u32| {
@@ -39,9 +38,9 @@ fn goes(world: &World, shot: &Shot, shutter: Shutter, count: u32, rad_per_px: f6
     way > STILL_PX * rad_per_px
 }
 
-/// The parts of a shot's exposure, as even as nanoseconds allow, each with the scene in its middle:
-/// the midpoint rule, whose error falls as the square of their number. Parts in which the scene is
-/// the same are one.
+/// Divides a shot's exposure into parts that are equal to the nanosecond, each with the scene at
+/// its midpoint: the midpoint rule, whose error falls with the square of the number of parts. Parts
+/// with the same scene state are merged.
 fn parts(world: &World, shot: &Shot, shutter: Shutter, count: u32) -> Vec<(Moment, Shot)> {
     let cut = |i: u32| (u128::from(shot.exposure_ns) * u128::from(i) / u128::from(count)) as u64;
     let mut parts: Vec<(Moment, Shot)> = Vec::new();
@@ -66,8 +65,8 @@ fn parts(world: &World, shot: &Shot, shutter: Shutter, count: u32) -> Vec<(Momen
 }
 
 impl Renderer {
-    /// The instants that stand for a shot's exposure, each with its part of it: one, of any time,
-    /// where nothing moves.
+    /// Returns the instants that represent a shot's exposure, each with its part of it; a single
+    /// one if nothing moves.
     pub(super) fn instants(&self, shot: &Shot) -> Vec<(Option<Moment>, Shot)> {
         if !self.plan.has(Term::Motion) {
             return vec![(None, shot.clone())];
@@ -92,7 +91,8 @@ impl Renderer {
         parts.into_iter().map(some).collect()
     }
 
-    /// The light of a shot, with the geometry at hand where one instant stands for the exposure.
+    /// Returns the light of a shot, from the current geometry if one instant represents the
+    /// exposure.
     pub(super) fn light(&mut self, shot: &Shot) -> Light {
         let parts = self.instants(shot);
         if let [(moment, _)] = parts.as_slice() {
@@ -118,7 +118,7 @@ impl Renderer {
         Light::Summed(sum)
     }
 
-    /// Takes the scene to where it is at a device time, if anything in it moves.
+    /// Moves the scene to its state at a device time, if anything moves.
     pub(super) fn go_to_time(&mut self, time_ns: u64) {
         if self.plan.has(Term::Motion) {
             let state = self.worlds.any().state(time_ns as f64);
@@ -126,7 +126,7 @@ impl Renderer {
         }
     }
 
-    /// The geometry of a moment that is at hand stays.
+    /// Moves the scene to a moment; geometry of the same moment is kept.
     pub(super) fn go_to(&mut self, moment: &Moment) {
         if self.moment.as_ref() != Some(moment) {
             self.worlds.set(moment);
@@ -136,9 +136,9 @@ impl Renderer {
     }
 }
 
-/// The device time in nanoseconds that the truth of a scene that moves is taken at: half way from
-/// the start of a sequence's first exposure to the end of its last, of all rows of a rolling shutter;
-/// 0 of none.
+/// Returns the device time in nanoseconds at which ground truth of a moving scene is evaluated:
+/// midway between the start of a sequence's first exposure and the end of its last, over all rows
+/// of a rolling shutter; 0 for an empty sequence.
 pub(super) fn middle_ns<'a>(shots: impl Iterator<Item = &'a Shot>) -> u64 {
     let ends = |shot: &Shot| (shot.start_ns, shot.end_ns());
     shots

@@ -1,4 +1,4 @@
-//! The truth behind frames.
+//! Ground truth of frames.
 
 use super::time::{Light, middle_ns};
 use super::{Renderer, light};
@@ -8,16 +8,16 @@ use crate::{shot::Shot, truth, truth::Truth};
 use phasmid_pattern::{Axis, Pattern, finest_fringe};
 
 impl Renderer {
-    /// The truth behind the frames of a sequence: geometry, and the mean and modulation that its
-    /// finest fringes have before noise and rounding. Of a scene that moves it is the truth half way
-    /// from the start of the first exposure to the end of the last one.
+    /// Returns the ground truth of a sequence's frames: geometry, and mean and modulation of its
+    /// finest fringes before noise and rounding. For a moving scene it is evaluated midway between
+    /// the start of the first exposure and the end of the last.
     pub fn truth(&mut self, sequence: &[(Pattern, Shot)]) -> Truth {
         let middle = middle_ns(sequence.iter().map(|(_, shot)| shot));
         self.truth_at(sequence, middle)
     }
 
-    /// The same at a device time in nanoseconds: the fringes are those of a scene that stands still
-    /// as it is then.
+    /// As [`Self::truth`], at a device time in nanoseconds, with the scene frozen in its state at
+    /// that time.
     pub fn truth_at(&mut self, sequence: &[(Pattern, Shot)], time_ns: u64) -> Truth {
         self.expect_slides(sequence.iter().filter_map(|(_, s)| s.slide.as_deref()));
         self.go_to_time(time_ns);
@@ -52,7 +52,8 @@ impl Renderer {
         }
     }
 
-    /// The map's flags, and where the sequence's finest fringes are too fine.
+    /// Returns the map's flags, with pixels added where the sequence's finest fringes are
+    /// unresolved.
     fn flags(&self, sequence: &[(Pattern, Shot)]) -> Vec<u8> {
         let map = &self.buffer;
         let mut flags = map.flags.clone();

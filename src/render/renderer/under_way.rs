@@ -1,4 +1,4 @@
-//! Frames under way: a GPU works at several, the processor makes each at once.
+//! Pending frames: a GPU has several in flight, the CPU renders each immediately.
 
 use super::{Passes, Renderer};
 use crate::Backend;
@@ -9,11 +9,11 @@ use phasmid_protocol::Frame;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// How often a frame is made again with more room: what the first has wanted is enough for the next,
-/// if nothing has moved.
+/// Maximum number of times a frame is rendered again with more capacity. If nothing has moved, the
+/// size needed by the first attempt suffices for the next.
 const MOST_TRIES: usize = 4;
 
-/// A frame that a renderer has begun.
+/// A frame begun by a renderer.
 pub struct Pending(State);
 
 enum State {
@@ -22,19 +22,19 @@ enum State {
     Coming(Ticket, Box<Shot>),
 }
 
-/// What became of the GPU that was asked for.
+/// Status of the requested GPU.
 #[derive(Default)]
 pub(super) struct News {
-    /// Not said yet.
+    /// Notice not yet reported.
     text: Option<String>,
-    /// The GPU that was asked for in so many words has failed.
+    /// Failure of an explicitly requested GPU.
     failed: Option<String>,
 }
 
-/// The GPU that a backend asks for, or why there is none and the processor does it.
+/// Opens the GPU for a backend, or returns the reason for falling back to the CPU.
 ///
 /// # Errors
-/// No GPU where one was asked for in so many words.
+/// Returns an error if a GPU was explicitly requested and there is none.
 pub(super) fn open(
     backend: Backend,
     fits: impl Fn() -> Result<(), String>,
@@ -63,7 +63,7 @@ pub(super) fn open(
 }
 
 impl Renderer {
-    /// Frames that it works at together: so many may be begun before the first is finished.
+    /// Returns the number of frames that may be begun before the first is finished.
     pub fn depth(&self) -> usize {
         match self.gpu {
             Some(_) => gpu::DEPTH,
@@ -71,12 +71,13 @@ impl Renderer {
         }
     }
 
-    /// The GPU that it works on, if it does.
+    /// Returns the GPU in use, if any.
     pub fn adapter(&self) -> Option<&Adapter> {
         self.gpu.as_ref().map(|gpu| &gpu.gpu().adapter)
     }
 
-    /// Begins the frame of one exposure. Frames are finished in the order in which they were begun.
+    /// Begins the frame of one exposure. Frames must be finished in the order in which they were
+    /// begun.
     pub fn submit(&mut self, shot: &Shot) -> Pending {
         if let Some(mut gpu) = self.gpu.take() {
             match self.submit_to(&mut gpu, shot) {
@@ -90,8 +91,7 @@ impl Renderer {
         Pending(State::Done(self.expose_here(shot)))
     }
 
-    /// The frame that was begun. No frame is lost with a GPU: the processor renders what it had
-    /// begun.
+    /// Returns a begun frame. No frame is lost if the GPU fails: the CPU renders it instead.
     pub fn finish(&mut self, pending: Pending) -> Frame {
         match pending.0 {
             State::Done(frame) => frame,
@@ -110,17 +110,17 @@ impl Renderer {
         }
     }
 
-    /// The frame of one exposure. The same seed, noise id and settings give the same bytes on any
-    /// number of threads.
+    /// Renders the frame of one exposure. The same seed, noise id and settings give the same bytes
+    /// on any number of threads.
     pub fn expose(&mut self, shot: &Shot) -> Frame {
         let pending = self.submit(shot);
         self.finish(pending)
     }
 
-    /// What the user should know of what runs the passes, once.
+    /// Returns a notice for the user about the backend in use, once.
     ///
     /// # Errors
-    /// The GPU that was asked for in so many words has failed; the frames so far are whole.
+    /// Returns an error if an explicitly requested GPU has failed; the frames so far are complete.
     pub fn news(&mut self) -> Result<Option<String>> {
         match self.news.failed.take() {
             Some(words) => Err(Error::device(words)),
@@ -128,15 +128,15 @@ impl Renderer {
         }
     }
 
-    /// Times the GPU's passes from now on.
+    /// Enables timing of the GPU's passes.
     pub fn time_passes(&mut self) {
         if let Some(gpu) = &mut self.gpu {
             gpu.time_passes();
         }
     }
 
-    /// What the GPU's passes have taken by its own clock since they are timed, by shader and entry
-    /// point; none where the adapter has no clock.
+    /// Returns the GPU time spent in passes since timing was enabled, by shader and entry point;
+    /// empty if the adapter has no timestamps.
     pub fn pass_times(&mut self) -> BTreeMap<String, PassTime> {
         self.gpu.as_mut().map(|gpu| gpu.times()).unwrap_or_default()
     }

@@ -1,14 +1,14 @@
-//! The sensor alone, before signals that are known: what a test bench shows it, pixel by pixel.
+//! The sensor alone, exposed to known signals, pixel by pixel.
 
 use super::super::plan::Plan;
 use super::super::term::Term;
 use super::Sensor;
 use phasmid_profile::Sensor as Parameters;
 
-/// What a sensor reads, at its base gain, of pixels whose mean signals in digital numbers are given:
-/// shot noise, read noise, full well, converter and response, without dark current and fixed
-/// pattern. Two bytes a pixel, the low one first, where it has more than 8 bits. `seed` and
-/// `noise_id` key the noise as they do a frame's.
+/// Returns a sensor's output at base gain for given mean signals in digital numbers: shot noise,
+/// read noise, full well, converter and response, without dark current and fixed pattern. Two bytes
+/// per pixel, little-endian, if it has more than 8 bits. `seed` and `noise_id` key the noise as
+/// they do a frame's.
 pub fn read_out(sensor: &Parameters, [seed, noise_id]: [u64; 2], mean_dn: &[f32]) -> Vec<u8> {
     let mut plan = Plan::default();
     plan.set(Term::Noise, !sensor.noiseless);

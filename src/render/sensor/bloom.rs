@@ -1,9 +1,9 @@
 //! Blooming: charge beyond the full well spills along the column, into pixels that have room.
 //!
 //! Janesick, "Scientific Charge-Coupled Devices" (2001), section 4.2: barriers along the column are
-//! lower than those between columns, so half of the excess goes each way, fills each pixel up to the
-//! full well and goes on with what is left. What reaches the image's end is drained. The mean
-//! charges spill, before their noise is drawn: it is small against an excess that shows.
+//! lower than those between columns, so half of the excess goes each way, fills each pixel up to
+//! the full well and continues with the remainder. Charge that reaches the image border is drained.
+//! Mean charges spill before noise is drawn, which is small compared to a visible excess.
 
 /// Spills the excess of a frame's mean charges over the full well.
 ///
@@ -26,8 +26,8 @@ pub(crate) fn spill(electrons: &mut [f32], width: usize, full_well_e: f32, share
     }
 }
 
-/// One row takes what it has room for of the charge that its neighbours carry over, and sends on
-/// the rest with its own excess.
+/// Fills one row with charge carried over from its neighbour, and passes on the rest with the row's
+/// own excess.
 fn fill(electrons: &mut [f32], excess: &[f32], full_well_e: f32, carried: &mut [f32]) {
     for ((e, x), carried) in electrons.iter_mut().zip(excess).zip(carried) {
         let held = e.min(full_well_e);

@@ -1,9 +1,9 @@
-//! The fixed pattern of one device: what its pixels differ by, the same in every frame.
+//! Fixed-pattern noise of one device: differences between its pixels, the same in every frame.
 //!
 //! EMVA 1288 release 4.0, section 4, describes it by two numbers, each the standard deviation over
 //! the pixels: PRNU of their sensitivities, which scales a pixel's mean electrons before shot
-//! noise, and DSNU of their dark signals. The latter is measured at short exposures, where it is
-//! the readout's: an offset after the well that makes no shot noise and may be negative.
+//! noise, and DSNU of their dark signals. The latter is measured at short exposures, where the
+//! readout dominates: an offset after the well that causes no shot noise and may be negative.
 
 use super::normal::{Tails, quantiles};
 use super::philox::{self, BLOCK};

@@ -1,6 +1,6 @@
-//! The sensor pass: mean electrons to digital numbers, by the linear model of EMVA 1288 release
-//! 4.0 (section 2): sensitivity of the pixel, dark current, shot noise, full well, read noise,
-//! offset of the pixel, system gain, black level, converter; and the response, where it is bent.
+//! The sensor pass: mean electrons to digital numbers, by the linear model of EMVA 1288 release 4.0
+//! (section 2): sensitivity of the pixel, dark current, shot noise, full well, read noise, offset
+//! of the pixel, system gain, black level, converter, and the non-linear response, if any.
 
 mod alone;
 pub(super) mod bloom;
@@ -84,12 +84,12 @@ impl<'a> Sensor<'a> {
         }
     }
 
-    /// Electrons that a pixel holds.
+    /// Returns the full-well capacity in electrons.
     pub(super) fn full_well_e(&self) -> f32 {
         self.linear.full_well_e
     }
 
-    /// Mean electrons of light of the pixels from `first` on, to all that a pixel gathers.
+    /// Converts the mean photoelectrons of the pixels from `first` on to all collected electrons.
     pub(super) fn gather(&self, first: usize, electrons: &mut [f32]) {
         if let Some(fixed) = self.fixed {
             fixed.scale(first, electrons);
@@ -149,7 +149,7 @@ impl<'a> Sensor<'a> {
 }
 
 impl Linear {
-    /// Gain, black level and the converter's range; not a number reads as none.
+    /// Applies gain, black level and the converter's range; NaN reads as zero signal.
     #[inline(always)]
     fn dn(&self, electrons: f32) -> f32 {
         let dn = electrons * self.gain_dn_per_e + self.black_dn;

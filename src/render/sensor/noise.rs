@@ -13,7 +13,7 @@ use super::philox::BLOCK;
 use super::{philox, poisson};
 use phasmid_core::simd::widest;
 
-/// No normal number is further from 0.
+/// Upper limit of the magnitude of normal numbers.
 pub(super) const FARTHEST: f32 = 7.0;
 /// Draw indices of the random terms.
 const DRAW_SHOT: u32 = 0;
@@ -25,13 +25,14 @@ pub(super) struct Noise {
     pub(super) key: [u64; 2],
     pub(super) read_noise_e: f32,
     full_well_e: f32,
-    /// Mean from which the well may clip a pixel: shot and read noise are drawn apart.
+    /// Mean above which the full well may clip a pixel, so shot and read noise are drawn
+    /// separately.
     pub(super) apart_from_e: f32,
 }
 
 impl Noise {
-    /// `key` is the seed and the noise id. `hidden` says that the converter is at its end before the
-    /// full well shows, noise and all.
+    /// `key` is the seed and the noise id. `hidden` means that the converter always saturates
+    /// before the full well has an effect, noise included.
     pub(super) fn new(key: [u64; 2], read_noise_e: f32, full_well_e: f32, hidden: bool) -> Self {
         // Normal numbers of 32-bit words end at 6.4 standard deviations.
         let near = (full_well_e - FARTHEST * full_well_e.sqrt()).max(poisson::BELOW);
@@ -44,7 +45,7 @@ impl Noise {
     }
 }
 
-/// Blocks of random numbers that are made at a time: they stay close at hand.
+/// Blocks of random numbers generated at a time, so that they stay in cache.
 const BATCH: usize = 16;
 
 /// Draws the electrons of the pixels from `first` on, a multiple of [`BLOCK`], in place of their
@@ -72,7 +73,7 @@ fn draw_batch(noise: &Noise, index: u32, blocks: &mut [[f32; BLOCK]]) {
     let mut words = [[0; BLOCK]; BATCH];
     let words = &mut words[..blocks.len()];
     philox::fill(noise.key, index, DRAW_SHOT, words);
-    // Few pictures are near the full well: most need no second random number.
+    // Few frames approach the full well: most need no second random number.
     let mut more = [[0; BLOCK]; BATCH];
     if blocks
         .as_flattened()

@@ -1,8 +1,8 @@
-//! The sensor's numbers for a frame, as the twin of this pass on a GPU takes them.
+//! Sensor parameters of a frame for the GPU twin of this pass.
 
 use super::Sensor;
 
-/// All that [`Sensor`] computes with, but for its fixed pattern.
+/// All parameters of [`Sensor`] except its fixed pattern.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Numbers {
     /// Seed and noise id.
@@ -22,7 +22,7 @@ pub(crate) struct Numbers {
 }
 
 impl Sensor<'_> {
-    /// The numbers; of terms that the plan has not, such as change nothing.
+    /// Returns the parameters; terms not in the plan get neutral values.
     pub(crate) fn numbers(&self) -> Numbers {
         let noise = self.noise.as_ref();
         Numbers {

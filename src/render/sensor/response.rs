@@ -3,7 +3,7 @@
 use super::elementary::{exp_negative, ln};
 use phasmid_profile as profile;
 
-/// A bent response: full (linear / full)^exponent.
+/// A non-linear response: full (linear / full)^exponent.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Response {
     full_scale_dn: f32,

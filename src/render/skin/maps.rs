@@ -1,4 +1,4 @@
-//! What the geometry pass leaves of skin for the passes after it.
+//! Skin data from the geometry pass for the later passes.
 
 use super::super::buffer::{GeometryBuffer, Mixed};
 use super::super::geometry::{Cast, Rays};

@@ -10,17 +10,17 @@ use super::Tissue;
 use nalgebra::{DMatrix, DVector};
 use std::f64::consts::TAU;
 
-/// Most Gaussians of a mixture.
+/// Maximum number of Gaussians in a mixture.
 pub(crate) const MOST: usize = 8;
 /// Finest pattern, in cycles a millimetre, that the mixture is fitted to.
 const FINEST: f64 = 1.5;
-/// How close to the transfer it has to be.
+/// Maximum deviation from the tissue's transfer function.
 const CLOSE: f64 = 0.004;
 /// Frequencies of the fit.
 const SAMPLES: usize = 60;
-/// Gaussians reach so far that this part of all light, roughly, is left to their ends.
+/// Approximate fraction of all light that truncation of the Gaussians may leave out.
 const TAIL: f64 = 1e-4;
-/// ... and never further, in standard deviations.
+/// Maximum reach of a Gaussian in standard deviations.
 const REACH: f64 = 4.0;
 
 /// One Gaussian of a mixture.
@@ -74,7 +74,7 @@ impl Mixture {
     }
 
     fn fit(ladder: &[f64], samples: &[(f64, f64)]) -> Self {
-        // What comes in comes out: a heavy row for k = 0, and what it leaves is divided out.
+        // Energy conservation: a heavily weighted row for k = 0; the residual is divided out.
         let heavy = |i: usize| if i == 0 { 100.0 } else { 1.0 };
         let matrix = DMatrix::from_fn(samples.len(), ladder.len(), |i, j| {
             heavy(i) * (-0.5 * (ladder[j] * samples[i].0).powi(2)).exp()
@@ -111,7 +111,8 @@ impl Mixture {
         &self.components
     }
 
-    /// What the mixture leaves of the contrast of a cosine of `k_per_mm` radians a millimetre.
+    /// Returns the fraction of contrast the mixture leaves of a cosine of `k_per_mm` radians per
+    /// mm.
     pub fn transfer(&self, k_per_mm: f64) -> f64 {
         let left = |c: &Component| c.weight * (-0.5 * (c.sigma_mm * k_per_mm).powi(2)).exp();
         self.components.iter().map(left).sum()

@@ -12,9 +12,9 @@
 //! standard deviations: some 200 bytes a pixel and axis for a class of Fitzpatrick's scale at 3
 //! slide pixels a millimetre.
 //!
-//! The surface counts as flat and endless within the reach of its light, some millimetres. Light of
-//! the slide is spread within its field: what skin carries over an edge of the field, of a shadow or
-//! of the object is left out, and so is the spread of lamps' light.
+//! The surface is assumed flat and infinite within the range of light transport, a few millimetres.
+//! Pattern light spreads within its field; transport across edges of the field, of shadows or of
+//! the object is neglected, as is the spread of lamp light.
 
 mod blood;
 mod maps;
@@ -51,7 +51,7 @@ pub(super) struct Skins {
     projector_from_rig: Pose,
 }
 
-/// What light does under one point of skin, on the slide.
+/// Subsurface transport at one point of skin, in pattern coordinates.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Scatter {
     /// Columns and rows of the slide a millimetre of the surface, along their gradients there.

@@ -1,4 +1,4 @@
-//! What skin is made of, class by class of Fitzpatrick's scale.
+//! Composition of skin for each class of the Fitzpatrick scale.
 //!
 //! Jacques, "Skin Optics", Oregon Medical Laser Center News, January 1998
 //! (omlc.org/news/jan98/skinoptics.html): melanosomes in an epidermis of 60 um over a dermis with
@@ -15,7 +15,7 @@ use phasmid_profile as profile;
 const MELANOSOMES: [f64; 6] = [0.013, 0.038, 0.063, 0.135, 0.18, 0.305];
 /// Thickness of the epidermis in centimetres.
 const EPIDERMIS_CM: f64 = 0.006;
-/// Part of the dermis that blood takes, and the part of it that is oxygenated.
+/// Volume fraction of blood in the dermis, and its oxygenated fraction.
 const BLOOD: f64 = 0.002;
 const OXYGENATED: f64 = 0.75;
 
@@ -24,8 +24,8 @@ const OXYGENATED: f64 = 0.75;
 pub struct Layers {
     /// What light spreads in.
     pub tissue: Tissue,
-    /// What passes the epidermis on the way in and out, 0 to 1. It is thin against a step of
-    /// scattering, so it dims and does not spread.
+    /// Transmission of the epidermis on the way in and out, 0 to 1. It is thin compared to the
+    /// scattering length, so it attenuates light without spreading it.
     pub filter: f64,
 }
 
@@ -56,7 +56,7 @@ impl Layers {
         }
     }
 
-    /// Part of even light let in that comes out again: the albedo of skin.
+    /// Returns the diffuse reflectance under uniform light: the albedo of skin.
     pub fn reflectance(&self) -> f64 {
         self.filter * self.tissue.reflectance(0.0)
     }
@@ -75,7 +75,7 @@ fn dermis_per_mm(nm: f64) -> (f64, f64) {
     (absorption / 10.0, scattering / 10.0)
 }
 
-/// What passes the epidermis twice, at right angles.
+/// Returns the transmission of two passes through the epidermis at normal incidence.
 fn epidermis(class: u8, nm: f64) -> f64 {
     let part = MELANOSOMES[usize::from(class.clamp(1, 6)) - 1];
     let melanosome = 6.6e11 * nm.powf(-3.33);

@@ -23,10 +23,10 @@ impl Tissue {
         (3.0 * self.absorption_per_mm * self.transport()).sqrt()
     }
 
-    /// Part of the light let in that comes out again, under light that varies along the surface as
-    /// a cosine of `k_per_mm` radians a millimetre (2 pi times its frequency): Cuccia, Bevilacqua,
-    /// Durkin, Ayers, Tromberg: "Quantitation and mapping of tissue optical properties using
-    /// modulated imaging", Journal of Biomedical Optics 14, 024012 (2009), equations 14 to 17.
+    /// Returns the diffuse reflectance for light that varies along the surface as a cosine with
+    /// `k_per_mm` radians per millimetre (2 pi times its frequency): Cuccia, Bevilacqua, Durkin,
+    /// Ayers, Tromberg: "Quantitation and mapping of tissue optical properties using modulated
+    /// imaging", Journal of Biomedical Optics 14, 024012 (2009), equations 14 to 17.
     ///
     /// Diffusion wants many scatterings within what it tells apart: against a Monte Carlo of normal
     /// incidence and g = 0.8 (tests/skin) the contrast R(k)/R(0) is up to 4 % too high at

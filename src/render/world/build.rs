@@ -1,4 +1,4 @@
-//! Putting a scene's objects together.
+//! Builds a world from a scene's objects.
 
 use super::{Fixed, Placed, World};
 use crate::body::{Body, Model};
@@ -13,7 +13,7 @@ use phasmid_geometry::{Mesh, Solid};
 use phasmid_profile::{Object, Scene};
 use std::sync::Arc;
 
-/// Most triangles of a scene: some 10 GiB with their hierarchy.
+/// Maximum number of triangles of a scene: about 10 GiB with their hierarchy.
 const MAX_TRIANGLES: usize = 50_000_000;
 
 /// A world that is being put together.

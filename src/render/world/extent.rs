@@ -1,10 +1,10 @@
-//! How far a scene reaches.
+//! Extent of a scene.
 
 use super::World;
 use phasmid_geometry::Solid;
 use phasmid_geometry::raycast::Bvh;
 
-/// By how much a spline may swing beyond its keyframes.
+/// Overshoot factor of a spline beyond its keyframes.
 const SWING: f64 = 1.25;
 
 /// Distance from its own origin that a solid reaches; endless planes none.

@@ -1,4 +1,4 @@
-//! How far things go in the camera's image.
+//! Motion of objects in the camera's image.
 
 use super::World;
 use super::extent::radius;
@@ -6,8 +6,8 @@ use crate::path::{Blend, Part, Placement, State};
 use phasmid_geometry::Pose;
 
 impl World {
-    /// At most how far, in radians as the camera sees it, anything goes between two states: infinite
-    /// where something is as near to the camera as it is large.
+    /// Returns an upper bound, in radians seen from the camera, of any motion between two states;
+    /// infinite if an object's distance from the camera is within its radius.
     ///
     /// A point at a distance r from its object's origin goes by at most the origin's way, r times the
     /// angle of the turn, and for each keyframe the change of its weight times the farthest that the

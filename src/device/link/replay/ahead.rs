@@ -1,33 +1,33 @@
-//! What a replayed device will do, read ahead of its time.
+//! Actions of a replayed device, read ahead of their time.
 
 use phasmid_protocol::Frame;
 use std::collections::VecDeque;
 use std::sync::Arc;
 
-/// What is read ahead of its time, in pieces and in bytes; at least one piece.
+/// Limits of what is read ahead, in actions and in bytes; at least one action.
 pub(super) const MAX_AHEAD: (usize, usize) = (256, 64 << 20);
 
-/// What the device does.
+/// An action of the device.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) enum Output {
     /// Sends bytes on the control port.
     Bytes(Vec<u8>),
-    /// Has a frame.
+    /// Sends a frame.
     Frame(Arc<Frame>),
-    /// Has a frame that does not say which it is, taken at a time of the replay.
+    /// Sends a frame that carries no id, taken at a time of the replay.
     Counted(Arc<Frame>, u64),
-    /// Takes its end away.
+    /// Disconnects an end.
     Gone(End),
-    /// Puts it back.
+    /// Reconnects an end.
     Back(End),
 }
 
-/// An end of the device's.
+/// One of the device's ends.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum End {
-    /// Of the control port.
+    /// The control port.
     Port,
-    /// Of the camera.
+    /// The camera.
     Camera,
 }
 
@@ -41,15 +41,15 @@ impl Output {
     }
 }
 
-/// Something that the device will do.
+/// A scheduled action.
 pub(super) struct Due {
     due_ns: u64,
     pub(super) output: Output,
-    /// Session in which it did so.
+    /// Session to which it belongs.
     pub(super) session: u64,
 }
 
-/// All of it, in the order in which it happens.
+/// All scheduled actions, in order.
 #[derive(Default)]
 pub(super) struct Ahead {
     queue: VecDeque<Due>,
@@ -58,17 +58,17 @@ pub(super) struct Ahead {
 }
 
 impl Ahead {
-    /// Enough is read ahead.
+    /// Returns whether enough has been read ahead.
     pub(super) fn is_full(&self) -> bool {
         self.len() >= MAX_AHEAD.0 || self.bytes >= MAX_AHEAD.1
     }
 
-    /// In how many pieces it is.
+    /// Returns the number of scheduled actions.
     pub(super) fn len(&self) -> usize {
         self.queue.len()
     }
 
-    /// Puts what happens behind all others, at this time at the earliest.
+    /// Appends an action, due at `due_ns` at the earliest.
     pub(super) fn put(&mut self, due_ns: u64, output: Output, session: u64) {
         self.last_due_ns = self.last_due_ns.max(due_ns);
         self.bytes += output.len();
@@ -79,19 +79,19 @@ impl Ahead {
         });
     }
 
-    /// Takes what happens next.
+    /// Takes the next action.
     pub(super) fn take(&mut self) -> Option<Due> {
         let due = self.queue.pop_front()?;
         self.bytes -= due.output.len();
         Some(due)
     }
 
-    /// When that is.
+    /// Returns when the next action is due.
     pub(super) fn next_ns(&self) -> Option<u64> {
         self.queue.front().map(|due| due.due_ns)
     }
 
-    /// Forgets it; ends that have gone still come back.
+    /// Discards all actions except the reconnection of disconnected ends.
     pub(super) fn forget(&mut self) {
         let back = |end| {
             let mut queue = self.queue.iter().rev();

@@ -1,29 +1,29 @@
-//! Where a client leaves the recorded path, in words.
+//! Describes where a client departs from the recording.
 
 use std::fmt;
 
-/// Bytes that are shown of what was expected and of what came.
+/// Maximum number of expected and received bytes shown.
 const SHOWN: usize = 64;
 
-/// A client that did something else than the recorded one.
+/// A difference between a client and the recorded one.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Departure {
-    /// Number of the record that was expected, or of the first that does not exist any more.
+    /// Number of the expected record, or of the first record after the end.
     pub number: u64,
-    /// Time of that record in the recording, or of the last one.
+    /// Time of that record in the recording, or of the last record.
     pub time_ns: u64,
-    /// What it says, or what stands there instead.
+    /// What was expected.
     pub expected: Said,
-    /// What came in its place.
+    /// What the client did instead.
     pub came: Said,
 }
 
-/// One side's part.
+/// One side of the comparison.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) enum Said {
-    /// These bytes.
+    /// Bytes.
     Bytes(Vec<u8>),
-    /// Something else, in words.
+    /// Anything else, described in words.
     Words(&'static str),
 }
 
@@ -60,7 +60,7 @@ impl fmt::Display for Said {
     }
 }
 
-/// Text as it would be written in quotes, anything else as hexadecimal numbers.
+/// Formats text in quotes and anything else in hexadecimal.
 pub(super) fn shown(bytes: &[u8]) -> String {
     let start = &bytes[..bytes.len().min(SHOWN)];
     let is_text = |b: &u8| b.is_ascii_graphic() || b" \r\n\t".contains(b);

@@ -1,4 +1,4 @@
-//! The device's ends while a recording is replayed: they go and come back as they did.
+//! The device's ends during a replay: they disconnect and reconnect as recorded.
 
 use super::ahead::{End, Output};
 use crate::FrameSink;
@@ -12,7 +12,7 @@ use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Control port and camera, each `None` while it is gone.
+/// Control port and camera; each is `None` while it is disconnected.
 pub(super) struct Ends {
     pty: Option<Pty>,
     camera: Option<FrameSocket>,
@@ -23,8 +23,8 @@ pub(super) struct Ends {
 }
 
 impl Ends {
-    /// Opens both in a run directory, the camera on a port of the loopback interface too if one is
-    /// given; 0 picks a free one.
+    /// Opens both ends in a run directory, and the camera on a loopback port too if one is given; 0
+    /// picks a free port.
     pub(super) fn open(run_dir: &mut RunDir, tcp: Option<u16>) -> Result<Self> {
         let pty = Pty::open()?;
         let control = run_dir.file(CONTROL);
@@ -40,8 +40,8 @@ impl Ends {
         })
     }
 
-    /// Does what the device did, or hands it back while what was before has to be read.
-    /// `monotonic_ns` is the system's clock when the time is 0.
+    /// Performs an action, or returns it if earlier output has to be read first. `monotonic_ns` is
+    /// the system's clock at time 0.
     pub(super) fn perform(
         &mut self,
         output: Output,
@@ -60,7 +60,7 @@ impl Ends {
             }
             Output::Counted(frame, taken_ns) => {
                 if let Some(camera) = &mut self.camera {
-                    // None is taken after it has come.
+                    // No frame is taken after it has arrived.
                     let taken_ns = monotonic_ns.saturating_add(taken_ns.min(now_ns));
                     camera.put_counted(Arc::new(Frame {
                         exposure_start_ns: taken_ns,
@@ -69,7 +69,7 @@ impl Ends {
                     }));
                 }
             }
-            // The frames before were read then.
+            // In the recording the earlier frames had been read.
             Output::Gone(End::Camera) if self.waiting() > 0 => return Ok(Some(output)),
             Output::Gone(end) => self.take(end)?,
             Output::Back(end) => self.bring(end)?,
@@ -77,7 +77,7 @@ impl Ends {
         Ok(None)
     }
 
-    /// Takes an end away, as when a cable is pulled.
+    /// Disconnects an end, as when a cable is pulled.
     fn take(&mut self, end: End) -> Result<()> {
         let path = match end {
             End::Port => self.pty.take().map(|_| &self.control),
@@ -91,7 +91,7 @@ impl Ends {
         })
     }
 
-    /// Puts an end back that is gone.
+    /// Reconnects a disconnected end.
     fn bring(&mut self, end: End) -> Result<()> {
         match end {
             End::Port if self.pty.is_none() => point(&self.control, self.pty.insert(Pty::open()?)),
@@ -104,25 +104,25 @@ impl Ends {
         }
     }
 
-    /// Whether somebody reads the camera.
+    /// Returns whether a client reads the camera.
     pub(super) fn is_watched(&self) -> bool {
         self.camera.as_ref().is_some_and(FrameSink::attended)
     }
 
-    /// Bytes of frames that have not been read yet.
+    /// Returns the size in bytes of the frames not read yet.
     pub(super) fn waiting(&self) -> usize {
         self.camera.as_ref().map_or(0, FrameSocket::waiting)
     }
 
-    /// Takes in who has connected to the camera.
+    /// Accepts new clients of the camera.
     pub(super) fn accept(&mut self) {
         if let Some(camera) = &mut self.camera {
             camera.accept(0);
         }
     }
 
-    /// Waits until readers of the camera may have come or gone, or something happens at the port if it
-    /// is listened to.
+    /// Waits until clients of the camera may have connected or disconnected, or, if the port is
+    /// being read, for an event on it.
     pub(super) async fn stirred(&mut self, listens: bool) -> Result<Option<Event>> {
         let camera = async {
             match &mut self.camera {
@@ -138,7 +138,7 @@ impl Ends {
     }
 }
 
-/// Names the port.
+/// Points the control link to the port.
 fn point(control: &Path, pty: &Pty) -> Result<()> {
     std::os::unix::fs::symlink(pty.path(), control).map_err(|e| Error::io(control, e))
 }

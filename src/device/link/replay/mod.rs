@@ -1,5 +1,5 @@
-//! A device that behaves as recorded: pty and frame socket, like those of a device that is served,
-//! with a recording behind them in place of firmware and optics.
+//! A device that behaves as recorded: pty and frame socket as for a served device, with a recording
+//! behind them instead of firmware and optics.
 
 mod ahead;
 mod departure;
@@ -22,33 +22,33 @@ use std::path::PathBuf;
 use std::pin::pin;
 use std::time::Duration;
 
-/// Bytes of frames that may wait for readers while no delays hold the next ones back.
+/// Maximum size in bytes of frames waiting for readers when recorded delays are skipped.
 const MAX_WAITING: usize = 32 << 20;
-/// How often readers that are behind are looked at.
+/// Interval at which slow readers are checked.
 const RETRY: Duration = Duration::from_millis(1);
 
-/// What is replayed.
+/// A replay.
 pub struct Replay<R> {
-    /// The recording, at its beginning.
+    /// The recording, at its start.
     pub reader: Reader<R>,
-    /// What it says of itself.
+    /// Header of the recording.
     pub about: About,
-    /// The system's monotonic clock when the time is 0, in nanoseconds: the times of frames that do
-    /// not say which they are count by it.
+    /// The system's monotonic clock at time 0, in nanoseconds; it is the base for the times of
+    /// frames without an id.
     pub monotonic_ns: u64,
-    /// Without the recorded delays.
+    /// Skip the recorded delays.
     pub fast: bool,
     /// Port on the loopback interface for frames; 0 picks a free one.
     pub tcp: Option<u16>,
-    /// Takes what whoever looks after the replay should know: where a client leaves the path.
+    /// Called with messages for the operator: where a client departs from the recording.
     pub notice: fn(&str),
 }
 
-/// Serves a recording from a run directory until `shutdown` is done, in a tokio runtime. `wall`
-/// tells for how long; `ready` is called once everything can be reached.
+/// Serves a recording from a run directory, in a tokio runtime, until `shutdown` completes. `wall`
+/// returns how long the replay has run; `ready` is called once all ports and sockets are reachable.
 ///
 /// # Errors
-/// Ports and sockets that the system refuses.
+/// Returns an error if the system refuses a port or socket.
 pub async fn replay<R: Read>(
     replay: Replay<R>,
     mut run_dir: RunDir,
@@ -82,7 +82,7 @@ pub async fn replay<R: Read>(
     run_dir.publish(&endpoints)?;
     ready(&endpoints);
     let mut player = Player::new(replay.reader, replay.fast, about.monotonic_ns);
-    // What has to wait until a client has taken what was before it.
+    // An action that has to wait until a client has read the output before it.
     let mut held = None;
     let mut shutdown = pin!(shutdown);
     loop {
@@ -113,7 +113,8 @@ pub async fn replay<R: Read>(
             () = &mut shutdown => return Ok(player.finish()),
             event = ends.stirred(player.listens()) => {
                 let event = event?;
-                // Who connected before the command was sent gets the frames that it causes.
+                // A client that connected before the command was sent receives the frames that it
+                // causes.
                 ends.accept();
                 match event {
                     Some(Event::Data(bytes)) => player.receive(&bytes, nanoseconds(wall())),

@@ -1,10 +1,10 @@
-//! Plays a recording to a client: compares what it sends with what was sent, and says what answers
-//! when. It neither waits nor reads a clock.
+//! Plays a recording to a client: compares the client's bytes with the recorded ones and schedules
+//! the answers. It neither waits nor reads a clock.
 //!
-//! Whatever the device said in the recording comes after the client's bytes that were recorded
-//! before it, as long after them as it did then. A client may send ahead of the answers. What a
-//! client said between its coming and its leaving is a session; a client that leaves ends its
-//! session, and the next one's bytes are compared with the next session's.
+//! Output of the device follows the client's bytes that were recorded before it, with the recorded
+//! delay. A client may send ahead of the answers. A session is everything a client sends between
+//! connecting and disconnecting; a disconnection ends the session, and the next client is compared
+//! with the next session.
 
 mod reading;
 
@@ -15,60 +15,60 @@ use reading::Stop;
 use std::collections::VecDeque;
 use std::io::Read;
 
-/// Bytes of a client that may wait until they are compared.
+/// Maximum number of client bytes that wait for comparison.
 const MAX_INPUT: usize = 64 << 10;
 
 /// How far a recording was followed.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Outcome {
-    /// Sessions in which a client left the recorded path.
+    /// Number of sessions in which a client departed from the recording.
     pub departures: u64,
-    /// Bytes of recorded clients that came again.
+    /// Number of recorded client bytes that were sent again.
     pub matched_bytes: u64,
-    /// Bytes of recorded clients that have not come.
+    /// Number of recorded client bytes that were not sent.
     pub missing_bytes: u64,
 }
 
-/// A recording and the place that has been reached in it.
+/// A recording and the position in it.
 pub(super) struct Player<R> {
     reader: Reader<R>,
     stop: Stop,
-    /// Whether everything happens at once.
+    /// Everything happens at once.
     fast: bool,
     /// See [`phasmid_protocol::record::About`].
     monotonic_ns: Option<u64>,
-    /// The client of this session has said something,
+    /// The client of this session has sent something.
     spoke: bool,
-    /// has left its path and gets no answers,
+    /// The client has departed from the recording and gets no answers.
     astray: bool,
-    /// has left the port; the recording is still to be read up to where the recorded one did.
+    /// The client has disconnected; the recording has not reached the recorded disconnection yet.
     gone: bool,
-    /// The recorded client of this session has said something.
+    /// The recorded client of this session has sent something.
     recorded_spoke: bool,
-    /// and the device has not said anything since.
+    /// The device has sent nothing since then.
     unanswered: bool,
-    /// The port went while the recorded client was speaking: what else a client says then is lost
-    /// with it, as it was then.
+    /// The port was disconnected while the recorded client was sending: further bytes are lost with
+    /// it, as in the recording.
     lost: bool,
-    /// A time of the recording and the same moment of the replay; nothing goes out before there is
-    /// one.
+    /// A recorded time and the time of the replay that corresponds to it; nothing is sent before
+    /// they are known.
     anchor: Option<(u64, u64)>,
     /// The recording's first time is the anchor's.
     started: bool,
     ahead: Ahead,
-    /// Sessions that are over.
+    /// Number of finished sessions.
     session: u64,
-    /// What came and has not been compared.
+    /// Bytes received and not compared yet.
     input: VecDeque<u8>,
-    /// Number and time of the last record that was read.
+    /// Number and time of the last record read.
     place: (u64, u64),
     outcome: Outcome,
     news: VecDeque<String>,
 }
 
 impl<R: Read> Player<R> {
-    /// Stands at the beginning of a recording; `fast` leaves the recorded delays out.
-    /// `monotonic_ns` is the clock of frames that only count at the recording's time 0.
+    /// Returns a player at the start of a recording; `fast` skips the recorded delays.
+    /// `monotonic_ns` is the clock, at the recording's time 0, of frames without an id.
     pub(super) fn new(reader: Reader<R>, fast: bool, monotonic_ns: Option<u64>) -> Self {
         Self {
             reader,
@@ -92,7 +92,7 @@ impl<R: Read> Player<R> {
         }
     }
 
-    /// Somebody has come, to the port or to the camera: time starts to run, if it does not yet.
+    /// Starts the time, if it is not running yet, when a client connects to the port or the camera.
     pub(super) fn begin(&mut self, now_ns: u64) {
         if self.anchor.is_none() {
             self.anchor = Some((0, now_ns));
@@ -100,7 +100,7 @@ impl<R: Read> Player<R> {
         }
     }
 
-    /// Takes bytes of the client.
+    /// Receives bytes of the client.
     pub(super) fn receive(&mut self, bytes: &[u8], now_ns: u64) {
         self.begin(now_ns);
         if !self.astray {
@@ -110,13 +110,13 @@ impl<R: Read> Player<R> {
         }
     }
 
-    /// Whether the port may be listened to: not while much waits to be compared, nor before a
-    /// session is over whose client has left.
+    /// Returns whether the port may be read: not while many bytes wait for comparison, nor before
+    /// the session of a disconnected client has ended.
     pub(super) fn listens(&self) -> bool {
         !self.gone && self.input.len() < MAX_INPUT
     }
 
-    /// The client has left. One that has said nothing was none.
+    /// Handles a disconnection. A client that sent nothing does not count.
     pub(super) fn hang_up(&mut self, now_ns: u64) {
         if self.spoke {
             self.gone = true;
@@ -124,13 +124,13 @@ impl<R: Read> Player<R> {
         }
     }
 
-    /// What the device does by now.
+    /// Returns the next action that is due.
     pub(super) fn next(&mut self, now_ns: u64) -> Option<Output> {
         while self.next_event_ns().is_some_and(|due_ns| due_ns <= now_ns) {
             let due = self.ahead.take()?;
-            // What is said to a client that has left goes nowhere, as on a wire.
+            // Output to a disconnected client is lost, as on a wire.
             let heard = !self.gone && due.session == self.session;
-            // Whoever was there has lost the port.
+            // The client loses the port.
             self.gone |= self.spoke && due.output == Output::Gone(End::Port);
             self.go_on(now_ns);
             if heard || !matches!(due.output, Output::Bytes(_)) {
@@ -140,17 +140,17 @@ impl<R: Read> Player<R> {
         None
     }
 
-    /// When the device does something next, unless a client comes before.
+    /// Returns when the next action is due, if no client input arrives before.
     pub(super) fn next_event_ns(&self) -> Option<u64> {
         self.ahead.next_ns()
     }
 
-    /// What whoever looks after the replay should know.
+    /// Takes a message for the operator.
     pub(super) fn news(&mut self) -> Option<String> {
         self.news.pop_front()
     }
 
-    /// How far the recording has been followed; reads the rest of it.
+    /// Reads the rest of the recording and returns how far it was followed.
     pub(super) fn finish(mut self) -> Outcome {
         loop {
             if let Stop::Expect(expected) = &self.stop {
@@ -164,7 +164,7 @@ impl<R: Read> Player<R> {
         }
     }
 
-    /// Reads and compares as far as it goes.
+    /// Reads and compares as far as possible.
     fn go_on(&mut self, now_ns: u64) {
         loop {
             let going = match self.astray {
@@ -177,7 +177,8 @@ impl<R: Read> Player<R> {
         }
     }
 
-    /// Leaves out a piece of a session whose client was astray and has left; always goes on.
+    /// Skips a record of a session whose client departed from the recording and disconnected;
+    /// always makes progress.
     fn skip(&mut self, now_ns: u64) -> bool {
         self.ahead.forget();
         match &self.stop {
@@ -191,7 +192,7 @@ impl<R: Read> Player<R> {
         true
     }
 
-    /// A step along the path; false when there is none before something happens.
+    /// Takes one step; returns `false` if an event has to happen first.
     fn step(&mut self, now_ns: u64) -> bool {
         match &mut self.stop {
             Stop::Full => {
@@ -253,7 +254,7 @@ impl<R: Read> Player<R> {
         self.depart(place, Said::Words(expected), Said::Bytes(came));
     }
 
-    /// Says where the client left the path; it gets no answers any more.
+    /// Records where the client departed from the recording; it gets no further answers.
     fn depart(&mut self, (number, time_ns): (u64, u64), expected: Said, came: Said) {
         let departure = Departure {
             number,
@@ -269,7 +270,7 @@ impl<R: Read> Player<R> {
         self.ahead.forget();
     }
 
-    /// Stands where the next client's session begins.
+    /// Moves to the start of the next session.
     fn next_session(&mut self, now_ns: u64) {
         (self.spoke, self.astray, self.gone) = (false, false, false);
         (self.recorded_spoke, self.unanswered, self.lost) = (false, false, false);

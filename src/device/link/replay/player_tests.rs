@@ -1,4 +1,4 @@
-//! Clients that follow a recording, and clients that do not.
+//! Clients that follow a recording, and clients that depart from it.
 
 use super::super::ahead::MAX_AHEAD;
 use super::*;
@@ -83,21 +83,21 @@ fn a_client_that_follows_gets_what_was_recorded_when_it_was() {
         (player.next(u64::MAX), player.next_event_ns()),
         (None, None)
     );
-    // In pieces, and much later than in the recording.
+    // In pieces, and much later than recorded.
     player.receive(b"*ID", 5000);
     assert_eq!(player.next_event_ns(), None);
     player.receive(b"N?\n", 5010);
     assert_eq!(player.next_event_ns(), Some(5040));
     assert_eq!(outputs(&mut player, 5039), [""; 0]);
     assert_eq!(outputs(&mut player, 5040), ["a,b\n"]);
-    // At once, where the first one took its time.
+    // At once, where the recorded client paused.
     player.receive(b"INIT\n*TRG\n", 6000);
     assert_eq!(player.next_event_ns(), Some(6095));
     assert_eq!(outputs(&mut player, 6194), ["frame 1"]);
     assert_eq!(outputs(&mut player, 6195), ["frame 2"]);
     player.hang_up(7000);
     assert_eq!(outputs(&mut player, 7010), ["frame 3"]);
-    // Someone who only looked whether the port is there.
+    // A client that only checks whether the port exists.
     player.hang_up(7500);
     player.receive(b"*TST?\n", 8000);
     assert_eq!(outputs(&mut player, 8005), ["0\n"]);
@@ -116,7 +116,7 @@ fn a_client_that_sends_ahead_gets_all_in_order() {
     player.receive(b"*IDN?\nINIT\n*TRG\n", 1000);
     assert_eq!(outputs(&mut player, 1029), [""; 0]);
     assert_eq!(outputs(&mut player, 1200), ["a,b\n", "frame 1", "frame 2"]);
-    // One that leaves before it has been told all gets no more bytes, but frames are for others.
+    // A client that disconnects early gets no more bytes, but frames still go to other readers.
     let mut player = self::player(&two_sessions());
     player.receive(b"*IDN?\nINIT\n*TRG\n", 1000);
     player.hang_up(1001);
@@ -233,7 +233,7 @@ fn no_more_is_read_ahead_than_is_bounded() {
         count += 1;
         assert!(player.ahead.len() <= MAX_AHEAD.0);
     }
-    // What came behind the reply is too much, and was so before the last frames were due.
+    // Bytes after the reply exceed the limit, and did so before the last frames were due.
     assert!(count >= 2000 - MAX_AHEAD.0, "{count}");
     assert!(
         player
@@ -260,7 +260,7 @@ fn a_port_that_went_goes_and_comes_back() {
     player.receive(b"y", 200);
     assert_eq!(outputs(&mut player, 201), ["z"]);
     assert_eq!(player.finish().missing_bytes, 0);
-    // It comes back for a client that is astray too.
+    // It also reconnects for a client that departed from the recording.
     let mut player = self::player(&events);
     player.receive(b"x", 100);
     assert_eq!(outputs(&mut player, 102), ["gone"]);
@@ -289,7 +289,7 @@ fn a_camera_that_went_goes_and_comes_back() {
     let mut player = Player::new(reader, false, None);
     player.receive(b"x", 100);
     assert_eq!(outputs(&mut player, 104), ["frame 1", "camera gone"]);
-    // The port is still there, and its client.
+    // The port and its client are still connected.
     player.receive(b"y", 105);
     assert_eq!(outputs(&mut player, 110), ["z"]);
     assert_eq!(outputs(&mut player, 112), ["camera back"]);
@@ -315,7 +315,7 @@ fn what_is_said_while_the_port_goes_is_lost_with_it() {
         (40, sent("z")),
         (41, received("b")),
     ];
-    // The recorded client was cut short behind y; this one has not noticed yet.
+    // The recorded client was interrupted after y; this one has not noticed yet.
     let mut player = player(&events);
     player.receive(b"xyq", 100);
     assert_eq!(outputs(&mut player, 102), ["a", "gone"]);
@@ -324,7 +324,7 @@ fn what_is_said_while_the_port_goes_is_lost_with_it() {
     assert_eq!(outputs(&mut player, 201), ["b"]);
     assert_eq!(player.news(), None);
     assert_eq!(player.finish().departures, 0);
-    // Behind an answer the recorded one said nothing.
+    // After an answer the recorded client sent nothing.
     let mut player = self::player(&[&events[..2], &events[3..]].concat());
     player.receive(b"xq", 100);
     assert!(player.news().unwrap().contains("the client to leave"));
@@ -352,7 +352,7 @@ fn frames_that_only_count_keep_their_distance_from_what_was_sent() {
     let reader = Reader::new(std::io::Cursor::new(bytes), "rec").unwrap();
     let mut player = Player::new(reader, false, Some(5000));
     player.receive(b"x", 1000);
-    // Taken before the client spoke, after it, and at a time that says nothing.
+    // Taken before the client's bytes, after them, and at an implausible time.
     let want = ["frame 1 of 990", "frame 2 of 1025", "frame 3 of 1050"];
     assert_eq!(outputs(&mut player, 1050), want);
 }

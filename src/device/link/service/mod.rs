@@ -1,8 +1,8 @@
-//! The service socket: ground truth and what happens to the device from outside. The wire format is in
-//! [`phasmid_protocol::service`].
+//! The service socket: ground truth, and control of what happens around the device. The wire format
+//! is in [`phasmid_protocol::service`].
 //!
-//! It is its owner's alone: its mode is `0600` in a directory of `0700`, and whoever comes as another
-//! user all the same, root included, is told so and turned away.
+//! Only its owner may use it: its mode is `0600` in a directory of mode `0700`, and a client of
+//! another user, including root, is refused with a message.
 
 mod places;
 mod talk;
@@ -20,18 +20,18 @@ use std::time::Duration;
 use tokio::net::{UnixListener, UnixStream};
 use tokio::sync::{Semaphore, mpsc, oneshot};
 
-/// Clients that are being told why they cannot stay; more find their connection closed.
+/// Maximum number of clients being told why they are refused; further connections are closed.
 const MAX_TURNED_AWAY: usize = 16;
 
-/// A reply and the bytes that follow it.
+/// A reply and its binary data.
 pub(super) type Answer = (Reply, Vec<u8>);
-/// A request and where its answer goes.
+/// A request and the channel for its answer.
 pub(super) type Call = (Request, oneshot::Sender<Answer>);
 
-/// The listener.
+/// The listening socket.
 pub(super) struct ServiceSocket {
     listener: UnixListener,
-    /// The user whose it is.
+    /// User id of the owner.
     owner: u32,
     calls: mpsc::Receiver<Call>,
     caller: mpsc::Sender<Call>,
@@ -55,27 +55,27 @@ impl ServiceSocket {
         })
     }
 
-    /// Connections.
+    /// Returns the number of connected clients.
     pub(super) fn clients(&self) -> usize {
         self.places.taken()
     }
 
-    /// The next request of any client.
+    /// Returns the next request of any client.
     pub(super) async fn next(&mut self) -> Call {
         loop {
             tokio::select! {
                 accepted = self.listener.accept() => match accepted {
                     Ok((stream, _)) => self.take(stream),
-                    // Out of descriptors, say: whoever is waiting may be served later.
+                    // Out of descriptors, for example: waiting clients may be served later.
                     Err(_) => tokio::time::sleep(Duration::from_millis(100)).await,
                 },
-                // This end holds a sender: the channel never closes.
+                // This end holds a sender, so the channel never closes.
                 Some(call) = self.calls.recv() => return call,
             }
         }
     }
 
-    /// Gives a client its place, or the reason why there is none.
+    /// Accepts a client, or refuses it with a reason.
     fn take(&self, stream: UnixStream) {
         let place = match foreign(&stream, self.owner) {
             Some(why) => Err(why),
@@ -85,7 +85,7 @@ impl ServiceSocket {
             Ok(place) => {
                 let caller = self.caller.clone();
                 tokio::spawn(async move {
-                    // A client that breaks off is no concern of the device.
+                    // A broken connection does not affect the device.
                     let _ = talk::converse(stream, caller, place).await;
                 });
             }
@@ -101,8 +101,8 @@ impl ServiceSocket {
     }
 }
 
-/// Why a client is not the owner: by the credentials that the system attached when it connected
-/// (`SO_PEERCRED`, unix(7)).
+/// Returns why a client is not the owner, by the credentials that the system attached when it
+/// connected (`SO_PEERCRED`, unix(7)).
 fn foreign(stream: &UnixStream, owner: u32) -> Option<String> {
     let whose = match stream.peer_cred() {
         Ok(cred) if cred.uid() == owner => return None,

@@ -1,5 +1,5 @@
-//! Who is on the service channel. Where all places are taken, who has asked nothing for the longest
-//! makes room, so that forgotten connections lock nobody out.
+//! Connections to the service channel. When all places are taken, the client that has been idle the
+//! longest makes room, so that forgotten connections block nobody.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -7,9 +7,9 @@ use std::time::Duration;
 use tokio::sync::Notify;
 use tokio::time::Instant;
 
-/// Clients at a time.
+/// Maximum number of clients.
 pub(super) const MAX_CLIENTS: usize = 16;
-/// Who has asked nothing for so long makes room for others.
+/// A client idle for this long makes room for another.
 pub(super) const IDLE: Duration = Duration::from_secs(10);
 
 /// The places of all clients.
@@ -26,13 +26,13 @@ struct Shared {
 }
 
 struct Client {
-    /// When it was answered last, or came; `None` while it is.
+    /// When the client connected or was last answered; `None` while a request is in progress.
     idle_since: Option<Instant>,
     leave: Arc<Notify>,
 }
 
 impl Places {
-    /// Places of clients that have to make room when they have been idle for so long.
+    /// Returns places whose clients make room after being idle for `idle`.
     pub(super) fn new(idle: Duration) -> Self {
         Self {
             idle,
@@ -40,15 +40,15 @@ impl Places {
         }
     }
 
-    /// How many are taken.
+    /// Returns the number of places taken.
     pub(super) fn taken(&self) -> usize {
         self.shared().clients.len()
     }
 
-    /// A place for one more client.
+    /// Returns a place for a new client.
     ///
     /// # Errors
-    /// None left and nobody idle, worded for the reply.
+    /// Returns an error, worded for the reply, if all places are taken and no client is idle.
     pub(super) fn enter(&self) -> Result<Place, String> {
         let mut shared = self.shared();
         if shared.clients.len() >= MAX_CLIENTS {
@@ -83,12 +83,12 @@ impl Places {
     }
 
     fn shared(&self) -> MutexGuard<'_, Shared> {
-        // A client that has died leaves nothing half done here.
+        // A client task that panicked leaves no partial change here.
         self.shared.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
-/// A client's place; free again when this is dropped.
+/// A client's place; dropping it frees the place.
 pub(super) struct Place {
     places: Places,
     number: u64,
@@ -96,7 +96,7 @@ pub(super) struct Place {
 }
 
 impl Place {
-    /// The client asks nothing, from now on, or is being answered.
+    /// Marks the client as idle, or as waiting for an answer.
     pub(super) fn set_idle(&self, idle: bool) {
         if let Some(client) = self.places.shared().clients.get_mut(&self.number) {
             client.idle_since = idle.then(Instant::now);

@@ -1,4 +1,4 @@
-//! A client's requests, one after the other, and how it is told that there will be no answer.
+//! Handles a client's requests one after the other, and ends connections with a message.
 
 use super::places::Place;
 use super::{Answer, Call};
@@ -11,27 +11,27 @@ use tokio::net::UnixStream;
 use tokio::net::unix::{OwnedReadHalf, OwnedWriteHalf};
 use tokio::sync::{mpsc, oneshot};
 
-/// How long a client may take to read an answer.
+/// Maximum time a client may take to read an answer.
 const MAX_WRITE: Duration = Duration::from_secs(30);
-/// How long a client that is turned away is listened to: it may have written before it reads, and
-/// would find the connection reset in place of the reason.
+/// How long to read from a refused client: it may have written before it reads, and a reset
+/// connection would hide the reason from it.
 const LAST_WORDS: Duration = Duration::from_secs(1);
-/// How often to look whether a client that waits for its answer is still there.
+/// Interval at which to check whether a client waiting for its answer is still connected.
 const LOOK_AGAIN: Duration = Duration::from_millis(100);
 
-/// What a client has sent.
+/// Input from a client.
 enum Line {
     /// A line with its newline.
     Whole(Vec<u8>),
-    /// More than a line may be; the rest of it is still to come.
+    /// The line exceeds the maximum length; its remainder has not been read yet.
     TooLong,
     /// The client's last bytes, without a newline.
     Cut,
-    /// Nothing more.
+    /// End of input.
     End,
 }
 
-/// Answers a client until it leaves or has to.
+/// Answers a client until it disconnects or has to make room.
 pub(super) async fn converse(
     stream: UnixStream,
     caller: mpsc::Sender<Call>,
@@ -80,13 +80,14 @@ pub(super) async fn converse(
     }
 }
 
-/// Tells a client that has no place why.
+/// Tells a client why it is refused.
 pub(super) async fn turn_away(stream: UnixStream, why: &str) -> io::Result<()> {
     let (reader, writer) = stream.into_split();
     dismiss(BufReader::new(reader), writer, why).await
 }
 
-/// The last word to a client: what it still sends is read, so that it can read that word.
+/// Sends the last message to a client and reads its remaining input, so that it can read the
+/// message.
 async fn dismiss(
     mut reader: BufReader<OwnedReadHalf>,
     mut writer: OwnedWriteHalf,
@@ -113,7 +114,7 @@ async fn next_line(reader: &mut BufReader<OwnedReadHalf>) -> io::Result<Line> {
     })
 }
 
-/// Reads up to the end of a line and forgets it.
+/// Reads and discards the rest of a line.
 async fn skip_line(reader: &mut BufReader<OwnedReadHalf>) -> io::Result<()> {
     loop {
         let bytes = reader.fill_buf().await?;
@@ -129,7 +130,7 @@ async fn skip_line(reader: &mut BufReader<OwnedReadHalf>) -> io::Result<()> {
     }
 }
 
-/// The device's answer; `None` where the client has left meanwhile.
+/// Returns the device's answer, or `None` if the client has disconnected.
 async fn ask(
     caller: &mpsc::Sender<Call>,
     request: Request,
@@ -150,7 +151,8 @@ async fn ask(
     }
 }
 
-/// Whether a client has closed its connection; one that has only ended its own side still listens.
+/// Returns whether a client has closed its connection; a client that only shut down its sending
+/// side still listens.
 fn has_left(stream: &UnixStream) -> bool {
     let mut look = [PollFd::new(stream, PollFlags::empty())];
     let polled = poll(&mut look, Some(&Timespec::default()));

@@ -1,4 +1,4 @@
-//! Clients that sit, flood, leave, or are too many.
+//! Clients that idle, flood, disconnect, or are too many.
 
 use super::places::MAX_CLIENTS;
 use super::*;
@@ -12,12 +12,12 @@ use std::time::Instant;
 
 const SOON: Duration = Duration::from_secs(10);
 const NEVER: Duration = Duration::from_secs(3600);
-/// Is answered with an empty reply.
+/// A request answered with an empty reply.
 const QUICK: &[u8] = b"{\"get\":\"device\"}\n";
-/// Is not answered before the test does it.
+/// A request that is not answered until the test does so.
 const SLOW: &[u8] = b"{\"get\":\"clock\"}\n";
 
-/// A channel on a thread of its own.
+/// A service channel on its own thread.
 struct Channel {
     dir: tempfile::TempDir,
     /// Requests that wait for the test.
@@ -27,7 +27,7 @@ struct Channel {
 }
 
 impl Channel {
-    /// One whose clients make room after so long.
+    /// Opens a channel whose clients make room after being idle for `idle`.
     fn open(idle: Duration) -> Self {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("service.sock");
@@ -72,7 +72,7 @@ impl Channel {
         BufReader::new(stream)
     }
 
-    /// Waits until something holds of the requests that wait.
+    /// Waits until a condition on the waiting requests holds.
     fn until(&self, holds: impl Fn(&[oneshot::Sender<Answer>]) -> bool) {
         let end = Instant::now() + SOON;
         while !holds(&self.waiting.lock().unwrap()) {
@@ -93,7 +93,7 @@ fn send(client: &mut BufReader<Client>, bytes: &[u8]) {
     client.get_mut().write_all(bytes).unwrap();
 }
 
-/// The error of the next line, or none.
+/// Returns the error of the next line, if any.
 fn error(client: &mut BufReader<Client>) -> Option<String> {
     let mut line = Vec::new();
     client.read_until(b'\n', &mut line).unwrap();
@@ -109,7 +109,7 @@ fn a_line_that_is_too_long_is_refused_and_the_connection_goes_on() {
     let channel = Channel::open(NEVER);
     for length in [MAX_LINE, MAX_LINE + 1, 3 << 20] {
         let mut client = channel.client();
-        // It writes on before it reads.
+        // It continues to write before it reads.
         send(&mut client, &vec![b'x'; length]);
         send(&mut client, b"\n");
         send(&mut client, QUICK);
@@ -117,7 +117,7 @@ fn a_line_that_is_too_long_is_refused_and_the_connection_goes_on() {
         assert!(words.contains("up to 4096 bytes"), "{words}");
         assert_eq!(error(&mut client), None, "{length}");
     }
-    // It is answered before its end has come; an end without a newline is no line.
+    // It is answered before its line has ended; input without a newline is not a line.
     let mut client = channel.client();
     send(&mut client, &vec![b'x'; MAX_LINE]);
     assert!(error(&mut client).unwrap().contains("up to 4096 bytes"));
@@ -140,7 +140,7 @@ fn one_too_many_is_told_so() {
     let words = error(&mut more).unwrap();
     assert!(words.contains("allowed: 16 at a time"), "{words}");
     assert!(is_over(&mut more));
-    // The others are still there, and a place that is given back is free.
+    // The others are still connected, and a freed place can be taken.
     send(&mut clients[0], QUICK);
     assert_eq!(error(&mut clients[0]), None);
     drop(clients.pop());
@@ -159,7 +159,7 @@ fn one_too_many_is_told_so() {
 fn who_has_asked_nothing_for_the_longest_makes_room() {
     let channel = Channel::open(Duration::ZERO);
     let mut clients: Vec<_> = (0..MAX_CLIENTS).map(|_| channel.client()).collect();
-    // The first one waits for its answer, the others are idle from the second one on.
+    // The first client waits for its answer; the others are idle, the second one the longest.
     send(&mut clients[0], SLOW);
     channel.until(|waiting| waiting.len() == 1);
     for client in &mut clients[1..] {
@@ -183,7 +183,7 @@ fn the_device_hears_when_somebody_who_waits_has_left() {
     let mut listens = channel.client();
     send(&mut listens, SLOW);
     channel.until(|waiting| waiting.len() == 1);
-    // It says nothing more, and that is all.
+    // It shuts down its sending side only.
     listens.get_ref().shutdown(Shutdown::Write).unwrap();
     let mut leaves = channel.client();
     send(&mut leaves, SLOW);

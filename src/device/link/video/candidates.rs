@@ -1,15 +1,15 @@
-//! Which nodes may become the camera.
+//! Selects the V4L2 node that becomes the camera.
 
 use phasmid_core::error::Result;
 use phasmid_protocol::printable;
 use phasmid_v4l2::{FORGOTTEN, Node, RELOAD, node_paths};
 use std::path::{Path, PathBuf};
 
-/// How the labels of nodes for this program begin, in any case.
+/// Prefix of the labels of nodes for this program, ignoring case.
 const LABEL: &str = "phasmid";
 
-/// The machine's nodes with their labels, in the order of their numbers. A label is read without
-/// opening the node where that is possible: opening a webcam may wake it.
+/// Returns the machine's nodes with their labels, ordered by number. A label is read without
+/// opening the node where possible: opening a webcam may switch it on.
 pub(super) fn nodes(dev: &Path, class: &Path) -> Vec<(PathBuf, String)> {
     let label = |path: &PathBuf| {
         let name = class.join(path.file_name()?).join("name");
@@ -24,11 +24,11 @@ pub(super) fn nodes(dev: &Path, class: &Path) -> Vec<(PathBuf, String)> {
         .collect()
 }
 
-/// Opens the first node that is labelled for this program and can be opened; with it comes why each
-/// of those before it was passed over, as "; "-joined text that is empty where there is none.
+/// Opens the first node that is labelled for this program and can be opened. Also returns why
+/// earlier nodes were skipped, joined with "; ", or an empty string.
 ///
 /// # Errors
-/// Why there is none, in words that fit behind "the frame socket, because".
+/// Returns why there is none, phrased to follow "the frame socket, because".
 pub(super) fn first_free<T>(
     nodes: Vec<(PathBuf, String)>,
     mut open: impl FnMut(&Path) -> Result<T>,
@@ -50,16 +50,16 @@ pub(super) fn first_free<T>(
     }
 }
 
-/// What speaks against writing frames to a node.
+/// Why frames cannot be written to a node.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) enum Unfit {
-    /// It is something else: whoever named it was wrong.
+    /// The node is not a loopback node: a mistake of the user who named it.
     Kind(String),
-    /// It is a loopback node that cannot be written to now.
+    /// The node is a loopback node that cannot be written to at present.
     State(String),
 }
 
-/// Looks at a node's own words.
+/// Checks what a node reports about itself.
 pub(super) fn unfit(node: &Node) -> Option<Unfit> {
     if !node.is_loopback() {
         return Some(Unfit::Kind(format!(
@@ -165,7 +165,7 @@ mod tests {
             std::fs::create_dir_all(class.join(name)).unwrap();
             std::fs::write(class.join(name).join("name"), label).unwrap();
         }
-        // A file that is neither listed nor a device is passed over.
+        // A file that is neither listed nor a device is skipped.
         std::fs::write(dev.join("video5"), "").unwrap();
         assert_eq!(
             nodes(&dev, &class),

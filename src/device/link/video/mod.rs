@@ -1,8 +1,8 @@
-//! The camera as a node of the kernel's V4L2, which every program on the machine can read: frames go
-//! to a node of the v4l2loopback module.
+//! The camera as a V4L2 node of the kernel, which every program on the machine can read: frames are
+//! written to a node of the v4l2loopback module.
 //!
-//! Such a node tells neither whether somebody reads, nor whether a frame was read before it was
-//! overwritten. So the camera always runs, and frames are handed over no faster than they were
+//! Such a node reports neither whether it has readers nor whether a frame was read before it was
+//! overwritten. The camera therefore always runs, and frames are written no faster than they were
 //! exposed.
 
 mod candidates;
@@ -11,13 +11,13 @@ mod output;
 
 pub use output::VideoOutput;
 
-/// What became of a frame.
+/// Result of writing a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Put {
-    /// It is there for readers.
+    /// Readers can get it.
     Done,
-    /// It was exposed before the frames changed: no reader can get it any more.
+    /// It was exposed before the stream format changed: no reader can get it any more.
     Outdated,
-    /// The node could not take it.
+    /// The node did not accept it.
     Lost,
 }

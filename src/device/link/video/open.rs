@@ -1,4 +1,4 @@
-//! A loopback node opened for writing, its format settled.
+//! Opens a loopback node for writing and sets its format.
 
 use super::candidates::{Unfit, unfit};
 use crate::Stream;
@@ -13,12 +13,12 @@ use std::path::Path;
 use std::time::Duration;
 use v4l::Device;
 
-/// Buffers that are asked for: all that there are, so that a frame that is being read from is
-/// overwritten as late as possible. How far readers may fall behind is the module's: two frames in
-/// 0.12, the ring's length from 0.15 on.
+/// Number of buffers requested: the maximum, so that a frame being read is overwritten as late as
+/// possible. How far readers may fall behind depends on the module: two frames in 0.12, the ring's
+/// length since 0.15.
 const BUFFERS: u32 = 32;
 
-/// A node that is ready for frames.
+/// A node ready for frames.
 pub(super) struct Open {
     pub(super) queue: OutputQueue,
     device: Device,
@@ -26,11 +26,12 @@ pub(super) struct Open {
 }
 
 impl Open {
-    /// Opens a node and gets it ready for a stream of a sensor with so many bits. `contested` says
-    /// that somebody else may be writing to it.
+    /// Opens a node and prepares it for the stream of a sensor with `bits` bits. `contested` states
+    /// that another program may be writing to it.
     ///
     /// # Errors
-    /// A node that is something else, is taken, or cannot carry the stream; what the system refuses.
+    /// Returns an error if the node is not a loopback node, is in use, or cannot carry the stream,
+    /// or if the system refuses.
     pub(super) fn new(path: &Path, stream: &Stream, bits: u32, contested: bool) -> Result<Self> {
         let place = path.display();
         let failed = |e| Error::io(path, e);
@@ -46,7 +47,7 @@ impl Open {
             }
             Some(Unfit::State(why)) => Some(why),
         };
-        // Before the state, of which a producer of our own is a better explanation.
+        // Checked before the state, which another device of this program explains better.
         if !lock(&device).map_err(failed)? {
             let why = "another phasmid serves its camera there";
             return Err(Error::device(format!("{place}: {why}")));
@@ -54,7 +55,7 @@ impl Open {
         if let Some(why) = state {
             return Err(Error::device(format!("{place}: {why}")));
         }
-        // With exclusive_caps=0 a node does not say that it has a producer.
+        // With exclusive_caps=0 a node does not report that it has a producer.
         if contested && PixFormat::of_capture(&device).is_ok() && is_fed(path, &device) {
             return Err(Error::device(format!(
                 "{place}: another program streams into it (`fuser -v {place}` names it)"
@@ -75,7 +76,7 @@ impl Open {
         })
     }
 
-    /// Tells readers of another interval; nothing but their idea of it depends on that.
+    /// Sets the frame interval that readers see; it has no other effect.
     pub(super) fn announce_interval(&self, interval_ns: u64) {
         let _ = announce_interval(&self.device, fraction(interval_ns));
     }
@@ -106,7 +107,7 @@ fn cannot_open(path: &Path, e: io::Error) -> Error {
     }
 }
 
-/// Sets the format, exactly.
+/// Sets the format exactly.
 fn settle(path: &Path, device: &Device, stream: &Stream, bits: u32) -> Result<()> {
     let mut held = None;
     for wanted in formats(stream, bits) {
@@ -117,7 +118,7 @@ fn settle(path: &Path, device: &Device, stream: &Stream, bits: u32) -> Result<()
         held = Some(found);
     }
     let place = path.display();
-    // A node that somebody reads keeps the format that it has.
+    // A node with readers keeps its format.
     match (held, PixFormat::of_capture(device)) {
         (_, Ok(kept)) => Err(Error::device(format!(
             "{place} stays at {kept} while another program has it open, {stream} is wanted \
@@ -130,12 +131,12 @@ fn settle(path: &Path, device: &Device, stream: &Stream, bits: u32) -> Result<()
     }
 }
 
-/// What may carry a stream, the best first.
+/// Returns the pixel formats that can carry a stream, best first.
 fn formats(stream: &Stream, bits: u32) -> Vec<PixFormat> {
     let codes: &[[u8; 4]] = match (stream.format, bits) {
         (PixelFormat::Grey, _) => &[*b"GREY"],
         (PixelFormat::Yuyv, _) => &[*b"YUYV"],
-        // v4l2loopback 0.12 packs Y10 and Y12, which V4L2 does not: their sizes then differ.
+        // v4l2loopback 0.12 packs Y10 and Y12, unlike V4L2: their sizes then differ.
         (PixelFormat::Y16, ..=10) => &[*b"Y10 ", *b"Y16 "],
         (PixelFormat::Y16, ..=12) => &[*b"Y12 ", *b"Y16 "],
         (PixelFormat::Y16, _) => &[*b"Y16 "],
@@ -149,7 +150,7 @@ fn formats(stream: &Stream, bits: u32) -> Vec<PixFormat> {
     codes.iter().map(format).collect()
 }
 
-/// Whether frames come from a node. Up to two old ones may wait in it.
+/// Returns whether a node delivers new frames. Up to two old frames may be buffered in it.
 fn is_fed(path: &Path, device: &Device) -> bool {
     let wait = match announced_interval(device) {
         Ok((seconds, per)) if per > 0 => {
@@ -168,9 +169,9 @@ fn is_fed(path: &Path, device: &Device) -> bool {
     (0..3).all(|_| matches!(queue.take(&mut nothing, 0, wait), Ok(Some(_))))
 }
 
-/// An interval as a small fraction of seconds, within 1e-4: the first of its continued fraction's
-/// convergents that is as close. Many programs take whole rates only, and 33333 us is meant to be
-/// one thirtieth of a second.
+/// Returns an interval as a small fraction of seconds, within 1e-4: the first convergent of its
+/// continued fraction that is close enough. Many programs accept only integer rates, and 33333 us
+/// is meant to be one thirtieth of a second.
 fn fraction(interval_ns: u64) -> (u32, u32) {
     let exact = interval_ns.max(1) as f64 / 1e9;
     let (mut before, mut last) = ((0u64, 1u64), (1u64, 0u64));
@@ -184,7 +185,7 @@ fn fraction(interval_ns: u64) -> (u32, u32) {
             break;
         }
     }
-    // Intervals are at most minutes, so both numbers are small long before they could not fit.
+    // Intervals are at most minutes, so both numbers are small enough.
     (
         u32::try_from(last.0).unwrap_or(u32::MAX),
         u32::try_from(last.1).unwrap_or(u32::MAX),

@@ -1,4 +1,4 @@
-//! Frames into a loopback node, for as long as it is there.
+//! Writes frames to a loopback node for as long as it exists.
 
 use super::Put;
 use super::candidates::{first_free, nodes};
@@ -12,31 +12,31 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-/// A loopback node that the device's frames go to. Clones are the same node: the firmware asks it
-/// before the frames change, the loop that serves the device hands them over.
+/// A loopback node that receives the device's frames. Clones refer to the same node: the firmware
+/// asks it before the stream format changes, and the event loop writes the frames.
 #[derive(Clone)]
 pub struct VideoOutput(Arc<Mutex<Output>>);
 
 struct Output {
     path: PathBuf,
     label: String,
-    /// Why this node and no other, where nobody named it.
+    /// Why this node was chosen, if the user named none.
     choice: Option<String>,
     bits: u32,
-    /// The system's monotonic time at the device's time 0.
+    /// The system's monotonic time at device time 0.
     power_on: Duration,
     stream: Stream,
-    /// Open but for a moment while the format changes; then the error says why not.
+    /// Open except for a moment while the format changes; an error states why reopening failed.
     node: Result<Open>,
 }
 
 impl VideoOutput {
-    /// Opens a node for a stream of a sensor with so many bits. `power_on` is the system's monotonic
-    /// time at the device's time 0.
+    /// Opens a node for the stream of a sensor with `bits` bits. `power_on` is the system's
+    /// monotonic time at device time 0.
     ///
     /// # Errors
-    /// A node that is no loopback (the user's mistake), is taken, holds another format for its
-    /// readers; what the system refuses.
+    /// Returns an error if the node is not a loopback node (the user's mistake), is in use, or
+    /// keeps another format for its readers, or if the system refuses.
     pub fn open(path: &Path, stream: &Stream, bits: u32, power_on: Duration) -> Result<Self> {
         let node = Open::new(path, stream, bits, true)?;
         Ok(Self(Arc::new(Mutex::new(Output {
@@ -53,7 +53,7 @@ impl VideoOutput {
     /// Opens the first free node that is labelled for this program; see [`Self::open`].
     ///
     /// # Errors
-    /// Why there is none.
+    /// Returns why there is none.
     pub fn open_any(stream: &Stream, bits: u32, power_on: Duration) -> Result<Self, String> {
         let nodes = nodes(Path::new("/dev"), Path::new("/sys/class/video4linux"));
         let open = |path: &Path| Self::open(path, stream, bits, power_on);
@@ -66,12 +66,12 @@ impl VideoOutput {
         Ok(video)
     }
 
-    /// Its address.
+    /// Returns the address of the node.
     pub fn address(&self) -> String {
         self.output().path.display().to_string()
     }
 
-    /// What it is, and where nobody named it, why it was chosen.
+    /// Describes the node and, if the user named none, why it was chosen.
     pub fn about(&self) -> String {
         let output = self.output();
         let what = format!("v4l2loopback {:?}", output.label);
@@ -81,10 +81,10 @@ impl VideoOutput {
         }
     }
 
-    /// Hands a frame over with its exposure's start as its time, on the system's monotonic clock.
+    /// Writes a frame; its timestamp is the start of its exposure on the system's monotonic clock.
     ///
     /// # Errors
-    /// A node that has gone, or that the system does not let write to.
+    /// Returns an error if the node has disappeared or the system refuses the write.
     pub(in crate::link) fn put(&self, frame: &Frame) -> Result<Put> {
         let mut output = self.output();
         let Output {
@@ -118,8 +118,8 @@ impl VideoOutput {
 }
 
 impl StreamSink for VideoOutput {
-    /// The node keeps its format until everybody has closed it: it is closed and opened again, at
-    /// once and not with the next frame, so that who opens it next finds what will come.
+    /// The node keeps its format until every program has closed it. It is closed and reopened at
+    /// once, not with the next frame, so that the next reader finds the new format.
     fn announce(&mut self, stream: &Stream) -> Result<(), String> {
         let mut output = self.output();
         if stream.same_frames(&output.stream) {

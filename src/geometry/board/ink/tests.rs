@@ -12,7 +12,7 @@ fn boards() -> [Board; 3] {
     [Board::DOTS.scaled(4.0), tight, Board::CHESS]
 }
 
-/// By brute force, among some dots.
+/// Brute-force reference; tests the given dots only.
 fn is_ink(board: &Board, dots: &[[u32; 2]], p: DVec2) -> bool {
     match *board {
         Board::Dots { .. } => dots
@@ -49,7 +49,7 @@ fn counted(board: &Board, at: DVec2, across: DVec2, down: DVec2, n: u32) -> f64 
     found as f64 / f64::from(n * n)
 }
 
-/// All that is printed, in square millimetres.
+/// Total printed area in square millimetres.
 fn printed(board: &Board) -> f64 {
     match board {
         Board::Dots { .. } => {
@@ -64,7 +64,7 @@ fn printed(board: &Board) -> f64 {
     }
 }
 
-/// Numbers that look like none in particular.
+/// Quasi-random number in [0, 1).
 fn dice(k: u32, root: f64) -> f64 {
     (f64::from(k + 1) * root.sqrt()).fract()
 }
@@ -77,7 +77,7 @@ fn a_piece_has_the_ink_that_samples_find() {
         for k in 0..60 {
             let place = |root| 2.2 * dice(k, root) - 1.1;
             let at = match k % 3 {
-                // About the markers; and over the sheet and beyond it.
+                // Around the markers, or over the sheet and beyond it.
                 0 => pitch * 3.0 * DVec2::new(place(2.0), place(3.0)),
                 _ => half * DVec2::new(place(2.0), place(3.0)),
             };
@@ -89,7 +89,7 @@ fn a_piece_has_the_ink_that_samples_find() {
             let error = board.ink(at, across, down) - counted(&board, at, across, down, 200);
             worst = worst.max(error.abs());
         }
-        // An edge along rows of samples is told to half a row.
+        // An edge parallel to a row of samples is resolved to half a row.
         assert!(worst < 3e-3, "{board:?}: {worst:.1e}");
     }
 }
@@ -110,7 +110,7 @@ fn pieces_of_the_sheet_have_all_that_is_printed() {
                     sum += board.ink(at, across, down) * area;
                 }
             }
-            // Large pieces have the mean of the grid.
+            // Large pieces use the mean of the grid.
             let error = sum / printed(&board) - 1.0;
             assert!(error.abs() < 1e-11, "{board:?} {n}: {error:.1e}");
         }
@@ -125,22 +125,22 @@ fn simple_pieces_have_closed_forms() {
     let near = |found: f64, exact: f64| {
         assert!((found - exact).abs() < 1e-14, "{found} for {exact}");
     };
-    // All of the dot, half of it by a side through its middle, and a quarter.
+    // The whole dot; half of it, cut through its centre; a quarter.
     near(share(DVec2::ZERO, 4.0, 4.0), PI * r * r / 16.0);
     near(share(DVec2::X * 1.5, 3.0, 4.0), PI * r * r / 2.0 / 12.0);
     near(share(DVec2::splat(1.5), 3.0, 3.0), PI * r * r / 4.0 / 9.0);
-    // Within it, and with all four sides across it.
+    // Inside the dot; then with all four sides crossing it.
     near(share(DVec2::new(0.2, -0.1), 1.0, 1.0), 1.0);
     let h: f64 = 1.0;
     let cap = r * r * (h / r).acos() - h * (r * r - h * h).sqrt();
     near(share(DVec2::ZERO, 2.0, 2.0), (PI * r * r - 4.0 * cap) / 4.0);
-    // One side cuts a cap off.
+    // One side cuts off a cap.
     near(share(DVec2::X * 2.0, 2.0, 4.0), cap / 8.0);
-    // Beside it; a corner that looks in from a side that the circle bulges over.
+    // Beside the dot; then a side with both corners outside that the circle bulges over.
     near(share(DVec2::new(1.76, 0.0), 1.0, 1.0), 0.0);
     let bulge = r * r * (1.0f64 / r).acos() - (r * r - 1.0f64).sqrt();
     near(share(DVec2::Y * 1.5, 3.0, 1.0), bulge / 3.0);
-    // A rhombus around the dot that its sides all but touch.
+    // A rhombus whose sides nearly touch the dot from outside.
     let side = r * 2f64.sqrt() * (1.0 + 1e-15);
     let rhombus = board.ink(dot, DVec2::new(side, side), DVec2::new(-side, side));
     near(rhombus, PI * r * r / (2.0 * side * side));
@@ -165,9 +165,9 @@ fn places_slivers_and_no_numbers_have_ink_too() {
     assert_eq!(point(marker + DVec2::X * 10.01), 0.0);
     assert_eq!(point(board.point([0, 0]) + DVec2::Y * 5.01), 0.0);
     assert_eq!(point(DVec2::splat(1e300)), 0.0);
-    // Two sides along one line have no area.
+    // Two collinear sides span no area.
     assert_eq!(board.ink(marker, DVec2::ONE, DVec2::ONE * 3.0), 1.0);
-    // Tiny pieces astride an edge, wide thin ones, huge ones.
+    // Tiny pieces across an edge, wide thin ones, huge ones.
     for size in [1e-3, 1e-6] {
         let half = board.ink(
             marker + DVec2::X * 10.0,
@@ -191,7 +191,7 @@ fn places_slivers_and_no_numbers_have_ink_too() {
             rows,
             pitch_mm: f64::NAN,
         };
-        // Whatever it is, it is there at once.
+        // Any result is accepted, but it must return quickly.
         board.ink(DVec2::ZERO, DVec2::X, DVec2::Y);
         board.ink(DVec2::ZERO, DVec2::ZERO, DVec2::Y);
     }

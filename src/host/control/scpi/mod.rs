@@ -1,5 +1,9 @@
 //! The scanner's operations in SCPI.
 //!
+//! The commands are the device's own, or those of a dialect file that overrides them ([`words`]). A
+//! file for SCPI defines only commands and power-on messages: line endings, the numbering of
+//! answers, refusals and the detection of a power cycle follow IEEE 488.2.
+//!
 //! The words are the device's own, and those of a file where it has others ([`words`]). A file of SCPI
 //! says words and what is said at power-on, no more: how lines end, what numbers an answer, how the
 //! device refuses and whether it has been switched off is IEEE 488.2's.
@@ -15,9 +19,9 @@ use phasmid_protocol::scpi::{Param, parse, quote};
 use std::time::Duration;
 use words::{Wording, Words};
 
-/// What decides what a run shows, by the operation that orders it or tells it, and what it is before
-/// a run; the first is the sequence's name, the last one the events, of which power-on counts (IEEE
-/// 488.2, 11.5.1.2).
+/// The settings that determine what a run shows: the operation that sets or reports each, its
+/// query, and its permitted values before a run. The first is the name of the sequence; the last is
+/// the event register, of which the power-on bit counts (IEEE 488.2, 11.5.1.2).
 const SETTINGS: [(&str, &str, &[&str]); 6] = [
     ("selected", SELECTED, &[]),
     ("quiet", "TRIG:SOUR?", &["BUS"]),
@@ -26,16 +30,16 @@ const SETTINGS: [(&str, &str, &[&str]); 6] = [
     ("light_on", "PROJ:POW?", &["1", "ON"]),
     ("", EVENTS, &["0"]),
 ];
-/// Operations that tell what decides what a run shows, where a file has words for them.
+/// Operations that report such settings, if a file has commands for them.
 const TOLD: [&str; 2] = ["selected", "source"];
 const SELECTED: &str = "SEQ:SEL?";
 pub(super) const EVENTS: &str = "*ESR?";
 const POWER_ON: u8 = 1 << 7;
 
-/// A SCPI instrument as a scanner's device.
+/// A SCPI instrument that serves as a scanner's device.
 pub(crate) struct Scpi<P> {
     instrument: Instrument<P>,
-    /// Those of [`SETTINGS`] that the device knows, once it has been asked.
+    /// Queries of [`SETTINGS`] that the device knows; `None` until it was probed.
     known: Option<Vec<&'static str>>,
     words: Words,
 }
@@ -59,7 +63,7 @@ impl<P: CommandPort> Scpi<P> {
         self.instrument.info()
     }
 
-    /// Where an operation's answer comes from, for messages.
+    /// Returns the source of an operation's answer, for messages.
     pub(super) fn place(&self, operation: &str) -> String {
         if let Wording::File(file) = self.words.of(operation) {
             return format!("{}: {}", self.info(), file.name());
@@ -77,8 +81,7 @@ impl<P: CommandPort> Scpi<P> {
         self.instrument.recover()
     }
 
-    /// From here on a device that is switched off and on is found out, as the events of before are
-    /// no news any more.
+    /// Starts to watch for a power cycle of the device, by clearing earlier events.
     pub(super) fn begin(&mut self) -> Result<()> {
         self.instrument.order("*CLS")
     }
@@ -87,12 +90,12 @@ impl<P: CommandPort> Scpi<P> {
         agreed(self.place("identify"), || self.word("identify", "*IDN?"))
     }
 
-    /// What the device speaks.
+    /// Returns the name of the device's language.
     pub(super) fn language(&self) -> &str {
         self.words.language()
     }
 
-    /// Does an operation with a file's words; `None` where it has no result.
+    /// Performs an operation with a file's commands; `None` if it has no result.
     fn operate(&mut self, operation: &str, inputs: &[(&str, Value)]) -> Result<Option<Value>> {
         match self.words.of(operation) {
             Wording::File(file) => file.perform(&mut self.instrument, inputs),
@@ -100,7 +103,7 @@ impl<P: CommandPort> Scpi<P> {
         }
     }
 
-    /// Gives an order in the device's own words, or those of a file.
+    /// Sends a command in the device's own words, or in those of a file.
     fn order(&mut self, operation: &str, own: &str, inputs: &[(&str, Value)]) -> Result<()> {
         match self.words.of(operation) {
             Wording::Own => self.instrument.order(own),
@@ -108,8 +111,8 @@ impl<P: CommandPort> Scpi<P> {
         }
     }
 
-    /// An operation's result as text, of which no character steers a terminal; `None` where there
-    /// are no words for it.
+    /// Returns an operation's result as text without control characters; `None` if there is no
+    /// command for it.
     fn word(&mut self, operation: &str, own: &str) -> Result<Option<String>> {
         if let Wording::Own = self.words.of(operation) {
             return self.instrument.query(own).map(Some);
@@ -152,7 +155,7 @@ impl<P: CommandPort> Scpi<P> {
         }))
     }
 
-    /// Asks back what was ordered.
+    /// Reads the settings back and checks them against what was set.
     pub(super) fn ready(&mut self, sequence: Option<&str>) -> Result<Settings> {
         let mut tries = 1;
         loop {
@@ -171,7 +174,8 @@ impl<P: CommandPort> Scpi<P> {
             });
             match wrong {
                 None => return Ok(settings),
-                // The power-on event has been read, and what was ordered before it is void.
+                // Reading the power-on event has cleared it, and everything set before the event is
+                // void.
                 Some((query, word)) if tries == TRIES || query == EVENTS => {
                     return Err(Error::device(format!(
                         "{}: {query} says {word:?}, which is not what was ordered: the device was \
@@ -184,11 +188,12 @@ impl<P: CommandPort> Scpi<P> {
         }
     }
 
-    /// Asks for all settings that the device knows: in one line, but for those of a file's words.
+    /// Queries all settings that the device knows: in one line, except those with a file's
+    /// commands.
     pub(super) fn settings(&mut self) -> Result<Settings> {
         let mut settings = self.own_settings()?;
         for what in TOLD {
-            // In the device's own words it is among the others, or nothing that was ordered.
+            // In the device's own commands it is already among the settings, or was never set.
             if let Wording::File(_) = self.words.of(what)
                 && let Some(word) = self.word(what, "")?
             {
@@ -223,7 +228,7 @@ impl<P: CommandPort> Scpi<P> {
         Ok(Settings(known.into_iter().zip(words).map(word).collect()))
     }
 
-    /// Those of [`SETTINGS`] that the device was told, or tells, in its own words.
+    /// Returns the queries of [`SETTINGS`] that are set or reported with the device's own commands.
     fn asked(&self) -> Vec<&'static str> {
         let own = |operation| matches!(self.words.of(operation), Wording::Own);
         let settings = SETTINGS.iter();
@@ -231,10 +236,10 @@ impl<P: CommandPort> Scpi<P> {
         own.map(|(_, query, _)| *query).collect()
     }
 
-    /// Finds out which of [`SETTINGS`] the device knows; fewer each time.
+    /// Finds out which of [`SETTINGS`] the device knows, by sending each query on its own.
     ///
     /// # Errors
-    /// A device that knows no longer what it has answered.
+    /// Returns an error if the device no longer knows a query that it has answered before.
     fn probe(&mut self) -> Result<()> {
         if self.known.is_some() {
             return Err(Error::device(format!(
@@ -261,7 +266,7 @@ impl<P: CommandPort> Scpi<P> {
         strings(word).pop()
     }
 
-    /// A text on which numbers depend.
+    /// Reads a text that contains measurement data.
     fn text(&mut self, operation: &str, query: &str) -> Result<Option<String>> {
         if !matches!(self.words.of(operation), Wording::Own) {
             let place = self.place(operation);
@@ -273,7 +278,7 @@ impl<P: CommandPort> Scpi<P> {
                 .transpose();
         }
         let place = format!("{}: {query}", self.info());
-        // The line has no checksum, and a number with one wrong digit is a number.
+        // The line has no checksum, and a number with one wrong digit is still a valid number.
         match agreed(&place, || self.instrument.query_block(query))? {
             None => Ok(None),
             Some(bytes) => String::from_utf8(bytes)
@@ -295,7 +300,7 @@ impl<P: CommandPort> Scpi<P> {
     }
 
     pub(super) fn arm(&mut self) -> Result<()> {
-        // Armed already is refused; this may be given twice.
+        // INIT is refused if the device is already armed; with ABOR the command can be repeated.
         self.order("arm", "ABOR;:INIT", &[])
     }
 
@@ -307,12 +312,12 @@ impl<P: CommandPort> Scpi<P> {
     }
 
     pub(super) fn complaints(&mut self) -> Result<()> {
-        // Where a device keeps them is SCPI's to say, and no file's.
+        // The location of the error queue is defined by SCPI, not by a file.
         self.instrument.check("INIT;*TRG")
     }
 }
 
-/// Questions in one line, each from the root.
+/// Joins queries into one line, each starting from the root of the command tree.
 fn ask_for(queries: &[&str]) -> String {
     let rooted = queries.iter().map(|query| match query.starts_with('*') {
         true => (*query).to_owned(),
@@ -321,7 +326,7 @@ fn ask_for(queries: &[&str]) -> String {
     rooted.collect::<Vec<_>>().join(";")
 }
 
-/// The answers of a line: `;` in a string parts nothing.
+/// Splits a line into its answers; `;` inside a string does not separate.
 fn split(reply: &str) -> Vec<String> {
     let mut words = vec![String::new()];
     let mut quoted = false;
@@ -335,7 +340,7 @@ fn split(reply: &str) -> Vec<String> {
     words
 }
 
-/// The strings among the data of an answer.
+/// Returns the strings in the data of an answer.
 fn strings(answer: &str) -> Vec<String> {
     parse(format!("LIST {answer}").as_bytes())
         .units

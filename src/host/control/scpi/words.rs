@@ -1,28 +1,28 @@
-//! With which words an operation is done: the device's own, which the file `scpi` has, or those of a
-//! file that says others.
+//! Selects the commands for an operation: the device's own, defined by the file `scpi`, or those of
+//! a dialect file that overrides them.
 
 use crate::{CommandPort, Instrument};
 use phasmid_core::error::{Error, Result};
 use phasmid_protocol::dialect::{Dialect, Operation, Reply, Step, Value};
 
-/// The words of a conversation.
+/// The commands used in a conversation.
 pub(super) struct Words {
-    /// The device's own.
+    /// The device's own commands.
     own: Dialect,
     file: Option<Dialect>,
 }
 
-/// How an operation is done.
+/// Which commands perform an operation.
 pub(super) enum Wording<'a> {
-    /// As the device's own words have it.
+    /// The device's own commands.
     Own,
-    /// As a file has it.
+    /// The commands of a file.
     File(Worded<'a>),
-    /// A file has no words for it: a scan does without.
+    /// The file does not define the operation; a scan skips it.
     None,
 }
 
-/// An operation in a file's words.
+/// An operation with a file's commands.
 pub(super) struct Worded<'a> {
     dialect: &'a Dialect,
     operation: &'a Operation,
@@ -41,8 +41,9 @@ impl Words {
         }
     }
 
-    /// What the device says of its own accord at power-on. It is skipped; that the device was switched
-    /// off it says when it is asked (`*ESR?`), for this may be on its way when a run begins.
+    /// Returns the messages that the device sends unprompted at power-on. They are skipped, because
+    /// they may still be in transit when a run begins; a power cycle is detected by a query
+    /// (`*ESR?`) instead.
     pub(super) fn chatter(&self) -> Vec<Vec<u8>> {
         let boot = self.file.iter().flat_map(Dialect::boot);
         boot.map(|boot| boot.bytes.clone()).collect()
@@ -61,17 +62,18 @@ impl Words {
 }
 
 impl Worded<'_> {
-    /// What messages call it: its last command.
+    /// Returns the name of the operation for messages: its last command.
     pub(super) fn name(&self) -> String {
         let step = self.operation.steps.last();
         let command = step.map_or("", |step| step.command.as_str());
         format!("{command} ({})", self.dialect.name())
     }
 
-    /// Does all steps; gives the result where it has one.
+    /// Performs all steps; returns the result if the operation has one.
     ///
     /// # Errors
-    /// What the port or the device refuses, and what the words cannot say.
+    /// Returns an error if the port fails, the device refuses, or the dialect cannot express a
+    /// step.
     pub(super) fn perform<P: CommandPort>(
         &self,
         instrument: &mut Instrument<P>,
@@ -94,10 +96,10 @@ impl Worded<'_> {
         Ok(self.operation.result(&values))
     }
 
-    /// Sends all steps once, without waiting for anything.
+    /// Sends all steps once, without waiting for answers.
     ///
     /// # Errors
-    /// A port that has gone or takes nothing.
+    /// Returns an error if the port is gone or accepts no data.
     pub(super) fn tell<P: CommandPort>(&self, instrument: &mut Instrument<P>) -> Result<()> {
         for step in &self.operation.steps {
             let line = self.line(instrument, step, &[])?;
@@ -106,7 +108,7 @@ impl Worded<'_> {
         Ok(())
     }
 
-    /// What a step says, without its end.
+    /// Returns the line that a step sends, without its terminator.
     fn line<P: CommandPort>(
         &self,
         instrument: &Instrument<P>,

@@ -1,4 +1,5 @@
-//! In step with a device: which answer is to which question, and whether it has been switched off.
+//! Synchronization with a device: matches answers to queries, and detects whether the device was
+//! switched off.
 
 use super::super::TRIES;
 use super::{MARKED, Spoken};
@@ -8,8 +9,8 @@ use phasmid_protocol::dialect::Value;
 use std::time::Duration;
 
 impl<P: CommandPort> Spoken<P> {
-    /// Gets in step again with a device whose answers bear no numbers: it is told to remember a
-    /// number and asked for it, and whatever comes before that one answers something else.
+    /// Synchronizes with a device whose answers carry no numbers: tells it to remember a number
+    /// (mark) and queries the mark. Answers that arrive before the mark belong to earlier queries.
     pub(super) fn step(&mut self) -> Result<()> {
         if !self.line.stray {
             return Ok(());
@@ -19,7 +20,7 @@ impl<P: CommandPort> Spoken<P> {
         if !self.is_marked() {
             return Ok(());
         }
-        // The next number hides whether the device still has this one.
+        // Check this before the next mark overwrites the current one.
         self.forgotten |= self.mark != 0 && !self.remembers()?;
         for _ in 0..TRIES {
             self.set_mark()?;
@@ -35,7 +36,7 @@ impl<P: CommandPort> Spoken<P> {
         )))
     }
 
-    /// Whether the device can be told a number that it forgets when it is switched off.
+    /// Returns whether the device can remember a mark, which it forgets on power-off.
     pub(super) fn is_marked(&self) -> bool {
         self.has("mark") && self.has(MARKED)
     }
@@ -45,8 +46,8 @@ impl<P: CommandPort> Spoken<P> {
         Ok(word.as_ref().and_then(Value::number) == Some(f64::from(self.mark)))
     }
 
-    /// Whether it still knows the number: an answer that says another one may be damaged, or another
-    /// question's.
+    /// Returns whether the device still knows its mark. Asks several times, because an answer with
+    /// another number may be corrupted or belong to another query.
     fn remembers(&mut self) -> Result<bool> {
         for _ in 0..TRIES {
             if self.says_mark()? {
@@ -63,7 +64,7 @@ impl<P: CommandPort> Spoken<P> {
         self.perform("mark", &[("mark", mark)]).map(drop)
     }
 
-    /// From here on a device that is switched off and on is found out.
+    /// Starts to watch for a power cycle of the device.
     pub(in crate::control) fn begin(&mut self) -> Result<()> {
         self.step()?;
         self.line.pass(Duration::ZERO)?;

@@ -1,4 +1,4 @@
-//! Series of pydicom's, and a writer of our own for what is wrong.
+//! Series written by pydicom, and a small writer for invalid files.
 
 mod phases;
 mod refused;
@@ -12,9 +12,10 @@ use std::path::PathBuf;
 
 #[test]
 fn series_of_pydicom_are_read_as_it_meant_them() {
-    // 4 x 3 x 3 voxels of -1000 + i + 10 j + 100 k, in files whose names are not in the slices'
-    // order: explicit, unsigned in 12 bits from -1024; implicit, signed in halves from 7.25. Before
-    // the pixels stand sequences of defined and undefined length and private elements.
+    // 4 x 3 x 3 voxels of -1000 + i + 10 j + 100 k, in files whose names do not follow the slice
+    // order. One series is explicit and unsigned, with 12 bits from -1024; the other is implicit
+    // and signed, in steps of 1/2 from 7.25. Sequences of defined and undefined length and private
+    // elements precede the pixels.
     for (folder, lost) in [("explicit", 0.0), ("implicit", 0.25)] {
         let folder = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../.."))
             .join("tests/data/dicom")
@@ -51,7 +52,7 @@ fn series_of_pydicom_are_read_as_it_meant_them() {
     }
 }
 
-/// An image of 4 x 3 pixels, explicit VR, all of one number.
+/// An image of 4 x 3 pixels with one value, explicit VR.
 #[derive(Clone)]
 struct Image(BTreeMap<Tag, (&'static str, Vec<u8>)>);
 
@@ -127,7 +128,7 @@ impl Image {
     }
 }
 
-/// A folder of images by their names.
+/// Creates a folder of named images.
 fn folder(images: impl IntoIterator<Item = (String, Image)>) -> tempfile::TempDir {
     let dir = tempfile::tempdir().unwrap();
     for (name, image) in images {

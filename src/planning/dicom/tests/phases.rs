@@ -1,17 +1,17 @@
-//! Phases, by all the ways in which files say them.
+//! All ways in which files state their phase.
 
 use super::super::sorted::in_words;
 use super::*;
 
-/// Files by their names.
+/// Images with their file names.
 type Images = Vec<(String, Image)>;
 
-/// Ten series of three slices, a phase each, whose numbers tell it.
+/// Ten series of three slices, one per phase; the pixel value encodes the phase.
 fn four_d(describe: impl Fn(u32) -> String) -> Images {
     let mut images = Vec::new();
     for phase in 0..10_u32 {
         for k in 0..3 {
-            // Identifiers in another order than the phases.
+            // UIDs are not in the order of the phases.
             let series = format!("1.5.{}", (phase * 7) % 10);
             let mut image = Image::new(&series, &describe(10 * phase), 3.0 * f64::from(k));
             let pixels = (1024 + phase as u16).to_le_bytes().repeat(12);
@@ -44,7 +44,7 @@ fn phases_are_told_by_what_the_series_are_called() {
         images.push((format!("average/{k}"), average));
     }
     let dir = folder(images);
-    // What a program of a scanner leaves there.
+    // Other files that scanner software leaves in such a folder.
     std::fs::write(dir.path().join("DICOMDIR"), b"no image").unwrap();
     std::fs::write(dir.path().join(".hidden"), b"no image").unwrap();
     let phases = check_ten(dir.path());
@@ -53,7 +53,7 @@ fn phases_are_told_by_what_the_series_are_called() {
 
 #[test]
 fn phases_are_told_by_what_the_images_say() {
-    // One series for all: nominal percentage, temporal position, trigger time.
+    // All phases in one series, divided by nominal percentage, temporal position or trigger time.
     let with = |change: fn(&mut Image, u32)| {
         let mut images = four_d(|_| "4D".to_owned());
         for (name, image) in &mut images {
@@ -138,7 +138,7 @@ fn the_reference_phase_is_the_one_that_is_asked_for() {
     let words = "phases 0, 10, 20, 30, 40, 50, 60, 70, 80, 90 %, and `Average` (1.6), 3 images; \
                  allowed: phase 75 %";
     assert!(absent.contains(words), "{absent}");
-    // One series is that of the reference phase, unless its images say otherwise.
+    // A single series is taken as the reference phase unless its images state another.
     let (volume, _) = read_reference(folder(series()).path(), 50.0).unwrap();
     assert_eq!(volume.grid().size, [4, 3, 5]);
     let mut other = series();
@@ -153,7 +153,7 @@ fn the_reference_phase_is_the_one_that_is_asked_for() {
         "{found}"
     );
     read_reference(dir.path(), 30.0).unwrap();
-    // Several that say nothing are mixed up.
+    // Several series without a phase are ambiguous.
     let mut mixed = series();
     mixed[2].1.text((0x20, 0x0E), "1.6");
     let found = read_reference(folder(mixed).path(), 50.0)

@@ -1,8 +1,8 @@
-//! What is no volume, no image or none of ours, each named.
+//! Invalid and unsupported images and series, each with its error message.
 
 use super::*;
 
-/// Something done to images of a folder.
+/// A modification of the images in a folder.
 type Change = fn(&mut Vec<(String, Image)>);
 
 fn complaint(images: Vec<(String, Image)>) -> String {
@@ -124,7 +124,7 @@ fn a_series_that_is_no_volume_is_named_with_the_file() {
         let found = complaint(images);
         assert!(found.contains(words), "{words}\n{found}");
     }
-    // What is tilted says by how much.
+    // The message for a tilted series states the angle.
     let mut tilted = series();
     let image = &mut tilted[4].1;
     image.text((0x20, 0x32), "-10\\22\\112");
@@ -228,12 +228,12 @@ fn an_image_that_is_none_of_ours_is_named_with_the_element() {
     let bytes = image.bytes();
     assert!(refused(b"II*\0").contains("no `DICM` after 128 bytes, 4 in all"));
     assert!(refused(&bytes[..bytes.len() - 1]).contains("23 bytes left; allowed: 24, as declared"));
-    // Pixels in fragments, in a file that says they were none.
+    // Fragmented (compressed) pixels in a file that declares uncompressed ones.
     let at = bytes.len() - 24;
     let mut fragments = bytes[..at - 4].to_vec();
     fragments.extend([0xFF; 4]);
     assert!(refused(&fragments).contains("compressed pixels"));
-    // A length of four gigabytes, and sequences in each other without end.
+    // A length of four gigabytes, and deeply nested sequences.
     let mut long = bytes[..at - 4].to_vec();
     long.extend(0xFFFF_FFF0_u32.to_le_bytes());
     assert!(refused(&long).contains("0 bytes left; allowed: 4294967280, as declared"));

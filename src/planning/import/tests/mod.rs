@@ -1,4 +1,4 @@
-//! Import of bodies of a closed form.
+//! Imports bodies of known shape.
 
 mod refused;
 
@@ -10,7 +10,7 @@ use crate::volume::{Field, Volume};
 
 fn silent(_: &str) {}
 
-/// Where everything of the small body is, in the scanner's LPS.
+/// Centre of the test body, in the scanner's LPS.
 const CENTRE: DVec3 = DVec3::new(12.0, -140.0, -812.0);
 const BODY_MM: f64 = 50.0;
 const TUMOUR_MM: f64 = 12.0;
@@ -24,7 +24,7 @@ fn grid(spacing_mm: f64, half_mm: f64) -> Grid {
     )
 }
 
-/// Hounsfield units of a ball of water in air, 4 mm from one to the other.
+/// Hounsfield units of a ball of water in air, with a transition 4 mm wide.
 fn body(p: DVec3) -> f64 {
     let inside = BODY_MM - (p - CENTRE).length();
     -1000.0 + 1000.0 * (0.5 + 0.25 * inside).clamp(0.0, 1.0)
@@ -41,7 +41,7 @@ fn ball(radius: f64) -> Mesh {
     isosurface(&volume, 0.0, Parts::Largest, "ball").unwrap()
 }
 
-/// A folder with `ct.mha`, `tumour.ply` and fields of three phases, and what imports it.
+/// Creates a folder with `ct.mha`, `tumour.ply` and fields of three phases, and the import of it.
 fn small() -> (tempfile::TempDir, Import) {
     let dir = tempfile::tempdir().unwrap();
     let path = |name: &str| dir.path().join(name);
@@ -95,12 +95,12 @@ fn a_body_of_a_closed_form_is_where_it_was() {
     );
     let planning = Planning::load(&out).unwrap();
     for v in &planning.skin.vertices {
-        // Voxels of 4 mm that are as full as they are.
+        // 4 mm voxels with partial volumes.
         assert!((v.length() - BODY_MM).abs() < 0.4, "{v}");
     }
     assert!((made.tumour_motion_mm - moved(CENTRE, 0.0).length()).abs() < 1e-3);
 
-    // The same tumour as a mask of fine voxels, with a part that lies apart.
+    // The same tumour as a mask of fine voxels, with a separate part.
     let apart = CENTRE + DVec3::new(0.0, 0.0, 20.0);
     let full = |p: DVec3| {
         let inside = (TUMOUR_MM - (p - CENTRE).length()).max(3.0 - (p - apart).length());
@@ -130,11 +130,11 @@ fn fields_on_a_coarser_grid_say_the_same() {
     let planning = Planning::load(&out).unwrap();
     for (percent, field) in &planning.phases {
         let grid = field.grid();
-        // 128 mm are 8.5 steps of 15.
+        // 128 mm are 8.5 steps of 15 mm.
         assert_eq!(grid.size, [10; 3]);
         assert!(grid.point(grid.last() / 2.0).length() < 1e-3);
         for v in &planning.skin.vertices {
-            // A shear is linear, and whatever lies between voxels is exact.
+            // A shear is linear, so interpolation is exact.
             let exact = match *percent {
                 50.0 => DVec3::ZERO,
                 percent => moved(*v + made.file.isocentre_mm, percent),
@@ -151,7 +151,7 @@ fn fields_on_a_coarser_grid_say_the_same() {
 fn rays_tell_what_a_surface_encloses() {
     let surface = ball(13.0);
     let near = surface.vertices[0];
-    // Points of the grid that the surface was made on among them: rays along its edges.
+    // Include points of the grid on which the surface was made: rays along its edges.
     let mut points = vec![near + 0.1 * (near - CENTRE).normalize()];
     let lattice = grid(2.0, 20.0);
     for n in 0..lattice.voxels() {

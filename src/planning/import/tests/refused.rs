@@ -1,10 +1,10 @@
-//! What does not fit, one message each, and nothing left behind.
+//! Inconsistent inputs, each with its message, and no files left behind.
 
 use super::*;
 use crate::volume::Voxels;
 use glam::DMat3;
 
-/// What is said after a change, of which `out` is a folder that is not there.
+/// Returns the error message after a modification; the output folder must not exist afterwards.
 fn complaint(change: impl Fn(&Path, &mut Import)) -> String {
     let (dir, mut import) = small();
     change(dir.path(), &mut import);
@@ -100,7 +100,7 @@ fn fields_that_do_not_match_are_named() {
         &still,
         &["fields: a skin that moves 0.000 mm at most", "0.1 mm"],
     );
-    // In no unit that a breath is long in.
+    // Displacements in the wrong unit.
     let long = complaint(|_, import| {
         for (percent, path) in &import.phases {
             let moved = |p| 20.0 * moved(p, *percent);
@@ -135,7 +135,7 @@ fn fields_that_do_not_match_are_named() {
             "0.mhd has (8, 8, 8)",
         ],
     );
-    // A number that is none, found when the first files are there already.
+    // A NaN that is found after the first files were written.
     let nan = complaint(|_, import| {
         let (_, path) = &import.phases[1];
         let mut raw = vec![0; 12 * 17 * 17 * 17];
@@ -210,7 +210,7 @@ fn what_is_no_ct_is_named() {
         &raised,
         &["ct.mha: 100 % of the voxels at -500 or more; allowed: Hounsfield units"],
     );
-    // The body's bytes in another order than its header says.
+    // Swapped byte order.
     let swapped = complaint(|_, import| {
         let swap = |p| f32::from((body(p) as i16).swap_bytes());
         let ct = Volume::of(grid(4.0, 64.0), |p| f64::from(swap(p)), "ct").unwrap();

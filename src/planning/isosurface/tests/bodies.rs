@@ -1,4 +1,4 @@
-//! Several bodies and their cavities, noise, and what has no surface.
+//! Several bodies and cavities, noise, and volumes without a surface.
 
 use super::*;
 
@@ -6,8 +6,8 @@ use super::*;
 fn a_body_alone_remains_and_its_cavities_if_wanted() {
     let grid = Grid::upright([60, 50, 40], DVec3::ONE, DVec3::ZERO);
     let ball = |p: DVec3, x: f64, y: f64, z: f64, r: f64| r - (p - DVec3::new(x, y, z)).length();
-    // A body with a lung that a windpipe joins to the first slice, and a bubble; a couch, and a
-    // marker within the lung that touches nothing.
+    // A body with a bubble and a lung that a trachea connects to the first slice; a couch; and an
+    // isolated marker in the lung.
     let value = |p: DVec3| {
         let body = ball(p, 25.0, 25.0, 12.0, 20.0);
         let lung = ball(p, 25.0, 25.0, 10.0, 7.0);
@@ -24,11 +24,11 @@ fn a_body_alone_remains_and_its_cavities_if_wanted() {
     let volume = Volume::of(grid, value, "ct").unwrap();
     let parts = |parts| closed_manifold(&isosurface(&volume, 0.0, parts, "ct").unwrap());
     let [all, largest, filled] = [Parts::All, Parts::Largest, Parts::LargestFilled].map(parts);
-    // Body with lung (a dent, by the windpipe), bubble, marker, couch.
+    // Body with lung (a dent, because of the trachea), bubble, marker, couch.
     assert_eq!(all.components, 4);
     assert_eq!(largest.components, 2);
     assert_eq!((filled.components, filled.euler), (1, 2));
-    // The cap of the first slice is at its outer faces, half a millimetre below.
+    // The cap of the first slice is at the outer faces, half a millimetre below.
     let cut: f64 = 20.0 - 12.5;
     let ball = 4.0 / 3.0 * PI * 8000.0 - PI * cut * cut * (60.0 - cut) / 3.0;
     assert!(
@@ -59,7 +59,7 @@ fn noise_has_a_closed_manifold_surface_too() {
     ] {
         for level in [-6.0, 0.0, 13.0, 27.0] {
             let grid = Grid::upright([ni, nj, nk], DVec3::new(1.0, 0.7, 3.0), DVec3::ZERO);
-            // Few numbers, so that many voxels stand on the level itself.
+            // Few distinct values, so that many voxels are exactly at the level.
             let voxels: Vec<i16> = (0..ni * nj * nk).map(|_| next() % 33).collect();
             let volume = Volume::new(grid, Voxels::I16(voxels), "noise").unwrap();
             let all = match isosurface(&volume, level, Parts::All, "noise") {
@@ -72,8 +72,8 @@ fn noise_has_a_closed_manifold_surface_too() {
             closed_manifold(&all);
             for v in &all.vertices {
                 let index = grid.index(*v);
-                // Inside of the centres' box all are on the level, but for what the least distance
-                // from centres moves.
+                // Within the box of the centres, all vertices are on the level, except those moved
+                // by the minimum distance from centres.
                 if index.cmpge(DVec3::ZERO).all() && index.cmple(grid.last()).all() {
                     assert!((volume.nearest(index) - level).abs() < 0.1, "{index}");
                 }
@@ -114,7 +114,7 @@ fn a_level_that_nothing_reaches_is_named() {
         "ct.mha: no voxel of -500 or more; allowed: a level up to -1000"
     );
     assert!(words(f64::NAN).contains("a level of NaN"));
-    // What fills the volume ends at its outer faces.
+    // A body that fills the volume ends at its outer faces.
     let block = closed_manifold(&isosurface(&air, -1000.0, Parts::All, "ct").unwrap());
     assert_eq!((block.components, block.euler), (1, 2));
     assert!((4.0..8.0).contains(&block.volume), "{}", block.volume);

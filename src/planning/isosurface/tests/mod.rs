@@ -1,5 +1,5 @@
-//! Bodies whose surface has a closed form, what they are in a CT, and noise, whose surface has to be
-//! one all the same.
+//! Bodies of known surface, their partial volumes in a CT, and noise, whose surface must be closed
+//! and manifold too.
 
 mod bodies;
 mod partial;
@@ -11,7 +11,7 @@ use glam::{DMat3, DQuat, DVec3};
 use std::collections::HashMap;
 use std::f64::consts::PI;
 
-/// A closed mesh, looked at from all sides.
+/// Properties of a closed manifold mesh.
 struct Facts {
     /// Vertices - edges + triangles.
     euler: i64,
@@ -20,8 +20,8 @@ struct Facts {
     area: f64,
 }
 
-/// What a closed manifold has; panics where the mesh is none: every side of a triangle is another's
-/// in the other direction, and the triangles at every vertex make one fan.
+/// Returns the properties of a mesh. Panics if it is not a closed manifold: every side of a
+/// triangle is another's in the opposite direction, and the triangles at every vertex form one fan.
 fn closed_manifold(mesh: &Mesh) -> Facts {
     let mut sides = HashMap::new();
     for &[a, b, c] in &mesh.triangles {
@@ -83,7 +83,7 @@ fn closed_manifold(mesh: &Mesh) -> Facts {
     }
 }
 
-/// A grid about a centre, turned, with voxels that are no cubes; left-handed if asked.
+/// A rotated grid around a centre, with non-cubic voxels; left-handed if `mirrored`.
 fn grid(reach_mm: f64, spacing_mm: DVec3, centre: DVec3, mirrored: bool) -> Grid {
     let turn = DMat3::from_quat(DQuat::from_euler(glam::EulerRot::XYZ, 0.4, -0.3, 0.9));
     let hand = if mirrored { -1.0 } else { 1.0 };
@@ -95,7 +95,7 @@ fn grid(reach_mm: f64, spacing_mm: DVec3, centre: DVec3, mirrored: bool) -> Grid
     Grid {
         size,
         spacing_mm,
-        // No voxel's centre is where symmetry would put it.
+        // Offset so that no voxel's centre is at a symmetric position.
         origin_mm: centre - direction * (half + 0.3 * spacing_mm),
         direction,
     }

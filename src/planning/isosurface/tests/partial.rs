@@ -1,18 +1,18 @@
-//! Voxels as full as they are: how far linear interpolation is off then.
+//! Partial volumes: the resulting error of linear interpolation.
 
 use super::*;
 
-/// The part of [-1/2, 1/2] below x: how full a voxel is whose centre is x voxels inside.
+/// Fill fraction of a voxel whose centre is x voxels inside: the part of [-1/2, 1/2] below x.
 fn full(x: f64) -> f64 {
     (x + 0.5).clamp(0.0, 1.0)
 }
 
 #[test]
 fn partial_volumes_put_a_plane_where_theory_says() {
-    // A voxel that a plane crosses is as full as it is: Hounsfield units of air (-1000) and tissue
-    // (40). Between one that is f = 1/2 + x full and an empty one the level c is met at 1 - c / f
-    // where x was right: off by 3/2 - 2 sqrt c at worst, 0.0858 voxels at a half, and as much with c
-    // from the other side. A scanner's blur only makes it less.
+    // A voxel that a plane crosses has a partial volume of air (-1000) and tissue (40). Between a
+    // voxel of fill f = 1/2 + x and an empty one, the level c is found at 1 - c / f instead of x:
+    // the error is at most 3/2 - 2 sqrt c, 0.0858 voxels at c = 1/2, and the same with 1 - c from
+    // the other side. A scanner's blur reduces it.
     for (level, part) in [(-480.0, 0.5), (SKIN_HU, 0.5 / 1.04), (-400.0, 0.6 / 1.04)] {
         let worst = (0..400)
             .map(|step| {
@@ -23,7 +23,7 @@ fn partial_volumes_put_a_plane_where_theory_says() {
                 let volume = Volume::new(grid, Voxels::I16(voxels), "plane").unwrap();
                 let mesh = isosurface(&volume, level, Parts::All, "plane").unwrap();
                 closed_manifold(&mesh);
-                // The lowest cap is at the volume's face, the highest vertices are the plane's.
+                // The lowest cap is at the volume's face; the highest vertices are on the plane.
                 let (low, high) = mesh.bounds().unwrap();
                 assert!((low.z + 1.25).abs() < 1e-12);
                 (high.z / 2.5 - plane).abs()
@@ -31,7 +31,7 @@ fn partial_volumes_put_a_plane_where_theory_says() {
             .fold(0.0, f64::max);
         let c: f64 = f64::max(part, 1.0 - part);
         let theory = 1.5 - 2.0 * (1.0 - c).sqrt();
-        // Whole numbers are off by half a unit of 1040, which the division may double.
+        // Integers are off by half a unit of 1040, which the division may double.
         assert!(
             (worst - theory).abs() < 2e-3,
             "{level}: {worst}, not {theory}"
@@ -39,13 +39,13 @@ fn partial_volumes_put_a_plane_where_theory_says() {
     }
 }
 
-/// How full a voxel is of a ball: 16 x 16 lines through it, each by its length.
+/// Fill fraction of a voxel by a ball: 16 x 16 lines through the voxel, each by its length inside.
 fn filling(grid: &Grid, centre: DVec3, radius: f64, p: DVec3) -> f64 {
     let out = p - centre;
     if (out.length() - radius).abs() > 2.0 {
         return f64::from(u8::from(out.length() < radius));
     }
-    // Lines along the axis that meets the ball most steeply.
+    // Lines along the axis that crosses the ball most steeply.
     let steep = (grid.direction.transpose() * out).abs() * grid.spacing_mm;
     let along = (0..3).fold(0, |a, b| if steep[b] > steep[a] { b } else { a });
     let (u, v) = ((along + 1) % 3, (along + 2) % 3);
@@ -78,7 +78,7 @@ fn partial_volumes_put_a_sphere_within_a_tenth_of_a_voxel() {
     closed_manifold(&mesh);
     let (mut worst, mut square) = (0.0_f64, 0.0);
     for v in &mesh.vertices {
-        // In voxels along the axis that goes through the surface most steeply.
+        // In voxels along the axis that crosses the surface most steeply.
         let out = (*v - centre).normalize();
         let steps = (grid.direction.transpose() * out).abs() * grid.spacing_mm;
         let voxel = steps.max_element();

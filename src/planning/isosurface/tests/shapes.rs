@@ -1,4 +1,4 @@
-//! Spheres, ellipsoids and tori, on turned grids of voxels that are no cubes.
+//! Spheres, ellipsoids and tori, on rotated grids with non-cubic voxels.
 
 use super::*;
 
@@ -7,7 +7,7 @@ fn facet(mesh: &Mesh, t: usize) -> (DVec3, DVec3) {
     ((a + b + c) / 3.0, (b - a).cross(c - a).normalize())
 }
 
-/// Order at which errors fall from each grid to the next, twice as fine.
+/// Order of convergence from each grid to the next, twice as fine.
 fn orders(errors: &[f64]) -> Vec<f64> {
     errors.windows(2).map(|e| (e[0] / e[1]).log2()).collect()
 }
@@ -25,7 +25,7 @@ fn a_sphere_converges_as_linear_interpolation_does() {
         assert_eq!((facts.euler, facts.components), (2, 1));
         let off = |p: &DVec3| ((*p - centre).length() - radius).abs();
         distance.push(mesh.vertices.iter().map(off).fold(0.0, f64::max));
-        // The mean of normals' angles, by area.
+        // Area-weighted mean angle between mesh normals and true normals.
         let mut angle = 0.0;
         for t in 0..mesh.triangles.len() {
             let [a, b, c] = mesh.corners(t);
@@ -38,7 +38,7 @@ fn a_sphere_converges_as_linear_interpolation_does() {
         area.push((facts.area / (4.0 * PI * radius * radius) - 1.0).abs());
         volume.push((facts.volume / (4.0 / 3.0 * PI * radius.powi(3)) - 1.0).abs());
     }
-    // A chord of 6 mm sags by 6^2 / (8 x 40) = 0.11 mm at most.
+    // A chord of 6 mm has a sagitta of at most 6^2 / (8 x 40) = 0.11 mm.
     assert!(distance[0] < 0.12, "{distance:?}");
     assert!(
         normal[0] < 0.03 && area[0] < 5e-3 && volume[0] < 1e-2,

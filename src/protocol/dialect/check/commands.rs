@@ -1,4 +1,4 @@
-//! Commands: what is sent, what it stands for, what is answered.
+//! Checks of commands: requests, firmware messages and replies.
 
 use super::Check;
 use super::fields::fields;
@@ -12,7 +12,7 @@ use crate::scpi::parse;
 use phasmid_core::error::Result;
 
 const MAX_COMMANDS: usize = 128;
-/// Messages or lines of a command.
+/// Maximum number of messages or lines of a command.
 const MAX_PARTS: usize = 16;
 
 pub(super) fn commands(check: &Check<'_>, framing: &Framing) -> Result<Vec<Command>> {
@@ -136,7 +136,7 @@ fn command(
     Ok(command)
 }
 
-/// Every field stands in the templates once, and nothing else does.
+/// Checks that the templates contain every field exactly once and nothing else.
 fn all_named(
     check: &Check<'_>,
     path: &str,
@@ -287,7 +287,7 @@ fn chunked(
     })
 }
 
-/// What a command stands for, and where the values of its reply come from.
+/// Checks the firmware messages of a command, and the source of its reply values.
 fn actions(
     check: &Check<'_>,
     framing: &Framing,
@@ -409,7 +409,7 @@ fn examples(command: &Command, run: &Template) -> Vec<String> {
     messages
 }
 
-/// Types that stand for a refusal's number in a packet.
+/// Types allowed for a refusal's error number in a packet.
 pub(super) fn is_error_number(kind: Kind) -> bool {
     kind.width().is_some() && kind != Kind::F32
 }

@@ -1,4 +1,4 @@
-//! Arguments and values.
+//! Checks of arguments and values.
 
 use super::Check;
 use crate::dialect::Value;
@@ -7,7 +7,7 @@ use crate::dialect::field::{Field, Kind, Unit};
 use crate::dialect::file::FieldFile;
 use phasmid_core::error::Result;
 
-/// Most arguments or values of a command.
+/// Maximum number of arguments or values of a command.
 const MAX_FIELDS: usize = 32;
 
 pub(super) fn fields(
@@ -101,7 +101,7 @@ fn field(
     Ok(field)
 }
 
-/// Whether a type can stand where it shall; gives whether its first byte is its most significant.
+/// Checks that a type is allowed at its position; returns whether it is big-endian.
 fn fits_framing(
     check: &Check<'_>,
     framing: &Framing,

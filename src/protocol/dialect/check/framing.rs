@@ -1,4 +1,4 @@
-//! How messages are told from each other.
+//! Checks of message framing.
 
 use super::Check;
 use crate::dialect::command::{Framing, LineEnds};
@@ -9,9 +9,9 @@ use phasmid_core::error::Result;
 use std::ops::Range;
 use std::sync::Arc;
 
-/// Longest packet.
+/// Maximum packet length in bytes.
 const MAX_PACKET: usize = 4096;
-/// Longest line that a file may ask for.
+/// Maximum line length that a file may set.
 const MAX_LINE: usize = 64 << 10;
 
 pub(super) fn framing(check: &Check<'_>) -> Result<Framing> {
@@ -156,7 +156,7 @@ fn layout(check: &Check<'_>, packet: &PacketFile) -> Result<Arc<Layout>> {
     }))
 }
 
-/// No byte of a header is two things.
+/// Checks that header fields do not overlap.
 fn apart(
     check: &Check<'_>,
     packet: &PacketFile,

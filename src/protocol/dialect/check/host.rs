@@ -1,4 +1,4 @@
-//! The host's operations.
+//! Checks of the host's operations.
 
 use super::Check;
 use super::fields::number_or_text;

@@ -1,4 +1,4 @@
-//! Makes a dialect of a file, or says which line of it contradicts what.
+//! Builds a dialect from a file, or reports which line is inconsistent.
 
 mod commands;
 mod fields;
@@ -16,10 +16,10 @@ use phasmid_core::error::{Error, Result};
 use phasmid_core::source::TomlSource;
 use std::fmt::Display;
 
-/// Longest template.
+/// Maximum template length.
 const MAX_TEMPLATE: usize = 200;
 
-/// A file with the checks that it goes through.
+/// A file being checked.
 struct Check<'a> {
     source: &'a TomlSource,
     file: &'a File,
@@ -84,7 +84,7 @@ impl Check<'_> {
         Ok(())
     }
 
-    /// Where a field stands, for messages.
+    /// Returns the location of a field, for messages.
     fn place(&self, field: &str) -> String {
         match self.source.violation(field, "", "") {
             Error::Input { place, .. } => place,
@@ -127,7 +127,7 @@ pub(super) fn dialect(file: &File, source: &TomlSource) -> Result<Dialect> {
     Ok(dialect)
 }
 
-/// Lines that fit two templates would mean two things.
+/// Rejects pairs of templates that match the same line.
 fn told_apart(check: &Check<'_>, dialect: &Dialect) -> Result<()> {
     let Framing::Line(ends) = &dialect.framing else {
         return Ok(());
@@ -160,7 +160,7 @@ fn told_apart(check: &Check<'_>, dialect: &Dialect) -> Result<()> {
     Ok(())
 }
 
-/// The host has to know what a line is that comes where a reply is due.
+/// Lines that the host may receive instead of a reply must be distinguishable from it.
 fn replies_apart(
     check: &Check<'_>,
     dialect: &Dialect,

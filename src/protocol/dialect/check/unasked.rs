@@ -1,4 +1,4 @@
-//! Refusals, and what a device says unasked.
+//! Checks of refusals and unsolicited messages.
 
 use super::Check;
 use super::commands::is_error_number;
@@ -9,7 +9,7 @@ use crate::dialect::uses::EVENTS;
 use crate::dialect::{Boot, Direction, Event};
 use phasmid_core::error::Result;
 
-/// Longest boot chatter in bytes, and the longest wait for it.
+/// Maximum size of boot output in bytes, and maximum delay.
 const MAX_BOOT: usize = 4096;
 const MAX_DELAY_MS: f64 = 600_000.0;
 

@@ -1,4 +1,4 @@
-//! What the host's side sends once it has a device: transfers, and their recall.
+//! Commands from the host after an import: transfers, and their cancellation.
 
 use super::words::{put_words, u32_at};
 use super::{HEADER_LEN, MAX_PACKETS, MAX_TRANSFER, NO_PACKETS};
@@ -36,7 +36,7 @@ pub struct Submit {
 pub enum Command {
     /// A transfer.
     Submit(Submit),
-    /// Takes a transfer back.
+    /// Cancels a transfer.
     Unlink {
         /// Number by which the reply names it.
         seqnum: u32,
@@ -79,7 +79,8 @@ impl Command {
     /// Reads and bounds a command.
     ///
     /// # Errors
-    /// Something else, an endpoint that cannot be, more bytes or packets than are taken.
+    /// Returns an error if it is not a command, the endpoint is invalid, or there are too many
+    /// bytes or packets.
     pub fn decode(bytes: &[u8; HEADER_LEN]) -> Result<Self> {
         let bad = |what: String| Err(Error::device(format!("USB/IP command: {what}")));
         let seqnum = u32_at(bytes, 4);

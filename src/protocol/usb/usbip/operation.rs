@@ -1,4 +1,4 @@
-//! What a connection begins with: the list of devices, or the import of one.
+//! Operations that open a connection: list of devices, or import of one.
 
 use super::words::{u16_at, u32_at};
 use phasmid_core::error::{Error, Result};
@@ -11,22 +11,22 @@ const VERSION: u16 = 0x0111;
 /// What a connection begins with.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Operation {
-    /// Which devices are there?
+    /// List of devices.
     List,
-    /// This one, please; its name on the bus follows.
+    /// Import of a device, whose bus name follows.
     Import,
 }
 
-/// What becomes of a request (the `ST_` numbers of the kernel's `usbip_common.h`).
+/// Status of a request (the `ST_` numbers of the kernel's `usbip_common.h`).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Outcome {
-    /// It is met.
+    /// Success.
     Done,
     /// Another host has the device.
     Busy,
     /// There is no such device.
     NoDevice,
-    /// Something else is in the way, by its number.
+    /// Any other status number.
     Refused(u32),
 }
 
@@ -66,7 +66,7 @@ impl Operation {
     /// Reads a request.
     ///
     /// # Errors
-    /// Another protocol, version or operation.
+    /// Returns an error if the protocol, version or operation is not the expected one.
     pub fn decode(bytes: [u8; OPERATION_LEN]) -> Result<Self> {
         let (version, code) = (u16_at(&bytes, 0), u16_at(&bytes, 2));
         [Self::List, Self::Import]
@@ -88,7 +88,7 @@ impl Operation {
     /// Reads the reply's header.
     ///
     /// # Errors
-    /// Another protocol, version or operation.
+    /// Returns an error if the protocol, version or operation is not the expected one.
     pub fn decode_reply(self, bytes: [u8; OPERATION_LEN]) -> Result<Outcome> {
         let (version, code) = (u16_at(&bytes, 0), u16_at(&bytes, 2));
         if (version, code) != (VERSION, self.request() & 0x7FFF) {

@@ -1,4 +1,4 @@
-//! What the device's side sends: how transfers ended.
+//! Replies from the device: results of transfers.
 
 use super::words::{put_words, u32_at};
 use super::{HEADER_LEN, MAX_PACKETS, MAX_TRANSFER, NO_PACKETS};
@@ -69,7 +69,8 @@ impl Reply {
     /// Reads and bounds a reply.
     ///
     /// # Errors
-    /// Something else, more bytes or packets than a transfer may have.
+    /// Returns an error if it is not a reply, or has more bytes or packets than a transfer may
+    /// have.
     pub fn decode(bytes: &[u8; HEADER_LEN]) -> Result<Self> {
         let seqnum = u32_at(bytes, 4);
         let status = u32_at(bytes, 20) as i32;

@@ -1,4 +1,4 @@
-//! What bounces on the GPU against the CPU's.
+//! Compares indirect light on the GPU with the CPU's.
 
 use super::super::{Engine, bench::Bench, maps};
 use super::{Params, Point, disc};
@@ -8,7 +8,7 @@ use phasmid_geometry::{Mesh, ply};
 use std::f64::consts::TAU;
 use std::path::Path;
 
-/// A box about a ball, in front of a wall, under a lamp.
+/// A box around a ball, in front of a wall, under a lamp.
 const CLUTTER: &str = "interreflection = { samples = 64, step_px = 4 }\n\
     ambient = { irradiance_w_m2 = 0.02 }\n\
     [[light]]\nkind = \"point\"\nposition_mm = [-300, 200, 400]\nintensity_w_sr = 0.04\n\
@@ -21,7 +21,7 @@ const CLUTTER: &str = "interreflection = { samples = 64, step_px = 4 }\n\
     [[object]]\nshape = { kind = \"sphere\", radius_mm = 60.0 }\n\
     position_mm = [0, 0, 940]\nalbedo = 0.8\nspecular = { f0 = 0.05, roughness = 0.5 }\n";
 
-/// A sheet in folds, each in the light of the next, in a file of a folder.
+/// Writes a folded sheet whose folds light each other to a file in `folder`.
 fn folds(folder: &Path) -> String {
     let mut mesh = Mesh::default();
     let count = 12;
@@ -62,7 +62,7 @@ fn pixels_are_interpolated_from_the_points_that_the_cpu_takes() {
         let scale = bench.map.evenly[i].max(1e-30);
         let off = (0..4).map(|k| (cpu.shares[i][k] - shares[i][k]).abs() / scale);
         let off = off.fold(0.0, f32::max);
-        // Whether a point is on the same surface may be a matter of rounding.
+        // Rounding may decide whether a point is on the same surface.
         if a != b || off > 1e-3 {
             differ += 1;
         } else {
@@ -78,7 +78,7 @@ fn pixels_are_interpolated_from_the_points_that_the_cpu_takes() {
         alone.len()
     );
     assert!(differ <= first.len() / 10_000 && worst < 1e-5);
-    // Each of those beside the grid is one, and they are all.
+    // The extra points are exactly the pixels outside the grid, each once.
     alone.sort_unstable();
     assert!(alone.iter().copied().eq(params.on_grid()..points));
     assert!(alone.len() > 10);
@@ -133,14 +133,15 @@ fn directions_are_those_of_the_cpu() {
     assert!(worst < 6e-7 && sides < 1e-6);
 }
 
-/// Of sorted values those at a half, 99 %, 99.9 % and the end.
+/// Returns the median, the 99 % and 99.9 % quantiles, and the maximum.
 fn spread(mut values: Vec<f32>) -> [f32; 4] {
     values.sort_by(f32::total_cmp);
     let last = (values.len() - 1) as f64;
     [0.5, 0.99, 0.999, 1.0].map(|part| values[(last * part) as usize])
 }
 
-/// Full white and lamps of all pixels, in W/m^2; and the rays of points of the grid one by one.
+/// Compares full-white and lamp light of all pixels in W/m^2, and the rays of grid points one by
+/// one.
 fn check(name: &str, bench: &mut Bench) {
     let (wanted, size, plan) = (bench.wanted.unwrap(), bench.size(), bench.plan);
     let map = bench.bounced();
@@ -181,7 +182,7 @@ fn check(name: &str, bench: &mut Bench) {
     let by_white = of(&|i| map.bounce.at(i, &padded) - white(i));
     let by_lamps = of(&|i| map.ambient[i] - light[i][1]);
     println!("{name}: {most:.2} W/m^2 at most; white {by_white:?}, lamps {by_lamps:?}");
-    // A ray may end on the other side of an edge: one of some dozens.
+    // One ray of several dozen may hit the other side of an edge.
     for off in [by_white, by_lamps] {
         assert!(
             off[0] < 1e-6 * most && off[1] < 1e-4 * most,
@@ -199,7 +200,7 @@ fn check(name: &str, bench: &mut Bench) {
             "{name}: {swing:?}"
         );
     }
-    // Rays of the points that the grid has, which both number alike.
+    // Rays of the grid points, which both number identically.
     let (mut rays, mut same, mut worst, mut before) = (0, 0, [0.0f32; 3], 0);
     let x: Vec<[f32; 4]> = ray_words(&engine, "bounce_x", count, wanted.samples);
     let y: Vec<[f32; 4]> = ray_words(&engine, "bounce_y", count, wanted.samples);

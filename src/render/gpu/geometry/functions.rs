@@ -1,4 +1,4 @@
-//! The shaders' functions for lenses, solids and rays against the CPU's.
+//! Compares the shaders' functions for lenses, solids and rays with the CPU's.
 
 use super::super::{Engine, optics};
 use super::tests::{Case, SOLIDS, moving, small};
@@ -16,7 +16,7 @@ fn words(v: DVec3) -> [u32; 3] {
     v.as_vec3().to_array().map(f32::to_bits)
 }
 
-/// Places spread over the unit sphere (Vogel's spiral).
+/// Points evenly distributed over the unit sphere (Vogel's spiral).
 fn direction(i: usize, count: usize) -> DVec3 {
     let z = 1.0 - (2.0 * i as f64 + 1.0) / count as f64;
     let (sin, cos) = (i as f64 * 2.399_963_229_728_653).sin_cos();
@@ -130,7 +130,7 @@ fn solids_are_the_cpus() {
                 other += usize::from(is_hit || wanted.is_some());
                 continue;
             };
-            // Where a ray grazes, rounding moves the meeting far along it.
+            // For a grazing ray, rounding shifts the hit point far along the ray.
             let facing = wanted.normal.dot(way.normalize()).abs();
             let from = (wanted.t - f(out[0])).abs() * way.length();
             let normal = DVec3::new(f(out[2]), f(out[3]), f(out[4]));
@@ -146,7 +146,8 @@ fn solids_are_the_cpus() {
     }
 }
 
-/// Whether a ray that only rounding tells from this one ends there: where it grazes an edge.
+/// Returns whether a ray within rounding error of this one has that hit, as happens at grazed
+/// edges.
 fn is_of_a_ray_beside(
     world: &World,
     origin: DVec3,
@@ -164,7 +165,7 @@ fn is_of_a_ray_beside(
         .any(|t| (t.min(1e30) - found).abs() <= 1e-5 * found)
 }
 
-/// Rays of both, against a world that is on the GPU: each with its row.
+/// Compares rays, each with its row, cast on the CPU and on the GPU.
 fn rays_off(engine: &mut Engine, case: &mut Case, rays: &[(usize, DVec3, DVec3)], name: &str) {
     case.scene.update(engine, &case.worlds, 171);
     optics::write(engine, &case.optics);
@@ -186,7 +187,7 @@ fn rays_off(engine: &mut Engine, case: &mut Case, rays: &[(usize, DVec3, DVec3)]
         let all = [direction; LANES];
         let wanted = world.nearest(origin, &all, &alone, &mut scratch);
         let surface = Surface(out[1]);
-        // Without a hit both are without end.
+        // Both are infinite without a hit.
         let (mine, found) = (wanted.t[0].min(1e30), f(out[0]).min(1e30));
         let far = (mine - found).abs() / mine;
         if far > 1e-5 && !is_of_a_ray_beside(world, origin, direction, found, &mut scratch) {
@@ -221,14 +222,13 @@ fn rays_off(engine: &mut Engine, case: &mut Case, rays: &[(usize, DVec3, DVec3)]
     );
     let some = rays.len() / 1000 + 2;
     assert!(hits > rays.len() / 6 && shades <= some && leaves <= 2 * some);
-    // A ray that grazes a silhouette may end either way. Of rays through corners and edges a few in
-    // ten thousand end elsewhere and why is not known: wider edges do not change those that end
-    // deeper, so that this bounds how many there are and does not show that none slips through.
+    // A ray that grazes a silhouette may go either way. A few in ten thousand of the rays through
+    // corners and edges hit elsewhere for an unknown reason: wider edges do not change those that
+    // hit deeper. This test bounds their number; it does not show that no ray leaks through.
     assert!(deeper <= some && nearer <= 4 * some);
 }
 
-/// Rays anywhere, from a pupil a little aside, and rays through vertices and the middles of edges of
-/// triangles.
+/// Random rays from a slightly offset pupil, and rays through triangle vertices and edge midpoints.
 #[test]
 #[ignore = "needs a Vulkan adapter"]
 fn rays_are_the_cpus() {

@@ -1,4 +1,4 @@
-//! The geometry pass on the GPU against the CPU's: every pixel of every scene.
+//! Compares the geometry pass on the GPU with the CPU's, for every pixel of every scene.
 
 use super::super::{Engine, looks, optics, scene, upload};
 use crate::aperture::Aperture;
@@ -18,7 +18,7 @@ use phasmid_geometry::{Mesh, ply};
 use phasmid_profile::{Profile, Scene};
 use std::path::Path;
 
-/// A camera before a scene, whose maps both make.
+/// A camera in front of a scene, rendered by both CPU and GPU.
 pub(in crate::gpu) struct Case {
     profile: Profile,
     pub(in crate::gpu) optics: Optics,
@@ -39,7 +39,7 @@ impl Case {
         });
         plan.set(Term::FootprintX, true);
         plan.set(Term::FootprintY, true);
-        // What widens footprints and samples pixels comes after this pass.
+        // Footprint widening and pixel sampling come after this pass.
         plan.set(Term::DepthOfField, false);
         Self {
             worlds: Worlds::new(world),
@@ -51,7 +51,7 @@ impl Case {
         }
     }
 
-    /// Maps of the CPU, then of the GPU.
+    /// Returns the maps of the CPU, then of the GPU.
     pub(in crate::gpu) fn both(&mut self, engine: &mut Engine) -> [GeometryBuffer; 2] {
         let lens = &self.optics.camera.lens;
         let size = (lens.width_px as usize, lens.height_px as usize);
@@ -82,7 +82,7 @@ impl Case {
         [wanted, upload::maps_back(engine, size, &self.plan).unwrap()]
     }
 
-    /// The same of rows that follow each other, from a device time on.
+    /// Uses a rolling shutter that starts at a device time.
     pub(in crate::gpu) fn roll(&mut self, from_ns: f64, line_time_ns: u64) {
         let shutter = Shutter {
             line_time_ns,
@@ -101,25 +101,27 @@ impl Case {
     }
 }
 
-/// By how much the GPU is off.
+/// Deviations of the GPU from the CPU.
 #[derive(Debug, Default)]
 struct Off {
-    /// Of the bar of a projector coordinate, the larger of 2e-3 px and 2e-4 of the footprint.
+    /// Error of the projector coordinate relative to its tolerance, the larger of 2e-3 px and 2e-4
+    /// of the footprint.
     bar: f32,
-    /// Pixels of the slide.
+    /// In projector pixels.
     px: f32,
-    /// Parts of the distance; of unity.
+    /// Depth error relative to the distance; normal error absolute.
     depth: f32,
     normal: f32,
-    /// Parts of the footprint.
+    /// Relative to the footprint.
     slope: f32,
-    /// Parts of the brightest light.
+    /// Relative to the brightest light.
     light: f32,
-    /// Pixels whose centres lie on an edge of two triangles, and which see the other one.
+    /// Pixels whose centres lie on the shared edge of two triangles and which see the other
+    /// triangle.
     seams: usize,
-    /// Pixels that see another object, or are in shadow of one only, at a silhouette.
+    /// Pixels at a silhouette that see another object or are in shadow in only one of the two.
     edges: usize,
-    /// The same elsewhere.
+    /// As `edges`, but away from silhouettes.
     wrong: usize,
     seen: usize,
     lit: usize,
@@ -162,7 +164,7 @@ impl Off {
                 (wanted.x[i], found.x[i], wanted.x_slope[i]),
                 (wanted.y[i], found.y[i], wanted.y_slope[i]),
             ] {
-                // What is in no field of the projector is far away.
+                // Unlit points have no meaningful projector coordinate.
                 if wanted.flags[i] & Truth::LIT == 0 {
                     continue;
                 }
@@ -214,7 +216,8 @@ impl Off {
     }
 }
 
-/// Whether a neighbour of a pixel sees another object, is lit otherwise, or is much farther away.
+/// Returns whether a neighbouring pixel sees another object, is lit differently, or is much farther
+/// away.
 pub(in crate::gpu) fn at_silhouette(world: &World, map: &GeometryBuffer, i: usize) -> bool {
     let (u, v) = (i % map.width, i / map.width);
     let state = |i: usize| {
@@ -231,7 +234,7 @@ pub(in crate::gpu) fn at_silhouette(world: &World, map: &GeometryBuffer, i: usiz
     })
 }
 
-/// Eight times fewer pixels, with the same field.
+/// Reduces the pixel count by a factor of eight, keeping the field of view.
 pub(in crate::gpu) fn small(mut profile: Profile) -> Profile {
     let camera = &mut profile.camera;
     (camera.width_px, camera.height_px) = (398, 171);
@@ -242,7 +245,7 @@ fn profiles() -> [(&'static str, Profile); 2] {
     ["pmp-bench", "pmp-real"].map(|name| (name, small(Profile::load(name).unwrap())))
 }
 
-/// Solids that shade each other, tilted, one of them without a floor behind a part of it.
+/// Tilted solids that shadow each other, one partly without a floor behind it.
 pub(in crate::gpu) const SOLIDS: &str = r#"
 name = "solids"
 description = ""
@@ -284,7 +287,7 @@ fn still_scenes_are_the_cpus() {
     }
 }
 
-/// From inside a sphere, and from beside a lens that bends much.
+/// Views from inside a sphere and with a strongly distorting lens.
 #[test]
 #[ignore = "needs a Vulkan adapter"]
 fn odd_views_are_the_cpus() {
@@ -318,7 +321,7 @@ fn write(folder: &Path, name: &str, mesh: &Mesh, bend: impl Fn(DVec3) -> DVec3) 
     ply::write_mesh(&folder.join(name), &bent).unwrap();
 }
 
-/// A torso that breathes and turns, and a couch and a ball that pass in front of it.
+/// A breathing, rotating torso with a couch and a ball passing in front of it.
 pub(super) fn moving(folder: &Path) -> Scene {
     let mesh = torso(&Torso {
         triangles: 4000,

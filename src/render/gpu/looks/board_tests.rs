@@ -1,10 +1,10 @@
-//! Ink on pieces of boards, beside the CPU's.
+//! Compares the ink coverage of board pieces with the CPU's.
 
 use crate::gpu::Engine;
 use glam::{DVec2, Vec2};
 use phasmid_geometry::Board;
 
-/// A board as `board.wgsl` has it.
+/// A board in the layout of `board.wgsl`.
 fn words(board: &Board) -> [u32; 7] {
     let [columns, rows] = board.grid();
     let (is_dots, [dot, marker]) = match *board {
@@ -42,12 +42,12 @@ fn boards() -> [Board; 4] {
     [Board::DOTS.scaled(4.0), tight, Board::CHESS, fine]
 }
 
-/// Numbers that look like none in particular.
+/// Returns quasi-random numbers in [0, 1).
 fn dice(k: usize, root: f64) -> f64 {
     ((k + 1) as f64 * root.sqrt()).fract()
 }
 
-/// A place, and the sides of a piece there.
+/// Returns a position and the two sides of a piece there.
 fn piece(board: &Board, k: usize) -> [Vec2; 3] {
     let pitch = board.pitch_mm();
     let place = |root| 2.4 * dice(k, root) - 1.2;
@@ -58,7 +58,7 @@ fn piece(board: &Board, k: usize) -> [Vec2; 3] {
         2 => board.point([3, 2]) + DVec2::from_angle(5.0 * place(2.0)) * board.radius_mm([3, 2]),
         _ => board.sheet_mm() / 2.0 * about,
     };
-    // From a thousandth of a pitch to twenty.
+    // Sizes from a thousandth of a pitch to twenty pitches.
     let size = |root| pitch * 1e-3 * 2e4f64.powf(dice(k, root));
     let turn = DVec2::from_angle(6.3 * dice(k, 5.0));
     let (across, other) = (turn * size(7.0), turn.perp());
@@ -94,7 +94,7 @@ fn gpu_boards_have_the_ink_of_the_cpus() {
             let [at, across, down] = case.map(|v| v.as_dvec2());
             let exact = board.ink(at, across, down);
             let error = (f64::from(f32::from_bits(found)) - exact).abs();
-            // By how much rounding shifts a piece of that width.
+            // Rounding error relative to the size of the piece.
             let size = across.abs() + down.abs();
             let far = at.abs().max_element() + size.max_element();
             let width = across.perp_dot(down).abs() / size.max_element();
@@ -109,7 +109,7 @@ fn gpu_boards_have_the_ink_of_the_cpus() {
             worst = worst.max(if error > bar { 0.0 } else { error });
         }
         println!("{board:?}: {worst:.1e} at most, {off} beyond their bars");
-        // Where a count of cells is on the edge.
+        // Differences occur only where rounding decides the cell count.
         assert!(off <= cases.len() / 1000, "{board:?}: {off}");
     }
 }

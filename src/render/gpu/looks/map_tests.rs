@@ -1,4 +1,4 @@
-//! Whole maps of scenes with textures, vertex colours, highlights and lamps, beside the CPU's.
+//! Compares maps of scenes with textures, vertex colours, highlights and lamps with the CPU's.
 
 use crate::buffer::GeometryBuffer;
 use crate::gpu::Engine;
@@ -11,8 +11,8 @@ use phasmid_profile::{Focus, Profile, Scene, Vignetting};
 use std::fmt::Write as _;
 use std::path::Path;
 
-/// By how much a map is off at each pixel that both see alike, in parts of what all but the brightest
-/// twentieth stay below and of its own value: largest first.
+/// Returns the errors of a map at the pixels in `alike`, relative to its 95th percentile plus its
+/// own value, in descending order.
 fn errors(wanted: &[f32], found: &[f32], alike: &[usize]) -> Vec<f32> {
     let mut light: Vec<f32> = alike.iter().map(|&i| wanted[i].abs()).collect();
     light.sort_by(f32::total_cmp);
@@ -24,7 +24,7 @@ fn errors(wanted: &[f32], found: &[f32], alike: &[usize]) -> Vec<f32> {
     errors
 }
 
-/// Checks all maps that looks have a part in. A grey level is 1/255 = 4e-3 of a bright pixel.
+/// Checks all maps that depend on materials. A grey level is 1/255 = 4e-3 of a bright pixel.
 fn check(case: &mut Case, engine: &mut Engine, name: &str) {
     let [wanted, found] = case.both(engine);
     let world = case.worlds.any();
@@ -65,7 +65,8 @@ fn check(case: &mut Case, engine: &mut Engine, name: &str) {
     );
 }
 
-/// Pixels that see the same surface in the same light, and how many lamps light only one of the two.
+/// Returns the pixels that see the same surface in the same light, and the number of lamps that
+/// light only one of the two.
 fn alike(world: &World, wanted: &GeometryBuffer, found: &GeometryBuffer) -> (Vec<usize>, usize) {
     let (mut alike, mut lamps_differ, mut wrong) = (Vec::new(), 0, 0);
     for i in 0..wanted.x.len() {
@@ -85,7 +86,7 @@ fn alike(world: &World, wanted: &GeometryBuffer, found: &GeometryBuffer) -> (Vec
     (alike, lamps_differ)
 }
 
-/// Noise in colour, with runs of one texel and of several.
+/// Writes a coloured noise image with runs of one and of several texels.
 fn picture(folder: &Path) {
     let hash = |x: u32, y: u32| (x / 3 * 31 + y * 17 + x * y * 7).wrapping_mul(2_654_435_769) >> 24;
     let texel = |x: u32, y: u32| image::Rgb([0, 1, 2].map(|c| hash(x + 5 * c, y) as u8));
@@ -93,7 +94,7 @@ fn picture(folder: &Path) {
     picture.save(folder.join("noise.png")).unwrap();
 }
 
-/// A torso with colours at its vertices and texture coordinates, as it is and deeper.
+/// Writes a torso with vertex colours and texture coordinates, at rest and with greater depth.
 fn torsos(folder: &Path) {
     let mesh = torso(&Torso {
         triangles: 3000,
@@ -127,8 +128,8 @@ fn scene(folder: &Path, name: &str, text: &str) -> Scene {
     Scene::load(file.to_str().unwrap()).unwrap()
 }
 
-/// Textures over all kinds of shapes, from far smaller than a pixel to far larger; colours and
-/// coordinates of a mesh.
+/// Textures on all kinds of shapes, with texels from far smaller to far larger than a pixel; a mesh
+/// with vertex colours and texture coordinates.
 const PAINTED: &str = r#"
 ambient = { irradiance_w_m2 = 0.2 }
 [[object]]
@@ -170,7 +171,7 @@ vertex_colours = true
 texture = "noise.png"
 "#;
 
-/// Boards near and far, face on and steep, from the front and from behind.
+/// Boards near and far, head-on and oblique, from the front and from behind.
 const PRINTED: &str = r#"
 ambient = { irradiance_w_m2 = 0.2 }
 [[object]]
@@ -205,7 +206,7 @@ rotation_deg = [0, 180, 0]
 albedo = 0.7
 "#;
 
-/// Highlights, and lamps of both kinds that flicker, over solids and a mesh.
+/// Highlights and flickering lamps of both kinds, on solids and a mesh.
 const SHINY: &str = r#"
 ambient = { irradiance_w_m2 = 0.1, flicker = { frequency_hz = 100, depth = 0.4, phase_deg = 25 } }
 [[light]]
@@ -249,7 +250,7 @@ vertex_colours = true
 specular = { f0 = 0.1, roughness = 0.3 }
 "#;
 
-/// Things that move, painted and shining, one of which deforms.
+/// Moving textured and specular objects, one of which deforms.
 const MOVING: &str = r#"
 ambient = { irradiance_w_m2 = 0.1 }
 [[object]]
@@ -301,7 +302,7 @@ fn profiles() -> [(&'static str, Profile); 2] {
     ["pmp-bench", "pmp-real"].map(|name| (name, small(Profile::load(name).unwrap())))
 }
 
-/// Lenses that darken, and a projector that is sharp at one distance.
+/// Lenses with vignetting, and a projector with a finite depth of focus.
 fn dim(mut profile: Profile) -> Profile {
     profile.camera.vignetting = Vignetting {
         natural: true,

@@ -1,4 +1,4 @@
-//! The looks of objects, put side by side.
+//! Packs the materials of objects into contiguous buffers.
 
 use super::{Deforming, tables};
 use crate::body::Body;
@@ -10,9 +10,9 @@ use phasmid_geometry::Board;
 use phasmid_geometry::Pose;
 use std::sync::Arc;
 
-/// No place among the values.
+/// Marks an absent offset.
 const NOTHING: u32 = u32::MAX;
-/// How a picture is laid on.
+/// Texture mapping modes.
 const LAY_NONE: u32 = 0;
 const LAY_CORNERS: u32 = 1;
 pub(super) const LAY_ALONG: u32 = 2;
@@ -44,19 +44,19 @@ pub(super) struct Packed {
     own_from_there: [[f32; 4]; 3],
 }
 
-/// Buffers that are being filled.
+/// Buffers being filled.
 pub(super) struct Packer {
     pub(super) looks: Vec<Packed>,
     pub(super) values: Vec<f32>,
     pub(super) sums: Vec<[u32; 2]>,
     pub(super) deforming: Vec<Deforming>,
-    /// What is there already, for objects that share it.
+    /// Already packed data, shared between objects.
     materials: Vec<(Arc<Ggx>, u32)>,
     textures: Vec<(Arc<Texture>, u32)>,
 }
 
 impl Packer {
-    /// Adds to values.
+    /// Creates a packer that appends to `values`.
     pub(super) fn new(values: Vec<f32>) -> Self {
         Self {
             looks: Vec::new(),
@@ -68,7 +68,7 @@ impl Packer {
         }
     }
 
-    /// Adds all objects, in all shapes that they have while a shutter rolls.
+    /// Adds all objects, in all shapes they take on during a rolling-shutter exposure.
     pub(super) fn objects(&mut self, worlds: &[World]) {
         let world = &worlds[0];
         for (object, look) in (0u16..).zip(&world.looks.of) {
@@ -76,12 +76,12 @@ impl Packer {
             let is_mesh = world.is_triangle(first) && world.object(first) == object;
             let bodies = worlds.iter().filter_map(|world| world.body_of(object));
             let bodies: Vec<&Body> = bodies.collect();
-            // Solids, and meshes that move, are kept in their own frames.
+            // Solids and moving meshes are kept in their own frames.
             let is_here = is_mesh && bodies.is_empty();
             self.object(object, look, &bodies, is_here);
         }
         if self.looks.is_empty() {
-            // No binding is smaller than an element.
+            // A binding must hold at least one element.
             self.looks.push(Packed::zeroed());
         }
     }
@@ -117,7 +117,8 @@ impl Packer {
         self.looks.push(packed);
     }
 
-    /// Smooth normals, in the body's own frame where it is one, and from one shape to the next.
+    /// Adds smooth normals, for a moving mesh in its own frame. Returns their offset and the stride
+    /// between shapes.
     fn normals(&mut self, object: u16, look: &Look, bodies: &[&Body]) -> (u32, u32) {
         let at = self.values.len() as u32;
         let first = bodies.first();
@@ -153,7 +154,7 @@ impl Packer {
         match &picture.place {
             Place::Corners(uv) => {
                 packed.lay = LAY_CORNERS;
-                // Rows of a picture run down.
+                // Image rows run downwards.
                 let down = |[u, v]: [f32; 2]| [u, (1.0 - f64::from(v)) as f32];
                 packed.coordinates = self.put(uv.iter().flatten().flat_map(|&uv| down(uv)));
             }
@@ -200,7 +201,7 @@ impl Packer {
         at
     }
 
-    /// Adds values and says where they are.
+    /// Appends values and returns their offset.
     fn put(&mut self, values: impl Iterator<Item = f32>) -> u32 {
         let at = self.values.len() as u32;
         self.values.extend(values);
@@ -208,7 +209,7 @@ impl Packer {
     }
 }
 
-/// A board, whose plane is kept in its own frame.
+/// Packs a board, whose plane is kept in its own frame.
 fn board(printed: &Printed, packed: &mut Packed) {
     let [columns, rows] = printed.board.grid();
     (packed.width, packed.height) = (columns, rows);
@@ -224,12 +225,12 @@ fn board(printed: &Printed, packed: &mut Packed) {
     packed.board = [printed.board.pitch_mm(), dot, marker, printed.ink].map(|v| v as f32);
 }
 
-/// Normals as the shaders have them, one number after the other.
+/// Flattens normals into the layout of the shaders.
 pub(super) fn flat(normals: &[[Vec3; 3]]) -> impl Iterator<Item = f32> {
     normals.iter().flatten().flat_map(|n| n.to_array())
 }
 
-/// As in `laid.wgsl`.
+/// Returns the number of a mapping mode in `laid.wgsl`.
 pub(super) fn number(lay: Lay) -> u32 {
     match lay {
         Lay::Along => LAY_ALONG,
@@ -238,7 +239,7 @@ pub(super) fn number(lay: Lay) -> u32 {
     }
 }
 
-/// Rows of a pose's rotation, its translation behind them.
+/// Returns the rows of a pose's 3 x 4 matrix.
 fn rows(pose: &Pose) -> [[f32; 4]; 3] {
     let rotation = pose.rotation.transpose();
     std::array::from_fn(|i| {

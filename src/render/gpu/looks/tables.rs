@@ -1,18 +1,18 @@
-//! Functions that shaders look up rather than compute.
+//! Lookup tables for functions that shaders do not compute.
 
 use crate::light::{density, distribution};
 use crate::look::{Ggx, Texture};
 
-/// Pieces of the table of `soft.wgsl` in a unit, and where it ends.
+/// Entries per unit of the table of `soft.wgsl`, and its upper end.
 const FINE: usize = 16;
 const END: usize = 6;
-/// Sums of texels are whole numbers of one over this.
+/// Texel sums are stored as integers in units of one over this.
 const UNITS: f64 = (1u64 << 30) as f64;
 
 /// The table of `soft.wgsl`: H(z), g(z) and Phi(-z) at each place.
 ///
-/// g(z) = phi(z) - z Phi(-z) is by how much blur raises a ramp at its foot, and H(z) its integral from
-/// 0, 1/4 - ((z^2 + 1) Phi(-z) - z phi(z)) / 2.
+/// g(z) = phi(z) - z Phi(-z) is the amount by which blur raises the foot of a ramp, and H(z) is its
+/// integral from 0, 1/4 - ((z^2 + 1) Phi(-z) - z phi(z)) / 2.
 pub(super) fn soft() -> impl Iterator<Item = f32> {
     (0..=END * FINE).flat_map(|i| {
         let z = i as f64 / FINE as f64;
@@ -22,7 +22,7 @@ pub(super) fn soft() -> impl Iterator<Item = f32> {
     })
 }
 
-/// A material as `ggx.wgsl` has it.
+/// A material in the layout of `ggx.wgsl`.
 pub(super) fn material(ggx: &Ggx) -> impl Iterator<Item = f32> {
     let head = [ggx.f0, ggx.alpha, ggx.coupling, 0.0];
     head.into_iter()
@@ -30,8 +30,8 @@ pub(super) fn material(ggx: &Ggx) -> impl Iterator<Item = f32> {
         .map(|v| v as f32)
 }
 
-/// Sums of texels in fixed point, low word first. Differences of the sums in f64 are good to 2^-28,
-/// and exact in f64 and here where all of them are a multiple of the unit.
+/// Fixed-point texel sums, low word first. Differences of f64 sums are accurate to 2^-28, and both
+/// are exact if all sums are multiples of the unit.
 pub(super) fn sums(texture: &Texture) -> impl Iterator<Item = [u32; 2]> {
     texture.sums.iter().map(|&sum| {
         let whole = (sum * UNITS).round() as u64;
@@ -39,7 +39,7 @@ pub(super) fn sums(texture: &Texture) -> impl Iterator<Item = [u32; 2]> {
     })
 }
 
-/// Mean of a whole picture.
+/// Returns the mean of a whole texture.
 pub(super) fn mean(texture: &Texture) -> f32 {
     let texels = (texture.width * texture.height) as f64;
     texture.sums.last().map_or(0.0, |sum| (sum / texels) as f32)

@@ -1,4 +1,4 @@
-//! Functions of the look's shaders beside those of the CPU, on many inputs with extremes.
+//! Compares the material shaders' functions with the CPU's on many inputs, including extremes.
 
 use super::{pack, tables};
 use crate::gpu::{self, Engine};
@@ -9,7 +9,7 @@ use glam::{DVec2, DVec3, Vec2, Vec3, Vec3Swizzles};
 use phasmid_profile::{Focus, Profile, Scene, Vignetting};
 use std::f32::consts::TAU;
 
-/// Numbers in [0, 1) that look like none in particular (Weyl's sequence, scrambled).
+/// Pseudo-random numbers in [0, 1) (scrambled Weyl sequence).
 struct Dice(u64);
 
 impl Dice {
@@ -28,7 +28,7 @@ impl Dice {
         low + (high - low) * self.roll()
     }
 
-    /// Spread evenly in the logarithm.
+    /// Log-uniformly distributed.
     fn size(&mut self, low: f32, high: f32) -> f32 {
         low * (high / low).powf(self.roll())
     }
@@ -118,7 +118,8 @@ fn gpu_materials_reflect_as_the_cpus() {
         let [n, l, v] = [normal, light, view].map(Vec3::as_dvec3);
         let exact = ggx.reflectance(albedo.into(), n, l, v);
         let even = ggx.under_even_light(albedo.into(), n.dot(v));
-        // Of what is seen, in parts of itself where it is bright: smooth ones shine a thousandfold.
+        // Error of the visible radiance, relative where it is bright: smooth surfaces reach a
+        // thousand.
         let scale = n.dot(l).max(0.0);
         let error = (f64::from(found[0]) - exact).abs() * scale / (1.0 + exact * scale);
         if error > worst {
@@ -211,7 +212,8 @@ fn gpu_textures_are_averaged_as_the_cpus() {
         let [uv, across, down] = [uv, across, down].map(Vec2::as_dvec2);
         let exact = textures[t].average(uv, across, down);
         let error = (f64::from(found) - exact).abs();
-        // Where a texel ends within the rounding of the place, a narrow footprint sees either.
+        // If a texel border lies within the rounding of the position, a narrow footprint may see
+        // either texel.
         let size = DVec2::new(textures[t].width as f64, textures[t].height as f64);
         let extent = (across.abs() + down.abs()) * size;
         let bar = 1e-5 + 6e-7 * size.max_element() / extent.min_element().max(1e-3);
@@ -227,7 +229,7 @@ fn gpu_textures_are_averaged_as_the_cpus() {
         "of the bar: straight {:.2}, slanted {:.2}; {off} beyond",
         worst[0], worst[1]
     );
-    // Where a count of pieces is on the edge.
+    // Differences occur only where rounding decides the piece count.
     assert!(off <= cases.len() / 5000, "{off} of {}", cases.len());
 }
 
@@ -317,7 +319,7 @@ fn gpu_pictures_lie_as_the_cpus() {
         let laid = lay.at(p, normal);
         let mut off = DVec2::new(found[0].into(), found[1].into()) - laid.at;
         if !matches!(lay, Lay::Along) {
-            // Once around; and on the axis every angle is as good.
+            // Angles wrap around, and on the axis any angle is valid.
             let ring = p.x.hypot(p.z);
             let radius = if matches!(lay, Lay::Sphere) {
                 p.length()
@@ -347,7 +349,7 @@ fn gpu_pictures_lie_as_the_cpus() {
     assert!(worst < 1e-6 && worst_side < 1e-5, "{worst} {worst_side}");
 }
 
-/// Lenses that darken, and a projector that is sharp at one distance.
+/// Lenses with vignetting, and a projector with a finite depth of focus.
 #[test]
 #[ignore = "needs a Vulkan adapter"]
 fn gpu_lenses_dim_as_the_cpus() {
@@ -426,7 +428,7 @@ fn gpu_lenses_dim_as_the_cpus() {
             ];
             for i in 0..4 {
                 let error = (f64::from(found[4 * lane + i]) - exact[i]).abs();
-                // Blur in parts of itself too, where it is wide.
+                // Blur error is relative where the blur is wide.
                 worst[i] = worst[i].max(error / (1.0 + exact[i]));
             }
         }

@@ -1,4 +1,4 @@
-//! Pixels seen by several rays, on the GPU against the CPU.
+//! Compares pixels sampled with several rays on the GPU with the CPU's.
 
 mod places;
 
@@ -18,7 +18,7 @@ use crate::{shot::Shutter, truth::Truth};
 use phasmid_profile::{Focus, Profile, Scene};
 use std::collections::BTreeMap;
 
-/// A camera before a scene.
+/// A camera in front of a scene.
 struct Case {
     profile: Profile,
     optics: Optics,
@@ -66,8 +66,8 @@ impl Case {
         )
     }
 
-    /// Maps of the CPU, then of the GPU, with their mixed pixels; the GPU at first has room for so
-    /// many heads, and tells how often it was too little.
+    /// Returns the maps of the CPU, then of the GPU, with their mixed pixels, and how often the
+    /// GPU's capacity, initially `room` heads, had to grow.
     fn both(&self, engine: &mut Engine, room: Option<u64>) -> ([GeometryBuffer; 2], usize) {
         let lens = &self.optics.camera.lens;
         let size = (lens.width_px as usize, lens.height_px as usize);
@@ -124,26 +124,27 @@ impl Case {
     }
 }
 
-/// By how much the GPU is off.
+/// Deviations of the GPU from the CPU.
 #[derive(Debug, Default)]
 struct Off {
-    /// Pixels that are mixed on the CPU, and on one of both alone.
+    /// Number of pixels that are mixed on the CPU, and on only one of the two.
     mixed: usize,
     alone: usize,
-    /// Lit samples of pixels that are mixed on both, and samples that are lit on one alone or lie on
-    /// another surface: rays that meet an edge.
+    /// Lit samples of pixels that are mixed on both, and samples that are lit on only one or lie on
+    /// another surface (rays that hit an edge).
     lit: usize,
     astray: usize,
-    /// The rest of the samples: of the bar of a projector coordinate, the larger of 2e-3 px and 2e-4
-    /// of the pixel's footprint; parts of the footprint; parts of the brightest light; of the blur.
+    /// Errors of the remaining samples: projector coordinate relative to its tolerance, the larger
+    /// of 2e-3 px and 2e-4 of the pixel's footprint; slope relative to the footprint; light
+    /// relative to the brightest; blur.
     bar: f32,
     slope: f32,
     light: f32,
     blur: f32,
-    /// The light of whole pixels without such samples, the projector's and the ambient, in parts of
+    /// Error of the projector and ambient light of whole pixels without such samples, relative to
     /// the brightest.
     pixel: f32,
-    /// Widths of footprints of all pixels, in parts.
+    /// Relative error of the footprint widths of all pixels.
     wide: f32,
 }
 
@@ -199,7 +200,7 @@ impl Off {
             for (wanted, found) in wanted.iter().zip(found) {
                 off.samples(wanted, found, brightest);
             }
-            // A sample astray weighs a sixteenth of its pixel.
+            // A stray sample has a weight of 1/16 in its pixel.
             if off.astray == astray {
                 larger(&mut off.pixel, apart);
             }
@@ -267,7 +268,7 @@ impl Off {
     }
 }
 
-/// Fewer pixels, with the same field.
+/// Reduces the number of pixels, keeping the field of view.
 fn small(name: &str) -> Profile {
     let mut profile = Profile::load(name).unwrap();
     let camera = &mut profile.camera;
@@ -275,7 +276,7 @@ fn small(name: &str) -> Profile {
     profile
 }
 
-/// Solids that shade each other and themselves, and lamps that flicker.
+/// Solids that shadow each other and themselves, and flickering lamps.
 fn solids() -> Scene {
     let lamps = r#"
 [[light]]
@@ -320,7 +321,7 @@ fn more_samples_are_the_cpus() {
     }
 }
 
-/// Out of focus, and with a projector that has a focus too.
+/// Camera out of focus, also with a projector that has defocus.
 #[test]
 #[ignore = "needs a Vulkan adapter"]
 fn depth_of_field_is_the_cpus() {
@@ -340,7 +341,7 @@ fn depth_of_field_is_the_cpus() {
     }
 }
 
-/// Depth of field over an albedo that varies keeps the samples of all pixels that see it.
+/// Depth of field over a varying albedo keeps the samples of all pixels that see it.
 #[test]
 #[ignore = "needs a Vulkan adapter"]
 fn what_blurs_a_texture_is_the_cpus() {

@@ -1,4 +1,4 @@
-//! The light source against solutions of 100 digits and closed forms of its own limits.
+//! Compares the light source with 100-digit solutions and closed-form limits.
 
 mod model;
 mod source;

@@ -1,23 +1,23 @@
-//! Reads a recording ahead, until there is a reason to stop.
+//! Reads a recording ahead until there is a reason to stop.
 
 use super::{End, Output, Player};
 use phasmid_protocol::Frame;
 use phasmid_protocol::record::{Channel, Event, Record};
 use std::io::Read;
 
-/// A frame that came so long after its time was timed by another clock.
+/// A frame that arrived this long after its time was timed by another clock.
 const PLAUSIBLE_NS: u64 = 10_000_000_000;
 
-/// Why no more is read at the moment.
+/// Why reading has stopped.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) enum Stop {
-    /// Enough is read ahead.
+    /// Enough has been read ahead.
     Full,
-    /// The client is to send this.
+    /// The client has to send this.
     Expect(Expected),
-    /// The client is to leave: it did so at this record, at this time.
+    /// The client has to disconnect: the recorded one did at this record and time.
     Leave(u64, u64),
-    /// There is no more.
+    /// End of the recording.
     End,
 }
 
@@ -26,7 +26,7 @@ pub(super) struct Expected {
     pub(super) number: u64,
     pub(super) time_ns: u64,
     pub(super) bytes: Vec<u8>,
-    /// So many of them have come.
+    /// Number of these bytes that have arrived.
     pub(super) matched: usize,
 }
 
@@ -65,7 +65,7 @@ impl<R: Read> Player<R> {
                 }
             };
             self.place = (number, time_ns);
-            // The beginning of time is when something happened first.
+            // Time starts with the first event.
             if !self.started && !matches!(event, Event::About(_)) {
                 self.started = true;
                 self.anchor = self.anchor.map(|(_, replay_ns)| (time_ns, replay_ns));
@@ -90,7 +90,7 @@ impl<R: Read> Player<R> {
                     });
                     return;
                 }
-                // A client that said nothing is nobody that another could stand for.
+                // A recorded client that sent nothing has no counterpart.
                 Event::Left if channel.is_port() && self.recorded_spoke => {
                     self.stop = Stop::Leave(number, time_ns);
                     return;
@@ -112,8 +112,8 @@ impl<R: Read> Player<R> {
         }
     }
 
-    /// When a frame that only counts was taken, in the replay's time: as long before or after what
-    /// the client sent as then. Where the driver's clock is not known, when it came.
+    /// Returns when a frame without an id was taken, in the time of the replay: as long before or
+    /// after the client's bytes as recorded. If the driver's clock is unknown, when it arrived.
     fn taken(&self, frame: &Frame, time_ns: u64) -> u64 {
         let since = |zero_ns: u64| frame.exposure_end_ns.checked_sub(zero_ns);
         let taken_ns = self.monotonic_ns.and_then(since);
@@ -123,7 +123,7 @@ impl<R: Read> Player<R> {
         (replay_ns.saturating_add(taken_ns)).saturating_sub(recorded_ns)
     }
 
-    /// Puts what the device does in its place.
+    /// Schedules an action.
     fn put(&mut self, time_ns: u64, output: Output, now_ns: u64) {
         let (recorded_ns, replay_ns) = self.anchor.unwrap_or((time_ns, now_ns));
         let due_ns = replay_ns.saturating_add(time_ns.saturating_sub(recorded_ns));
@@ -132,7 +132,7 @@ impl<R: Read> Player<R> {
     }
 }
 
-/// Which end a channel is.
+/// Returns the end of a channel.
 fn end_of(channel: Channel) -> End {
     match channel.is_port() {
         true => End::Port,

@@ -1,4 +1,4 @@
-//! Where samples lie, and how wide blur makes them.
+//! Sample positions, and footprint widths under blur.
 
 use super::super::super::{Engine, Stage};
 use super::Case;
@@ -7,7 +7,7 @@ use crate::aperture::widened;
 use crate::sampled::{offset, pupil_index, turn};
 use phasmid_profile::{Profile, Scene};
 
-/// A small image, in focus at a distance in millimetres.
+/// A small image with the given focus distance in millimetres.
 fn focused(focus_mm: f64) -> Profile {
     let mut profile = Profile::load("pmp-bench").unwrap();
     (profile.camera.width_px, profile.camera.height_px) = (151, 70);
@@ -85,7 +85,8 @@ fn blur_widens_as_on_the_cpu() {
             "{a} {b} {depth}: {found:?} {wanted:?}"
         );
         for (found, wanted) in found.into_iter().zip(wanted) {
-            // Near the width that two boxes no longer have, a root takes half of the digits.
+            // Near the limit of what two boxes can represent, a square root loses half of the
+            // digits.
             let bar = 5e-4 * then as f32;
             assert!(
                 (found - wanted).abs() <= bar,
