@@ -18,11 +18,11 @@
 use super::edges::{KEEP, MIXED, held, less};
 use phasmid_geometry::NoiseModel;
 
-/// Deviations of noise: the same 5 sqrt(6) as an extrapolation's in [`super::edges`].
+/// Noise margin in standard deviations: 5 sqrt(6), as for extrapolations in [`super::edges`].
 const STEP: f32 = 12.25;
-/// Deviations of noise within which a bias is lost.
+/// A bias below this many standard deviations is hidden by noise.
 const BIAS: f32 = 3.0;
-/// In projector pixels; far below what matters, above what f32 leaves of large coordinates.
+/// In projector pixels; far below what matters, above f32 rounding of large coordinates.
 const FLOOR_PX: f32 = 0.02;
 
 /// Noise of the intensity map: its variance is `floor + slope * intensity`.
@@ -33,8 +33,8 @@ pub(super) struct LightNoise {
 }
 
 impl LightNoise {
-    /// Of white minus black over `range` in DN. Ambient light adds some that it does not know of,
-    /// which errs on the careful side.
+    /// For white minus black over `range` in DN. Ambient light adds noise that is not modelled
+    /// here, which only makes the test stricter.
     pub(super) fn new(noise: &NoiseModel, range: f32) -> Self {
         let dark = noise.variance_dn2(noise.black_level_dn) as f32;
         Self {
@@ -44,7 +44,7 @@ impl LightNoise {
     }
 }
 
-/// The rows around a row, each as long as it; rows beyond the image are NaN.
+/// The rows around a row, each of its length; rows beyond the image are NaN.
 pub(super) struct Near<'a> {
     /// Coordinates of rows v - 2 to v + 2.
     pub(super) rows: [&'a [f32]; 5],
@@ -52,15 +52,15 @@ pub(super) struct Near<'a> {
     pub(super) padded: &'a [f32],
     /// Intensities of rows v - 1 to v + 1.
     pub(super) light: [&'a [f32]; 3],
-    /// Its row v with one NaN on either side.
+    /// Intensities of row v with one NaN on either side.
     pub(super) padded_light: &'a [f32],
     /// Standard deviations of row v.
     pub(super) sigma: &'a [f32],
     pub(super) noise: LightNoise,
 }
 
-/// Writes [`MIXED`] into `flags` at border pixels that are not trusted; `period` is the one that
-/// coordinates are known by, or 0.
+/// Writes [`MIXED`] into `flags` at rejected border pixels; `period` is the period modulo which
+/// coordinates are known, or 0.
 #[inline(always)]
 pub(super) fn judge_row(near: &Near<'_>, period: f32, flags: &mut [u8]) {
     if period > 0.0 {
@@ -81,7 +81,7 @@ fn judge<const WRAPPED: bool>(near: &Near<'_>, period: f32, flags: &mut [u8]) {
     let sigma = &near.sigma[..n];
     for i in 0..n {
         let x = row[i];
-        // Brightness that the noise leaves of a drop.
+        // Brightness within the noise of a drop.
         let sd = (near.noise.floor + near.noise.slope * light[i]).sqrt();
         let slope = |a: f32, b: f32| less::<WRAPPED>(a, b, period).abs();
         let held = held(
@@ -104,7 +104,7 @@ fn judge<const WRAPPED: bool>(near: &Near<'_>, period: f32, flags: &mut [u8]) {
     }
 }
 
-/// A pixel and what noise allows it.
+/// A pixel and its noise allowances.
 struct Pixel {
     x: f32,
     light: f32,
@@ -113,8 +113,8 @@ struct Pixel {
 }
 
 impl Pixel {
-    /// Whether the pixel fails towards its outer side; sides list the nearest pixel first, NaN
-    /// stands for none.
+    /// Returns whether the pixel fails towards its outer side; sides list the nearest pixel first,
+    /// and NaN marks a missing pixel.
     #[inline(always)]
     fn borders<const WRAPPED: bool>(
         &self,
@@ -124,17 +124,17 @@ impl Pixel {
         outer_light: f32,
         period: f32,
     ) -> bool {
-        // All slopes run outwards.
+        // All slopes point outwards.
         let across = less::<WRAPPED>(outer[0], self.x, period);
         let own = less::<WRAPPED>(self.x, inner[0], period);
         let before = less::<WRAPPED>(inner[0], inner[1], period);
         let beyond = less::<WRAPPED>(outer[1], outer[0], period);
-        // f32::min and f32::max drop a NaN: with one slope unknown the other decides, with both
-        // nothing is a step.
+        // f32::min and f32::max ignore a NaN: with one slope unknown the other decides, with both
+        // unknown nothing is a step.
         let steeper = own.abs().max(beyond.abs());
         let allow = self.step + 0.5 * steeper;
         let step = (across < own.min(beyond) - allow) | (across > own.max(beyond) + allow);
-        // No hole beyond the image, where there is no light either.
+        // The image border is not a hole.
         let hole = outer[0].is_nan() & !outer_light.is_nan();
         let slope = own.abs().max(before.abs());
         let drop = inner_light - self.light;
@@ -189,13 +189,13 @@ mod tests {
         let lit = [0.4, 0.4, 0.4, 0.4, 0.2, 0.0];
         let x = [0.0, 4.0, 8.0, 12.0, 15.0, N];
         assert_eq!(flags(&x, &lit, 0.02, 0.0), [0, 0, 0, 0, 1, 0]);
-        // Whole to the end.
+        // Fully lit up to the end.
         let whole = [0.4, 0.4, 0.4, 0.4, 0.39, 0.0];
         assert_eq!(flags(&x, &whole, 0.02, 0.0), [KEEP; 6]);
-        // Along the fringes an average over half a footprint is the same coordinate.
+        // Along the fringes the average over half a footprint has the same coordinate.
         let along = [7.0, 7.0, 7.01, 7.0, 7.01, N];
         assert_eq!(flags(&along, &lit, 0.02, 0.0), [KEEP; 6]);
-        // The image ends there: the surface darkens, but no light is cut off.
+        // At the image border the surface darkens, but no light is cut off.
         assert_eq!(flags(&x[..5], &lit[..5], 0.02, 0.0), [KEEP; 5]);
     }
 }

@@ -1,18 +1,20 @@
-//! The deviation of most residuals, whatever a few of them are.
+//! A robust standard deviation: that of most residuals, regardless of a few outliers.
 
-/// Deviations from which on a residual is none of the usual ones.
+/// Residuals beyond this many standard deviations are outliers.
 const CLIP: f64 = 3.0;
-/// The part of its variance that a normal distribution has within [`CLIP`] deviations.
+/// Fraction of the variance of a normal distribution within [`CLIP`] standard deviations.
 const WITHIN: f64 = 0.9733;
-/// Rounds of clipping.
+/// Iterations of clipping.
 const ROUNDS: usize = 4;
 
-/// Standard deviation of residuals, by their sizes in any order, at least one of them, without those
-/// beyond three of it. The median begins, and is held to be no less than `first`: residuals of
-/// whole numbers may have a median of 0. Nothing below `least` is believed.
+/// Returns the standard deviation of residuals, given their absolute values in any order (at least
+/// one), without those beyond three standard deviations. Iteration starts from the median, or from
+/// `first` if that is larger, since integer residuals may have a median of 0. The result is at
+/// least `least`.
 pub fn of_most(sizes: &mut [f64], first: f64, least: f64) -> f64 {
     let middle = sizes.len() / 2;
-    // 0.6745 of a deviation is the median of sizes. It alone is as coarse as whole numbers are.
+    // The median of absolute values is 0.6745 standard deviations. For integer data it is coarse,
+    // hence the iterations.
     let median = *sizes.select_nth_unstable_by(middle, f64::total_cmp).1 / 0.6745;
     let mut deviation = median.max(first);
     for _ in 0..ROUNDS {
@@ -32,7 +34,7 @@ mod tests {
     use super::*;
     use std::f64::consts::TAU;
 
-    /// Normal deviates of a deviation, by Box and Muller from evenly spread pairs.
+    /// Normal deviates from evenly spread pairs (Box and Muller).
     fn normal(n: u32, deviation: f64) -> Vec<f64> {
         let pair = |i| {
             let u = (f64::from(i) + 0.5) / f64::from(n);
@@ -47,7 +49,7 @@ mod tests {
         let mut sizes: Vec<f64> = normal(20_000, 2.5).iter().map(|v| v.abs()).collect();
         let clean = of_most(&mut sizes, 0.5, 0.3);
         assert!((clean / 2.5 - 1.0).abs() < 0.01, "{clean}");
-        // One in fifty is far off.
+        // One in fifty is an outlier.
         sizes[..400].fill(1e4);
         let damaged = of_most(&mut sizes, 0.5, 0.3);
         assert!((damaged / 2.5 - 1.0).abs() < 0.03, "{damaged}");
@@ -59,7 +61,7 @@ mod tests {
             .iter()
             .map(|v| v.round().abs())
             .collect();
-        // Rounding adds a twelfth.
+        // Rounding adds 1/12 to the variance.
         let want = (0.36f64 + 1.0 / 12.0).sqrt();
         let found = of_most(&mut sizes, 1.0, 0.3);
         assert!((found / want - 1.0).abs() < 0.05, "{found}, want {want}");

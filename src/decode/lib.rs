@@ -1,20 +1,20 @@
-//! Frames to projector coordinates to points.
+//! Decodes frames to projector coordinates and points, with a standard deviation per pixel. It
+//! depends on `phasmid-core`, `phasmid-geometry` and `phasmid-pattern` only and does not know where
+//! frames come from.
 //!
-//! [`Plan`] reads a sequence manifest and says how its axes can be decoded, or what is missing.
-//! [`Decoder`] holds the tables and buffers of one plan, image size and rig, and turns a
-//! [`FrameStack`] into [`Decoded`] maps in three passes over rows, each parallel and with the same
-//! result on any number of threads:
+//! [`Plan`] reads a sequence manifest and states how its axes can be decoded, or what is missing.
+//! [`Decoder`] holds the tables and buffers for one plan, image size and rig, and turns a
+//! [`FrameStack`] into [`Decoded`] maps in three passes over rows. Each pass is parallel and gives
+//! the same result on any number of threads:
 //!
-//! 1. least squares over the steps of every fringe set ([`FringeSet`]), Gray bits ([`GrayCode`]),
-//!    the period's order with a test whether it is certain, one standard deviation per pixel; a
-//!    pixel whose steps, or the means of whose sets, contradict each other by more than is usual in the
-//!    capture (`usual`), or a Gray bit of which contradicts the phase, is refused, for one of its frames is damaged there; so is
-//!    one whose Gray bits are those of two places at once, as at a silhouette (`order`);
-//! 2. mixed pixels and stray errors, which lie on neither side's extrapolation (`edges`), then the
-//!    pixels that border on a step or a hole (`borders`);
-//! 3. triangulation, where there is a rig ([`crate::triangulate::Triangulator`]).
-//!
-//! The decoder knows nothing of where frames come from.
+//! 1. least squares over the steps of every fringe set ([`FringeSet`]), Gray bits ([`GrayCode`]), the
+//!    fringe order with a test of its certainty, and one standard deviation per pixel. A pixel is
+//!    rejected as damaged in one of its frames if its steps, or the means of its sets, contradict each
+//!    other by more than is usual in the capture (`usual`), or if a Gray bit contradicts the phase; it
+//!    is also rejected if its Gray bits come from two places at once, as at a silhouette (`order`);
+//! 2. mixed pixels and outliers that lie on neither side's extrapolation (`edges`), then pixels that
+//!    border on a step or a hole (`borders`);
+//! 3. triangulation, if there is a rig ([`crate::triangulate::Triangulator`]).
 
 mod borders;
 mod cloud;

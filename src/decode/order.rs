@@ -1,27 +1,28 @@
-//! Whole periods: which of the positions that look alike is the right one, and whether that is
+//! Fringe orders: selects among positions that look alike and decides whether the choice is
 //! certain.
 
 use super::gray::{GrayRow, cells};
 use super::turns::nearest;
 
-/// Noise margins, in standard deviations, that a decision needs on either side.
+/// Noise margin, in standard deviations, that a decision needs on either side.
 pub(super) const SURE: f32 = 4.0;
-/// How much likelier (in chi squared) the best candidate must be than the next.
+/// Minimum difference in chi squared between the best candidate and the next.
 const GAP: f32 = 25.0;
-/// Part of the full contrast within which a Gray bit counts as being on its edge.
+/// Fraction of the full contrast within which a Gray bit counts as on its edge.
 const EDGE_CONTRAST: f32 = 0.25;
-/// Part of the full contrast below which two bits of one pixel are not those of one place. Words of
-/// neighbouring cells differ in one bit, so of a pixel that sees one surface one bit at most is between
-/// black and white, while its footprint is no wider than a cell; and two are below half of the
-/// contrast only where it spans two cells, beyond what fringes as wide as a cell can be told by.
+/// Fraction of the full contrast below which two bits of a pixel cannot come from one place. Code
+/// words of neighbouring cells differ in one bit, so a pixel that sees one surface has at most one
+/// bit between black and white while its footprint is no wider than a cell. Two bits fall below
+/// half of the contrast only if it spans two cells, which is more than fringes as wide as a cell
+/// can resolve.
 const TWO_PLACES: f32 = 0.5;
-/// Part of a period by which a fringe set may contradict the only candidate.
+/// Fraction of a period by which a fringe set may disagree with the only candidate.
 const MISFIT: f32 = 0.15;
-/// Standard deviations that are looked at first on either side of a set's positions: of what lies
-/// beyond, nothing can compete with a candidate that only noise has moved.
+/// Search range on either side of a set's positions, in standard deviations: no candidate beyond it
+/// can compete with one that only noise has displaced.
 const SPREAD: f32 = 8.0;
-/// Part of a cell by which a phase may lie beyond its cell's edge, whichever bit is the weakest:
-/// response curves move it so far.
+/// Fraction of a cell by which a phase may lie beyond its cell's edge, whichever bit is the
+/// weakest: response curves displace it by that much.
 const OFF_CELL: f32 = 0.0625;
 
 /// Candidates of one or several fringe sets over a range of positions.
@@ -43,10 +44,10 @@ impl Ensemble {
     /// sets' nearest positions, and its cost is the weighted sum of squares that remains.
     #[inline(always)]
     pub(super) fn best(&self, wrapped: &[f32], variance: &[f32], lo: f32, hi: f32) -> Candidate {
-        // Only candidates near all sets' positions matter, as long as the best is good enough that
-        // nothing beyond could compete: what is farther than its reach from a set's positions costs at
-        // least the square of the reach over both variances. Noise alone takes a candidate or two;
-        // what errs by more than noise, a few; what is left, all.
+        // Only candidates near all sets' positions matter if the best is good enough: a candidate
+        // farther than its reach from a set's position costs at least the square of the reach over
+        // both variances. With noise alone one or two candidates are evaluated, with larger errors
+        // a few, otherwise all.
         let spread = |j: usize| SPREAD * (variance[j] + variance[0]).sqrt();
         let wide = |j: usize| spread(j).max(MISFIT * self.periods[j]);
         if let Some(found) = self.within(wrapped, variance, [lo, hi], spread) {
@@ -60,8 +61,8 @@ impl Ensemble {
             .found(f32::INFINITY)
     }
 
-    /// [`Self::best`] by candidates within a reach of each set's positions, where no other could change
-    /// it.
+    /// [`Self::best`], limited to candidates within a reach of each set's positions, if no other
+    /// candidate can change the result.
     #[inline(always)]
     fn within(
         &self,
@@ -81,14 +82,15 @@ impl Ensemble {
         }
         let search = self.among(wrapped, variance, range, reach);
         let found = search.found(beyond);
-        // The best of all, which another that was seen makes uncertain already.
+        // The best of all candidates; if an evaluated one already makes it uncertain, no more are
+        // needed.
         let settled = search.best.0 < beyond
             && search.second.is_finite()
             && !search.is_certain(search.second);
         (found.certain || settled).then_some(found)
     }
 
-    /// Looks at candidates within a reach of each set's positions.
+    /// Evaluates candidates within a reach of each set's positions.
     #[inline(always)]
     fn among<'a>(
         &'a self,
@@ -110,22 +112,22 @@ impl Ensemble {
     }
 }
 
-/// A search on its way.
+/// The state of a search.
 struct Search<'a> {
     periods: &'a [f32],
     wrapped: &'a [f32],
     variance: &'a [f32],
-    /// Inverse variances, summed.
+    /// Sum of inverse variances.
     total: f32,
     /// Cost, position, worst misfit.
     best: (f32, f32, f32),
-    /// Cost of the next best.
+    /// Cost of the second best candidate.
     second: f32,
 }
 
 impl Search<'_> {
-    /// Looks from `lo` to `hi` where set `j` and those finer than it allow. Two and three sets, the usual
-    /// ones, take no call.
+    /// Searches `lo` to `hi` where set `j` and all finer sets allow it. Two and three sets, the
+    /// usual numbers, need no recursion.
     #[inline(always)]
     fn coarse(&mut self, j: usize, lo: f32, hi: f32, reach: &impl Fn(usize) -> f32) {
         match j {
@@ -147,7 +149,7 @@ impl Search<'_> {
         }
     }
 
-    /// Looks, where set `j` allows, by `then`.
+    /// Searches the ranges that set `j` allows, with `then`.
     #[inline(always)]
     fn near(
         &mut self,
@@ -169,7 +171,7 @@ impl Search<'_> {
         }
     }
 
-    /// Every candidate of the finest set from `lo` to `hi`.
+    /// Evaluates every candidate of the finest set from `lo` to `hi`.
     #[inline(always)]
     fn fine(&mut self, lo: f32, hi: f32) {
         let (p0, x0) = (self.periods[0], self.wrapped[0]);
@@ -195,7 +197,7 @@ impl Search<'_> {
         }
     }
 
-    /// What is found, where candidates that were not looked at cost at least `beyond`.
+    /// Returns the result if candidates that were not evaluated cost at least `beyond`.
     fn found(&self, beyond: f32) -> Candidate {
         Candidate {
             x: self.best.1,
@@ -204,11 +206,11 @@ impl Search<'_> {
         }
     }
 
-    /// Whether the best is certain beside another of a cost.
+    /// Returns whether the best candidate is certain, given the cost of another.
     fn is_certain(&self, second: f32) -> bool {
         let (cost, _, misfit) = self.best;
         // Errors other than noise (response curves, defocus) grow with the fringe, so the best
-        // must also be less than half as far off as the next, whatever the noise.
+        // candidate must also be less than half as far off as the next, whatever the noise.
         if second.is_finite() {
             second - cost >= GAP && cost <= 0.25 * second
         } else {
@@ -217,15 +219,15 @@ impl Search<'_> {
     }
 }
 
-/// The least whole number that is no smaller, of a number below 2^22 in size; not every x86 has the
-/// instruction.
+/// Rounds up a number smaller than 2^22 in magnitude; not every x86 processor has an instruction
+/// for it.
 #[inline(always)]
 fn ceil(v: f32) -> f32 {
     let whole = nearest(v);
     if whole < v { whole + 1.0 } else { whole }
 }
 
-/// What [`Ensemble::best`] finds.
+/// Result of [`Ensemble::best`].
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Candidate {
     pub(super) x: f32,
@@ -233,28 +235,28 @@ pub(super) struct Candidate {
     pub(super) certain: bool,
 }
 
-/// How Gray code and a coordinate known modulo `repeat` join.
+/// Combines Gray code with a coordinate known modulo `repeat`.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct GrayJoin {
-    /// Cell in projector pixels.
+    /// Cell width in projector pixels.
     pub(super) cell: f32,
-    /// The fringes' repeat in projector pixels; far beyond the axis where there is none.
+    /// Repeat of the fringes in projector pixels; far beyond the axis if they do not repeat.
     pub(super) repeat: f32,
-    /// Standard deviation of a bit's contrast over that of one sample.
+    /// Ratio of the standard deviation of a bit's contrast to that of one sample.
     pub(super) noise_factor: f32,
 }
 
 impl GrayJoin {
-    /// Middle of the cell that the row's pixel `i` reads. A code edge lies half a pixel before the
+    /// Returns the centre of the cell with this code. A code edge lies half a pixel before the
     /// first pixel of its cell.
     #[inline(always)]
     pub(super) fn center(&self, code: u32) -> f32 {
         cells(code).0 as f32 * self.cell + 0.5 * self.cell - 0.5
     }
 
-    /// Whether the two weakest bits say that a pixel sees two places at once, as at a silhouette, where
-    /// the fringes of one of them may be too fine to show and the phase is all the other's. What
-    /// noise can have made of a full contrast says nothing.
+    /// Returns whether the two weakest bits show that a pixel sees two places at once, as at a
+    /// silhouette, where the fringes of one place may be too fine to resolve so that the phase is
+    /// that of the other. A contrast that noise can explain does not count.
     #[inline(always)]
     fn two_places(second: f32, half: f32, doubt: f32) -> bool {
         (second < TWO_PLACES * half) & (second + doubt < half)

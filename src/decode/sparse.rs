@@ -1,10 +1,10 @@
-//! A decoder of every n'th pixel of every n'th row, for applications that need some tens of thousands
-//! of points and not all that a camera gives: it takes the n-squared part of the time.
+//! Decodes every n-th pixel of every n-th row, for applications that need some tens of thousands of
+//! points and not all that a camera provides; takes 1/n^2 of the time.
 //!
-//! A pixel that is left sees what it saw, along the same ray: pixel (u, v) of the sparse image is pixel
-//! (n u, n v) of the camera, so that a lens has an n'th of its focal lengths and of its principal point
-//! (pixels are counted from their centres). Neighbours are n pixels apart, so that more pixels border on
-//! a step; their footprints do not overlap, and how steep a surface may be for a footprint is what it was.
+//! A kept pixel sees the same scene along the same ray: pixel (u, v) of the sparse image is pixel
+//! (n u, n v) of the camera, so focal lengths and principal point are divided by n (pixel centres
+//! are at integers). Neighbours are n pixels apart, so more pixels border on a step; footprints do
+//! not overlap, and the limit on a surface's slope within a footprint is unchanged.
 
 use super::{Decoded, Decoder, FrameStack, Options, Samples};
 use phasmid_core::error::Result;
@@ -12,10 +12,10 @@ use phasmid_geometry::{Lens, Rig, View};
 use phasmid_pattern::Manifest;
 use rayon::prelude::*;
 
-/// Most pixels from one that is decoded to the next.
+/// Maximum distance in pixels between decoded pixels.
 const MOST: usize = 4;
 
-/// Decodes some of the pixels of one sequence's frames, again and again.
+/// Decodes a subset of the pixels of a sequence's frames; reusable.
 #[derive(Debug)]
 pub struct SparseDecoder {
     decoder: Decoder,
@@ -23,11 +23,11 @@ pub struct SparseDecoder {
 }
 
 impl SparseDecoder {
-    /// Prepares the decoding of as few pixels of `width` x `height` images as leave at least `least` of
-    /// them: all, every second of every second row, and so on.
+    /// Prepares decoding of `width` x `height` images with the sparsest grid (every pixel, every
+    /// second pixel of every second row, and so on) that keeps at least `least` pixels.
     ///
     /// # Errors
-    /// What [`Decoder::new`] refuses.
+    /// Returns the errors of [`Decoder::new`].
     pub fn new(
         manifest: &Manifest,
         [width, height]: [usize; 2],
@@ -49,20 +49,20 @@ impl SparseDecoder {
         })
     }
 
-    /// Every how manyth pixel is decoded.
+    /// Returns the spacing of decoded pixels in columns and rows.
     pub fn every(&self) -> usize {
         self.every
     }
 
-    /// The decoder of the pixels that are left, whose maps have as many columns and rows as those.
+    /// Returns the decoder of the kept pixels; its maps have as many columns and rows as these.
     pub fn decoder(&self) -> &Decoder {
         &self.decoder
     }
 
-    /// Decodes whole frames into maps of the pixels that are left, which are used again.
+    /// Decodes full frames into maps of the kept pixels, which are reused.
     ///
     /// # Errors
-    /// What [`Decoder::decode_into`] refuses.
+    /// Returns the errors of [`Decoder::decode_into`].
     pub fn decode_into(&self, stack: &FrameStack<'_>, out: &mut Decoded) -> Result<()> {
         if self.every == 1 {
             return self.decoder.decode_into(stack, out);
@@ -94,7 +94,7 @@ impl SparseDecoder {
     }
 }
 
-/// Every so manyth pixel of every so manyth row of each frame.
+/// Returns every n-th pixel of every n-th row of each frame.
 fn taken<T: Copy + Send + Sync>(frames: &[&[T]], width: usize, every: usize) -> Vec<Vec<T>> {
     let of = |frame: &&[T]| {
         let mut some = Vec::with_capacity(frame.len() / (every * every) + width);
@@ -106,7 +106,7 @@ fn taken<T: Copy + Send + Sync>(frames: &[&[T]], width: usize, every: usize) -> 
     frames.par_iter().map(of).collect()
 }
 
-/// A rig whose camera has every so manyth pixel.
+/// Returns the rig of a camera with every n-th pixel.
 fn sparse(rig: &Rig, every: usize) -> Rig {
     let lens = &rig.camera.lens;
     let n = every as f64;

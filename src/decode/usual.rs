@@ -1,11 +1,12 @@
-//! How far the steps of a fringe set contradict each other in a capture as a whole.
+//! The residuals of a fringe set's steps that are typical of a capture as a whole.
 //!
-//! Four or more steps leave a residual ([`FringeSet::check`](super::FringeSet::check)), and where an axis
-//! has several sets, those of three steps have their mean less that of the others. It is not
-//! noise alone: a flickering lamp leaves a part of the light and of the fringe itself, and
-//! a response curve its second harmonic with four steps, its third in the mean of three. Each is the same part everywhere, so a fit over the
-//! capture knows them, and takes them off; a damaged pixel of one frame is not usual. What is left is
-//! held against the camera's noise, or against what is left of most pixels where that is more.
+//! Four or more steps leave a residual ([`FringeSet::check`](super::FringeSet::check)). A set of
+//! three steps on an axis with several sets is checked by the difference of its mean from that of
+//! the others. Residuals contain more than noise: a flickering lamp leaves a fraction of the light
+//! and of the fringe itself, and a response curve leaves its second harmonic with four steps and
+//! its third harmonic in the mean of three. Each is the same fraction everywhere, so a fit over the
+//! capture determines and removes them; damage to one pixel of one frame remains. The remainder is
+//! compared with the camera's noise, or with the remainder of most pixels if that is larger.
 
 use super::phase::{Check, OWN, RowNoise, SetKernel, TIED};
 use super::samples::Sample;
@@ -13,36 +14,37 @@ use super::{Options, deviation};
 use nalgebra::{SMatrix, SVector};
 use phasmid_geometry::NoiseModel;
 
-/// Pixels that are looked at.
+/// Approximate number of pixels sampled.
 const PIXELS: usize = 4000;
-/// Fewest of them that tell what is usual.
+/// Minimum number of pixels for a fit.
 const FEWEST: usize = 50;
-/// Deviations that a residual may have; noise has more in 6 of 100,000 pixels.
+/// Maximum residual in standard deviations; noise exceeds it in 6 of 100,000 pixels.
 const SIGMAS: f64 = 4.0;
-/// Part of the harmonic that blur takes away, or leaves, in some part of the image.
+/// Maximum fraction of a harmonic by which blur changes it between parts of the image.
 const BLURRED: f64 = 0.75;
-/// Light, both parts of the fringe, both of a harmonic of it.
+/// Number of fitted terms: the light, both components of the fringe, and both of one of its
+/// harmonics.
 const TERMS: usize = 5;
-/// Rounds of the robust fit.
+/// Iterations of the robust fit.
 const ROUNDS: usize = 4;
-/// Deviations from which on a pixel weighs less in the fit.
+/// Residual in standard deviations above which a pixel is down-weighted in the fit.
 const BENT: f64 = 2.0;
-/// Least deviation of most pixels, in those of the camera's noise.
+/// Lower bound of the robust scale, as a fraction of the camera's noise.
 const LEAST: f64 = 0.5;
 
-/// What is usual of the residual of a fringe set over a capture.
+/// The residual of a fringe set that is typical of a capture.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Usual {
-    /// Parts of the terms.
+    /// Fitted coefficients of the terms.
     terms: [f32; TERMS],
-    /// Deviations of the camera's noise that are believed.
+    /// Allowed residual in standard deviations of the camera's noise.
     deviations: f32,
-    /// Part of the modulation that is believed on top.
+    /// Additional allowed residual as a fraction of the modulation.
     modulation: f32,
 }
 
 impl Default for Usual {
-    /// Nothing is unusual.
+    /// Accepts every residual.
     fn default() -> Self {
         Self {
             terms: [0.0; TERMS],
@@ -52,19 +54,19 @@ impl Default for Usual {
     }
 }
 
-/// A pixel that is looked at.
+/// A sampled pixel.
 struct Pixel {
     terms: SVector<f64, TERMS>,
     check: f64,
-    /// Deviation of the camera's noise.
+    /// Standard deviation of the camera's noise.
     sigma: f64,
-    /// What the terms leave, in deviations.
+    /// Remainder after the fit, in standard deviations.
     left: f64,
 }
 
 impl Usual {
-    /// What is usual of one of an axis' sets over pixels here and there that have fringes and are not
-    /// saturated.
+    /// Fits the typical residual of one of an axis' sets to sampled pixels that have fringes and
+    /// are not saturated.
     pub(super) fn of<T: Sample>(
         sets: &[SetKernel],
         set: &SetKernel,
@@ -78,7 +80,7 @@ impl Usual {
         };
         let row = RowNoise::new(noise);
         let mut pixels = Vec::new();
-        // Odd, so that no column of an image is all there is.
+        // Odd, so that the samples do not all fall into one image column.
         let stride = (frames[*first].len() / PIXELS) | 1;
         for i in (0..frames[*first].len()).step_by(stride) {
             let sample = |frame: usize| frames[frame][i].dn();
@@ -126,8 +128,8 @@ impl Usual {
         }
     }
 
-    /// The part of a pixel's residual that is usual: of a mean above black, both parts of its fringe
-    /// and their modulation, all in DN.
+    /// Returns the typical part of a pixel's residual, given its mean above black, both components
+    /// of its fringe and their modulation, all in DN.
     #[inline(always)]
     pub(super) fn part<const CHECK: u8>(&self, light: f32, c: f32, s: f32, modulation: f32) -> f32 {
         let terms = terms::<CHECK>(light, c, s, modulation);
@@ -138,8 +140,8 @@ impl Usual {
         sum
     }
 
-    /// The largest residual in DN, less the usual part, that is believed of a pixel of a mean above
-    /// black and a modulation.
+    /// Returns the largest residual in DN, less the typical part, that is accepted for a pixel with
+    /// this mean above black and modulation.
     #[inline(always)]
     pub(super) fn most(self, light: f32, modulation: f32, noise: RowNoise) -> f32 {
         self.deviations * noise.variance(noise.black + light).sqrt() + self.modulation * modulation
@@ -156,7 +158,7 @@ fn terms<const CHECK: u8>(light: f32, c: f32, s: f32, modulation: f32) -> [f32; 
     [light, c, s, harmonic[0], harmonic[1]]
 }
 
-/// Least squares of the terms, where pixels far off by the last round weigh less.
+/// Least-squares fit of the terms; pixels far off in the last iteration are down-weighted.
 fn fit(pixels: &[Pixel], scale: f64) -> Option<SVector<f64, TERMS>> {
     let mut normal = SMatrix::<f64, TERMS, TERMS>::zeros();
     let mut right = SVector::<f64, TERMS>::zeros();
@@ -169,7 +171,7 @@ fn fit(pixels: &[Pixel], scale: f64) -> Option<SVector<f64, TERMS>> {
     normal.cholesky().map(|c| c.solve(&right))
 }
 
-/// The deviation of most pixels, in deviations of the camera's noise.
+/// Robust scale of the remainders, in standard deviations of the camera's noise.
 fn deviation(pixels: &[Pixel]) -> f64 {
     let mut sizes: Vec<f64> = pixels.iter().map(|p| p.left.abs()).collect();
     deviation::of_most(&mut sizes, LEAST, LEAST)

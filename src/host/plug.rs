@@ -5,9 +5,6 @@
 //!
 //! Linux publishes both in sysfs (Documentation/ABI/stable/sysfs-bus-usb and
 //! testing/sysfs-bus-usb). On systems without sysfs, no node is attributed to a device.
-//!
-//! Linux tells it in its sysfs (Documentation/ABI/stable/sysfs-bus-usb and testing/sysfs-bus-usb);
-//! where that is not, no node belongs to anybody.
 
 use phasmid_core::error::{Error, Result};
 use phasmid_protocol::printable;

@@ -172,7 +172,7 @@ mod tests {
         }
     }
 
-    /// What a viewer that takes YUYV for limited range does to luma.
+    /// Applies the luma change of a viewer that treats YUYV as limited range.
     fn stretched(level: u8) -> u8 {
         ((f64::from(level) - 16.0) * 255.0 / 219.0).clamp(0.0, 255.0) as u8
     }

@@ -15,15 +15,15 @@ const MOST_BYTES: u64 = 1 << 20;
 pub struct Endpoints {
     /// `*IDN?` of the device.
     pub name: String,
-    /// Process that serves it.
+    /// Id of the process that serves the device.
     pub pid: u32,
-    /// Profile as it was chosen; absent where a recording does not say.
+    /// Profile as selected; absent if a recording does not name it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub profile: Option<String>,
-    /// Scene as it was chosen; absent where a recording does not say.
+    /// Scene as selected; absent if a recording does not name it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub scene: Option<String>,
-    /// Seed of its noise; absent where a recording does not say.
+    /// Noise seed; absent if a recording does not name it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub seed: Option<u64>,
     /// Time mode of the device, if known.
@@ -34,7 +34,7 @@ pub struct Endpoints {
     /// Dialect of the control port, if known: a built-in name or the path of a dialect file.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub dialect: Option<String>,
-    /// Bits per second of the control port; absent where bytes take no time.
+    /// Bit rate of the control port; absent if transmission takes no time.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub baud: Option<u32>,
     /// Control port over USB, if the device is attached to this machine's kernel: `/dev/ttyACMN`.
@@ -42,12 +42,12 @@ pub struct Endpoints {
     pub control_usb: Option<PathBuf>,
     /// Address of the camera: `/dev/videoN`, `usb:HOST:PORT/BUSID` or `socket:PATH`.
     pub camera: String,
-    /// The frame socket, which is there besides any other camera: `socket:PATH`.
+    /// Address of the frame socket, which exists in addition to any other camera: `socket:PATH`.
     pub camera_socket: String,
-    /// The camera over TCP, where that was asked for: `tcp:127.0.0.1:PORT`.
+    /// Address of the camera over TCP, if requested: `tcp:127.0.0.1:PORT`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub camera_tcp: Option<String>,
-    /// The device on USB/IP, where it is a USB device: `usb:HOST:PORT/BUSID`.
+    /// Address of the device over USB/IP, if it is a USB device: `usb:HOST:PORT/BUSID`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub usb: Option<String>,
     /// Socket of the service channel, which no physical device has; empty for a recording.
@@ -73,7 +73,7 @@ impl Endpoints {
         )
     }
 
-    /// Reads what a `device.json` holds; `place` is named in errors.
+    /// Parses the text of a `device.json`; `place` names it in errors.
     ///
     /// # Errors
     /// Returns an error if the text is not a valid `device.json`.

@@ -2,23 +2,23 @@
 
 use serde::{Deserialize, Serialize};
 
-/// How a pixel is laid out in memory, named as V4L2 names it.
+/// Memory layout of a pixel, named as in V4L2.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum PixelFormat {
-    /// One byte a pixel.
+    /// One byte per pixel.
     #[serde(rename = "GREY")]
     Grey,
-    /// Two bytes a pixel, little-endian, the sensor's bits in the low bits.
+    /// Two bytes per pixel, little-endian; the sensor's bits are the low bits.
     #[serde(rename = "Y16")]
     Y16,
-    /// Four bytes a pair of pixels, Y U Y V: what webcams send. The colour is neutral (128), the
-    /// width even.
+    /// Four bytes per pair of pixels (Y U Y V), the usual format of webcams. Chroma is neutral
+    /// (128) and the width is even.
     #[serde(rename = "YUYV")]
     Yuyv,
 }
 
 impl PixelFormat {
-    /// Bytes that a pixel takes.
+    /// Returns the number of bytes per pixel.
     pub fn bytes_per_pixel(self) -> usize {
         match self {
             Self::Grey => 1,
@@ -26,7 +26,7 @@ impl PixelFormat {
         }
     }
 
-    /// The four-character code of V4L2.
+    /// Returns the V4L2 four-character code.
     pub fn fourcc(self) -> [u8; 4] {
         match self {
             Self::Grey => *b"GREY",
@@ -35,7 +35,7 @@ impl PixelFormat {
         }
     }
 
-    /// The format of a four-character code.
+    /// Returns the format with a V4L2 four-character code.
     pub fn from_fourcc(code: [u8; 4]) -> Option<Self> {
         [Self::Grey, Self::Y16, Self::Yuyv]
             .into_iter()
@@ -44,8 +44,8 @@ impl PixelFormat {
 }
 
 impl Frame {
-    /// The frame as pairs of pixels with neutral colour; frames of other formats than GREY, and of
-    /// odd width, stay as they are.
+    /// Converts a GREY frame of even width to YUYV with neutral chroma; other frames are returned
+    /// unchanged.
     #[must_use]
     pub fn into_yuyv(self) -> Self {
         if self.format != PixelFormat::Grey || self.width % 2 == 1 {
@@ -59,7 +59,7 @@ impl Frame {
         }
     }
 
-    /// The frame without its colour: YUYV becomes GREY, other formats stay as they are.
+    /// Converts a YUYV frame to GREY by dropping its chroma; other formats are returned unchanged.
     #[must_use]
     pub fn into_luma(self) -> Self {
         if self.format != PixelFormat::Yuyv {
@@ -74,10 +74,10 @@ impl Frame {
     }
 }
 
-/// One exposure as it reaches an application.
+/// One exposure as an application receives it.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Frame {
-    /// Identity, counted from the device's start, never repeated.
+    /// Frame id, counted from power-on and never repeated.
     pub id: u64,
     /// Position of the projected pattern in the selected sequence; `None` when running free.
     pub pattern_index: Option<u32>,
@@ -87,10 +87,12 @@ pub struct Frame {
     pub height: u32,
     /// Layout of `data`.
     pub format: PixelFormat,
-    /// Start of the exposure in nanoseconds of device time; with a rolling shutter its first row's.
+    /// Start of the exposure in nanoseconds of device time; with a rolling shutter, that of the
+    /// first row.
     pub exposure_start_ns: u64,
-    /// End of the exposure in nanoseconds of device time; with a rolling shutter its last row's.
+    /// End of the exposure in nanoseconds of device time; with a rolling shutter, that of the last
+    /// row.
     pub exposure_end_ns: u64,
-    /// Pixels row by row without padding: width * height * bytes per pixel.
+    /// Pixels in row-major order without padding: width * height * bytes per pixel.
     pub data: Vec<u8>,
 }

@@ -1,5 +1,5 @@
 //! A frame on the frame socket: a header of 72 bytes, little-endian, then the pixels. The socket
-//! carries nothing else; the device sends, the application reads.
+//! carries nothing else; the device sends, the application receives.
 //!
 //! | offset | bytes | field |
 //! | --- | --- | --- |
@@ -19,11 +19,12 @@
 //! | 64 | 4 | reserved, 0 |
 //! | 68 | 4 | CRC-32 of the 68 bytes before |
 //!
-//! With flag 1 the id only counts, there is no pattern index, and both times are the driver's time of
-//! the frame, on the system's monotonic clock for most drivers. A device never sends such a frame.
+//! With flag 1 the id is a mere counter, there is no pattern index, and both times are the driver's
+//! timestamp of the frame, which most drivers take from the system's monotonic clock. A device
+//! never sends such a frame.
 //!
-//! A reader checks the header before allocating the payload, and the payload before passing the
-//! frame on.
+//! A reader validates the header before it allocates the payload, and the payload before it passes
+//! the frame on.
 
 use super::{Frame, PixelFormat};
 use phasmid_core::error::{Error, Result};
@@ -31,20 +32,19 @@ use phasmid_pattern::manifest::MAX_SIDE_PX;
 
 /// Length of the header in bytes.
 pub const HEADER_LEN: usize = 72;
-/// Largest payload in bytes.
+/// Maximum payload size in bytes.
 pub const MAX_PAYLOAD: u64 = 128 << 20;
 
 const MAGIC: [u8; 4] = *b"PHFR";
 const VERSION: u16 = 1;
 const NO_PATTERN: u32 = u32::MAX;
 const COUNTED: u32 = 1;
-/// Where the checksum of a header stands.
+/// Offset of the checksum in a header.
 const CRC_AT: usize = HEADER_LEN - 4;
 
-/// The header of a frame.
+/// Encodes the header of a frame.
 ///
-/// # Panics
-/// Never for a frame whose data has the length that its size and format say.
+/// Does not panic for a frame whose data length matches its size and format.
 pub fn encode_header(frame: &Frame) -> [u8; HEADER_LEN] {
     let mut header = [0; HEADER_LEN];
     let mut at = 0;
@@ -69,7 +69,7 @@ pub fn encode_header(frame: &Frame) -> [u8; HEADER_LEN] {
     header
 }
 
-/// The header of a frame that does not say which it is.
+/// Encodes the header of a frame from a camera that does not identify its frames.
 pub fn encode_counted_header(frame: &Frame) -> [u8; HEADER_LEN] {
     let mut header = encode_header(frame);
     header[60..64].copy_from_slice(&COUNTED.to_le_bytes());
@@ -78,7 +78,7 @@ pub fn encode_counted_header(frame: &Frame) -> [u8; HEADER_LEN] {
     header
 }
 
-/// A header that has been checked.
+/// A validated header.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct FrameHeader {
     id: u64,
@@ -92,7 +92,7 @@ pub struct FrameHeader {
 }
 
 impl FrameHeader {
-    /// Checks and reads a header.
+    /// Validates and decodes a header.
     ///
     /// # Errors
     /// Returns a device failure that describes the defect.
@@ -163,12 +163,12 @@ impl FrameHeader {
         })
     }
 
-    /// Length of the payload in bytes.
+    /// Returns the length of the payload in bytes.
     pub fn payload_len(&self) -> usize {
         self.width as usize * self.height as usize * self.format.bytes_per_pixel()
     }
 
-    /// The frame with its payload.
+    /// Combines the header with its payload to a frame.
     ///
     /// # Errors
     /// Returns an error if the payload has a wrong length or checksum.
@@ -192,11 +192,11 @@ impl FrameHeader {
     }
 }
 
-/// Reads a stream of frames that comes in pieces of any size.
+/// Decodes a stream of frames that arrives in pieces of any size.
 #[derive(Debug)]
 pub struct FrameDecoder {
     header: Option<FrameHeader>,
-    /// Header or payload, as far as it has come: `filled` bytes of it.
+    /// Header or payload as received so far: `filled` bytes.
     buffer: Vec<u8>,
     filled: usize,
     counted: bool,
@@ -214,7 +214,7 @@ impl Default for FrameDecoder {
 }
 
 impl FrameDecoder {
-    /// Where the stream's next bytes belong; never empty.
+    /// Returns the buffer for the stream's next bytes; it is never empty.
     pub fn space(&mut self) -> &mut [u8] {
         &mut self.buffer[self.filled..]
     }
@@ -247,13 +247,14 @@ impl FrameDecoder {
         }
     }
 
-    /// Whether the last frame does not say which it is.
+    /// Returns whether the last frame came from a camera that does not identify its frames.
     pub fn counted(&self) -> bool {
         self.counted
     }
 
-    /// Whether more can be read after an error: a damaged payload ends where its header says, and
-    /// the next frame begins there, but behind a damaged header nothing is known.
+    /// Returns whether reading can continue after an error. After a damaged payload the next frame
+    /// starts where the header says that the payload ends; after a damaged header its position is
+    /// unknown.
     pub fn in_step(&self) -> bool {
         self.filled < self.buffer.len()
     }
@@ -268,7 +269,7 @@ mod tests {
         [&encode_header(frame)[..], &frame.data].concat()
     }
 
-    /// All frames of a stream that comes in pieces of `step` bytes.
+    /// Decodes all frames of a stream that arrives in pieces of `step` bytes.
     fn decode(mut bytes: &[u8], step: usize) -> Result<Vec<Frame>> {
         let (mut decoder, mut frames) = (FrameDecoder::default(), Vec::new());
         while !bytes.is_empty() {
@@ -318,7 +319,7 @@ mod tests {
             prop_assert!(decode(&bytes, 50).map_or(true, |frames| frames.is_empty()));
         }
 
-        /// With a true checksum the fields themselves are checked, before room is made.
+        /// With a correct checksum the fields themselves are validated before memory is allocated.
         #[test]
         fn any_header_is_checked(mut bytes in proptest::collection::vec(any::<u8>(), HEADER_LEN - 12)) {
             let mut header = Vec::from(MAGIC);

@@ -20,7 +20,7 @@ const GOLDEN: f64 = 2.399_963_229_728_653;
 /// The pupil in the plane z = 0 of the camera's frame.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Aperture {
-    /// Radius in millimetres; 0 without a focus distance, when everything is sharp.
+    /// Radius in millimetres; 0 if there is no focus distance and everything is sharp.
     pub(super) radius_mm: f64,
     /// Inverse distance of the plane in focus, in 1/mm.
     pub(super) focus: f64,
@@ -29,8 +29,8 @@ pub(super) struct Aperture {
 }
 
 impl Aperture {
-    /// The pupil's diameter is the image distance, approximated by the profile's focal length, over
-    /// the working f-number.
+    /// Creates the pupil. Its diameter is the image distance, approximated by the profile's focal
+    /// length, divided by the working f-number.
     pub(super) fn new(camera: &Camera) -> Self {
         let radius_mm = camera.focal_length_mm / camera.f_number / 2.0;
         Self {
@@ -110,13 +110,13 @@ mod tests {
     use super::*;
     use std::f64::consts::PI;
 
-    /// Fraction of a unit disc to the left of t.
+    /// Returns the fraction of a unit disc to the left of t.
     fn disc(t: f64) -> f64 {
         let t = t.clamp(-1.0, 1.0);
         0.5 + (t * (1.0 - t * t).sqrt() + t.asin()) / PI
     }
 
-    /// Fraction of the convolution of two boxes to the left of x.
+    /// Returns the fraction of the convolution of two boxes to the left of x.
     fn boxes(x: f64, [a, b]: [f64; 2]) -> f64 {
         let n = 400;
         let at = |i: i32| x + a * ((f64::from(i) + 0.5) / f64::from(n) - 0.5);

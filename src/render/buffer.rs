@@ -12,7 +12,7 @@ use phasmid_pattern::Axis;
 pub(super) struct GeometryBuffer {
     pub(super) width: usize,
     pub(super) height: usize,
-    /// Projector coordinate at the pixel's centre, in pixels; NaN where there is none.
+    /// Projector coordinate of the pixel's centre, in pixels; NaN if missing.
     pub(super) x: Vec<f32>,
     pub(super) y: Vec<f32>,
     /// Derivatives of x with respect to camera column and row; empty when no pattern varies along

@@ -62,8 +62,8 @@ impl Lamp {
         }
     }
 
-    /// Returns the direction from a point to the lamp, and the irradiance in W/m^2 of a surface
-    /// there that faces it.
+    /// Returns the direction from a point to the lamp, and the irradiance in W/m^2 on a surface at
+    /// the point that faces the lamp.
     pub(super) fn seen_from(&self, point: DVec3) -> (DVec3, f64) {
         match self.shape {
             LampShape::Point { at, intensity_w_sr } => {

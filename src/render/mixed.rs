@@ -1,4 +1,4 @@
-//! Mixed pixels: those whose footprint covers more than one surface, or a shadow edge. The pixel's
+//! Mixed pixels: pixels whose footprint covers more than one surface or a shadow edge. The pixel's
 //! centre does not represent them, so the light of 4 x 4 samples is averaged.
 //!
 //! Candidates are pixels that differ from one of their eight neighbours; their samples then decide.
@@ -68,7 +68,7 @@ struct Edges<'a> {
 struct Place {
     surface: Surface,
     lit: bool,
-    /// A bit for each lamp that lights it.
+    /// Bit mask of the lamps that light the point.
     lamps: u32,
     normal: Vec3,
     direction: Vec3,
@@ -76,8 +76,8 @@ struct Place {
 }
 
 impl Edges<'_> {
-    /// Whether a pixel differs from one of its neighbours. Most pixels share triangle and light
-    /// with all of them, which two integer maps tell.
+    /// Returns whether a pixel differs from one of its neighbours. Most pixels share triangle and
+    /// light with all of them, which is visible from two integer maps.
     #[inline(always)]
     fn touches<const LAMPS: bool>(&self, map: &GeometryBuffer, column: usize, row: usize) -> bool {
         let here = row * map.width + column;
@@ -114,7 +114,7 @@ impl Edges<'_> {
         }
     }
 
-    /// Whether an edge of the surface or of its light runs between two places.
+    /// Returns whether an edge of the surface or of its light lies between two points.
     #[inline(always)]
     fn edge(&self, a: &Place, b: &Place) -> bool {
         if a.lit != b.lit || a.lamps != b.lamps {
@@ -132,7 +132,7 @@ impl Edges<'_> {
         !one_mesh || a.normal.dot(b.normal) < COS_CREASE || self.jump(a, b)
     }
 
-    /// Whether b lies off the tangent plane at a by more than a pixel's size on the surface.
+    /// Returns whether b is off the tangent plane at a by more than a pixel's size on the surface.
     #[inline(always)]
     fn jump(&self, a: &Place, b: &Place) -> bool {
         let facing = a.normal.dot(b.direction);
@@ -152,9 +152,9 @@ fn sample(
     scratch: &mut Scratch,
 ) -> Option<Mixed> {
     let directions = std::array::from_fn(|lane| {
-        // One sample a cell of the grid, sheared so that all sixteen differ in column and in row
-        // (Chiu, Shirley, Wang: "Multi-Jittered Sampling", Graphics Gems IV, 1994): an edge along
-        // the pixels is met at sixteen places rather than four.
+        // One sample per grid cell, sheared so that all sixteen differ in column and in row (Chiu,
+        // Shirley, Wang: "Multi-Jittered Sampling", Graphics Gems IV, 1994): an edge parallel to
+        // the pixel borders is resolved at sixteen positions rather than four.
         let (i, j) = (lane % TILE, lane / TILE);
         let inside = |cell: usize, other: usize| {
             let n = TILE as f64;
@@ -182,7 +182,7 @@ fn sample(
         depth: cast.shaded.point[2][lane] as f32,
     };
     let places: [Place; LANES] = std::array::from_fn(place);
-    // Steps between neighbouring samples, so that a curved surface is not taken for an edge.
+    // Only adjacent samples are compared, so that a curved surface does not count as an edge.
     let edge = (0..LANES).any(|lane| {
         let right = (lane % TILE + 1 < TILE).then_some(lane + 1);
         let below = (lane + TILE < LANES).then_some(lane + TILE);
@@ -205,7 +205,7 @@ fn sample(
 
 fn gather(optics: &Optics, cast: &Cast, pixel: u32) -> Mixed {
     let mut mixed = Mixed::new(pixel);
-    // A sample's own footprint is a quarter of the pixel's on each side.
+    // The footprint of a sample is a quarter of the pixel's along each side.
     let quarter = |v: f64| (v / TILE as f64) as f32;
     let shaded = &cast.shaded;
     for lane in (0..LANES).filter(|&lane| cast.hits.is_hit(lane)) {

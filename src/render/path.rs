@@ -18,11 +18,11 @@ pub(super) struct Path {
     deformation: Option<Deformation>,
 }
 
-/// How a mesh deforms.
+/// Deformation of a mesh.
 enum Deformation {
-    /// From keyframe to keyframe.
+    /// Interpolation between keyframes.
     Keys(Timeline),
-    /// As a patient breathes.
+    /// Breathing of a patient.
     Breath(Box<Phantom>, Day),
 }
 
@@ -57,7 +57,7 @@ impl Deformation {
     fn reach_mm(&self) -> f64 {
         match self {
             Self::Keys(_) => 0.0,
-            // No mode displaces tissue by more than twice its weight.
+            // No breathing mode displaces tissue by more than twice its weight.
             Self::Breath(phantom, _) => {
                 let bounds = phantom.weight_bounds_mm();
                 bounds
@@ -69,7 +69,7 @@ impl Deformation {
     }
 }
 
-/// Index of the part in the world.
+/// Index of the object's part in the world.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Part {
     Solid(usize),
@@ -83,7 +83,7 @@ pub(super) struct Placement {
     pub(super) blend: Option<Blend>,
 }
 
-/// The keyframes that make a shape, and their weights.
+/// Indices of the keyframes that a shape blends, and their weights.
 pub(super) type Blend = ([usize; 4], [f64; 4]);
 
 /// State of everything that moves at an instant.
@@ -138,7 +138,7 @@ pub(super) fn keys(scene: &Scene, object: &Object, mesh: &Mesh) -> Result<Vec<Ve
     {
         let phantom = Phantom::new(&patient);
         let (keys, setup) = (phantom.skin_keys(triangles)?, phantom.setup(day));
-        // A blend's weights add up to 1, so what is rigid may come first.
+        // A blend's weights add up to 1, so the rigid transform may be applied first.
         let placed = |v: DVec3| setup.point(v) * object.scale;
         let key = |mesh: Mesh| mesh.vertices.into_iter().map(placed).collect();
         return Ok(keys.map(key).into());

@@ -6,10 +6,10 @@ use crate::slide::Slide;
 use phasmid_pattern::Axis;
 use serde::Serialize;
 
-/// The terms that are computed.
+/// Set of the terms that are computed.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Plan {
-    /// A bit for each of [`Term::ALL`].
+    /// One bit per element of [`Term::ALL`].
     terms: u64,
 }
 
@@ -22,7 +22,7 @@ pub struct Decision {
     pub term: Term,
     /// Whether it is computed.
     pub included: bool,
-    /// Why, or why not.
+    /// Reason for the decision.
     pub why: &'static str,
 }
 
@@ -36,7 +36,7 @@ impl Plan {
         plan
     }
 
-    /// Whether a term is computed.
+    /// Returns whether a term is computed.
     pub const fn has(&self, term: Term) -> bool {
         self.terms >> term as u32 & 1 != 0
     }

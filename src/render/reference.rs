@@ -1,12 +1,12 @@
-//! Reference path: slow, in f64, and without any shortcut of the fast path. Tests compare the
-//! passes with it.
+//! Reference renderer: slow, in f64, and without any shortcut of the production renderer. Tests
+//! compare the passes with it.
 //!
-//! Every ray is tested against every triangle (Moller and Trumbore 1997) and every solid by a
-//! second method (a frustum as twelve triangles, quadrics by the plain quadratic formula). A
+//! Every ray is tested against every triangle (Moller and Trumbore 1997) and, by an independent
+//! method, every solid (a frustum as twelve triangles, quadrics by the plain quadratic formula). A
 //! pixel's signal is the mean over rays through its whole area, each of which looks up one pattern
 //! pixel: no footprints, derivatives or pattern sums. With a focus distance the rays also sample
-//! the whole pupil. Each ray evaluates one texel, one blend of vertex colours and one value of the
-//! microfacet formula; highlights use facet normals.
+//! the whole pupil. Each ray evaluates one texel, one interpolated vertex colour and one value of
+//! the microfacet formula; highlights use facet normals.
 
 mod look;
 mod microfacets;
@@ -21,8 +21,8 @@ use phasmid_pattern::Axis;
 use phasmid_profile::{Light, Profile, Response, Scene, Shape, Vignetting};
 use primitive::{Crossing, Primitive, frustum};
 
-/// A scene for the reference path: lamps at their mean, objects at rest, without interreflection
-/// and skin.
+/// A scene for the reference renderer: lamps at their mean power, objects at rest, without
+/// interreflection and skin.
 pub struct Reference {
     camera: View,
     projector: View,
@@ -48,17 +48,18 @@ pub struct Found {
     pub normal: DVec3,
     /// Projector pixel whose ray passes through the point.
     pub projector_px: DVec2,
-    /// Whether it is in the projector's field, faces the projector and is not occluded.
+    /// Whether the point is in the projector's field, faces the projector and is not occluded.
     pub lit: bool,
-    /// Unit vector back along the ray.
+    /// Unit vector from the point back along the ray.
     view: DVec3,
-    /// Index of the object in the scene, and its albedo there.
+    /// Index of the object in the scene.
     part: usize,
+    /// Albedo at the point.
     albedo: f64,
 }
 
 impl Reference {
-    /// Loads a scene, with the same meshes as the fast path.
+    /// Loads a scene, with the same meshes as the production renderer.
     ///
     /// # Errors
     /// Returns an error if a mesh or texture cannot be read.
@@ -204,7 +205,7 @@ impl Reference {
             return (center, ray.normalize());
         };
         let radius = camera.focal_length_mm / camera.f_number / 2.0;
-        // Areas, not radii, are even.
+        // Samples are uniform in area, not in radius.
         let place = DVec2::from_angle(turn * std::f64::consts::TAU) * radius * share.sqrt();
         let from = center + place.extend(0.0);
         (from, (center + ray * focus - from).normalize())
@@ -236,7 +237,7 @@ impl Reference {
                 Some(Response::Gamma(gamma)) => level.powf(*gamma),
                 Some(Response::Table(table)) => {
                     let steps = (table.len() - 1) as f64;
-                    // Each value holds under a triangle as wide as two steps.
+                    // Linear interpolation: each value has a triangular weight two steps wide.
                     let under = |(i, light): (usize, &f64)| {
                         light * (1.0 - (level * steps - i as f64).abs()).max(0.0)
                     };
@@ -267,10 +268,10 @@ impl Reference {
         irradiance * falloff(&camera.vignetting, &self.camera, off_axis, 4)
     }
 
-    /// A draw of the projector's blur about a point, in slide pixels. The cone of light from the
-    /// aperture to a point of the focused plane is cut by the plane through the given point; what
-    /// it covers there, measured in the slide's pixels, is the blur's disc, of which a Gaussian of
-    /// a quarter of its diameter is drawn (Box and Muller 1958).
+    /// Returns a random offset of the projector's blur at a point, in slide pixels. The cone of
+    /// light from the aperture to a point of the focal plane, cut by the plane through the given
+    /// point, is the blur disc. The sample is drawn from a Gaussian with a standard deviation of a
+    /// quarter of the disc's diameter (Box and Muller 1958).
     fn blur(&self, point: DVec3, [u, v]: [f64; 2]) -> DVec2 {
         let Some(focus) = self.profile.projector.focus else {
             return DVec2::ZERO;
@@ -282,8 +283,8 @@ impl Reference {
         DVec2::from_angle(v * std::f64::consts::TAU) * radius
     }
 
-    /// Returns the direction from a point to a lamp, and the irradiance in W/m^2 of a surface there
-    /// that faces it; 0 if occluded.
+    /// Returns the direction from a point to a lamp, and the irradiance in W/m^2 on a surface at
+    /// the point that faces the lamp; 0 if occluded.
     fn lamp(&self, light: &Light, found: &Found) -> (DVec3, f64) {
         let (way, facing) = match *light {
             Light::Point {
@@ -313,7 +314,7 @@ impl Reference {
         (towards, if shines { facing } else { 0.0 })
     }
 
-    /// The object that is nearest along a ray with a unit direction, and where it is met.
+    /// Returns the nearest object along a ray with a unit direction, and its intersection.
     fn first(&self, origin: DVec3, direction: DVec3, t_min: f64) -> Option<(usize, Crossing)> {
         let mut nearest: Option<(usize, Crossing)> = None;
         for (i, part) in self.parts.iter().enumerate() {
@@ -330,7 +331,8 @@ impl Reference {
     }
 }
 
-/// What vignetting leaves at an angle of this cosine to the axis, `cosines` of the natural fall.
+/// Returns the relative illumination left by vignetting at an angle with this cosine to the axis;
+/// `cosines` is the exponent of the natural falloff.
 fn falloff(vignetting: &Vignetting, view: &View, cos: f64, cosines: i32) -> f64 {
     let lens = &view.lens;
     let diagonal = f64::from(lens.width_px).hypot(f64::from(lens.height_px));
@@ -344,7 +346,7 @@ fn falloff(vignetting: &Vignetting, view: &View, cos: f64, cosines: i32) -> f64 
     natural * (1.0 + a2 * r.powi(2) + a4 * r.powi(4) + a6 * r.powi(6))
 }
 
-/// Level of the held pixel that a projector coordinate lies in.
+/// Returns the level of the pattern pixel that contains a projector coordinate.
 fn level(slide: &Slide, px: DVec2) -> f64 {
     let index = |x: f64, len: usize| ((x + 0.5).floor().max(0.0) as usize).min(len - 1);
     f64::from(match slide {
@@ -362,7 +364,8 @@ fn level(slide: &Slide, px: DVec2) -> f64 {
     })
 }
 
-/// A number's digits to a base, mirrored at the point: from 0 to 1 (van der Corput).
+/// Returns the radical inverse of a number in a base (van der Corput): its digits mirrored at the
+/// radix point, from 0 to 1.
 fn mirrored(mut number: u32, base: u32) -> f64 {
     let (mut digit, mut sum) = (1.0, 0.0);
     while number > 0 {

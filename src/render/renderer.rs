@@ -75,7 +75,7 @@ impl Renderer {
         Self::with_options(profile, scene, seed, Options::default())
     }
 
-    /// As [`Self::new`], with the given options.
+    /// Same as [`Self::new`] with the given options.
     ///
     /// # Errors
     /// Returns an error if [`Self::new`] or [`Options::checked`] fails.
@@ -310,10 +310,10 @@ impl Renderer {
         )
     }
 
-    /// Exposes and gathers the electrons of chunks of pixels in parallel and reads each out, into
-    /// the `per_pixel` elements of `out` that belong to each pixel. A term that carries light or
-    /// charge from pixel to pixel needs the whole frame between its stages, and light summed over
-    /// instants is one; without either, a chunk goes through all of them while it is in the cache.
+    /// Exposes chunks of pixels in parallel and reads each out into the `per_pixel` elements of
+    /// `out` that belong to each pixel. A term that moves light or charge between pixels needs the
+    /// whole frame between its stages, and so does light summed over instants; without either, a
+    /// chunk passes through all stages while it is in the cache.
     fn pixels<T: Send>(
         &self,
         light: Light,
@@ -407,7 +407,7 @@ impl Renderer {
     }
 }
 
-/// The pattern of the profile's sensor, if the plan has it.
+/// Returns the fixed pattern of the profile's sensor, if the plan includes it.
 fn fixed_pattern(plan: &Plan, profile: &Profile) -> Option<FixedPattern> {
     let camera = &profile.camera;
     let pixels = camera.width_px as usize * camera.height_px as usize;
@@ -430,7 +430,8 @@ pub(super) fn ideal_points(optics: &Optics) -> Vec<DVec2> {
 mod tests {
     use super::*;
 
-    /// A lens whose distortion is left out is a straight one, in every byte, and bends again after.
+    /// A lens with its distortion term disabled gives exactly the image of a straight lens, and is
+    /// distorted again afterwards.
     #[test]
     fn a_lens_without_its_distortion_is_straight() {
         let straight = Profile::load("webcam-grey").unwrap();

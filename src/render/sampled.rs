@@ -22,19 +22,19 @@ use rayon::prelude::*;
 /// Maximum deviation of a sample from the closed form, as a fraction of the footprint's width.
 const BENT: f64 = 0.02;
 
-/// Step from one sample's point of the pupil to the next's. Odd, it goes through all of them; this
-/// one leaves the least of an order between the pupil's points and the pixel's: the share of
-/// sixteen samples beyond an edge is off by 0.12 on average over directions and blurs, that of
-/// sixty-four by 0.05 (independent samples: 0.13 and 0.06), at the worst place of the edge.
+/// Step between the pupil points of consecutive samples. As it is odd, it visits all of them. This
+/// value minimizes the correlation between pupil points and pixel positions: at the worst position
+/// of an edge, the fraction of sixteen samples beyond the edge is off by 0.12 on average over
+/// directions and blurs, that of sixty-four by 0.05 (independent samples: 0.13 and 0.06).
 const STEP: usize = 55;
 
-/// Which of the pupil's points the kth of `count` samples goes through.
+/// Returns the index of the pupil point of the kth of `count` samples.
 pub(super) fn pupil_index(k: usize, count: usize) -> usize {
     k * STEP % count
 }
 
-/// Angle by which a tile's points of the pupil are turned, so that tiles do not share them: the
-/// golden ratio's multiples fill a turn evenly (Weyl).
+/// Returns the angle by which a tile's pupil points are rotated, so that tiles do not share them:
+/// multiples of the golden ratio fill a turn evenly (Weyl).
 pub(super) fn turn(tile: usize) -> f64 {
     (tile as f64 * 0.618_033_988_749_894_9).fract() * std::f64::consts::TAU
 }
@@ -55,7 +55,7 @@ pub(super) struct Sampler<'a> {
     pub(super) rays: &'a Rays<'a>,
     pub(super) plan: &'a Plan,
     pub(super) aperture: Aperture,
-    /// Samples on a side of a pixel.
+    /// Number of samples along a side of a pixel.
     pub(super) side: usize,
 }
 
@@ -134,8 +134,8 @@ impl Sampler<'_> {
         }
     }
 
-    /// Whether all samples of a pixel see the smooth surface that its centre sees, in the same
-    /// light, where the closed form of its footprint has them.
+    /// Returns whether all samples of a pixel see the same smooth surface as its centre, in the
+    /// same light, where the closed form of its footprint predicts.
     fn even(&self, map: &GeometryBuffer, tile: &Tile, lane: usize, casts: &[Cast]) -> bool {
         let pixel = tile.pixel(map.width, lane);
         let here = Surface(map.surface[pixel]);
@@ -172,8 +172,8 @@ impl Sampler<'_> {
         })
     }
 
-    /// Whether depth of field blurs an albedo that varies over the surface: the closed form averages
-    /// it over the footprint alone.
+    /// Returns whether depth of field blurs an albedo that varies over the surface: the closed form
+    /// averages it over the footprint only.
     fn blurs_albedo(&self, surface: Surface) -> bool {
         self.aperture.radius_mm > 0.0
             && self.plan.has(Term::AlbedoMaps)
@@ -198,11 +198,12 @@ impl Sampler<'_> {
                 >= COS_CREASE
     }
 
-    /// Sixteen of `count` samples, weighted so that all groups' mixed pixels add up.
+    /// Combines sixteen of `count` samples into a mixed pixel, weighted so that the mixed pixels of
+    /// all groups add up.
     fn mixed(&self, pixel: usize, lane: usize, group: &[Cast], count: usize) -> Mixed {
         let mut mixed = Mixed::new(pixel as u32);
         let weight = LANES as f64 / count as f64;
-        // A sample stands for its part of the pixel and of the pupil.
+        // Each sample represents its share of the pixel and of the pupil.
         let part = 1.0 / self.side as f32;
         for (k, cast) in group.iter().enumerate() {
             if !cast.hits.is_hit(lane) {
@@ -239,11 +240,11 @@ struct Tile {
     row: usize,
     layout: Layout,
     used: [bool; LANES],
-    /// Directions of the pixels' centres, with z = 1.
+    /// Directions through the pixel centres, with z = 1.
     center: [DVec3; LANES],
-    /// Derivatives of the directions by the pixel.
+    /// Derivatives of the directions with respect to the pixel.
     by_px: [DMat2; LANES],
-    /// Angle by which the pupil's points are turned.
+    /// Angle by which the pupil points are rotated.
     turn: f64,
 }
 

@@ -97,7 +97,7 @@ impl Schedule {
         }
     }
 
-    /// The same of the mixed pixels among them.
+    /// Same for the mixed pixels in the range.
     fn mixed(&self, map: &GeometryBuffer, first: usize, electrons: &mut [f32]) {
         let end = first + electrons.len();
         let from = map.mixed.partition_point(|m| (m.pixel as usize) < first);

@@ -1,5 +1,5 @@
-//! Shading sixteen samples at once: where the projector's light for each comes from, and how much
-//! of it arrives. Structure of arrays in f64, so that the loops fill SIMD registers.
+//! Shades sixteen samples at a time: the projector pixel whose light reaches each sample, and the
+//! amount of light. Structure of arrays in f64, so that loops vectorize.
 
 use super::lamps::Lamp;
 use super::light::{Defocus, Falloff, Flicker};
@@ -17,54 +17,58 @@ const HC: f64 = 6.626_070_15e-34 * 299_792_458.0;
 /// Cosine of 80 degrees.
 const COS_80: f64 = 0.173_648_177_666_930_33;
 
-/// One f64 a lane.
+/// One f64 per lane.
 pub(super) type Wide = [f64; LANES];
 
-/// What turns geometry into electrons, the same for all samples.
+/// Parameters that convert geometry to electrons, the same for all samples.
 pub(super) struct Optics {
     pub(super) camera: View,
     pub(super) projector: View,
-    /// Electrons per second of a pixel that looks at a white surface under 1 W/m^2.
+    /// Electrons per second in a pixel that views a white surface under 1 W/m^2.
     pub(super) electrons_per_irradiance: f64,
-    /// Radiant intensity of the projector's white in W/sr.
+    /// Radiant intensity of the projector at full white in W/sr.
     pub(super) intensity_w_sr: f64,
     pub(super) ambient_w_m2: f64,
     pub(super) seen: Falloff,
     pub(super) shown: Falloff,
     pub(super) defocus: Defocus,
-    /// What objects are skin, and how light spreads in it.
+    /// Objects made of skin, and light transport in it.
     pub(super) skins: Skins,
     /// Amplitude of the ambient light's flicker relative to its mean.
     pub(super) ambient_depth: f64,
     pub(super) lamps: Vec<Lamp>,
-    /// How to gather the light that surfaces throw on each other, where the scene wants it.
+    /// How to gather interreflection, if the scene enables it.
     pub(super) interreflection: Option<Interreflection>,
-    /// The pulse of all light that flickers.
+    /// Temporal waveform shared by all flickering light.
     pub(super) flicker: Option<Flicker>,
 }
 
-/// Samples of the surfaces that sixteen rays meet; lanes that meet none hold NaN and false.
+/// Samples of the surfaces that sixteen rays hit; lanes without a hit hold NaN and false.
 pub(super) struct Shaded {
-    /// Points from the rays' origin along the rig's axes in millimetres, an array a component.
+    /// Points relative to the rays' origin, along the rig's axes, in millimetres; one array per
+    /// component.
     pub(super) point: [Wide; 3],
     /// Projector pixel that lights the point.
     pub(super) px: [Wide; 2],
-    /// Derivatives of the projector pixel by the camera's: `[projector axis][camera axis]`.
+    /// Derivatives of the projector pixel with respect to the camera pixel: `[projector
+    /// axis][camera axis]`.
     pub(super) footprint: [[Wide; 2]; 2],
-    /// Electrons per second under full white, shadow aside.
+    /// Electrons per second under full white, ignoring shadows.
     pub(super) projected: Wide,
     /// Electrons per second of ambient light.
     pub(super) ambient: Wide,
-    /// Electrons per second by which ambient light and lamps swing about their mean.
+    /// Amplitude, in electrons per second, of the flicker of ambient light and lamps about its
+    /// mean.
     pub(super) flickering: Wide,
-    /// Electrons per second for 1 W/m^2 of light that is the same from everywhere; 0 where the plan
-    /// has no interreflection.
+    /// Electrons per second under 1 W/m^2 of uniform light from all directions; 0 if the plan
+    /// disables interreflection.
     pub(super) evenly: Wide,
-    /// A bit for each lamp that lights it.
+    /// Bit mask of the lamps that light the sample.
     pub(super) lamps: [u32; LANES],
-    /// The projector can light it, shadow aside: in its field and on its side.
+    /// Whether the projector can light it, ignoring shadows: it is in the field and faces the
+    /// projector.
     pub(super) reachable: [bool; LANES],
-    /// Both rays strike within 80 degrees of the normal.
+    /// Whether both rays are within 80 degrees of the normal.
     pub(super) square: [bool; LANES],
 }
 
@@ -97,8 +101,8 @@ impl Optics {
         }
     }
 
-    /// Irradiance in W/m^2 by the projector's white of what it strikes at an angle of this cosine to
-    /// the normal, a squared distance in mm^2 away.
+    /// Returns the irradiance in W/m^2 from the projector's full white on a surface at a squared
+    /// distance in mm^2, with the cosine of the angle of incidence.
     pub(super) fn irradiance_w_m2(&self, cos: f64, distance2: f64) -> f64 {
         self.intensity_w_sr * 1e6 * cos / distance2
     }
@@ -108,13 +112,14 @@ impl Optics {
         self.defocus.sigma_px(point) as f32
     }
 
-    /// Dims what has been shaded, and lit by lamps, on its way to the camera's sensor.
+    /// Applies the attenuation on the path to the camera's sensor to samples that are shaded and
+    /// lit by lamps.
     pub(super) fn dim_seen(&self, directions: &[DVec3; LANES], shaded: &mut Shaded) {
         self.seen.dim_seen(directions, shaded);
     }
 
-    /// Shades what rays of the camera, `directions` with z = 1, have met. They start at `origin`, a
-    /// point of the camera's pupil, which is also where `Shaded::point` is measured from.
+    /// Shades the hits of camera rays (`directions` with z = 1). The rays start at `origin`, a
+    /// point of the camera's pupil, to which `Shaded::point` is relative.
     pub(super) fn shade(
         &self,
         plan: &Plan,
@@ -169,7 +174,8 @@ impl Optics {
         shaded
     }
 
-    /// Derivatives of the rays (z = 1) by the camera's pixel, `[component][camera axis]`.
+    /// Returns the derivatives of the rays (z = 1) with respect to the camera pixel,
+    /// `[component][camera axis]`.
     pub(super) fn ray_slopes(&self, plan: &Plan, directions: &[DVec3; LANES]) -> [[Wide; 2]; 2] {
         let lens = &self.camera.lens;
         let scale = DMat2::from_diagonal(1.0 / lens.focal_px);
@@ -210,7 +216,8 @@ widest! {
     ) => pinhole_body
 }
 
-/// Everything but the distortion of the projector's lens; lanes without a hit compute nonsense.
+/// Computes everything except the distortion of the projector's lens; lanes without a hit hold
+/// arbitrary values.
 #[inline(always)]
 fn pinhole_body(
     optics: &Optics,
@@ -252,14 +259,14 @@ fn pinhole_body(
         out.point[2][lane] = p.z;
         out.px[0][lane] = x * focal.x + principal.x;
         out.px[1][lane] = y * focal.y + principal.y;
-        // Inverse-square law, distances in millimetres.
+        // Inverse-square law with distances in millimetres.
         let cos = if cos_light > 0.0 { cos_light } else { 0.0 };
         out.projected[lane] = albedo[lane] * scale * light * cos / distance2;
         out.ambient[lane] = albedo[lane] * scale * optics.ambient_w_m2;
         out.reachable[lane] = (local.z > 0.0) & (cos_light > 0.0);
         out.square[lane] = (cos_light > COS_80) & (cos_view > COS_80);
-        // Chain rule: camera pixel, ray, point on the tangent plane n . p = const, projector's
-        // frame, slide.
+        // Chain rule: camera pixel, ray, point on the tangent plane n . p = const, projector frame,
+        // pattern image.
         for by in 0..2 {
             let (du, dv) = (slope[0][by][lane], slope[1][by][lane]);
             let dt = -t * (n.x * du + n.y * dv) / facing;
@@ -271,12 +278,13 @@ fn pinhole_body(
     }
 }
 
-/// Takes pinhole coordinates and footprints of the projector to those of its distorted lens.
+/// Converts pinhole projector coordinates and footprints to those of the distorted lens.
 fn distort(lens: &Lens, shaded: &mut Shaded) {
     for lane in 0..LANES {
         let px = DVec2::new(shaded.px[0][lane], shaded.px[1][lane]);
         let ideal = (px - lens.principal_px) / lens.focal_px;
-        // A coordinate that has folded back is nowhere: NaN is in no field.
+        // Coordinates where the distortion model folds back are invalid: NaN is outside every
+        // field.
         let distorted = lens.place(ideal).unwrap_or(DVec2::NAN);
         let scale = DMat2::from_diagonal(lens.focal_px);
         let jacobian = scale * lens.distort_jacobian(ideal) * scale.inverse();

@@ -1,4 +1,4 @@
-//! The shapes of a scene as what rays can meet: closed forms, or triangles.
+//! Conversion of scene shapes to ray-castable geometry: closed forms or triangles.
 
 use glam::DVec2;
 use phasmid_core::error::Result;
@@ -7,10 +7,10 @@ use phasmid_phantom::{Phantom, REFERENCE_PHASE};
 use phasmid_profile::Shape;
 use std::path::Path;
 
-/// Where the skin of a patient that breathes rests: the reference phase, a share of the cycle.
+/// Rest phase of the skin of a breathing patient: the reference phase as a fraction of the cycle.
 const REST: f64 = REFERENCE_PHASE as f64 / 10.0;
 
-/// The closed form of a shape, scaled; `None` for meshes.
+/// Returns the closed form of a shape, scaled; `None` for meshes.
 pub(super) fn solid(shape: &Shape, scale: f64) -> Option<Solid> {
     Some(match *shape {
         Shape::Plane { size_mm } => Solid::Plane {
@@ -42,7 +42,7 @@ pub(super) fn solid(shape: &Shape, scale: f64) -> Option<Solid> {
     })
 }
 
-/// The triangles of a shape that has no closed form.
+/// Returns the triangles of a shape without a closed form.
 pub(super) fn mesh(shape: &Shape, folder: &Path) -> Result<Mesh> {
     match *shape {
         Shape::Torso {

@@ -8,10 +8,10 @@ use std::sync::Arc;
 /// One exposure: its light and its timing in device time.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Shot {
-    /// The frame's identity, never repeated in a device's life.
+    /// Id of the frame, never repeated by a device.
     pub id: u64,
-    /// Keys the noise. Triggered and free-running exposures are counted apart, so that a sequence
-    /// looks the same however long the camera ran free before it.
+    /// Seeds the noise. Triggered and free-running exposures are counted separately, so that a
+    /// sequence looks the same however long the camera ran free before it.
     pub noise_id: u64,
     /// Index of the pattern in the selected sequence; `None` when free-running.
     pub pattern_index: Option<u32>,
@@ -36,19 +36,19 @@ pub struct Shot {
     pub gain_db: f64,
 }
 
-/// A pattern shown from a time on.
+/// A pattern shown from a given time.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Showing {
-    /// Nanoseconds of device time.
+    /// Start time in nanoseconds of device time.
     pub from_ns: u64,
-    /// `None` with its light off.
+    /// The pattern; `None` if the projector's light is off.
     pub slide: Option<Arc<Slide>>,
     /// Light relative to full current, 0 to 1.
     pub light: f64,
 }
 
-/// The electronic shutter: row r of those that are read out starts r line times after the first.
-/// The default is a global one.
+/// The electronic shutter: the exposure of the r-th row read out starts r line times after the
+/// first. The default is a global shutter.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Shutter {
     /// Nanoseconds from the start of one row to that of the next; 0 for a global shutter.
@@ -60,8 +60,8 @@ pub struct Shutter {
 }
 
 impl Shutter {
-    /// Returns the delay of a sensor row after the first row, in nanoseconds. Rows that are not
-    /// read out start with the nearest one that is.
+    /// Returns the delay of a sensor row relative to the first row, in nanoseconds. A row that is
+    /// not read out starts with the nearest row that is.
     pub fn delay_ns(&self, row: u32) -> u64 {
         let line = row
             .saturating_sub(self.first_row)
@@ -92,11 +92,11 @@ impl Shot {
     }
 
     /// Returns the interval of each pattern within an exposure that starts at `start_ns`: its index
-    /// (0 is `slide`, the others are those of `then`) and nanoseconds of device time. At least one;
-    /// none is empty unless the exposure is.
+    /// (0 is `slide`, higher numbers refer to `then`) and nanoseconds of device time. There is at
+    /// least one interval, and none is empty unless the exposure is.
     pub fn seen(&self, start_ns: u64) -> impl Iterator<Item = (usize, Range<u64>)> {
         let end_ns = start_ns.saturating_add(self.exposure_ns);
-        // A moment sees what is shown at it.
+        // A zero-length exposure sees the pattern shown at that instant.
         let moment = u64::from(self.exposure_ns == 0);
         (0..=self.then.len()).filter_map(move |place| {
             let from = match place {

@@ -6,14 +6,14 @@ use phasmid_pattern::{Axis, Pattern};
 use phasmid_profile::Projector;
 use std::path::Path;
 
-/// Levels of 0 to 2^bits - 1 over the projector's pixels.
+/// Levels, 0 to 2^bits - 1, of the projector's pixels.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Slide {
-    /// One level everywhere.
+    /// The same level everywhere.
     Uniform(u16),
-    /// A level for each column (x) or row (y).
+    /// One level per column (x) or row (y).
     Row(Axis, Vec<u16>),
-    /// A level for each pixel, row by row.
+    /// One level per pixel, row-major.
     Picture {
         /// Columns: the projector's width.
         width: u32,

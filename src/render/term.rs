@@ -33,9 +33,9 @@ pub enum Term {
     ProjectorVignetting,
     /// The projector is sharp at one distance: its slide is blurred over depth.
     ProjectorDefocus,
-    /// Shadow rays: some object may stand in another's light, or its own.
+    /// Shadow rays: objects may shade each other or themselves.
     Shadows,
-    /// The camera's pupil is a disc: what is out of focus is blurred.
+    /// The camera's pupil is a disc: objects out of focus are blurred.
     DepthOfField,
     /// Vertex colours, textures and boards.
     AlbedoMaps,
@@ -43,15 +43,15 @@ pub enum Term {
     Specular,
     /// Lamps beside the projector.
     Lights,
-    /// Light travels under skin: fringes lose contrast, oblique light emerges shifted.
+    /// Light travels under skin: fringes lose contrast, and oblique light exits shifted.
     Subsurface,
-    /// Light that surfaces throw on each other: one diffuse bounce.
+    /// Light that surfaces reflect onto each other: one diffuse bounce.
     Interreflection,
     /// Footprints along x, over which slides that vary along x are averaged.
     FootprintX,
     /// Footprints along y.
     FootprintY,
-    /// Light follows the slide's levels by a curve.
+    /// The projector's light is a non-linear function of the slide's levels.
     ProjectorResponse,
     /// The projector's black emits light.
     ContrastRatio,
@@ -59,15 +59,15 @@ pub enum Term {
     Motion,
     /// Mains flicker of ambient light and lamps.
     Flicker,
-    /// Rows start one after the other: each has its own place in the mains' period and in the
-    /// sequence of slides.
+    /// Rows start one after the other: each has its own phase of the mains period and sees its own
+    /// part of the pattern sequence.
     RollingShutter,
     /// Patterns are shown for a part of an exposure, and their light rises and fades: an exposure
-    /// sees what is shown while it lasts.
+    /// sees whatever is shown during it.
     PatternTiming,
     /// Veiling glare: light scattered over the whole image.
     Glare,
-    /// Electrons that gather without light.
+    /// Electrons that accumulate without light.
     DarkCurrent,
     /// PRNU and DSNU: a sensitivity and an offset of each pixel.
     FixedPattern,
@@ -75,12 +75,12 @@ pub enum Term {
     Blooming,
     /// Shot and read noise: random numbers are drawn.
     Noise,
-    /// The response bends the converter's numbers.
+    /// Non-linear response of the digital numbers.
     CameraResponse,
 }
 
 impl fmt::Display for Term {
-    /// As it is written in files and tables.
+    /// Formats the name used in files and tables.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         self.serialize(f)
     }

@@ -12,34 +12,35 @@ use super::{Plan, Term};
 use crate::shot::Shot;
 use std::ops::Range;
 
-/// Which of a shot's slides each pixel sees, and for how long.
+/// Slides of a shot that each pixel sees, and for how long.
 pub(super) struct Timetable {
-    /// Pixels that are exposed alike: a row of them, or all.
+    /// Number of pixels with the same exposure: one row, or all.
     pub(super) width: usize,
     pub(super) lines: Vec<Line>,
     pub(super) parts: Vec<Part>,
-    /// The slides that are seen, by their place in the shot: 0 is its slide, the others are those
-    /// that follow.
+    /// Visible slides by their index in the shot: 0 is the shot's own slide, higher numbers are the
+    /// slides that follow.
     pub(super) places: Vec<usize>,
 }
 
-/// Pixels that are exposed alike.
+/// Pixels with the same exposure.
 pub(super) struct Line {
     pub(super) parts: Range<usize>,
-    /// The exposure in seconds times the mean over it of the pulse of what flickers, where
-    /// something does.
+    /// Exposure time in seconds times the mean over it of the flicker waveform; `None` without
+    /// flicker.
     pub(super) swing: Option<f32>,
 }
 
-/// One slide in the exposure of a line.
+/// Share of one slide in the exposure of a line.
 pub(super) struct Part {
-    /// Of those that are seen.
+    /// Index into the visible slides.
     pub(super) table: usize,
-    /// Seconds that it is shown, and the projector's light relative to full.
+    /// Display time in seconds, and the projector's light relative to full.
     pub(super) exposure: [f32; 2],
 }
 
-/// A slide's place in the shot, for how many nanoseconds it is seen, and its mean light meanwhile.
+/// Index of a slide in the shot, the time in nanoseconds that it is seen, and its mean light during
+/// that time.
 type Share = (usize, u64, f64);
 
 impl Timetable {
@@ -51,7 +52,7 @@ impl Timetable {
         [columns, rows]: [usize; 2],
     ) -> Self {
         let seconds = |ns: u64| (ns as f64 * 1e-9) as f32;
-        // Forced in where nothing flickers, it swings by nothing.
+        // If the term is forced but nothing flickers, the amplitude is zero.
         let swing = |start_ns: u64| {
             plan.has(Term::Flicker).then(|| {
                 let swing = flicker.map_or(0.0, |f| f.swing(start_ns, shot.exposure_ns));
@@ -90,7 +91,7 @@ impl Timetable {
         when
     }
 
-    /// The number of the slide at a place among those that are seen.
+    /// Returns the index, among the visible slides, of a slide of the shot.
     fn table(&mut self, place: usize) -> usize {
         let known = self.places.iter().position(|p| *p == place);
         known.unwrap_or_else(|| {
@@ -100,7 +101,7 @@ impl Timetable {
     }
 }
 
-/// Returns what a row sees that starts at `start_ns`.
+/// Returns what a row sees whose exposure starts at `start_ns`.
 fn shares(shot: &Shot, plan: &Plan, start_ns: u64) -> Vec<Share> {
     let timed = plan.has(Term::PatternTiming);
     if !timed && !plan.has(Term::RollingShutter) {
@@ -119,7 +120,7 @@ fn shares(shot: &Shot, plan: &Plan, start_ns: u64) -> Vec<Share> {
     }
 }
 
-/// Whether there is a slide at a place.
+/// Returns whether the shot has a slide at an index.
 fn slide(shot: &Shot, place: usize) -> bool {
     match place {
         0 => shot.slide.is_some(),
@@ -127,7 +128,7 @@ fn slide(shot: &Shot, place: usize) -> bool {
     }
 }
 
-/// Light at a place as the shot has it.
+/// Returns the light at an index of the shot.
 fn light(shot: &Shot, place: usize) -> f64 {
     match (slide(shot, place), place) {
         (false, _) => 0.0,
@@ -173,7 +174,8 @@ mod tests {
         lit.then(|| Arc::new(Slide::Uniform(255)))
     }
 
-    /// Dark for 2 ms, a pattern for 5 ms, dark, and after 8 ms as is said; exposed for 10 ms.
+    /// Dark for 2 ms, a pattern for 5 ms, dark, and from 8 ms on as `again` selects; exposed for 10
+    /// ms.
     fn shot(again: bool) -> Shot {
         let show = |from_ms, lit| Showing {
             from_ns: from_ms * MS,
@@ -206,7 +208,7 @@ mod tests {
         );
         let twice = (vec![1, 3], vec![(0, 0.008, 0.5), (1, 0.002, 0.8)]);
         assert_eq!(table(&shot(true), &timed), twice);
-        // Darkness alone is one pass; so is a single slide, as it was.
+        // Darkness alone takes one pass, and so does a single slide, unchanged.
         let mut dark = shot(false);
         dark.then[0].slide = None;
         assert_eq!(table(&dark, &timed), (vec![0], vec![(0, 0.010, 0.0)]));
@@ -224,7 +226,7 @@ mod tests {
             assert_eq!(places, [0]);
             assert!(parts.iter().all(|part| *part == (0, 0.010, 1.0)));
         }
-        // Without the term nothing else is looked at.
+        // Without the term, the rest of the timing is ignored.
         assert_eq!(table(&shot(true), &[]), (vec![0], vec![(0, 0.010, 0.0)]));
     }
 
@@ -251,7 +253,7 @@ mod tests {
         let when = Timetable::new(&shot, &both, None, [4, 3]);
         assert_eq!((when.width, when.lines.len(), when.parts.len()), (4, 3, 3));
         for part in &when.parts {
-            // The pattern is over before the first row ends, and begins as the last one does.
+            // The pattern ends before the first row does, and starts when the last row starts.
             let lit = emission.mean(102 * MS, 107 * MS) * 0.5;
             assert_eq!((part.table, part.exposure), (0, [0.010, lit as f32]));
         }
@@ -259,7 +261,7 @@ mod tests {
         let when = Timetable::new(&shot, &both, None, [4, 3]);
         let last = emission.mean(106 * MS, 107 * MS) * 0.1;
         assert_eq!(when.parts[2].exposure, [0.010, last as f32]);
-        // A moment sees the light of that moment, and none in the dark.
+        // A single instant sees the light of that instant; in the dark, none.
         let moment = |start_ms| {
             let shot = Shot {
                 start_ns: start_ms * MS,

@@ -1,5 +1,6 @@
 //! Ray casting against the triangles of one hierarchy: f32 finds candidates, f64 orders them. The
-//! hierarchy may have its own frame that moves in the rig's; whole packets are transformed into it.
+//! hierarchy may have its own frame that moves relative to the rig; whole packets are transformed
+//! into it.
 
 use super::triangle::Triangle;
 use super::world::{Hits, OFF_POINT, Surface};
@@ -12,14 +13,14 @@ pub(super) type Points = [Option<(DVec3, Surface)>; LANES];
 
 /// Frame of a hierarchy relative to the rig.
 pub(super) trait Frame {
-    /// A point or direction of the rig's in the hierarchy's frame.
+    /// Transforms a point from the rig's frame to the hierarchy's frame.
     fn point(&self, p: DVec3) -> DVec3;
     fn direction(&self, d: DVec3) -> DVec3;
-    /// A vertex in the rig's frame.
+    /// Transforms a vertex from the hierarchy's frame to the rig's frame.
     fn vertex(&self, v: DVec3) -> DVec3;
 }
 
-/// The hierarchy is in the rig's frame.
+/// Frame of a hierarchy that is stored in the rig's frame.
 pub(super) struct Here;
 
 impl Frame for Here {
@@ -37,7 +38,7 @@ impl Frame for Here {
     }
 }
 
-/// The hierarchy has its own frame.
+/// Frame of a hierarchy with its own pose.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Elsewhere {
     pub(super) rig_from_tree: Pose,
@@ -56,18 +57,18 @@ impl Frame for Elsewhere {
     }
 }
 
-/// A hierarchy and what it was built over.
+/// A hierarchy and the mesh that it was built over.
 pub(super) struct Tree<'a, F> {
     pub(super) bvh: &'a Bvh,
     pub(super) vertices: &'a [DVec3],
     pub(super) triangles: &'a [[u32; 3]],
-    /// Number of its first triangle among the world's surfaces.
+    /// Index of its first triangle among the world's surfaces.
     pub(super) first: u32,
     pub(super) frame: F,
 }
 
 impl<F: Frame> Tree<'_, F> {
-    /// The corners of one of its triangles, numbered from 0, in the rig's frame.
+    /// Returns the corners of a triangle, numbered from 0 within this tree, in the rig's frame.
     pub(super) fn corners(&self, id: u32) -> [DVec3; 3] {
         self.triangles[id as usize].map(|i| self.frame.vertex(self.vertices[i as usize]))
     }
@@ -79,7 +80,7 @@ impl<F: Frame> Tree<'_, F> {
         }
     }
 
-    /// Its triangle's own number; [`NO_TRIANGLE`] for surfaces of others.
+    /// Returns the index of a surface within this tree; [`NO_TRIANGLE`] for surfaces outside it.
     fn own(&self, surface: Surface) -> u32 {
         let id = surface.0.wrapping_sub(self.first);
         if (id as usize) < self.triangles.len() {
@@ -89,7 +90,7 @@ impl<F: Frame> Tree<'_, F> {
         }
     }
 
-    /// The nearest triangle along each ray; what lies beyond `ends` need not be found.
+    /// Finds the nearest triangle along each ray; hits beyond `ends` may be skipped.
     pub(super) fn nearest(
         &self,
         origin: DVec3,
@@ -115,8 +116,8 @@ impl<F: Frame> Tree<'_, F> {
         hits
     }
 
-    /// The nearest triangle along each ray from a point of some surface, that surface's plane
-    /// excepted; directions are of unit length.
+    /// Finds the nearest triangle along each ray that starts on some surface, ignoring that
+    /// surface's plane. Directions have unit length.
     pub(super) fn leaving(
         &self,
         point: DVec3,
@@ -138,7 +139,8 @@ impl<F: Frame> Tree<'_, F> {
         hits
     }
 
-    /// Adds the points that its triangles occlude from a pupil; points already blocked are skipped.
+    /// Marks the points that this tree's triangles occlude from a pupil; points already blocked are
+    /// skipped.
     pub(super) fn blocked(
         &self,
         pupil: DVec3,
@@ -166,7 +168,7 @@ impl<F: Frame> Tree<'_, F> {
         }
     }
 
-    /// As `blocked`, for distant light, towards which a unit vector points.
+    /// Same as `blocked` for distant light; a unit vector points towards it.
     pub(super) fn blocked_along(
         &self,
         towards: DVec3,

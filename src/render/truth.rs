@@ -1,23 +1,23 @@
-//! Ground truth: what the scene really is, pixel by pixel. It leaves the device on a channel that
-//! no physical scanner has, never on the control port.
+//! Ground truth: the actual scene at each pixel. It leaves the device on a channel that no physical
+//! scanner has, never on the control port.
 
 use glam::{DMat3, DVec3};
 use rayon::prelude::*;
 
-/// Truth of a scene at one instant over the camera's pixels, row by row; NaN where there is none.
+/// Ground truth of a scene at one instant over the camera's pixels, row-major; NaN where missing.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Truth {
     /// Columns.
     pub width: u32,
     /// Rows.
     pub height: u32,
-    /// z of the surface point at the pixel's centre, in the camera's frame, in millimetres.
+    /// z of the surface point at the pixel centre, in the camera's frame, in millimetres.
     pub depth_mm: Vec<f32>,
-    /// Projector column that lights the point, whether or not it is in its field or in shadow.
+    /// Projector column of the point, also outside the projector's field or in shadow.
     pub projector_x: Vec<f32>,
-    /// Projector row that lights the point.
+    /// Projector row of the point, likewise.
     pub projector_y: Vec<f32>,
-    /// What is so at the pixel: a sum of the `Truth::*` flags.
+    /// Flags of the pixel: a sum of the `Truth::*` constants.
     pub flags: Vec<u8>,
     /// Noise-free signal in digital numbers, black level included, averaged over the fringes.
     pub mean_dn: Vec<f32>,
@@ -28,24 +28,25 @@ pub struct Truth {
 impl Truth {
     /// The camera's ray meets a surface.
     pub const SEEN: u8 = 1;
-    /// The point is in the projector's field and out of shadow.
+    /// The point is in the projector's field and not in shadow.
     pub const LIT: u8 = 2;
-    /// Both rays strike the surface at less than 80 degrees from its normal.
+    /// Camera and projector rays both meet the surface at less than 80 degrees from its normal.
     pub const SQUARE: u8 = 4;
-    /// The pixel's footprint meets more than one facet, object or shadow.
+    /// The pixel's footprint covers more than one facet, object or shadow region.
     pub const CREASE: u8 = 8;
-    /// Without noise, some frame of the sequence's finest fringes is saturated there: it reads the
-    /// value of a full well or the converter's maximum.
+    /// Some frame of the sequence's finest fringes is saturated at the pixel even without noise: it
+    /// reads the value of a full well or the converter's maximum.
     pub const SATURATED: u8 = 16;
-    /// The finest fringes of the sequence are unresolved there: the pixel's footprint spans at
-    /// least one period, so that the contrast has vanished or inverted, or blur leaves less than a
-    /// twentieth of it.
+    /// The finest fringes of the sequence are unresolved at the pixel: its footprint spans at least
+    /// one period, so that the contrast vanishes or inverts, or blur leaves less than a twentieth
+    /// of the contrast.
     pub const UNRESOLVED: u8 = 32;
 
-    /// The surface belongs to an object that moves or deforms: the other maps hold at one instant.
+    /// The surface belongs to an object that moves or deforms: the other maps are valid for one
+    /// instant only.
     pub const MOVING: u8 = 64;
 
-    /// The float maps by name, in the order of the truth channel.
+    /// Returns the float maps with their names, in the order of the truth channel.
     pub fn maps(&self) -> [(&'static str, &[f32]); 5] {
         [
             ("depth_mm", &self.depth_mm),
@@ -57,7 +58,7 @@ impl Truth {
     }
 }
 
-/// Flags the pixels whose signal, rounded, is at least the number that saturation reads.
+/// Flags pixels whose rounded signal is at least the saturation level.
 pub(crate) fn flag_saturated(flags: &mut [u8], signal_dn: &[f32], saturation_dn: f64) {
     for (flags, dn) in flags.iter_mut().zip(signal_dn) {
         if f64::from(*dn).round() >= saturation_dn {
@@ -66,9 +67,9 @@ pub(crate) fn flag_saturated(flags: &mut [u8], signal_dn: &[f32], saturation_dn:
     }
 }
 
-/// Mean and modulation of each of `pixels` pixels, from noise-free signals at known phases of one
-/// fringe period: the least-squares fit of A + B cos(x + phase), solved by its normal equations.
-/// NaN where the phases do not determine it (fewer than three different ones).
+/// Computes the mean and modulation of each of `pixels` pixels from noise-free signals at known
+/// phases of one fringe period: the least-squares fit of A + B cos(x + phase), solved by its normal
+/// equations. NaN if there are fewer than three distinct phases.
 pub(crate) fn harmonic(
     phases: &[f64],
     signals: &[Vec<f32>],

@@ -8,7 +8,7 @@ use phasmid_protocol::service::Maps;
 const LEVELS: [&str; 2] = ["mean_dn", "modulation_dn"];
 
 impl Truth {
-    /// The maps for the service channel.
+    /// Returns all maps for the service channel.
     pub fn to_maps(&self) -> Maps {
         self.maps_but(&[])
     }
@@ -33,7 +33,7 @@ impl Truth {
         }
     }
 
-    /// Reads ground truth received over the service channel; unknown maps are ignored.
+    /// Builds ground truth from maps received over the service channel; unknown maps are ignored.
     ///
     /// # Errors
     /// Returns an error if a map is missing or does not have width * height values.

@@ -16,16 +16,18 @@ use phasmid_geometry::raycast::{Bvh, LANES, Scratch};
 use phasmid_geometry::{Pose, Solid};
 use std::sync::Arc;
 
-/// What stands this fraction before a point's end of a shadow ray touches the point rather than
-/// shades it: 1 nm at 1 m, far above the error of f64.
+/// Occluders beyond this fraction of a shadow ray touch the point at its end rather than shade it:
+/// 1 nm at 1 m, far above the error of f64.
 pub(super) const SHADOW_END: f64 = 1.0 - 1e-9;
-/// Where parallel rays start, relative to their point's distance from the rig, so that the f32
-/// error of a neighbouring triangle (some 1e-7 of it) does not shade the point: 10 um at 1 m.
+/// Start offset of parallel shadow rays, relative to the point's distance from the rig, so that the
+/// f32 error of a neighbouring triangle (about 1e-7 of that distance) does not shade the point: 10
+/// um at 1 m.
 pub(super) const OFF_POINT: f32 = 1e-5;
-/// Facets that a solid may have.
+/// Maximum number of facets of a solid.
 const FACETS: u32 = 8;
 
-/// A smooth piece of surface: a triangle, or a facet of a solid. All of the world's are numbered.
+/// Index of a smooth piece of surface: a triangle, or a facet of a solid. Indices are unique within
+/// the world.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Surface(pub(super) u32);
 
@@ -34,11 +36,11 @@ impl Surface {
     pub(super) const NONE: Self = Self(u32::MAX);
 }
 
-/// Where sixteen rays from the camera meet the world.
+/// Hits of sixteen camera rays.
 pub(super) struct Hits {
-    /// Ray parameter, with directions of z = 1 the depth; infinite where there is no surface.
+    /// Ray parameter, which is the depth for directions with z = 1; infinite without a hit.
     pub(super) t: Wide,
-    /// Unit normals on the rays' side, an array a component.
+    /// Unit normals on the rays' side, one array per component.
     pub(super) normal: [Wide; 3],
     pub(super) surface: [Surface; LANES],
 }
@@ -81,7 +83,7 @@ impl Hits {
         self.surface[lane] = surface;
     }
 
-    /// Takes the hits of another that are nearer.
+    /// Replaces hits by those of `other` where they are nearer.
     fn take_nearer(&mut self, other: &Self) {
         for lane in 0..LANES {
             if other.t[lane] < self.t[lane] {
@@ -101,7 +103,7 @@ pub(super) struct Placed {
     rig_from_solid: Pose,
     pub(super) solid_from_rig: Pose,
     pub(super) object: u16,
-    /// The camera is inside and sees the inner wall, which the outer one shades.
+    /// The camera is inside the solid and sees its inner wall, which the outer wall shades.
     pub(super) around_camera: bool,
 }
 
@@ -121,24 +123,24 @@ impl Placed {
 /// The time-independent part of a world.
 #[derive(Default)]
 struct Fixed {
-    /// Of the meshes that stand still.
+    /// Vertices of the static meshes.
     vertices: Vec<DVec3>,
     triangles: Vec<[u32; 3]>,
     bvh: Bvh,
-    /// Object of each triangle, those of meshes that move behind those of meshes that do not.
+    /// Object of each triangle; triangles of moving meshes follow those of static ones.
     owner: Vec<u16>,
-    /// What moves, in the order of the objects.
+    /// Moving objects, in order.
     paths: Vec<Path>,
 }
 
-/// All surfaces, as they are at one instant.
+/// All surfaces at one instant.
 #[derive(Clone)]
 pub(super) struct World {
     fixed: Arc<Fixed>,
     pub(super) solids: Vec<Placed>,
-    /// Meshes that move.
+    /// Moving meshes.
     pub(super) bodies: Vec<Body>,
-    /// What the objects' surfaces look like.
+    /// Materials of the objects' surfaces.
     pub(super) looks: Arc<Looks>,
 }
 
@@ -147,17 +149,17 @@ impl World {
         self.fixed.owner.len()
     }
 
-    /// Object of each triangle.
+    /// Returns the object of each triangle.
     pub(super) fn owners(&self) -> &[u16] {
         &self.fixed.owner
     }
 
-    /// Whether anything moves.
+    /// Returns whether anything moves.
     pub(super) fn moves(&self) -> bool {
         !self.fixed.paths.is_empty()
     }
 
-    /// Whether the object of a surface does.
+    /// Returns whether the object of a surface moves.
     pub(super) fn moving(&self, surface: Surface) -> bool {
         self.object_moves(self.object(surface))
     }
@@ -167,12 +169,12 @@ impl World {
         paths.binary_search_by_key(&object, |p| p.object).is_ok()
     }
 
-    /// Triangles of the meshes that deform.
+    /// Returns the number of triangles in deforming meshes.
     pub(super) fn deforming_triangles(&self) -> usize {
         self.bodies.iter().map(Body::deforming_triangles).sum()
     }
 
-    /// Where everything is at a device time in nanoseconds.
+    /// Returns the state of all moving objects at a device time in nanoseconds.
     pub(super) fn state(&self, time_ns: f64) -> State {
         State(
             self.fixed
@@ -183,7 +185,7 @@ impl World {
         )
     }
 
-    /// Applies a state: poses and shapes.
+    /// Applies the poses and shapes of a state.
     pub(super) fn set(&mut self, state: &State) {
         for (path, placement) in self.fixed.paths.iter().zip(&state.0) {
             if let (Part::Body(i), Some(blend)) = (path.part, placement.blend) {
@@ -193,7 +195,7 @@ impl World {
         self.carry(state);
     }
 
-    /// Applies the poses of a state, keeping shapes.
+    /// Applies the poses of a state without its shapes.
     pub(super) fn carry(&mut self, state: &State) {
         for (path, placement) in self.fixed.paths.iter().zip(&state.0) {
             match path.part {
@@ -206,8 +208,9 @@ impl World {
         }
     }
 
-    /// Whether some surface may stand in the light of another, or of itself: one convex solid, seen
-    /// from outside, shades itself only by facing away. One that moves may come around the camera.
+    /// Returns whether surfaces may shade each other or themselves. A single convex solid, seen
+    /// from outside, shades itself only by facing away, but one that moves may come to surround the
+    /// camera.
     pub(super) fn casts_shadows(&self) -> bool {
         let may_surround = |s: &Placed| {
             let hollow = !matches!(s.solid, Solid::Plane { .. });
@@ -216,12 +219,13 @@ impl World {
         self.triangle_count() > 0 || self.solids.len() > 1 || self.solids.iter().any(may_surround)
     }
 
-    /// Whether a surface belongs to a mesh: neighbours of one mesh may form one smooth surface.
+    /// Returns whether a surface belongs to a mesh. Adjacent triangles of a mesh may form one
+    /// smooth surface.
     pub(super) fn is_triangle(&self, surface: Surface) -> bool {
         (surface.0 as usize) < self.triangle_count()
     }
 
-    /// The object that a surface belongs to.
+    /// Returns the object that a surface belongs to.
     pub(super) fn object(&self, surface: Surface) -> u16 {
         match self.fixed.owner.get(surface.0 as usize) {
             Some(&object) => object,
@@ -229,7 +233,7 @@ impl World {
         }
     }
 
-    /// The corners of a surface that is a triangle.
+    /// Returns the corners of a triangle; `None` for facets of solids.
     pub(super) fn corners(&self, surface: Surface) -> Option<[DVec3; 3]> {
         match self.fixed.triangles.get(surface.0 as usize) {
             Some(triangle) => Some(triangle.map(|i| self.fixed.vertices[i as usize])),
@@ -237,20 +241,20 @@ impl World {
         }
     }
 
-    /// The moving mesh that a surface belongs to.
+    /// Returns the moving mesh that a surface belongs to.
     fn body(&self, surface: Surface) -> Option<&Body> {
         let after = self.bodies.partition_point(|b| b.first() <= surface.0);
         let body = self.bodies.get(after.checked_sub(1)?)?;
         body.holds(surface).then_some(body)
     }
 
-    /// An object that is a moving mesh.
+    /// Returns the moving mesh of an object; `None` if it is not a moving mesh.
     pub(super) fn body_of(&self, object: u16) -> Option<&Body> {
         let is_its = |body: &&Body| self.object(Surface(body.first())) == object;
         self.bodies.iter().find(is_its)
     }
 
-    /// Smooth normals at the corners of a triangle now, of those that it has at rest.
+    /// Transforms smooth corner normals of a triangle from rest to its current state.
     pub(super) fn smooth(&self, surface: Surface, rest: [DVec3; 3]) -> [DVec3; 3] {
         match self.body(surface) {
             Some(body) => body.smooth(surface, rest),
@@ -278,7 +282,7 @@ impl World {
         (surface.0 as usize - self.triangle_count()) / FACETS as usize
     }
 
-    /// The hierarchy of all that stands still; `None` where there is none.
+    /// Returns the hierarchy of all static meshes; `None` if there are none.
     pub(super) fn still(&self) -> Option<Tree<'_, Here>> {
         let fixed = &self.fixed;
         (!fixed.bvh.is_empty()).then_some(Tree {
@@ -290,8 +294,8 @@ impl World {
         })
     }
 
-    /// The nearest surface along each ray from a point of the camera's pupil, which lies about the
-    /// rig's origin; directions have z = 1.
+    /// Finds the nearest surface along each ray from a point of the camera's pupil, which is
+    /// centred on the rig's origin. Directions have z = 1.
     pub(super) fn nearest(
         &self,
         origin: DVec3,
@@ -350,7 +354,7 @@ impl World {
         blocked
     }
 
-    /// Adds the points that solids shade, where `shades` tells it of one solid and one point.
+    /// Marks the points that solids shade; `shades` tests one solid and one point.
     fn solids_between(
         &self,
         points: &Points,
@@ -369,8 +373,8 @@ impl World {
         }
     }
 
-    /// Whether something stands between each point and a light far away; lanes with no point are
-    /// not asked. What stands closer than [`OFF_POINT`] touches the point rather than shades it.
+    /// Returns whether each point is occluded from a light at infinity; lanes without a point are
+    /// skipped. Occluders closer than [`OFF_POINT`] touch the point rather than shade it.
     pub(super) fn blocked_along(
         &self,
         towards: DVec3,

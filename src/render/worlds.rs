@@ -1,7 +1,7 @@
-//! The scene as seen by the rows of a frame: all at one instant, or each at its own time with a
-//! rolling shutter.
+//! The scene as each row of a frame sees it: all rows at one instant, or, with a rolling shutter,
+//! each at its own time.
 //!
-//! Rigid motion is exact for each row. A deforming mesh has one of a few shapes, spread over the
+//! Rigid motion is exact for each row. A deforming mesh takes one of a few shapes, spread over the
 //! time from the first row to the last.
 
 use super::geometry::TILE;
@@ -10,21 +10,21 @@ use super::world::World;
 use crate::shot::Shutter;
 use std::borrow::Cow;
 
-/// Shapes of what deforms between the first row and the last.
+/// Maximum number of shapes of a deforming mesh between the first row and the last.
 const MOST_STEPS: usize = 16;
-/// Triangles that deform, of all shapes together: about 200 bytes each.
+/// Maximum number of deforming triangles, summed over all shapes: about 200 bytes each.
 const MOST_TRIANGLES: usize = 4_000_000;
 
 /// Time at which the rows of a frame see the scene.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Moment {
-    /// All of them in one state.
+    /// All rows at one instant.
     Instant(State),
-    /// Each after its delay.
+    /// Each row after its delay.
     Rows(Rows),
 }
 
-/// Rows that follow each other.
+/// Timing of consecutive rows.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Rows {
     /// Device time of the first row in nanoseconds.
@@ -33,7 +33,7 @@ pub(super) struct Rows {
 }
 
 impl Moment {
-    /// The state of a world for rows of which the first sees it at a device time in nanoseconds.
+    /// Creates the moment for a frame whose first row is exposed at a device time in nanoseconds.
     pub(super) fn new(world: &World, from_ns: f64, shutter: Shutter) -> Self {
         let rows = Rows { from_ns, shutter };
         let first = world.state(from_ns);
@@ -52,15 +52,15 @@ impl Rows {
     }
 }
 
-/// The scene as it is seen.
+/// The scene as the rows of a frame see it.
 pub(super) struct Worlds {
-    /// At one instant, or at a few between the first row and the last.
+    /// The scene at one instant, or at a few between the first row and the last.
     steps: Vec<World>,
     rows: Option<Rows>,
 }
 
 impl Worlds {
-    /// The scene at one instant.
+    /// Creates the scene at one instant.
     pub(super) fn new(world: World) -> Self {
         Self {
             steps: vec![world],
@@ -68,12 +68,12 @@ impl Worlds {
         }
     }
 
-    /// The scene at some instant: for what does not depend on it.
+    /// Returns the scene at an arbitrary instant, for properties that do not depend on time.
     pub(super) fn any(&self) -> &World {
         &self.steps[0]
     }
 
-    /// The scene at the instants that what deforms is kept for.
+    /// Returns the scene at each instant for which deformed shapes are stored.
     pub(super) fn steps(&self) -> &[World] {
         &self.steps
     }
@@ -103,12 +103,13 @@ impl Worlds {
         }
     }
 
-    /// How many rows see the same of it at least, up to the side of a tile.
+    /// Returns the number of rows, at most the side of a tile, that are known to see the same
+    /// state.
     pub(super) fn rows_together(&self) -> usize {
         if self.rows.is_some() { 1 } else { TILE }
     }
 
-    /// Which of the steps a row sees the shapes of.
+    /// Returns the index of the step whose shapes a row sees.
     pub(super) fn step(&self, row: usize) -> usize {
         let Some(Rows { shutter, .. }) = &self.rows else {
             return 0;
@@ -118,7 +119,7 @@ impl Worlds {
         step as usize
     }
 
-    /// The scene as a row sees it.
+    /// Returns the scene as a row sees it.
     pub(super) fn at(&self, row: usize) -> Cow<'_, World> {
         let Some(rows) = &self.rows else {
             return Cow::Borrowed(self.any());

@@ -1,29 +1,30 @@
 //! The photon-transfer line, variance = s0 + K mean (EMVA 1288 release 4.0, section 6).
 //!
-//! Pixels are binned by mean, each bin is cleared of outliers, and the line is fitted to the bins by
-//! weighted least squares. A board in a dark room makes two things matter. Bins are about equally
-//! wide, so that the few lit pixels are as many bins as they are grey values, not a part of one. And
-//! a bin is never known better than the line is true of it: to a tenth of its variance, and to
-//! rounding's, for unlit pixels round to one constant again and again and seem to have no noise at
-//! all. By their number alone they would make the line.
+//! Pixels are binned by mean, outliers are removed from each bin, and the line is fitted to the
+//! bins by weighted least squares. Two precautions matter for a board in a dark room. Bins have
+//! about equal widths in grey value, so that the few lit pixels fill as many bins as their range of
+//! values and not just a fraction of one. And the variance of a bin is never assumed to be known
+//! better than to a tenth of itself, nor better than the rounding variance: unlit pixels round to
+//! one constant and seem to have no noise, and would dominate the fit by their number.
 
 use super::Estimate;
 
-/// Bins between the darkest and the brightest mean, about.
+/// Approximate number of bins between the darkest and the brightest mean.
 const BINS: f64 = 16.0;
-/// The part of all estimates that a bin has at least, and how many.
+/// Minimum size of a bin: one part in so many of all estimates, and a number of estimates.
 const FEWEST: (usize, usize) = (400, 30);
-/// How well a bin's variance is known at best, by itself.
+/// Smallest relative standard error assumed for a bin's variance.
 const KNOWN: f64 = 0.1;
 
-/// Some estimates of about one mean.
+/// Estimates with similar means.
 struct Bin {
     mean: f64,
     variance: f64,
     weight: f64,
 }
 
-/// s0 and K of variance = s0 + K mean; `rounding` is the variance of rounding, below which s0 is not.
+/// Fits s0 and K of variance = s0 + K mean; `rounding` is the variance of rounding, the lower bound
+/// of s0.
 pub(super) fn transfer_line(mut estimates: Vec<Estimate>, rounding: f64) -> Option<(f64, f64)> {
     if estimates.len() < 100 {
         return None;
@@ -45,7 +46,7 @@ pub(super) fn transfer_line(mut estimates: Vec<Estimate>, rounding: f64) -> Opti
     let gain = if xx > 0.0 { (xy / xx).max(0.0) } else { 0.0 };
     let s0 = y - gain * x;
     if s0 < rounding {
-        // The line through the rounding's variance in the dark.
+        // The line through the rounding variance at zero light.
         let xx = sum(&|b| b.mean.powi(2));
         let xy = sum(&|b| b.mean * (b.variance - rounding));
         let gain = if xx > 0.0 { (xy / xx).max(0.0) } else { 0.0 };
@@ -54,11 +55,11 @@ pub(super) fn transfer_line(mut estimates: Vec<Estimate>, rounding: f64) -> Opti
     Some((s0, gain))
 }
 
-/// Estimates in order of their means, apart by a part of their range but never too few.
+/// Splits estimates, ordered by mean, into bins of about equal width with a minimum number each.
 fn chunks(mut estimates: &[Estimate]) -> Vec<&[Estimate]> {
     let n = estimates.len();
     let fewest = (n / FEWEST.0).max(FEWEST.1);
-    // A thousandth at either end may be astray.
+    // A thousandth at either end may be outliers.
     let width = (estimates[n - 1 - n / 1000].mean - estimates[n / 1000].mean) / BINS;
     let mut chunks = Vec::new();
     while let Some(first) = estimates.first() {
@@ -87,11 +88,11 @@ impl Bin {
     }
 }
 
-/// Mean variance without estimates that are twelve times too large for it.
+/// Mean variance without estimates more than twelve times too large.
 fn robust_variance(bin: &[Estimate]) -> Option<f64> {
     let mut sizes: Vec<f64> = bin.iter().map(|e| e.variance).collect();
     sizes.sort_by(f64::total_cmp);
-    // A median of 0 happens where rounding hides the noise: start from the mean then.
+    // The median is 0 if rounding hides the noise: start from the mean then.
     let median = sizes[sizes.len() / 2] * 2.2;
     let mut variance = median.max(sizes[sizes.len() * 9 / 10] / 2.7);
     for _ in 0..5 {

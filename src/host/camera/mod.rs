@@ -3,10 +3,6 @@
 //! Every camera opened here returns GREY or Y16, whatever its own format, without the embedded data
 //! line (`intake`). There are two ways to read a V4L2 device: `v4l` for monochrome cameras, frame
 //! by frame as the driver delivers them, and `nokhwa` for the formats of webcams.
-//!
-//! Every camera that is opened here gives GREY or Y16, whatever it speaks, and without the embedded
-//! data line (`intake`). Two ways lead to a V4L2 device: `v4l` for mono cameras, frame by
-//! frame as the driver has them, and `nokhwa` for what webcams speak.
 
 mod intake;
 mod memory;

@@ -2,9 +2,6 @@
 //!
 //! Pixels of Y10, Y12 and Y16 are little-endian 16-bit words with the sensor's bits in the low
 //! bits, as V4L2 defines them. Both times of a frame are the driver's timestamp.
-//!
-//! Words of Y10, Y12 and Y16 are little-endian with the sensor's bits in the low ones, as V4L2
-//! defines them. Both times of a frame are the driver's timestamp.
 
 use super::v4l2_error::{EINVAL, EIO, ENOTTY, explain};
 use super::{Camera, Capture};

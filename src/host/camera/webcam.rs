@@ -7,16 +7,7 @@
 //!
 //! The library does not report how many bytes of a buffer are used: YUYV is cut to its size, and a
 //! JPEG image ends at its own end marker. Both times of a frame are when it was taken from the
-//! driver, on the system's monotonic clock: an upper bound of its exposure time.
-//!
-//! The library waits for a frame without end, gives buffers back twice after an error, and panics
-//! when its stream ends on a device in trouble. So it lives in a thread of its own, which copies
-//! frames into a bounded queue and ends with the first error. The thread is told to stop when the
-//! camera is dropped, and ends with the next frame; until then it holds the device.
-//!
-//! The library does not say how many bytes of a buffer are used: YUYV is cut to its size, and a JPEG
-//! picture ends where its own marker says. Both times of a frame are when it was taken from the
-//! driver, on the system's monotonic clock: an upper bound of its exposure.
+//! driver, on the system's monotonic clock: an upper bound on its time of exposure.
 
 use super::Camera;
 use super::v4l2::{Found, name};

@@ -5,11 +5,6 @@
 //! queries. Therefore every setting that affects the measurement is read back before and after a
 //! run ([`Control::prepare`], [`Control::confirm`]), and data without a checksum is read until two
 //! readings agree.
-//!
-//! A line may lose, delay, double and damage what it carries, and a device may be switched off and
-//! on again between two questions. So what would change the measurement is asked back before and
-//! after a run ([`Control::prepare`], [`Control::confirm`]), and what no checksum guards is read
-//! until two readings agree.
 
 mod line;
 mod scpi;

@@ -1,4 +1,4 @@
-//! The operations in SCPI over a line that fails, with a device that is a list of settings.
+//! The SCPI operations on an unreliable line, with a device that is a set of settings.
 
 use super::*;
 use crate::MemoryPort;
@@ -9,14 +9,14 @@ use std::rc::Rc;
 const SHORT: Duration = Duration::from_millis(3);
 const MANIFEST: &str = "period = 16\nphase = 1.25\n";
 
-/// What a device has been set to.
+/// The settings of a device.
 struct Device {
     selected: String,
     source: String,
     lamp: bool,
     events: u8,
     enabled: u8,
-    /// Questions for which an answer was due.
+    /// Number of queries for which an answer was due.
     asked: u32,
 }
 
@@ -32,7 +32,8 @@ impl Device {
         }
     }
 
-    /// One message, as a parser of IEEE 488.2 takes it: the answers, or what stood before an error.
+    /// Processes one message like an IEEE 488.2 parser; returns the answers, or those before an
+    /// error.
     fn message(&mut self, message: &str) -> Option<String> {
         let mut answers = Vec::new();
         for unit in message.split(';') {
@@ -85,7 +86,7 @@ impl Device {
     }
 }
 
-/// The device behind a dialect.
+/// A device that speaks a dialect.
 fn behind_dialect<'a>(
     dialect: &Dialect,
     from: impl Fn(Vec<u8>, u32) -> Vec<u8> + 'a,
@@ -121,10 +122,10 @@ fn behind_dialect<'a>(
 }
 
 type Shared = Rc<RefCell<Device>>;
-/// What a device makes of bytes.
+/// The device's reaction to received bytes.
 type Reaction<'a> = Box<dyn FnMut(&[u8]) -> Vec<u8> + 'a>;
 
-/// A device behind a line: `to` and `from` change what goes either way, and count it.
+/// A device behind a line: `to` and `from` change the data in each direction, given a count.
 fn behind<'a>(
     to: impl Fn(&[u8], &Shared) -> Vec<u8> + 'a,
     from: impl Fn(Vec<u8>, u32) -> Vec<u8> + 'a,
@@ -177,7 +178,7 @@ fn readings_that_never_agree_are_reported() {
     assert!(message.contains("no two of them agree"), "{message}");
 }
 
-/// Every bit of every byte that prepares a run, on its way to the device and back.
+/// Flips every bit of every byte that prepares a run, in either direction.
 #[test]
 fn no_flipped_bit_prepares_another_run() {
     for to_device in [true, false] {
@@ -212,7 +213,7 @@ fn no_flipped_bit_prepares_another_run() {
                     },
                 );
                 let prepared = control.persist(|control| control.prepare(Some("c")));
-                // Given up is no harm; something else is.
+                // Giving up is acceptable; preparing another run is not.
                 if let Ok(settings) = prepared {
                     let device = device.borrow();
                     assert_eq!(device.selected, "c", "{to_device} {nth} {bit}");
@@ -233,11 +234,11 @@ fn a_device_that_was_reset_is_found_out() {
     let message = control.confirm(&settings).unwrap_err().to_string();
     assert!(message.contains("was reset"), "{message}");
     assert!(message.contains("SEQ:SEL?"), "{message}");
-    // One whose settings survive still tells that it was switched off.
+    // A device whose settings survive still reports that it was power-cycled.
     let settings = control.prepare(Some("c")).unwrap();
     device.borrow_mut().events = 128;
     assert!(control.confirm(&settings).is_err());
-    // And while it is being prepared.
+    // The same holds while the run is being prepared.
     let (mut control, _) = behind(
         |bytes, device| {
             if bytes.ends_with(b"SEQ:SEL \"c\";:SYST:ERR?\n") {
@@ -265,7 +266,7 @@ fn a_sequence_that_is_not_there_is_the_user_s_mistake() {
 
 const DIALECTS: [&str; 2] = ["okline", "dlpc350"];
 
-/// Everything that is asked before a run and after it.
+/// Everything that is queried before and after a run.
 fn talk<P: CommandPort>(control: &mut Control<P>) -> Result<()> {
     assert_eq!(control.identify()?, "maker,model,1,2");
     let settings = control.prepare(Some("c"))?;
@@ -349,8 +350,8 @@ fn bad_lines_do_not_fool_dialects() {
     }
 }
 
-/// Lines of power-on that come in the middle of a run do not spoil it; a device that has been
-/// switched off and on does, whatever it says.
+/// Power-on messages in the middle of a run do not spoil it; a power cycle does, whatever the
+/// device sends.
 #[test]
 fn what_is_said_at_power_on_is_no_reset() {
     let okline = Dialect::load("okline").unwrap();
@@ -362,7 +363,7 @@ fn what_is_said_at_power_on_is_no_reset() {
         let (mut control, _) = behind_dialect(&okline, late);
         talk(&mut control).unwrap_or_else(|e| panic!("at {nth}: {e}"));
     }
-    // A dialect that cannot tell the device a number has nothing else to go by.
+    // With a dialect that cannot set a mark, the power-on message is the only evidence.
     let text = Dialect::text("okline").unwrap();
     let kept = text.lines().filter(|line| !line.starts_with("mark"));
     let unmarked = Dialect::parse(&kept.collect::<Vec<_>>().join("\n"), "it").unwrap();
@@ -379,8 +380,8 @@ fn what_is_said_at_power_on_is_no_reset() {
     }
 }
 
-/// One that keeps its settings is found out by its number, also where the host had to get in step
-/// with it again, and told it another one for that.
+/// A device that keeps its settings is detected by its mark, even if the host had to synchronize
+/// with it again and set another mark for that.
 #[test]
 fn a_reset_behind_a_lost_answer_is_found_out() {
     let dialect = Dialect::load("okline").unwrap();

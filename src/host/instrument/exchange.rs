@@ -1,7 +1,7 @@
-//! Questions that know their answers. SCPI numbers nothing, and a line may lose, delay, double or
-//! damage what it carries. So each question begins with `*ESE n;*ESE?;`, and its answer with `n;`:
-//! any instrument of IEEE 488.2 keeps that number for whoever set it (11.5.1.3), over a serial line
-//! nobody else has a use for it, and an answer to another question, or to nobody's, has another one.
+//! Queries matched to their answers. SCPI does not number messages, and a line may lose, delay,
+//! duplicate or corrupt data. Therefore each query begins with `*ESE n;*ESE?;`, and its answer with
+//! `n;`. Any IEEE 488.2 instrument stores that number (11.5.1.3), which has no other use over a
+//! serial line. An answer to another query, or one that nobody asked for, has another number.
 
 use super::Instrument;
 use crate::CommandPort;
@@ -10,49 +10,49 @@ use phasmid_core::error::Result;
 use phasmid_protocol::scpi::{self, BlockPrefix, MAX_BLOCK_BYTES, MAX_LINE_BYTES};
 use std::time::{Duration, Instant};
 
-/// How often a question is asked while nothing comes; they share the timeout.
+/// Number of times that a query is sent while no answer comes; the attempts share the timeout.
 pub(super) const ATTEMPTS: u32 = 3;
-/// How long to wait for an answer behind a line that is none.
+/// Time to wait for a valid answer after an invalid line.
 const GRACE: Duration = Duration::from_millis(250);
 
-/// What a device says to a question.
+/// A device's answer to a query.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) enum Answer {
-    /// Nothing: it has not understood the question, or refuses it.
+    /// Empty: the device did not understand the query, or refuses it.
     Void,
-    /// This, without the newline.
+    /// The text of the answer, without the newline.
     Said(Vec<u8>),
 }
 
-/// What has come so far.
+/// Classification of the bytes received so far.
 #[derive(Debug, PartialEq, Eq)]
 enum Come {
-    /// Not a whole line.
+    /// An incomplete line.
     Part,
-    /// A line that is no answer to the question.
+    /// A line that does not answer the query.
     Junk,
-    /// What a device says that has been switched on; there may be an answer behind it.
+    /// A power-on message; an answer may follow it.
     Chatter,
     Answer(Answer),
 }
 
-/// How a reply begins.
+/// The start of a reply.
 #[derive(Debug, PartialEq, Eq)]
 enum Head {
-    /// Too little to tell.
+    /// Too few bytes to decide.
     Part,
-    /// With this number, up to this offset.
+    /// This number, which ends at this offset.
     Tag(u8, usize),
-    /// With something else.
+    /// Anything else.
     Other,
 }
 
 impl<P: CommandPort> Instrument<P> {
-    /// Asks, and asks again while nothing comes that bears the question's number; `None` when
-    /// nothing has in all of the timeout. What is asked may have been done more than once.
+    /// Sends a query, and repeats it while no answer with its number comes; returns `None` if none
+    /// comes within the timeout. The device may therefore execute it more than once.
     ///
     /// # Errors
-    /// A port that has gone, and a device that sends without an end.
+    /// Returns an error if the port is gone, or if the device keeps sending without end.
     pub(super) fn exchange(&mut self, body: &[u8]) -> Result<Option<Answer>> {
         self.junk.clear();
         let mut asked = Vec::new();
@@ -62,7 +62,7 @@ impl<P: CommandPort> Instrument<P> {
             self.tag = self.tag.checked_add(1).unwrap_or(1);
             asked.push(self.tag);
             self.received.clear();
-            // A newline first ends what a damaged one has left open.
+            // A leading newline terminates what a corrupted one has left open.
             let end = if attempt == 0 { "" } else { "\n" };
             let mut line = format!("{end}*ESE {tag};*ESE?;", tag = self.tag).into_bytes();
             line.extend_from_slice(body);
@@ -80,8 +80,8 @@ impl<P: CommandPort> Instrument<P> {
                     Come::Chatter => continue,
                     Come::Part => {}
                 }
-                // A long answer on a slow line is no silence, until it has taken too long; one that
-                // has come is one.
+                // A long answer on a slow line is not silence, unless it takes longer than twice
+                // the timeout; an answer that is already complete has been returned above.
                 if bytes > 0 && begin.elapsed() > 2 * self.timeout {
                     break;
                 }
@@ -100,9 +100,9 @@ impl<P: CommandPort> Instrument<P> {
         Ok(None)
     }
 
-    /// Looks at the first line that has come, and takes it where it is whole.
+    /// Examines the first received line, and removes it if it is complete.
     fn look(&mut self, asked: &[u8]) -> Result<Come> {
-        // Chatter without an end of its line, such as a prompt, stands before an answer.
+        // A power-on message without a line end, such as a prompt, precedes an answer.
         let chatter = self.chatter.iter().filter(|said| !said.is_empty());
         let said = chatter.filter(|said| self.received.starts_with(said));
         if let Some(len) = said.map(Vec::len).max() {
@@ -114,7 +114,7 @@ impl<P: CommandPort> Instrument<P> {
             Head::Tag(tag, at) if asked.contains(&tag) => Some(at),
             Head::Tag(..) | Head::Other => None,
         };
-        // Newlines before this offset are content.
+        // Newlines before this offset are part of the content.
         let mut searched = start.unwrap_or(0);
         if let Some(at) = start
             && self.received[at] == b';'
@@ -143,7 +143,7 @@ impl<P: CommandPort> Instrument<P> {
         let rest = self.received.split_off(searched + end + 1);
         let mut line = std::mem::replace(&mut self.received, rest);
         line.pop();
-        // A carriage return inside of a block is content.
+        // A carriage return inside a block is part of the content.
         if line.len() > searched && line.last() == Some(&b'\r') {
             line.pop();
         }
@@ -161,7 +161,7 @@ impl<P: CommandPort> Instrument<P> {
 }
 
 impl<P> Instrument<P> {
-    /// Whether a line is one of those that the device says when it is switched on, however it ends.
+    /// Returns whether a line is one of the device's power-on messages, whatever its line ending.
     fn is_chatter(&self, line: &[u8]) -> bool {
         let line = line.trim_ascii();
         let mut said = self
@@ -172,14 +172,14 @@ impl<P> Instrument<P> {
     }
 }
 
-/// The number that a reply begins with, and where it ends.
+/// Parses the number that a reply begins with, and the offset where it ends.
 fn head(reply: &[u8]) -> Head {
     let digits = reply.iter().take_while(|b| b.is_ascii_digit()).count();
     let number = reply.get(..digits).unwrap_or_default();
     match reply.get(digits) {
         _ if digits > 3 => Head::Other,
         None => Head::Part,
-        // A carriage return and its newline.
+        // The newline after this carriage return is missing so far.
         Some(b'\r') if reply.len() == digits + 1 => Head::Part,
         Some(b';' | b'\n' | b'\r') => std::str::from_utf8(number)
             .ok()

@@ -1,6 +1,7 @@
-//! A SCPI instrument behind a command port: orders, queries, blocks, and the device's own words
-//! when something is wrong. Every question bears a number (`exchange`), so that no late or doubled
-//! answer is taken for another one's; what is silent, damaged or refused is asked again.
+//! A SCPI instrument behind a command port: commands, queries, blocks, and the device's own error
+//! messages. Every query carries a number (`exchange`), so that a late or duplicated answer is
+//! never taken for the answer to another query. Queries that are unanswered, corrupted or refused
+//! are repeated.
 
 mod exchange;
 #[cfg(test)]
@@ -14,57 +15,58 @@ use phasmid_protocol::printable;
 use phasmid_protocol::scpi;
 use std::time::{Duration, Instant};
 
-/// What `*ESE` is set to and asked for when a conversation starts: any instrument of IEEE 488.2
-/// answers `85;0`, and nothing else does. Each further attempt has the next number.
+/// First value that `*ESE` is set to and queried for when a conversation starts: any IEEE 488.2
+/// instrument answers `85;0`, and nothing else does. Each further attempt uses the next number.
 const FIRST_MARK: u8 = 85;
 const LAST_MARK: u8 = 125;
-/// How long an attempt may take, a third of the timeout at most: longer than a device waits for the
-/// rest of a block that an earlier client broke off, in which the first attempt is lost.
+/// Maximum duration of an attempt, which is also limited to a third of the timeout. It is longer
+/// than a device waits for the rest of a block that an earlier client broke off; the first attempt
+/// is lost in that block.
 const ASK_AGAIN: Duration = Duration::from_millis(1500);
-/// Errors that are read from a device before it is told to forget the rest.
+/// Maximum number of errors read from a device before it is told to forget the rest.
 const MAX_ERRORS: usize = 64;
-/// Errors that are shown; the others are counted.
+/// Number of errors shown in a message; the others are only counted.
 const SHOWN_ERRORS: usize = 5;
-/// How often a question is asked that is refused, or whose answer is damaged: the line may have
-/// done that to it.
+/// Number of times that a query is sent if it is refused or its answer is corrupted: the line may
+/// be at fault.
 const TRIES: u32 = 3;
-/// Where a device keeps its complaints (SCPI-1999 vol 2, 21.8).
+/// Query of the error queue (SCPI-1999 vol 2, 21.8).
 const COMPLAINTS: &str = "SYST:ERR?";
-/// Number of a header that the device does not have.
+/// SCPI error number for an unknown header.
 const UNDEFINED_HEADER: i32 = -113;
 
 /// A conversation with an instrument.
 pub struct Instrument<P> {
     port: P,
     timeout: Duration,
-    /// What has come and has not been looked at yet.
+    /// Received bytes that have not been processed yet.
     received: Vec<u8>,
-    /// The number of the last question.
+    /// The number of the last query.
     tag: u8,
     /// The port has failed.
     gone: bool,
-    /// The start of the last line that was no answer.
+    /// The start of the last line that was not an answer.
     junk: Vec<u8>,
-    /// What the device says of its own accord when it is switched on.
+    /// Messages that the device sends unprompted at power-on.
     chatter: Vec<Vec<u8>>,
 }
 
 impl<P: CommandPort> Instrument<P> {
-    /// Starts a conversation: ends an unfinished line, clears the status, and skips whatever was
-    /// under way until the answer to a question that nobody else asks. `timeout` bounds this wait
-    /// and every later one.
+    /// Starts a conversation: terminates an unfinished line, clears the status, and skips
+    /// everything in transit until the answer to a query that nobody else sends. `timeout` bounds
+    /// this wait and every later one.
     ///
     /// # Errors
-    /// A port that has gone, or one behind which nobody answers as IEEE 488.2 has it.
+    /// Returns an error if the port is gone, or if nothing on it answers as IEEE 488.2 requires.
     pub fn open(port: P, timeout: Duration) -> Result<Self> {
         Self::open_chatty(port, Vec::new(), timeout)
     }
 
-    /// [`Self::open`] for a device that says these bytes, in any number and order, when it is switched
-    /// on: they are no answers, and no sign of a damaged one.
+    /// [`Self::open`] for a device that sends the messages in `chatter`, in any number and order,
+    /// at power-on: they are neither answers nor signs of a corrupted one.
     ///
     /// # Errors
-    /// As for [`Self::open`].
+    /// Same as [`Self::open`].
     pub fn open_chatty(port: P, chatter: Vec<Vec<u8>>, timeout: Duration) -> Result<Self> {
         let mut instrument = Self::new(port, timeout);
         instrument.chatter = chatter;
@@ -84,18 +86,18 @@ impl<P: CommandPort> Instrument<P> {
         }
     }
 
-    /// Finds a device again that has been silent or has gone: opens the port anew where it cannot
-    /// be sent to, ends whatever the device waits for, and starts as [`Self::open`] does. The
-    /// device's status stays, for it may say what has happened.
+    /// Restores contact with a device that was silent or gone: reopens the port if it cannot be
+    /// written to, aborts whatever the device waits for, and starts as [`Self::open`] does. The
+    /// device's status is kept, because it may show what happened.
     ///
     /// # Errors
-    /// As for [`Self::open`], and a port that does not come back within the timeout.
+    /// Same as [`Self::open`], and an error if the port does not come back within the timeout.
     pub fn recover(&mut self) -> Result<()> {
-        // Alone on its line it acts even where the device waits for a trigger.
+        // Alone on its line, ABOR takes effect even if the device is waiting for a trigger.
         self.find("\nABOR\n")
     }
 
-    /// Greets, and once more on a port that was opened anew where it has gone.
+    /// Performs the greeting; if the port is gone, reopens it and tries once more.
     fn find(&mut self, first: &str) -> Result<()> {
         self.gone = false;
         match self.greet(first) {
@@ -107,7 +109,7 @@ impl<P: CommandPort> Instrument<P> {
         }
     }
 
-    /// Sends `first`, and asks until the answer comes that nobody else's question has.
+    /// Sends `first`, and queries until the answer arrives that belongs to this query alone.
     fn greet(&mut self, first: &str) -> Result<()> {
         self.received.clear();
         let mut left = self.timeout;
@@ -126,7 +128,7 @@ impl<P: CommandPort> Instrument<P> {
                 if seen.ends_with(b"\n") && seen.trim_ascii_end().ends_with(answer.as_bytes()) {
                     return Ok(());
                 }
-                // Only the end is looked at.
+                // Only the end is examined.
                 if seen.len() > 2 * buffer.len() {
                     seen.drain(..seen.len() - buffer.len());
                 }
@@ -135,7 +137,7 @@ impl<P: CommandPort> Instrument<P> {
                 }
             }
             left = left.saturating_sub(again);
-            // Thirds do not always make a whole.
+            // Three thirds may not add up exactly to the whole.
             if left < self.timeout / 100 {
                 break;
             }
@@ -149,7 +151,7 @@ impl<P: CommandPort> Instrument<P> {
         )))
     }
 
-    /// The port's path, for messages.
+    /// Returns the port's path, for messages.
     pub fn info(&self) -> &str {
         self.port.info()
     }
@@ -158,10 +160,10 @@ impl<P: CommandPort> Instrument<P> {
         Error::device(format!("{}: {what}", self.info()))
     }
 
-    /// Sends an order once, without waiting for anything.
+    /// Sends a command once, without waiting for anything.
     ///
     /// # Errors
-    /// A port that has gone or takes nothing.
+    /// Returns an error if the port is gone or accepts no data.
     pub fn tell(&mut self, order: &str) -> Result<()> {
         self.send(order.as_bytes())
     }
@@ -180,29 +182,29 @@ impl<P: CommandPort> Instrument<P> {
         received
     }
 
-    /// Gives an order and asks whether the device took it. It is given again where no answer comes
-    /// or the device refuses it: it must do no harm twice.
+    /// Sends a command and checks that the device accepted it. If no answer comes or the device
+    /// refuses, the command is sent again, so it must be safe to execute twice.
     ///
     /// # Errors
-    /// The device's own words when it did not.
+    /// Returns the device's own error message if it did not accept the command.
     pub fn order(&mut self, order: &str) -> Result<()> {
         self.give(order, order.as_bytes())
     }
 
-    /// Gives an order with a block as its last parameter, as [`Self::order`] does.
+    /// Sends a command with a block as its last parameter, like [`Self::order`].
     ///
     /// # Errors
-    /// The device's own words when it did not.
+    /// Returns the device's own error message if it did not accept the command.
     pub fn order_block(&mut self, order: &str, block: &[u8]) -> Result<()> {
         let mut line = format!("{order},").into_bytes();
         line.extend(scpi::encode_block(block));
         self.give(order, &line)
     }
 
-    /// Gives an order as [`Self::order`] does; `context` names it in messages.
+    /// Sends a command like [`Self::order`]; `context` names it in messages.
     ///
     /// # Errors
-    /// The device's own words when it did not.
+    /// Returns the device's own error message if it did not accept the command.
     pub(super) fn give(&mut self, context: &str, order: &[u8]) -> Result<()> {
         let mut line = order.to_vec();
         line.extend_from_slice(format!(";:{COMPLAINTS}").as_bytes());
@@ -220,7 +222,7 @@ impl<P: CommandPort> Instrument<P> {
         })
     }
 
-    /// Tries until it works: the inner error is what the line may have done.
+    /// Repeats `ask` after an inner error, which the line may have caused; an outer error is final.
     fn again<T>(&mut self, mut ask: impl FnMut(&mut Self) -> Result<Result<T>>) -> Result<T> {
         let mut tries = 1;
         loop {
@@ -231,10 +233,11 @@ impl<P: CommandPort> Instrument<P> {
         }
     }
 
-    /// Asks for one line. It is asked again where no answer comes, or one that is none.
+    /// Queries one line. The query is repeated if the answer is missing or invalid.
     ///
     /// # Errors
-    /// No answer in time, with the device's own words if it has any, or one that is no text.
+    /// Returns an error if no answer comes in time, with the device's own message if it has one, or
+    /// if the answer is not text.
     pub fn query(&mut self, query: &str) -> Result<String> {
         self.again(|instrument| match instrument.exchange(query.as_bytes())? {
             None => Err(instrument.silence(query)),
@@ -243,11 +246,11 @@ impl<P: CommandPort> Instrument<P> {
         })
     }
 
-    /// Asks a question whose answer `read` understands; `context` names it in messages. It is asked
-    /// again where no answer comes, or one that `read` does not take.
+    /// Sends a query whose answer `read` parses; `context` names it in messages. The query is
+    /// repeated if the answer is missing or `read` rejects it.
     ///
     /// # Errors
-    /// As for [`Self::query`].
+    /// Same as [`Self::query`].
     pub(super) fn ask<T>(
         &mut self,
         context: &str,
@@ -294,18 +297,19 @@ impl<P: CommandPort> Instrument<P> {
         ))
     }
 
-    /// Asks for one line; `None` when the device does not know the question.
+    /// Queries one line; returns `None` if the device does not know the query.
     ///
     /// # Errors
-    /// As for [`Self::query`].
+    /// Same as [`Self::query`].
     pub fn query_optional(&mut self, query: &str) -> Result<Option<String>> {
         self.optional(query, |instrument, reply| instrument.text(query, reply))
     }
 
-    /// Asks for a block; `None` when the device does not know the question.
+    /// Queries a block; returns `None` if the device does not know the query.
     ///
     /// # Errors
-    /// No answer in time, one that is no block, or any other complaint of the device.
+    /// Returns an error if no answer comes in time, the answer is not a block, or the device
+    /// reports any other error.
     pub fn query_block(&mut self, query: &str) -> Result<Option<Vec<u8>>> {
         self.optional(query, |instrument, reply| match scpi::split_block(&reply) {
             Some((content, [])) => Ok(content.to_vec()),
@@ -318,7 +322,7 @@ impl<P: CommandPort> Instrument<P> {
         query: &str,
         read: impl Fn(&Self, Vec<u8>) -> Result<T>,
     ) -> Result<Option<T>> {
-        // Twice, for a damaged question is not known either.
+        // Requires two such refusals, because a corrupted query is unknown to the device too.
         let mut unknown = 0;
         self.again(|instrument| match instrument.exchange(query.as_bytes())? {
             None => Err(instrument.silence(query)),
@@ -331,7 +335,7 @@ impl<P: CommandPort> Instrument<P> {
         })
     }
 
-    /// Why a question got no answer: number of the last complaint, and all of them.
+    /// Returns why a query got no answer: the number of the last device error, and all errors.
     fn refusal(&mut self, query: &str) -> Result<(Option<i32>, Error)> {
         let complaints = self.complaints(Vec::new())?;
         match complaints.last() {
@@ -340,12 +344,11 @@ impl<P: CommandPort> Instrument<P> {
         }
     }
 
-    /// Reads the device's error queue until it is empty, or until the timeout: a device that has
-    /// more to say each time does not prolong the wait.
+    /// Reads the device's error queue until it is empty or the timeout has passed: a device that
+    /// keeps reporting errors does not prolong the wait.
     ///
     /// # Errors
-    /// What the device complains of, in its own words: the first complaints and the number of the
-    /// others.
+    /// Returns the device's errors in its own words: the first few, and the number of the others.
     pub fn check(&mut self, context: &str) -> Result<()> {
         match self.complaints(Vec::new())? {
             none if none.is_empty() => Ok(()),
@@ -353,7 +356,7 @@ impl<P: CommandPort> Instrument<P> {
         }
     }
 
-    /// The error queue, behind what has been read of it.
+    /// Reads the error queue and appends to the errors already read.
     fn complaints(&mut self, mut complaints: Vec<(i32, String)>) -> Result<Vec<(i32, String)>> {
         let begin = Instant::now();
         let mut damaged = 0;
@@ -361,7 +364,7 @@ impl<P: CommandPort> Instrument<P> {
             let reply = match self.exchange(COMPLAINTS.as_bytes())? {
                 Some(Answer::Said(reply)) => reply,
                 Some(Answer::Void) => Vec::new(),
-                // A complaint that has come says more than the silence after it.
+                // Errors already read are more informative than the silence that follows.
                 None if !complaints.is_empty() => break,
                 None => return Err(self.silence(COMPLAINTS)),
             };
@@ -385,7 +388,7 @@ impl<P: CommandPort> Instrument<P> {
         self.failure(format!("the device refuses {context}: {words}"))
     }
 
-    /// Number and text of a reply to `SYSTem:ERRor?`; `None` for no error.
+    /// Parses a reply to `SYSTem:ERRor?` into number and text; `None` for no error.
     fn error(&self, reply: &[u8]) -> Result<Option<(i32, String)>> {
         let text = printable(&String::from_utf8_lossy(reply));
         let number = text

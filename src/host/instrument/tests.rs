@@ -4,15 +4,15 @@ use super::*;
 const SHORT: Duration = Duration::from_millis(30);
 const LONG: Duration = Duration::from_secs(60);
 
-/// Number and body of a question.
+/// Splits a query into its number and body.
 fn question(line: &[u8]) -> Option<(u8, String)> {
     let line = String::from_utf8_lossy(line);
     let (tag, body) = line.trim().strip_prefix("*ESE ")?.split_once(";*ESE?;")?;
     Some((tag.parse().ok()?, body.to_owned()))
 }
 
-/// Answers each line by a list: what is not in it is done if it is an order, and refused if it is a
-/// question; nothing is said to what the list has an empty answer for.
+/// Answers each line from a list. A command that is not in the list is executed, a query refused;
+/// an empty answer in the list means silence.
 fn answer(line: &[u8], answers: &[(&str, &[u8])]) -> Vec<u8> {
     if line.ends_with(b"*ESE 85;*ESE?;*ESE 0;*ESE?\n") {
         return b"stale\n85;0\r\n".to_vec();
@@ -36,7 +36,7 @@ fn answer(line: &[u8], answers: &[(&str, &[u8])]) -> Vec<u8> {
     reply
 }
 
-/// An instrument that answers each line by a list.
+/// An instrument that answers each line from a list.
 fn instrument(
     answers: &'static [(&'static str, &'static [u8])],
 ) -> Instrument<MemoryPort<impl FnMut(&[u8]) -> Vec<u8>>> {
@@ -78,7 +78,7 @@ fn lines_blocks_and_questions_that_are_not_known() {
     assert!(message.contains("CAM:EXP 9"), "{message}");
 }
 
-/// A device that does not know a question says so once each time.
+/// The device reports each unknown query once.
 #[test]
 fn a_question_that_is_not_known_has_no_answer() {
     let mut complained = false;
@@ -109,7 +109,7 @@ fn a_device_s_words_cannot_steer_a_terminal() {
     assert!(message.contains(needle), "{message}");
 }
 
-/// Answers every question with an error, each after a while.
+/// Answers every query with an error, each after a pause.
 struct Complainer {
     pause: Duration,
     asked: Option<u8>,
@@ -174,7 +174,7 @@ fn a_device_that_never_stops_is_given_up() {
     assert!(message.contains("a block of 999999999 bytes"), "{message}");
 }
 
-/// What the line does to the replies: the second argument counts them.
+/// An instrument on a line that changes the replies; the second argument of `line` counts them.
 fn through(
     line: impl Fn(Vec<u8>, u32) -> Vec<u8> + 'static,
 ) -> Instrument<MemoryPort<impl FnMut(&[u8]) -> Vec<u8>>> {
@@ -253,7 +253,7 @@ fn what_a_line_does_to_replies_does_not_fool_anyone() {
     }
 }
 
-/// Each reply comes when the next question is asked.
+/// Each reply arrives only when the next query is sent.
 #[test]
 fn a_late_reply_answers_its_own_question_only() {
     let mut late = Vec::new();
@@ -271,11 +271,11 @@ fn a_late_reply_answers_its_own_question_only() {
     }
 }
 
-/// A device that greets before each answer, which comes after a while.
+/// A device that sends a greeting before each answer, which comes after a delay.
 struct Chatty {
     greeting: &'static [u8],
     asked: u32,
-    /// What it says, and how long that is waited for.
+    /// Messages to send, each with the wait that precedes it.
     said: std::collections::VecDeque<(Duration, Vec<u8>)>,
 }
 
@@ -322,7 +322,7 @@ fn what_a_device_says_at_power_on_is_no_damaged_answer() {
         (b"Ready.\nReady.\n> ", 1),
         (b"A\r\nB\r\n", 1),
         (b"B\n", 1),
-        // Anything else may be what is left of the answer, and is not waited behind for long.
+        // Anything else may be the remains of an answer; the wait after it is short.
         (b"Read\n", 2),
         (b"Ready.!\n", 2),
     ] {

@@ -8,7 +8,7 @@ use phasmid_core::error::{Error, Result};
 use std::io::ErrorKind;
 use std::time::Duration;
 
-/// Linux error number for a file that is not a terminal.
+/// System error number (`ENOTTY`) for a file that is not a terminal.
 const ENOTTY: i32 = 25;
 
 /// A serial port, or a pty, opened by its path.

@@ -9,9 +9,9 @@ use std::sync::mpsc::channel;
 use std::thread;
 use std::time::{Duration, Instant};
 
-/// What a device that does not read is given.
+/// Timeout for a device that does not read.
 const SHORT: Duration = Duration::from_millis(50);
-/// Far longer than anything here takes.
+/// Far longer than any operation here takes.
 const LONG: Duration = Duration::from_secs(60);
 
 #[test]
@@ -30,13 +30,13 @@ fn what_is_no_serial_port_is_the_user_s_mistake() {
 
 #[test]
 fn another_refusal_keeps_the_system_s_words() {
-    // A name that is too long, for want of a folder that root may not enter.
+    // A name that is too long, because root can enter every folder.
     let error = SerialPort::open(&"x".repeat(5000)).err().unwrap();
     assert_eq!(error.exit_code(), 1, "{error}");
     assert!(error.to_string().contains("too long"), "{error}");
 }
 
-/// A pty: the device's side, and the path of the client's.
+/// Opens a pty; returns the device's side and the path of the client's.
 fn pty() -> (OwnedFd, String) {
     let device = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY).unwrap();
     grantpt(&device).unwrap();
@@ -45,7 +45,7 @@ fn pty() -> (OwnedFd, String) {
     (device, path.into_string().unwrap())
 }
 
-/// What comes on the device's side until it has been silent for [`SHORT`].
+/// Returns what arrives on the device's side until it has been silent for [`SHORT`].
 fn heard(device: &OwnedFd) -> Vec<u8> {
     let mut all = Vec::new();
     let mut buffer = [0; 4096];
@@ -57,8 +57,8 @@ fn heard(device: &OwnedFd) -> Vec<u8> {
     all
 }
 
-/// Runs a test that fails where it would hang: a write that the kernel does not end cannot be ended
-/// from here either, so its thread is left to it.
+/// Runs a test and fails if it would hang. A write that the kernel does not end cannot be ended
+/// from here either, so its thread is left behind.
 fn in_time(test: impl FnOnce() + Send + 'static) {
     let (done, ended) = channel();
     let test = thread::spawn(move || {
@@ -67,13 +67,13 @@ fn in_time(test: impl FnOnce() + Send + 'static) {
     });
     match ended.recv_timeout(LONG) {
         Err(std::sync::mpsc::RecvTimeoutError::Timeout) => panic!("hangs"),
-        // Its own words, where it has failed.
+        // If the test has panicked, this passes on its message.
         _ => test.join().unwrap(),
     }
 }
 
-/// Sends lines until the port takes no more; what was said of the first one that it took only a part
-/// of or nothing, how many of its bytes were taken of all, and how long each took at most.
+/// Sends lines until the port accepts no more. Returns the error for the first line that was not
+/// fully accepted, the number of bytes accepted before it, and the longest duration of a call.
 fn fill(port: &mut SerialPort) -> (String, usize, Duration) {
     let line = [[b'x'; 1022].as_slice(), b"\r\n"].concat();
     let mut longest = Duration::ZERO;
@@ -94,7 +94,7 @@ fn a_device_that_reads_nothing_is_no_hang_and_is_served_again_when_it_does() {
         let (device, path) = pty();
         let mut port = SerialPort::open(&path).unwrap();
         let (first, before, longest) = fill(&mut port);
-        // A partial write says how much; the line is full behind it.
+        // The error of a partial write says how much was accepted; after it the line is full.
         let part = first.split("has taken ").nth(1).unwrap().to_owned();
         let part = part
             .split(' ')
@@ -109,10 +109,10 @@ fn a_device_that_reads_nothing_is_no_hang_and_is_served_again_when_it_does() {
         let error = port.send(b"x", SHORT).unwrap_err();
         assert_eq!(error.to_string(), nothing);
         assert_eq!(error.exit_code(), 1);
-        // The timeout, and what a busy machine adds.
+        // The timeout, with an allowance for a busy machine.
         assert!(longest < 40 * SHORT, "{longest:?}");
 
-        // What the port has counted as taken is what comes out.
+        // Exactly the bytes that the port counted as accepted come out.
         assert_eq!(heard(&device).len(), before + part);
         port.send(b"hello\n", LONG).unwrap();
         assert_eq!(heard(&device), b"hello\n");
@@ -132,7 +132,7 @@ fn what_does_not_fit_at_once_is_sent_while_the_device_reads() {
         let want = sent.clone();
         let writer = thread::spawn(move || {
             port.send(&sent, LONG).unwrap();
-            // Closed, it would forget what nobody has read.
+            // Keep the port open: closing it would discard what nobody has read.
             port
         });
         let mut got = Vec::new();
@@ -156,7 +156,7 @@ fn opened_again_the_port_forgets_what_nobody_took() {
         port.send(b"hello\n", LONG).unwrap();
         let heard = heard(&device);
         assert!(heard.ends_with(b"hello\n"));
-        // Of what has arrived Linux keeps a page on the device's side.
+        // Linux keeps one page of the arrived data on the device's side.
         assert!(before > 2 * 4096, "{before}");
         assert!(heard.len() <= 4096 + 6, "{} of {before}", heard.len());
     });
@@ -178,7 +178,7 @@ fn a_device_that_goes_is_told() {
     in_time(|| {
         let (device, path) = pty();
         let mut port = SerialPort::open(&path).unwrap();
-        // What it has said before is not lost.
+        // Data that the device sent before it was closed is not lost.
         write(&device, b"bye\n").unwrap();
         drop(device);
         let mut buffer = [0; 16];
@@ -192,7 +192,8 @@ fn a_device_that_goes_is_told() {
     });
 }
 
-/// What a SCPI instrument says to a line: the number that it was told, and `1` to what else is asked.
+/// Answers a line like a SCPI instrument: with the number that was set, and `1` for any other
+/// query.
 fn answer(line: &str, number: &mut String) -> String {
     let mut answers = Vec::new();
     for unit in line.split(';') {

@@ -2,9 +2,6 @@
 //!
 //! Pixels are read from the socket directly into the frame that is handed out. When the queue of
 //! finished frames is full, no transfers are submitted, so the device has to wait.
-//!
-//! Pixels go from the socket straight into the frame that is handed out; when the frames that wait
-//! have no reader, no transfers are submitted, and the device has to wait.
 
 use super::connection::{Done, Receiver, Shared, lock};
 use super::controls::{ControlState, VideoControl};

@@ -3,9 +3,6 @@
 //! A thread reads the replies (`replies`) and hands each to the [`Receiver`] that its transfer was
 //! submitted with. Commands are written by the thread that submits them, many in one write where
 //! there are many.
-//!
-//! A thread reads the replies (`replies`) and hands each to the [`Receiver`] that its transfer was submitted
-//! with. Commands are written by whoever has one, many of them at once where there are many.
 
 use phasmid_core::error::{Error, Result};
 use phasmid_protocol::usb::usbip::{Command, HEADER_LEN, MAX_TRANSFER, Packet, Submit};

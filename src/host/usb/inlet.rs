@@ -3,10 +3,6 @@
 //! A stream of replies alternates short headers with long data. One system call reads the rest of
 //! some data into its destination and the header that follows into a small buffer, so a reply takes
 //! one call and its data is never copied.
-//!
-//! A stream of replies alternates short headers with long data. One system call reads the rest of
-//! some data into its place and the header behind it into a small store, so that a reply costs one
-//! call and its data is never copied.
 
 use std::io::{IoSliceMut, Read, Result};
 

@@ -4,10 +4,6 @@
 //! [`Client`] imports a device and carries transfers, [`UsbDevice`] reads its descriptors and
 //! configures it, and [`UsbCamera`] and [`UsbPort`] are the drivers of its two functions. It makes
 //! no difference whether the device behind the server is emulated or physical.
-//!
-//! [`Client`] imports a device and carries transfers, [`UsbDevice`] reads what it is, [`UsbCamera`]
-//! and [`UsbPort`] are the drivers of its two functions. Whether the device behind the server is
-//! emulated or of metal is all the same here.
 
 mod address;
 mod camera;

@@ -6,14 +6,14 @@ use serde::Deserialize;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(super) enum Checksum {
-    /// The sum of the bytes, modulo 256.
+    /// Sum of the bytes modulo 256.
     Sum8,
-    /// The exclusive or of the bytes.
+    /// Exclusive or of the bytes.
     Xor8,
-    /// The cyclic redundancy check of 16 bits with the polynomial of ITU-T V.41, 0x1021, that begins
-    /// with 0xFFFF, most significant bit first.
+    /// 16-bit cyclic redundancy check with the polynomial of ITU-T V.41, 0x1021, initial value
+    /// 0xFFFF, most significant bit first.
     Crc16Ccitt,
-    /// The CRC-32 of IEEE 802.3.
+    /// CRC-32 of IEEE 802.3.
     Crc32,
 }
 
@@ -49,7 +49,7 @@ impl Checksum {
 mod tests {
     use super::*;
 
-    /// The check values of the usual catalogues, for the digits 1 to 9.
+    /// Check values from the usual catalogues, for the digits 1 to 9.
     #[test]
     fn check_values() {
         for (kind, value) in [

@@ -1,4 +1,4 @@
-//! Parts of a checked dialect.
+//! Parts of a validated dialect.
 
 use super::field::{Field, Kind};
 use super::file::ErrorFile;
@@ -22,15 +22,15 @@ pub(super) enum Framing {
 pub(super) struct LineEnds {
     pub(super) to_device: String,
     pub(super) to_host: String,
-    /// Start of a comment, which is ignored.
+    /// Prefix of a comment, which is ignored.
     pub(super) comment: Option<String>,
     pub(super) any_case: bool,
-    /// Maximum line length without the line end.
+    /// Maximum line length, excluding the line end.
     pub(super) max: usize,
 }
 
 impl LineEnds {
-    /// Strips comment and surrounding spaces from a line.
+    /// Strips the comment and surrounding spaces from a line.
     pub(super) fn content<'a>(&self, line: &'a [u8]) -> &'a [u8] {
         let end = self.comment.as_ref().and_then(|comment| {
             let comment = comment.as_bytes();
@@ -44,23 +44,23 @@ impl LineEnds {
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Command {
     pub(super) name: String,
-    /// Its line; empty in packets.
+    /// Template of the line; empty in packet dialects.
     pub(super) line: Template,
-    /// Its number in packets.
+    /// Command code in packet dialects.
     pub(super) code: u32,
-    /// Whether the packet's flag of a question is set.
+    /// Whether the packet's read flag is set.
     pub(super) read: bool,
     pub(super) args: Vec<Field>,
-    /// Messages for the firmware.
+    /// Messages to send to the firmware.
     pub(super) runs: Vec<Template>,
     /// Templates of the values in the firmware's answers, one per message.
     pub(super) answers: Vec<Option<Template>>,
     /// Values of the reply.
     pub(super) values: Vec<Field>,
-    /// The lines of a reply; the last one ends it.
+    /// Lines of the reply; the last one ends it.
     pub(super) reply: Vec<Template>,
     pub(super) chunk: Option<Chunk>,
-    /// Bytes per piece of a long answer.
+    /// Bytes per chunk of a long answer.
     pub(super) chunk_bytes: usize,
 }
 
@@ -74,12 +74,12 @@ impl Command {
     }
 }
 
-/// Refusals of a device.
+/// Error replies of a device.
 #[derive(Debug, Clone)]
 pub(super) struct Errors {
-    /// Its line; `None` in packets.
+    /// Template of the error line; `None` in packet dialects.
     pub(super) line: Option<Template>,
-    /// Encoding of the number in a packet's data.
+    /// Encoding of the error number in a packet's data.
     pub(super) number: Option<Kind>,
     pub(super) default: ErrorFile,
     pub(super) busy: ErrorFile,
@@ -100,7 +100,7 @@ impl Errors {
             .map_or(&self.default, |(_, error)| error)
     }
 
-    /// The text of a number.
+    /// Returns the text of an error number.
     pub(super) fn text(&self, number: i64) -> &str {
         let all = self.map.iter().map(|(_, error)| error);
         all.chain([&self.busy, &self.default])

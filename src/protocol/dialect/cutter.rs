@@ -28,7 +28,7 @@ pub enum Cut {
     Dropped(WireError),
 }
 
-/// The state of one stream. Its memory is bounded by the longest message.
+/// State of one stream. Its memory is bounded by the longest message.
 #[derive(Debug, Clone)]
 pub struct Cutter(State);
 
@@ -44,7 +44,7 @@ struct Lines {
     ends: Arc<LineEnds>,
     end: u8,
     buffer: Vec<u8>,
-    /// The rest of the line is discarded.
+    /// Whether the rest of the line is being discarded.
     skips: bool,
 }
 
@@ -53,7 +53,7 @@ struct Packets {
     layout: Arc<Layout>,
     direction: Direction,
     buffer: Vec<u8>,
-    /// Bytes have been discarded since the last packet.
+    /// Whether bytes have been discarded since the last packet.
     dropping: bool,
 }
 

@@ -8,7 +8,7 @@ use super::{Asked, Dialect, Direction, Event, Head, Value, WireError};
 use crate::scpi::{DeviceError, ErrorCode};
 use phasmid_core::error::Result;
 
-/// A template's error as the firmware's own.
+/// A template error as a firmware error.
 pub(super) struct Unfit(pub(super) DeviceError);
 
 impl From<String> for Unfit {
@@ -116,7 +116,7 @@ impl Dialect {
     /// Returns the firmware (SCPI) messages of a command, in order.
     pub fn runs(&self, asked: &Asked) -> Vec<String> {
         let command = self.command(&asked.command);
-        // What could not be said has been refused when it was asked.
+        // Messages that cannot be formatted were already refused by `asked`.
         command.map_or_else(Vec::new, |command| {
             filled(command, &asked.args).unwrap_or_default()
         })
@@ -189,7 +189,7 @@ impl Dialect {
     }
 }
 
-/// The messages of a command for the firmware.
+/// Formats a command's messages for the firmware.
 fn filled(command: &Command, args: &[(String, Value)]) -> Result<Vec<String>, DeviceError> {
     let run = |run: &Template| {
         let message = run.fill(|name| {
@@ -205,7 +205,7 @@ fn filled(command: &Command, args: &[(String, Value)]) -> Result<Vec<String>, De
     command.runs.iter().map(run).collect()
 }
 
-/// The values of the parts of a line.
+/// Parses the field values of a line.
 pub(super) fn values_of_line(
     fields: &[Field],
     parts: &[(&str, &[u8])],
@@ -218,7 +218,7 @@ pub(super) fn values_of_line(
     parts.iter().map(value).collect()
 }
 
-/// A line that is neither too long nor looks like a comment.
+/// Returns the line, or an error if it is too long or looks like a comment.
 pub(super) fn whole(line: Vec<u8>, ends: &LineEnds) -> Result<Vec<u8>, DeviceError> {
     if line.len() > ends.max {
         let what = format!("{} bytes in a line, at most {}", line.len(), ends.max);
@@ -232,7 +232,7 @@ pub(super) fn whole(line: Vec<u8>, ends: &LineEnds) -> Result<Vec<u8>, DeviceErr
     Ok(line)
 }
 
-/// The values in the firmware's answers.
+/// Parses the values in the firmware's answers.
 fn taken(command: &Command, answers: &[Vec<u8>]) -> Result<Vec<(String, Value)>, DeviceError> {
     let mut values = Vec::new();
     for (at, template) in command.answers.iter().enumerate() {
@@ -251,7 +251,7 @@ fn taken(command: &Command, answers: &[Vec<u8>]) -> Result<Vec<(String, Value)>,
     Ok(values)
 }
 
-/// Puts the asked piece in the place of a long answer.
+/// Replaces a long answer by the requested piece.
 fn cut(
     command: &Command,
     asked: &Asked,

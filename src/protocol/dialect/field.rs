@@ -1,4 +1,4 @@
-//! One argument or value: its type, its unit and its range, on the wire and in the device.
+//! An argument or reply value: its type, unit and range on the wire and in the device.
 
 mod firmware;
 mod kind;
@@ -10,29 +10,29 @@ pub(super) use kind::{Kind, Unit};
 use super::Value;
 use crate::scpi::{DeviceError, ErrorCode};
 
-/// An argument or a value, checked.
+/// A validated argument or value.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Field {
     pub(super) name: String,
     pub(super) kind: Kind,
-    /// Counts on the wire in a base unit.
+    /// Wire counts per base unit.
     pub(super) divisor: f64,
-    /// Allowed on the wire.
+    /// Minimum and maximum on the wire.
     pub(super) range: (f64, f64),
-    /// Pairs of wire value and device word; empty if any value is allowed.
+    /// Pairs of wire value and device word; empty if the field has no list of choices.
     pub(super) choices: Vec<(String, String)>,
-    /// Size in a packet.
+    /// Size in a packet, in bytes.
     pub(super) bytes: Option<usize>,
-    /// Constant that is always sent and ignored on reception; in base units.
+    /// Constant that is always sent and ignored on reception, in base units.
     pub(super) constant: Option<Value>,
-    /// Most significant byte first.
+    /// Big-endian (most significant byte first).
     pub(super) big: bool,
 }
 
 type Outcome<T> = Result<T, DeviceError>;
 
 impl Field {
-    /// A number of a line without unit and range.
+    /// Creates an integer field of a line, without unit and range.
     pub(super) fn int(name: &str) -> Self {
         Self {
             name: name.to_owned(),
@@ -46,7 +46,7 @@ impl Field {
         }
     }
 
-    /// Characters that it may have in a line.
+    /// Returns the test for characters that the field may contain in a line.
     pub(super) fn characters(&self) -> fn(u8) -> bool {
         match self.kind {
             Kind::Int => |b| b.is_ascii_digit() || matches!(b, b'+' | b'-'),
@@ -97,7 +97,7 @@ impl Field {
             .ok_or_else(|| self.wrong(ErrorCode::IllegalParameterValue, format!("{wire:?}")))
     }
 
-    /// The number on the wire, rounded to what its type holds.
+    /// Returns the number on the wire, rounded for integer types.
     fn wire_number(&self, value: &Value) -> Outcome<f64> {
         if !self.choices.is_empty() {
             return Ok(self.wire_word(value)?.parse().unwrap_or(0.0));
@@ -121,7 +121,7 @@ impl Field {
         Err(self.wrong(ErrorCode::DataOutOfRange, number))
     }
 
-    /// The value of a number on the wire.
+    /// Converts a number on the wire to a value in base units.
     fn base(&self, number: f64) -> Outcome<Value> {
         if !self.choices.is_empty() {
             return self.chosen(&number.to_string());

@@ -1,4 +1,4 @@
-//! A dialect's file as it is written; [`super::check`] makes a dialect of it.
+//! Serialized form of a dialect file; [`super::check`] converts it to a dialect.
 
 use super::checksum::Checksum;
 use super::field::Unit;

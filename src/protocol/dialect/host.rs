@@ -40,7 +40,7 @@ impl Dialect {
         match &self.framing {
             Framing::Scpi(ends) | Framing::Line(ends) => {
                 let filled = command.line.fill(|name| match command.arg(name) {
-                    // A word of somebody else's must not be more than one.
+                    // A word supplied by the caller must not contain more than one word.
                     Some(field) if self.is_scpi() && field.kind == Kind::Word => {
                         Ok(field.to_scpi(&given(field)?)?.into_bytes())
                     }
@@ -64,7 +64,7 @@ impl Dialect {
         }
     }
 
-    /// Interprets a message for the host that has sent `command` with `sequence`.
+    /// Interprets a message for the host that sent `command` with `sequence`.
     pub fn reply(&self, command: &str, message: &[u8], sequence: u8) -> Reply {
         match &self.framing {
             Framing::Scpi(_) | Framing::Line(_) => self.reply_line(command, message),
@@ -76,7 +76,7 @@ impl Dialect {
         let (Framing::Scpi(ends) | Framing::Line(ends)) = &self.framing else {
             return Reply::Other;
         };
-        // A reply of SCPI may end with a block, whose bytes are its own.
+        // A SCPI reply may end with a block, whose bytes must not be trimmed.
         let line = match &self.framing {
             Framing::Line(_) => message.trim_ascii(),
             _ => message,

@@ -45,7 +45,7 @@ use phasmid_core::error::Result;
 use phasmid_core::source::TomlSource;
 use template::Template;
 
-/// A dialect, checked.
+/// A validated dialect.
 #[derive(Debug, Clone)]
 pub struct Dialect {
     name: String,
@@ -57,7 +57,7 @@ pub struct Dialect {
     events: Vec<(Event, Template)>,
     boot: Vec<Boot>,
     host: HostUse,
-    /// Examples of the firmware's messages, each with its place in the file.
+    /// Examples of the firmware's messages, each with its location in the file.
     runs: Vec<(String, String)>,
 }
 
@@ -93,7 +93,7 @@ impl Dialect {
         builtin::DIALECTS.iter().map(|(name, _)| *name)
     }
 
-    /// The file of a shipped dialect.
+    /// Returns the file of a shipped dialect.
     pub fn text(name: &str) -> Option<&'static str> {
         let found = builtin::DIALECTS.iter().find(|(known, _)| *known == name);
         found.map(|(_, text)| *text)
@@ -104,7 +104,7 @@ impl Dialect {
         &self.name
     }
 
-    /// One line for listings.
+    /// Returns the one-line description for listings.
     pub fn description(&self) -> &str {
         &self.description
     }
@@ -142,14 +142,14 @@ impl Dialect {
         matches!(&self.framing, Framing::Packet(layout) if layout.checksum.is_some())
     }
 
-    /// Every `runs` message of the file with examples of its arguments, all choices among them, and
-    /// its place in the file (`FILE:LINE: field`): whoever has the device's commands checks that
-    /// they are there.
+    /// Returns every `runs` message of the file with examples of its arguments, covering all
+    /// choices, and its location in the file (`FILE:LINE: field`), so that a caller with the
+    /// device's command table can check that these commands exist.
     pub fn all_runs(&self) -> &[(String, String)] {
         &self.runs
     }
 
-    /// A fresh cutter for one direction.
+    /// Creates a cutter for one direction.
     pub fn cutter(&self, direction: Direction) -> Cutter {
         match &self.framing {
             Framing::Scpi(_) => Cutter::scpi(),
@@ -163,7 +163,7 @@ impl Dialect {
         self.echo
     }
 
-    /// A received line as it is sent back, with its end.
+    /// Returns the echo of a received line, including its line end.
     pub fn echoed(&self, message: &[u8]) -> Vec<u8> {
         match &self.framing {
             Framing::Scpi(ends) | Framing::Line(ends) => {
@@ -178,7 +178,7 @@ impl Dialect {
         &self.boot
     }
 
-    /// The host's operations.
+    /// Returns the host's operations.
     pub fn host(&self) -> &HostUse {
         &self.host
     }
@@ -201,7 +201,7 @@ impl Dialect {
         words(self) == words(other)
     }
 
-    /// Names of the commands.
+    /// Returns the names of the commands.
     pub fn commands(&self) -> impl Iterator<Item = &str> {
         self.commands.iter().map(|command| command.name.as_str())
     }

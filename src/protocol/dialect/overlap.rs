@@ -25,10 +25,10 @@ fn symbols(template: &Template, fields: &[Field]) -> Vec<Symbol> {
     symbols
 }
 
-/// A template with the fields that it names.
+/// A template and the fields that it names.
 pub(super) type Fielded<'a> = (&'a Template, &'a [Field]);
 
-/// Whether some line fits both.
+/// Returns whether some line matches both templates.
 pub(super) fn overlap(a: Fielded<'_>, b: Fielded<'_>, any_case: bool) -> bool {
     let (a, b) = (symbols(a.0, a.1), symbols(b.0, b.1));
     let same = |x: u8, y: u8| {

@@ -34,7 +34,7 @@ pub(super) enum Extent {
     None,
 }
 
-/// A packet taken apart.
+/// A parsed packet.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Opened<'a> {
     pub(super) flags: u8,
@@ -59,7 +59,7 @@ impl Layout {
         self.checksum.map_or(0, Checksum::len)
     }
 
-    /// Bytes of data that fit.
+    /// Returns the maximum number of data bytes.
     pub(super) fn room(&self, direction: Direction) -> usize {
         let counted = self.length.map_or(usize::MAX, |length| {
             let most = (1u64 << (8 * length.bytes.min(4))) - 1;
@@ -69,7 +69,7 @@ impl Layout {
         end.saturating_sub(self.data_at(direction))
     }
 
-    /// Bits of the flags that mean something.
+    /// Returns the mask of all flag bits with a meaning.
     fn known_flags(flags: &FlagsFile) -> u8 {
         [flags.read, flags.reply, flags.error]
             .into_iter()
@@ -77,7 +77,7 @@ impl Layout {
             .fold(0, |mask, bit| mask | 1 << bit)
     }
 
-    /// A number of up to four bytes.
+    /// Reads a number of up to four bytes.
     fn number(&self, bytes: &[u8]) -> u32 {
         let digit = |number: u32, byte: &u8| number << 8 | u32::from(*byte);
         match self.big {
@@ -103,7 +103,7 @@ impl Layout {
         if let Some(flags) = &self.flags
             && let Some(byte) = head.get(flags.at)
         {
-            // A request does not say that it is refused.
+            // The error flag is not valid in a request.
             let error = flags.error.filter(|_| direction == Direction::ToDevice);
             let mask = Self::known_flags(flags) & !error.map_or(0, |bit| 1 << bit);
             if byte & !mask != 0 {
@@ -202,7 +202,7 @@ impl Layout {
         Some(packet)
     }
 
-    /// The flags of a packet.
+    /// Returns the flags of a packet.
     pub(super) fn flags(&self, read: bool, reply: bool, error: bool) -> u8 {
         let bit = |set: bool, bit: Option<u8>| bit.filter(|_| set).map_or(0, |bit| 1 << bit);
         self.flags.map_or(0, |flags| {

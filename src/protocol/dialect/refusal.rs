@@ -27,7 +27,7 @@ impl Dialect {
         self.refuse(self.head(asked), asked.wants_reply, own, "")
     }
 
-    /// What a packet said that has been understood.
+    /// Returns the header fields of a valid packet.
     fn head(&self, asked: &Asked) -> Head {
         let command = self.command(&asked.command);
         let (read, code) = command.map_or((false, 0), |c| (c.read, c.code));
@@ -38,7 +38,8 @@ impl Dialect {
         }
     }
 
-    /// A refusal: of a packet its own header with the flag of one.
+    /// Builds a refusal; in packet dialects it repeats the request's header with the error flag
+    /// set.
     fn refuse(
         &self,
         head: Head,
@@ -72,7 +73,7 @@ impl Dialect {
                         big: layout.big,
                         ..Field::int("number")
                     };
-                    // The file's numbers fit: that has been checked.
+                    // The check of the file ensures that its numbers fit.
                     let _ = number.to_packet(&Value::Number(own.number.into()), &mut data);
                 }
                 let flags = layout.flags(head.read, true, true);

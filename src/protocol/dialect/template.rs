@@ -9,20 +9,20 @@ use crate::scpi::{BlockPrefix, block_header};
 /// A piece of a template.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) enum Part {
-    /// What stands there.
+    /// Literal text.
     Text(String),
-    /// The name of what is put there.
+    /// Name of a field.
     Field(String),
 }
 
-/// A text with `{name}` in it; `{{` and `}}` are braces.
+/// A text with `{name}` placeholders; `{{` and `}}` are literal braces.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Template {
     pub(super) parts: Vec<Part>,
 }
 
 impl Template {
-    /// Reads a template.
+    /// Parses a template.
     ///
     /// # Errors
     /// Returns an error that describes the defect.
@@ -67,7 +67,7 @@ impl Template {
         Ok(Self { parts })
     }
 
-    /// Names in the order in which they stand.
+    /// Returns the field names in order of appearance.
     pub(super) fn names(&self) -> impl Iterator<Item = &str> {
         self.parts.iter().filter_map(|part| match part {
             Part::Field(name) => Some(name.as_str()),
@@ -75,7 +75,7 @@ impl Template {
         })
     }
 
-    /// The text with what `value` gives in the places of the names.
+    /// Returns the text with each placeholder replaced by the result of `value`.
     ///
     /// # Errors
     /// Returns an error if `value` fails, or if a value could not be distinguished from the text
@@ -149,7 +149,7 @@ fn find(text: &[u8], what: &[u8], any_case: bool) -> Option<usize> {
         .position(|window| same(window, what, any_case))
 }
 
-/// Where a list of strings in quotes, or a block, ends that `bytes` begin with.
+/// Returns the end of the block, or the list of quoted strings, at the start of `bytes`.
 pub(super) fn own_end(bytes: &[u8]) -> Option<usize> {
     match bytes.first()? {
         b'#' => match block_header(bytes) {

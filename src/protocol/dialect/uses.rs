@@ -4,7 +4,8 @@ use super::{Event, Value};
 use phasmid_core::error::{Error, Result};
 use std::collections::BTreeMap;
 
-/// What the host uses of a device: the operations of the last table of the [guide](super).
+/// The operations that the host performs on a device, as listed in the last table of the
+/// [guide](super).
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct HostUse {
     pub(super) operations: BTreeMap<String, Operation>,
@@ -36,12 +37,12 @@ pub(super) const OPERATIONS: [(&str, &[&str]); 18] = [
 const NEEDED: [&str; 1] = ["trigger"];
 
 impl HostUse {
-    /// An operation by its name; `None` where the dialect lacks it.
+    /// Returns an operation by name; `None` if the dialect lacks it.
     pub fn get(&self, operation: &str) -> Option<&Operation> {
         self.operations.get(operation)
     }
 
-    /// Names of the operations that the dialect has.
+    /// Returns the names of the operations that the dialect supports.
     pub fn names(&self) -> impl Iterator<Item = &'static str> {
         let all = OPERATIONS.iter().map(|(name, _)| *name);
         all.filter(|name| self.operations.contains_key(*name))
@@ -59,18 +60,18 @@ impl HostUse {
     }
 }
 
-/// The steps of an operation, in order, each a question whose answer is awaited.
+/// The steps of an operation, in order. Each step is a command whose answer is awaited.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Operation {
-    /// The steps.
+    /// Steps in order.
     pub steps: Vec<Step>,
-    /// What is made of the values of the answers: text with `{value}` in it.
+    /// Template of the result, with `{value}` placeholders for values of the answers.
     pub(super) result: Option<String>,
 }
 
 impl Operation {
-    /// The result of the values of all answers; a value alone keeps its kind. `None` where the
-    /// operation has no result or a value is missing.
+    /// Returns the result from the values of all answers; a template of a single value keeps that
+    /// value's type. `None` if the operation has no result or a value is missing.
     pub fn result(&self, values: &[(String, Value)]) -> Option<Value> {
         let template = self.result.as_deref()?;
         let find = |name: &str| values.iter().rev().find(|(n, _)| n == name).map(|(_, v)| v);
@@ -92,26 +93,26 @@ impl Operation {
     }
 }
 
-/// One question.
+/// One command of an operation.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Step {
     /// Name of the command.
     pub command: String,
-    /// Its arguments.
+    /// Arguments of the command.
     pub(super) args: Vec<(String, Argument)>,
 }
 
 /// An argument of a step.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Argument {
-    /// The operation's input of this name.
+    /// The operation's input with this name.
     Input(String),
-    /// What the file says.
+    /// A constant from the dialect file.
     Literal(Value),
 }
 
 impl Step {
-    /// The arguments with the operation's inputs in their places.
+    /// Returns the arguments with the operation's inputs inserted.
     ///
     /// # Errors
     /// Returns an error if an input is missing.
@@ -130,17 +131,17 @@ impl Step {
     }
 }
 
-/// A question whose answer is longer than a message: it is asked again with the next offset until
-/// all has come.
+/// Describes a command whose answer is longer than a message: it is repeated with increasing offset
+/// until all data has arrived.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Chunk {
-    /// The argument that says where to read on, in bytes.
+    /// Name of the argument with the offset to read from, in bytes.
     pub offset: String,
-    /// The value that holds the next bytes.
+    /// Name of the value with the next bytes.
     pub data: String,
-    /// The value that says how many bytes there are in all.
+    /// Name of the value with the total number of bytes.
     pub total: String,
-    /// The value that holds the CRC-32 (IEEE 802.3) of all bytes, where the dialect has one.
+    /// Name of the value with the CRC-32 (IEEE 802.3) of all bytes, if the dialect has one.
     pub check: Option<String>,
 }
 
@@ -152,12 +153,12 @@ pub const MAX_CHUNKED_BYTES: usize = 8 << 20;
 pub struct Gather<'a> {
     chunk: &'a Chunk,
     bytes: Vec<u8>,
-    /// Length of the whole and its checksum, as the first piece has said.
+    /// Total length and checksum, as given with the first piece.
     whole: Option<(usize, Option<u32>)>,
 }
 
 impl<'a> Gather<'a> {
-    /// Begins.
+    /// Starts with no pieces.
     pub fn new(chunk: &'a Chunk) -> Self {
         Self {
             chunk,
@@ -166,7 +167,7 @@ impl<'a> Gather<'a> {
         }
     }
 
-    /// The argument that asks for the next piece.
+    /// Returns the argument that requests the next piece.
     pub fn ask(&self) -> (&'a str, Value) {
         (&self.chunk.offset, Value::Number(self.bytes.len() as f64))
     }
@@ -218,7 +219,7 @@ impl<'a> Gather<'a> {
     }
 }
 
-/// Which events a dialect tells.
+/// Events that a dialect may report.
 pub(super) const EVENTS: [(&str, Event); 4] = [
     ("booted", Event::Booted),
     ("exposed", Event::Exposed { index: 0, id: 0 }),

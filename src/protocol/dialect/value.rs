@@ -3,20 +3,19 @@
 use crate::scpi::{DeviceError, ErrorCode};
 use std::fmt::{self, Display};
 
-/// A value of an argument or of a reply, in base units: seconds, decibels, 1 for the whole.
+/// A value of an argument or a reply, in base units: seconds, decibels, 1 for 100 %.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Value {
-    /// A finite number in its quantity's base unit.
+    /// A finite number in the base unit of its quantity.
     Number(f64),
-    /// A word or a text. Where the file gives a field `choices`, the device's word for what the wire
-    /// says.
+    /// A word or text. For a field with `choices`, the device's word rather than the wire value.
     Text(String),
     /// Bytes.
     Bytes(Vec<u8>),
 }
 
 impl Value {
-    /// The number, where it is one.
+    /// Returns the number; `None` for other types.
     pub fn number(&self) -> Option<f64> {
         match self {
             Self::Number(number) => Some(*number),
@@ -24,7 +23,7 @@ impl Value {
         }
     }
 
-    /// The text, where it is one; bytes that are UTF-8 are.
+    /// Returns the text, also of bytes that are valid UTF-8; `None` for other values.
     pub fn text(&self) -> Option<&str> {
         match self {
             Self::Text(text) => Some(text),
@@ -65,7 +64,7 @@ pub enum Event {
     Exposed {
         /// Position of the pattern in the sequence.
         index: u64,
-        /// Id of its frame.
+        /// Id of the exposure's frame.
         id: u64,
     },
     /// A sequence has ended.
@@ -74,65 +73,66 @@ pub enum Event {
     TriggerMissed,
 }
 
-/// Meaning of a message for the host that sent the request.
+/// Meaning of a message for the host that sent a request.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Reply {
-    /// The answer is complete; its values by their names in the file.
+    /// The answer is complete. Holds its values by their names in the dialect file.
     Done(Vec<(String, Value)>),
     /// A line of a multi-line answer that is not yet complete.
     More(Vec<(String, Value)>),
-    /// The device refuses.
+    /// The device refuses the request.
     Refused {
-        /// The dialect's number of the error; 0 where a refusal bears none.
+        /// Error number of the dialect; 0 if the refusal has no number.
         number: i64,
-        /// The dialect's or the device's words, empty where a refusal bears none.
+        /// Error text of the dialect or the device; empty if the refusal has no text.
         text: String,
     },
-    /// Not an answer, but an unsolicited message.
+    /// An unsolicited message, not an answer.
     Event(Event),
-    /// Valid, but not an answer to this request: another sequence number or command, or an echo.
+    /// Valid, but not an answer to this request: an echo, or an answer with another sequence number
+    /// or command.
     Other,
-    /// Damaged, or not of this dialect; says what is wrong.
+    /// Damaged or not part of this dialect. Holds the reason.
     Bad(String),
 }
 
-/// A message that the device understood.
+/// A message that the device recognizes.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Asked {
-    /// Name of the command in the dialect's file.
+    /// Name of the command in the dialect file.
     pub command: String,
-    /// Its arguments in base units, in the file's order.
+    /// Arguments in base units, in the order of the dialect file.
     pub args: Vec<(String, Value)>,
-    /// The packet's sequence number; 0 in dialects of lines.
+    /// Sequence number of the packet; 0 in line dialects.
     pub sequence: u8,
     /// Whether a reply is wanted.
     pub wants_reply: bool,
 }
 
-/// A message that the device did not understand.
+/// A message that the device does not recognize.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct WireError {
-    /// What is wrong, by the numbers that the firmware has for its own errors.
+    /// The error, numbered like the firmware's own errors.
     pub error: DeviceError,
-    /// What its answer repeats of the packet.
+    /// Header fields of the packet, which the answer repeats.
     pub head: Head,
-    /// Whether it is to be answered: a damaged packet is not.
+    /// Whether a reply is due: damaged packets are not answered.
     pub wants_reply: bool,
 }
 
-/// What a packet's header says, as far as it could be read; else zeros.
+/// Header fields of a packet; zero where they could not be read.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Head {
-    /// Its sequence number.
+    /// Sequence number.
     pub sequence: u8,
-    /// Its command's number.
+    /// Command code.
     pub code: u32,
-    /// Whether it asks.
+    /// Whether the packet reads (asks for data).
     pub read: bool,
 }
 
 impl WireError {
-    /// A line that is no command; it is answered.
+    /// Creates the result for a line that is not a valid command; it is answered.
     pub(super) fn line(error: DeviceError) -> Self {
         Self {
             error,
@@ -141,7 +141,7 @@ impl WireError {
         }
     }
 
-    /// A message that cannot be read as one.
+    /// Creates the result for a message that cannot be decoded.
     pub(super) fn damaged(what: impl Display) -> Self {
         Self {
             error: ErrorCode::CommandError.with(what),
@@ -157,11 +157,11 @@ impl Display for WireError {
     }
 }
 
-/// Something that the device says after power-on.
+/// A message that the device sends after power-on.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Boot {
-    /// When, in nanoseconds after power-on.
+    /// Delay after power-on in nanoseconds.
     pub delay_ns: u64,
-    /// As it goes out on the wire.
+    /// Bytes on the wire.
     pub bytes: Vec<u8>,
 }

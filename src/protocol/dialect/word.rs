@@ -1,11 +1,12 @@
-//! What is wrong with a line that fits no command: where its first word is a command's, the rest of it.
+//! Diagnoses lines that match no command, by the commands that share their first word.
 
 use super::command::Command;
 use super::template::{Part, Template};
 use crate::scpi::{DeviceError, ErrorCode};
 use std::cmp::Ordering;
 
-/// The first word of a template, where it is one and no argument begins in it.
+/// Returns the first word of a template; `None` if the template starts with an argument or an
+/// argument is part of the word.
 fn word(template: &Template) -> Option<&str> {
     let [Part::Text(text), behind @ ..] = &template.parts[..] else {
         return None;
@@ -16,7 +17,7 @@ fn word(template: &Template) -> Option<&str> {
     }
 }
 
-/// Words of a line that fits a template, an argument being one.
+/// Returns the number of words of a line that fits a template; each argument counts as one.
 fn words(template: &Template) -> usize {
     let text = |part: &Part| match part {
         Part::Text(text) => text.clone(),
@@ -26,8 +27,8 @@ fn words(template: &Template) -> usize {
     line.split_whitespace().count()
 }
 
-/// The error of a line that fits none of the commands: an argument too few, one too many, or another
-/// one than belongs there, where a command begins with its first word.
+/// Returns the error for a line that matches no command. If its first word is that of a command,
+/// the error is a missing, an extra or a wrong argument.
 pub(super) fn unmatched(commands: &[Command], line: &[u8], any_case: bool) -> DeviceError {
     let mut parts = line.split(|b| b.is_ascii_whitespace());
     let first = parts.next().unwrap_or_default();

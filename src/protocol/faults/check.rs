@@ -70,7 +70,7 @@ fn within<T: PartialOrd + Debug + Copy>(
     let Some(value) = value else {
         return Ok(());
     };
-    // NaN compares as outside of every range.
+    // NaN fails every range check.
     that(
         range.contains(&value),
         field,
@@ -80,7 +80,7 @@ fn within<T: PartialOrd + Debug + Copy>(
 }
 
 impl Fault {
-    /// Checks what types allow and the kind does not.
+    /// Checks constraints of the kind that the types do not enforce.
     ///
     /// # Errors
     /// Returns the first invalid field.
@@ -88,7 +88,8 @@ impl Fault {
         self.check_parameters()?;
         within("by_ms", self.by_ms, 0.0..=MAX_MS)?;
         within("for_ms", self.for_ms, 0.0..=MAX_MS)?;
-        // From the first row on a torn frame is the one before it, which is another fault.
+        // A frame torn at its first row would be a copy of the previous frame, which is another
+        // fault.
         let first = u32::from(self.what == super::What::Torn);
         within("row", self.row, first..=65535)?;
         within("rows", self.rows, 1..=65535)?;

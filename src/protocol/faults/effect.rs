@@ -12,29 +12,29 @@ pub enum Effect {
     Repeated,
     /// The frame arrives this much later.
     Late {
-        /// How much.
+        /// Delay.
         by_ns: u64,
     },
-    /// The frame arrives after the next one, or when it has waited so long for one.
+    /// The frame arrives after the next one, or after a maximum wait if there is no next one.
     Swapped {
-        /// How long.
+        /// Maximum wait.
         wait_ns: u64,
     },
-    /// From a row on, the frame is the one before it.
+    /// From a row on, the frame shows the previous frame.
     Torn {
-        /// The middle one when absent.
+        /// First affected row; the middle row when absent.
         row: Option<u32>,
     },
     /// Rows are missing: those below move up, and the same number at the bottom are black.
     RowsMissing {
-        /// The middle one when absent.
+        /// First missing row; the middle row when absent.
         row: Option<u32>,
-        /// How many.
+        /// Number of missing rows.
         rows: u32,
     },
     /// Bits are flipped at random positions in the frame.
     BitsFlipped {
-        /// How many.
+        /// Number of bits.
         count: u32,
     },
     /// The projector's light is off.
@@ -44,42 +44,42 @@ pub enum Effect {
         /// Offset from the correct pattern; never 0.
         offset: i32,
     },
-    /// The projector is lit for a part of the exposure.
+    /// The projector is lit for only part of the exposure.
     PartialExposure {
-        /// What part, 0 to 1.
+        /// Fraction of the exposure, 0 to 1.
         fraction: f64,
     },
     /// The reply never arrives.
     NoReply,
     /// The reply arrives this much later.
     LateReply {
-        /// How much.
+        /// Delay.
         by_ns: u64,
     },
     /// The reply arrives twice.
     ReplyTwice,
-    /// Random bytes before the reply.
+    /// Random bytes precede the reply.
     GarbageBefore {
-        /// How many.
+        /// Number of bytes.
         count: u32,
     },
-    /// Random bytes inside of the reply.
+    /// Random bytes appear inside the reply.
     GarbageInside {
-        /// How many.
+        /// Number of bytes.
         count: u32,
     },
     /// Bits of the message are flipped.
     BitErrors {
-        /// Which way.
+        /// Direction of the affected bytes.
         direction: Direction,
-        /// How many.
+        /// Number or rate of flipped bits.
         bits: Bits,
     },
     /// The command is refused.
     Nak,
     /// The port disappears for a time.
     Disconnect {
-        /// How long.
+        /// Duration.
         for_ns: u64,
     },
     /// The device restarts.
@@ -89,15 +89,16 @@ pub enum Effect {
 /// Number of flipped bits.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Bits {
-    /// So many of a message.
+    /// This many bits of each message.
     Count(u32),
-    /// Each with this probability.
+    /// Each bit with this probability.
     Rate(f64),
 }
 
 impl Fault {
-    /// What it amounts to: its parameters, and for those that are absent what stands in
-    /// the list of kinds ([`Kind`](super::Kind)). Out of a fault that has not been checked, values are brought into their ranges.
+    /// Returns the effect of the fault. Absent parameters take their defaults from the list of
+    /// kinds ([`Kind`](super::Kind)); values of a fault that has not been checked are clamped to
+    /// their ranges.
     pub fn effect(&self) -> Effect {
         let ns = |ms: Option<f64>, default: f64| (ms.unwrap_or(default).max(0.0) * 1e6) as u64;
         let count = |default: u32| self.count.unwrap_or(default).clamp(1, 1_000_000);

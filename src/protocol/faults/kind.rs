@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-/// What can go wrong.
+/// Kinds of faults.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum What {
@@ -14,7 +14,7 @@ pub enum What {
     Late,
     /// A frame that arrives after the next one.
     Swapped,
-    /// A frame that ends with rows of the one before it.
+    /// A frame that ends with rows of the previous frame.
     Torn,
     /// A frame that has lost rows.
     RowsMissing,
@@ -38,15 +38,15 @@ pub enum What {
     GarbageInside,
     /// Flipped bits on the line.
     BitErrors,
-    /// A command that the device refuses to take now.
+    /// A command that the device refuses for now.
     Nak,
-    /// A port that goes away and comes back.
+    /// A port that disappears and returns.
     Disconnect,
     /// A device that restarts.
     Reset,
 }
 
-/// What is counted.
+/// Unit that a fault's conditions count.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Side {
@@ -59,11 +59,11 @@ pub enum Side {
 /// A parameter of a fault.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Parameter {
-    /// Its field.
+    /// Name of its field.
     pub name: &'static str,
-    /// What it is when nothing is said, as text.
+    /// Default value, as text.
     pub default: &'static str,
-    /// What may be said, as text.
+    /// Allowed values, as text.
     pub allowed: &'static str,
 }
 
@@ -72,20 +72,20 @@ pub struct Parameter {
 pub struct Kind {
     /// The kind.
     pub what: What,
-    /// Its name in files.
+    /// Name of the kind in schedule files.
     pub name: &'static str,
-    /// What may be counted; the first is what is counted when nothing is said.
+    /// Units that may be counted; the first is the default.
     pub sides: &'static [Side],
-    /// Its parameters.
+    /// Parameters of the kind.
     pub parameters: &'static [Parameter],
-    /// What it does, in one line.
+    /// One-line description.
     pub about: &'static str,
 }
 
 impl What {
     /// Returns the properties of the kind.
     pub fn kind(self) -> &'static Kind {
-        // In the order of the enum, as a test makes sure of.
+        // The table is in the order of the enum, which a test checks.
         &Kind::ALL[self as usize]
     }
 }

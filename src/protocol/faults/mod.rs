@@ -21,8 +21,9 @@
 //! ```
 //!
 //! Conditions of `when` are evaluated in order, and all must hold: `device`, `frames`, `command`
-//! and `window_s` say which frames or messages count at all; `nth` and `every` count those;
-//! `probability` decides about what is left; `times` ends it.
+//! Conditions of `when` are evaluated in order, and all must hold: `device`, `frames`, `command`
+//! and `window_s` select the frames or messages to count; `nth` and `every` apply to that count;
+//! `probability` applies to the remainder; `times` limits the number of occurrences.
 
 mod check;
 mod effect;
@@ -61,8 +62,8 @@ pub struct Schedule {
 pub struct Fault {
     /// Kind of fault.
     pub what: What,
-    /// Whether frames or messages are counted. Only `disconnect` and `reset` leave the choice; for
-    /// the others it says what goes without saying.
+    /// Whether frames or messages are counted. Only `disconnect` and `reset` allow a choice; for
+    /// all other kinds it can only be the implied value.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub on: Option<Side>,
     /// Name of the device if one `serve` has several; all devices when absent.
@@ -74,27 +75,28 @@ pub struct Fault {
     /// Maximum number of occurrences; unlimited when absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub times: Option<u64>,
-    /// `late`, `late-reply`: how late, in milliseconds of device time. `swapped`: how long it waits
-    /// for the next frame.
+    /// `late`, `late-reply`: delay in milliseconds of device time. `swapped`: maximum wait for the
+    /// next frame.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub by_ms: Option<f64>,
     /// `disconnect`: time for which the port is gone, in milliseconds of device time.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub for_ms: Option<f64>,
-    /// `torn`, `rows-missing`: the first row that it is about, from the top of what the link
-    /// carries, the embedded data line included; the middle one when absent.
+    /// `torn`, `rows-missing`: first affected row, from the top of the transmitted image including
+    /// the embedded data line; the middle row when absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub row: Option<u32>,
-    /// `rows-missing`: how many rows.
+    /// `rows-missing`: number of rows.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rows: Option<u32>,
-    /// `bits-flipped`, `bit-errors`: how many bits; `garbage-before`, `garbage-inside`: how many bytes.
+    /// `bits-flipped`, `bit-errors`: number of bits. `garbage-before`, `garbage-inside`: number of
+    /// bytes.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub count: Option<u32>,
     /// `bit-errors`: the probability of each bit, instead of a count.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rate: Option<f64>,
-    /// `bit-errors`: which way.
+    /// `bit-errors`: direction of the affected bytes.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub direction: Option<Direction>,
     /// `wrong-pattern`: offset in patterns; the sequence wraps around.
@@ -109,41 +111,41 @@ pub struct Fault {
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct When {
-    /// Number of the counted frame or message, from 1.
+    /// Index of the counted frame or message, from 1.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub nth: Option<u64>,
-    /// Every nth of them; with `nth`, starting from that one.
+    /// Every nth counted frame or message; with `nth`, starting at that one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub every: Option<u64>,
-    /// Device time window in seconds; the end is excluded.
+    /// Device time window in seconds, excluding its end.
     #[serde(
         default,
         skip_serializing_if = "Option::is_none",
         deserialize_with = "phasmid_core::numbers::exactly_if_any"
     )]
     pub window_s: Option<[f64; 2]>,
-    /// The command holds this text, upper or lower case: of a message the command that it is or
-    /// answers, of a frame the last command before it.
+    /// Text that the command must contain, ignoring case. For a message, the command is the message
+    /// itself or the one that it answers; for a frame, the last command before it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub command: Option<String>,
     /// Probability, 0 to 1, drawn from the schedule's seed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub probability: Option<f64>,
-    /// Which frames count; those of triggered exposures when absent.
+    /// Frames to count; those of triggered exposures when absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub frames: Option<Frames>,
 }
 
-/// Which frames count.
+/// Frames to count.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Frames {
-    /// Those of triggered exposures.
+    /// Frames of triggered exposures.
     #[default]
     Triggered,
-    /// Those of a camera that runs free.
+    /// Frames of a free-running camera.
     Free,
-    /// All of them.
+    /// All frames.
     All,
 }
 
@@ -151,9 +153,9 @@ pub enum Frames {
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Direction {
-    /// From the client.
+    /// From the client to the device.
     ToDevice,
-    /// To the client.
+    /// From the device to the client.
     #[default]
     ToHost,
 }
@@ -163,14 +165,15 @@ pub enum Direction {
 pub struct Struck {
     /// Device time in nanoseconds.
     pub time_ns: u64,
-    /// Which fault: those of a schedule are numbered from 1, those added later go on from there.
+    /// Id of the fault: those of a schedule are numbered from 1; faults added later continue the
+    /// numbering.
     pub fault: u64,
-    /// What went wrong.
+    /// Kind of fault.
     pub what: What,
-    /// The frame that it struck.
+    /// The affected frame.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub frame: Option<u64>,
-    /// The command that it struck, or whose answer.
+    /// The affected command, or the command whose answer is affected.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub command: Option<String>,
 }
@@ -184,7 +187,7 @@ impl Schedule {
         Self::from_source(&TomlSource::read(path)?)
     }
 
-    /// Reads and checks a file that is for devices of these names.
+    /// Reads and checks a file for devices of the given names.
     ///
     /// # Errors
     /// Returns an error if [`Self::read`] fails or if a fault names a device that is not among
@@ -209,7 +212,7 @@ impl Schedule {
 }
 
 impl Fault {
-    /// A fault as it strikes by default, always.
+    /// Returns a fault of a kind with default parameters and no conditions.
     pub fn new(what: What) -> Self {
         Self {
             what,
@@ -229,12 +232,12 @@ impl Fault {
         }
     }
 
-    /// Whether frames or messages are counted.
+    /// Returns whether frames or messages are counted.
     pub fn side(&self) -> Side {
         self.on.unwrap_or(self.what.kind().sides[0])
     }
 
-    /// Whether it is meant for a device of this name.
+    /// Returns whether the fault applies to a device of this name.
     pub fn concerns(&self, device: &str) -> bool {
         self.device.as_deref().is_none_or(|name| name == device)
     }

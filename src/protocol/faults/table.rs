@@ -1,4 +1,4 @@
-//! All kinds of faults with their parameters.
+//! All fault kinds and their parameters.
 
 use super::kind::{Kind, Parameter, Side, What};
 
@@ -37,7 +37,7 @@ const fn kind(
 }
 
 impl Kind {
-    /// All kinds, those of frames first.
+    /// All fault kinds, frame faults first.
     pub const ALL: &'static [Self] = &[
         kind(
             What::Dropped,

@@ -1,11 +1,11 @@
-//! Records as bytes.
+//! Encodes records as bytes.
 
 use super::{
     About, Channel, Event, FILE_MAGIC, HEAD_LEN, MAX_TEXT, RECORD_LEN, RECORD_MAGIC, VERSION,
 };
 use crate::{Frame, wire};
 
-/// The head of a file.
+/// Encodes the file header.
 pub fn encode_head() -> [u8; HEAD_LEN] {
     let mut head = [0; HEAD_LEN];
     head[..8].copy_from_slice(&FILE_MAGIC);
@@ -16,7 +16,8 @@ pub fn encode_head() -> [u8; HEAD_LEN] {
     head
 }
 
-/// A record, whole: one write of it is one record. Texts longer than [`MAX_TEXT`] are cut.
+/// Encodes a whole record, to be written with a single write. Texts longer than [`MAX_TEXT`] are
+/// truncated.
 pub fn encode_record(number: u64, time_ns: u64, channel: Channel, event: &Event) -> Vec<u8> {
     let mut record = vec![0; RECORD_LEN];
     put_payload(&mut record, event);
@@ -26,7 +27,7 @@ pub fn encode_record(number: u64, time_ns: u64, channel: Channel, event: &Event)
     head[6..8].copy_from_slice(&(channel as u16).to_le_bytes());
     head[8..16].copy_from_slice(&number.to_le_bytes());
     head[16..24].copy_from_slice(&time_ns.to_le_bytes());
-    // No payload is longer than a frame's, 128 MiB.
+    // The longest payload is a frame's, 128 MiB.
     head[24..28].copy_from_slice(&(payload.len() as u32).to_le_bytes());
     head[28..32].copy_from_slice(&crc32fast::hash(payload).to_le_bytes());
     let crc = crc32fast::hash(&head[..32]);
@@ -50,14 +51,14 @@ fn put_frame(record: &mut Vec<u8>, frame: &Frame) {
     record.extend_from_slice(&frame.data);
 }
 
-/// What the file says of itself, its texts cut until it fits.
+/// Serializes the file's description; texts are truncated until it fits.
 fn json(about: &About) -> Vec<u8> {
     let encode = |about: &About| serde_json::to_vec(about).expect("numbers and strings");
     let bytes = encode(about);
     if bytes.len() <= MAX_TEXT {
         return bytes;
     }
-    // Names and paths as long as no system has them; a character takes up to six bytes in JSON.
+    // No real name or path is this long. A character takes up to six bytes in JSON.
     let short = |text: &String| text.chars().take(1000).collect();
     encode(&About {
         program: short(&about.program),
@@ -70,7 +71,7 @@ fn json(about: &About) -> Vec<u8> {
     })
 }
 
-/// The longest start of a text that fits.
+/// Returns the longest prefix of a text that fits.
 fn shortened(text: &str) -> &[u8] {
     let end = (0..=text.len().min(MAX_TEXT))
         .rev()

@@ -37,14 +37,14 @@
 //! | 10 unplugged | none: the device's end of the channel has gone, as when a cable is pulled |
 //! | 11 plugged | none: it is back |
 //!
-//! Kinds that a reader does not know are skipped. On a device's side times are device time, on a
-//! host's side they count from the start of the recording. A frame's format and size stand in its
-//! own header, so a change of format is seen where it happens.
+//! Readers skip unknown kinds. On the device side times are device time; on the host side they
+//! count from the start of the recording. Each frame's header holds its format and size, so that a
+//! change of format is visible where it happens.
 //!
-//! The file grows by what is recorded and 36 bytes a record (108 a frame): a camera of 640 x 480
-//! GREY that runs at 30 frames a second makes 9.2 MB a second, one of 1138 x 489 16.7 MB.
+//! The file grows by the recorded data plus 36 bytes per record (108 per frame): a 640 x 480 GREY
+//! camera at 30 frames per second produces 9.2 MB/s, a 1138 x 489 one 16.7 MB/s.
 //!
-//! All of it can be read with twenty lines of Python:
+//! Twenty lines of Python read the whole file:
 //!
 //! ```python
 #![doc = include_str!("read.py")]
@@ -69,7 +69,7 @@ use super::wire;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
-/// Length of a file's head in bytes.
+/// Length of a file header in bytes.
 pub const HEAD_LEN: usize = 16;
 /// Length of a record without its payload in bytes.
 pub const RECORD_LEN: usize = 36;
@@ -77,56 +77,57 @@ pub const RECORD_LEN: usize = 36;
 pub const MAX_TEXT: usize = 64 << 10;
 /// Maximum port bytes per record; more are split into several records.
 pub const MAX_BYTES: usize = 1 << 20;
-/// Longest payload in bytes: a frame's.
+/// Maximum payload length in bytes: that of a frame.
 pub const MAX_PAYLOAD: usize = wire::HEADER_LEN + wire::MAX_PAYLOAD as usize;
 
 const FILE_MAGIC: [u8; 8] = *b"PHREC\r\n\x1a";
 const RECORD_MAGIC: [u8; 4] = *b"PHRR";
 const VERSION: u16 = 1;
 
-/// Which side of the line was recorded.
+/// Side of the connection that was recorded.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Side {
-    /// The device's: times are device time.
+    /// Device side: times are device time.
     Device,
-    /// The host's: times count from the start of the recording.
+    /// Host side: times count from the start of the recording.
     Host,
 }
 
-/// What was recorded.
+/// Description of the recorded device.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct About {
-    /// Which side of the line.
+    /// Recorded side.
     pub side: Side,
-    /// Who recorded, with its version.
+    /// Recording program with its version.
     pub program: String,
-    /// Seconds since 1970 when the recording began.
+    /// Start of the recording in seconds since 1970.
     pub started_unix_s: u64,
-    /// The device: its `*IDN?` on its own side, the address of its port on the host's.
+    /// Name of the device: its `*IDN?` on the device side, the address of its port on the host
+    /// side.
     pub name: String,
-    /// Address of the control port; empty where there is none.
+    /// Address of the control port; empty if there is none.
     #[serde(default)]
     pub control: String,
     /// Address of the camera.
     #[serde(default)]
     pub camera: String,
-    /// Profile as it was chosen, where the device is emulated.
+    /// Profile as selected, if the device is emulated.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub profile: Option<String>,
-    /// Scene as it was chosen, where the device is emulated.
+    /// Scene as selected, if the device is emulated.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub scene: Option<String>,
-    /// Seed of the noise, where the device is emulated.
+    /// Noise seed, if the device is emulated.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub seed: Option<u64>,
-    /// The system's monotonic clock at time 0 of the recording, in nanoseconds, on a host's side: by
-    /// it most drivers time their frames.
+    /// Host side: reading of the system's monotonic clock at time 0 of the recording, in
+    /// nanoseconds. Most drivers timestamp their frames with this clock.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub monotonic_ns: Option<u64>,
 }
 
-/// What a record belongs to.
+/// Channel of a record.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[repr(u16)]
 pub enum Channel {
@@ -134,11 +135,11 @@ pub enum Channel {
     Recording = 0,
     /// The control port.
     Control = 1,
-    /// The control port's other end, on USB.
+    /// The control port over USB.
     Usb = 2,
     /// The camera.
     Camera = 3,
-    /// A camera whose frames do not say which they are: ids only count.
+    /// A camera that does not identify its frames: ids only count.
     Counted = 4,
 }
 
@@ -155,16 +156,16 @@ impl Channel {
         Self::ALL.get(usize::from(code)).copied()
     }
 
-    /// Whether it is a control port.
+    /// Returns whether it is a control port.
     pub fn is_port(self) -> bool {
         matches!(self, Self::Control | Self::Usb)
     }
 }
 
-/// What happened.
+/// Content of a record.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Event {
-    /// Who recorded what; the first record.
+    /// Description of the recorded device; the first record.
     About(About),
     /// Bytes from the client to the device.
     Sent(Vec<u8>),
@@ -176,20 +177,20 @@ pub enum Event {
     Left,
     /// A frame.
     Frame(Arc<Frame>),
-    /// Something that happened.
+    /// A note, for example on a damaged frame or a fault.
     Note(String),
-    /// The recording ends here while the device went on, for this reason.
+    /// The recording ends here, for the given reason, while the device continues.
     Cut(String),
-    /// The recording was ended in order.
+    /// The recording ended properly.
     End,
-    /// The device's end of the channel has gone, as when a cable is pulled.
+    /// The device's end of the channel is unplugged.
     Unplugged,
-    /// It is back.
+    /// The device's end of the channel is plugged in again.
     Plugged,
 }
 
 impl Event {
-    /// The kind's number in a file.
+    /// Returns the number of the kind in a file.
     pub fn code(&self) -> u16 {
         match self {
             Self::About(_) => 1,
@@ -206,7 +207,7 @@ impl Event {
         }
     }
 
-    /// About how many bytes it takes in memory.
+    /// Returns the approximate memory size in bytes.
     fn bytes(&self) -> usize {
         RECORD_LEN
             + match self {
@@ -226,14 +227,14 @@ impl Event {
 /// One record of a recording.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Record {
-    /// Its number, from 0.
+    /// Index, from 0.
     pub number: u64,
-    /// Where it starts in the file.
+    /// Offset of the record in the file.
     pub offset: u64,
-    /// When, in nanoseconds; see [`Side`].
+    /// Time in nanoseconds; see [`Side`].
     pub time_ns: u64,
-    /// What it belongs to.
+    /// Channel.
     pub channel: Channel,
-    /// What happened.
+    /// Content.
     pub event: Event,
 }

@@ -10,14 +10,14 @@ use std::fmt;
 use std::io::{ErrorKind, Read};
 use std::sync::Arc;
 
-/// Where and why a recording cannot be read any further; all before it is whole.
+/// Where and why a recording becomes unreadable; all earlier records are intact.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Damage {
-    /// Number of the record that is damaged.
+    /// Index of the damaged record.
     pub number: u64,
-    /// Where it starts in the file.
+    /// File offset at which the record starts.
     pub offset: u64,
-    /// What is wrong with it.
+    /// Description of the damage.
     pub what: String,
 }
 
@@ -36,21 +36,21 @@ impl fmt::Display for Damage {
 /// more records. At most one record is in memory, and no more of it than the file contains.
 pub struct Reader<R> {
     source: R,
-    /// Number of the record that is to come.
+    /// Index of the next record.
     number: u64,
     offset: u64,
     ended: bool,
 }
 
-/// What stands at a place of the file.
+/// Content found at a position in the file.
 enum Step {
     Known(Box<Record>),
-    /// A record of a kind or channel that is not known.
+    /// A record of an unknown kind or channel.
     Unknown,
     End,
 }
 
-/// The fields of a record that are not its payload.
+/// Header fields of a record.
 struct Head {
     kind: u16,
     channel: u16,
@@ -60,7 +60,7 @@ struct Head {
 }
 
 impl<R: Read> Reader<R> {
-    /// Starts to read; `place` names the file in messages.
+    /// Creates a reader and checks the file header; `place` names the file in messages.
     ///
     /// # Errors
     /// Returns an error if the file cannot be read, is not a recording, or has another version.
@@ -96,14 +96,14 @@ impl<R: Read> Reader<R> {
         })
     }
 
-    /// The next record; `None` behind the last.
+    /// Returns the next record; `None` after the last.
     ///
     /// # Errors
     /// Returns the first damage as an error. A read failure counts as damage at that point.
     pub fn read(&mut self) -> Result<Option<Record>, Damage> {
         while !self.ended {
             let read = self.step();
-            // Behind damage or the end there is nothing more.
+            // No records follow damage or the end.
             self.ended = !matches!(read, Ok(Step::Known(_) | Step::Unknown));
             match read {
                 Ok(Step::Known(record)) => return Ok(Some(*record)),
@@ -187,7 +187,7 @@ impl<R: Read> Reader<R> {
     }
 }
 
-/// What a whole record says; `None` for a kind that is not known.
+/// Decodes a record's payload; `None` for an unknown kind.
 fn event(head: &Head, payload: Vec<u8>) -> Result<Option<Event>, String> {
     let most = match head.kind {
         2 | 3 => MAX_BYTES,
@@ -230,7 +230,7 @@ fn frame(mut payload: Vec<u8>) -> Result<Event, String> {
     Ok(Event::Frame(Arc::new(frame)))
 }
 
-/// Up to `len` bytes, fewer at the end of the file; memory grows by what is there.
+/// Reads up to `len` bytes, fewer at the end of the file; memory grows only with the bytes read.
 fn take(source: &mut impl Read, len: usize) -> std::io::Result<Vec<u8>> {
     let mut bytes = Vec::new();
     match source.take(len as u64).read_to_end(&mut bytes) {

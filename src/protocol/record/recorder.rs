@@ -13,14 +13,14 @@ use std::thread::JoinHandle;
 /// Limits of the write queue.
 #[derive(Debug, Clone, Copy)]
 pub struct Limits {
-    /// Records.
+    /// Maximum number of records.
     pub records: usize,
-    /// Bytes.
+    /// Maximum number of bytes.
     pub bytes: usize,
 }
 
 impl Default for Limits {
-    /// 65,536 records and 512 MiB: half a minute of a camera of 17 MB a second.
+    /// 65,536 records and 512 MiB: half a minute of a camera at 17 MB/s.
     fn default() -> Self {
         Self {
             records: 1 << 16,
@@ -35,7 +35,7 @@ struct Queue {
     bytes: usize,
     /// Time of the last record.
     time_ns: u64,
-    /// Nothing more is taken.
+    /// Whether the queue accepts no more records.
     ended: bool,
 }
 
@@ -58,8 +58,8 @@ pub struct Recorder {
 }
 
 impl Recorder {
-    /// Starts a recording at a time. `place` names the file in `notice`, which is told at most once,
-    /// why the recording was cut.
+    /// Starts a recording at a time. `notice` is called at most once, with the reason if the
+    /// recording is cut; `place` names the file in it.
     ///
     /// # Errors
     /// Returns an error if the file cannot be written or the thread cannot be started.
@@ -101,7 +101,7 @@ impl Recorder {
         })
     }
 
-    /// Records an event at a time. Never blocks; events after the recording was cut are lost.
+    /// Records an event at a time. Never blocks; events after a cut are dropped.
     pub fn put(&self, time_ns: u64, channel: Channel, event: Event) {
         match event {
             Event::Sent(bytes) if bytes.len() > MAX_BYTES => {
@@ -156,7 +156,7 @@ impl Drop for Recorder {
         }
         drop(queue);
         if let Some(writer) = self.writer.take() {
-            // It has told what there is to tell.
+            // The thread has already reported any failure.
             let _ = writer.join();
         }
     }
@@ -165,9 +165,9 @@ impl Drop for Recorder {
 struct Writer<S> {
     shared: Arc<Shared>,
     store: S,
-    /// Number of the next record.
+    /// Index of the next record.
     number: u64,
-    /// Bytes of whole records, the file's head among them.
+    /// Bytes of all complete records, including the file header.
     len: u64,
     place: String,
 }
@@ -194,7 +194,8 @@ impl<S: Store> Writer<S> {
         ));
     }
 
-    /// What is to be written next; `None` when that was all.
+    /// Waits for the next record to write; returns `None` when the recording has ended and the
+    /// queue is empty.
     fn next(&mut self) -> Option<(u64, Channel, Event)> {
         let mut queue = self.shared.queue();
         loop {
@@ -218,8 +219,8 @@ impl<S: Store> Writer<S> {
         Ok(())
     }
 
-    /// Takes nothing more, and says so in the file where the part of a record that went wrong has
-    /// left room for that.
+    /// Stops recording, and replaces the partially written record by a record of the reason if
+    /// there is room for it.
     fn give_up(&mut self, time_ns: u64, why: &str) {
         let mut queue = self.shared.queue();
         queue.ended = true;
@@ -227,7 +228,7 @@ impl<S: Store> Writer<S> {
         queue.bytes = 0;
         drop(queue);
         let cut = Event::Cut(why.to_owned());
-        // Without room the file ends with half a record, which a reader names.
+        // If this fails, the file ends with a partial record, which readers report.
         if self.store.cut_back(self.len).is_ok() {
             let _ = self.write(time_ns, Channel::Recording, &cut);
         }

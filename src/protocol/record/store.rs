@@ -1,4 +1,4 @@
-//! Where a recording goes: a file, or memory in tests and fuzzing.
+//! Output of a recording: a file, or memory in tests and fuzzing.
 
 use std::fs::File;
 use std::io::{self, Seek, SeekFrom, Write};

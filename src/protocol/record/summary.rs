@@ -5,52 +5,52 @@ use crate::Frame;
 use serde::Serialize;
 use std::io::Read;
 
-/// Sizes and layouts that are told apart; a recording with more says only how many others.
+/// Maximum number of distinct sizes and layouts listed. Frames of further ones are only counted.
 const MAX_FORMATS: usize = 64;
 
-/// Records of one kind.
+/// Totals for records of one kind.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
 pub struct Kind {
-    /// How many.
+    /// Number of records.
     pub count: u64,
-    /// Bytes of what they say, without the records' own.
+    /// Payload bytes, excluding record headers.
     pub bytes: u64,
 }
 
-/// Clients that came.
+/// Client connections.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
 pub struct Channels {
-    /// To the control port, over whatever link.
+    /// Connections to the control port, over any link.
     pub control: u64,
-    /// To the camera.
+    /// Connections to the camera.
     pub camera: u64,
 }
 
 /// Frames of one size and layout.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Format {
-    /// V4L2's four-character code.
+    /// V4L2 four-character code.
     pub format: String,
     /// Columns.
     pub width: u32,
     /// Rows.
     pub height: u32,
-    /// How many.
+    /// Number of frames.
     pub count: u64,
 }
 
-/// The frames.
+/// Frame statistics.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
 pub struct Frames {
-    /// Id of the first.
+    /// Id of the first frame.
     pub first_id: Option<u64>,
-    /// Id of the last.
+    /// Id of the last frame.
     pub last_id: Option<u64>,
-    /// Frames whose id is not one more than that of the one before.
+    /// Frames whose id is not one more than that of the previous frame.
     pub out_of_order: u64,
-    /// Their sizes and layouts, in the order in which they came first.
+    /// Sizes and layouts, in order of first appearance.
     pub formats: Vec<Format>,
-    /// Frames of sizes and layouts beyond those.
+    /// Frames of sizes and layouts that are not listed in `formats`.
     pub of_other_formats: u64,
 }
 
@@ -58,49 +58,49 @@ pub struct Frames {
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase", tag = "how", content = "why")]
 pub enum Ending {
-    /// In order.
+    /// Ended properly.
     Proper,
-    /// Cut by its writer, for this reason.
+    /// Cut by its writer, for the given reason.
     Cut(String),
-    /// Without a word: whoever wrote it was killed, or writes still.
+    /// Without an end record: the writer was killed or is still writing.
     Open,
-    /// In damage.
+    /// Damaged, as described.
     Damaged(String),
 }
 
-/// A recording in figures.
+/// Statistics of a recording.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Summary {
-    /// What was recorded, if the first record says so.
+    /// Description of the recorded device, if the first record holds one.
     pub about: Option<About>,
-    /// From the first record to the last in nanoseconds.
+    /// Time from the first record to the last, in nanoseconds.
     pub duration_ns: u64,
-    /// Whole records.
+    /// Number of complete records.
     pub records: u64,
-    /// What clients sent: pieces as they came, and their bytes.
+    /// Data sent by clients: chunks as received, and their bytes.
     pub sent: Kind,
-    /// Lines among it, by their newlines.
+    /// Number of newlines in the data sent by clients.
     pub lines_sent: u64,
-    /// What the device sent on the control port.
+    /// Data that the device sent on the control port.
     pub received: Kind,
-    /// Frames, and bytes of their pixels.
+    /// Frames, and their bytes of pixel data.
     pub frame: Kind,
     /// Notes.
     pub notes: Kind,
-    /// Which frames.
+    /// Frame ids and formats.
     pub frames: Frames,
-    /// Who came.
+    /// Client connections per channel.
     pub clients: Channels,
-    /// How often the port has gone.
+    /// Number of times the port was unplugged.
     pub unplugged: u64,
-    /// How it ends.
+    /// How the recording ends.
     pub ending: Ending,
-    /// Offset of the first damage.
+    /// File offset of the first damage.
     pub damaged_at: Option<u64>,
 }
 
 impl Summary {
-    /// Reads all of a recording.
+    /// Reads a whole recording and summarizes it.
     pub fn of<R: Read>(reader: &mut Reader<R>) -> Self {
         let mut summary = Self {
             about: None,
@@ -137,7 +137,7 @@ impl Summary {
 
     fn end_in(&mut self, damage: &Damage) {
         self.damaged_at = Some(damage.offset);
-        // A word on why it was cut says more than the half record behind it.
+        // The reason for the cut is more useful than the partial record that follows it.
         if !matches!(self.ending, Ending::Cut(_)) {
             self.ending = Ending::Damaged(damage.to_string());
         }
@@ -145,7 +145,7 @@ impl Summary {
 
     fn add(&mut self, record: Record) {
         self.records += 1;
-        // Nothing stands behind the end of a recording; what does makes it none.
+        // A record that follows an end record cancels it.
         self.ending = Ending::Open;
         let count = |kind: &mut Kind, len: usize| {
             kind.count += 1;

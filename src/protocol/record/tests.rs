@@ -1,4 +1,4 @@
-//! Recordings that are cut, damaged, too large for the disk, or sound.
+//! Recordings that are intact, truncated, damaged, or too large for the disk.
 
 use super::*;
 use crate::PixelFormat;
@@ -35,7 +35,7 @@ fn frame(id: u64) -> Event {
     }))
 }
 
-/// One of each kind.
+/// Returns one event of each kind.
 fn events() -> Vec<(u64, Channel, Event)> {
     vec![
         (5, Channel::Recording, Event::About(about())),
@@ -84,7 +84,7 @@ fn read(bytes: &[u8]) -> Result<Read, phasmid_core::error::Error> {
     }
 }
 
-/// Where each record starts, and the end of the file.
+/// Returns the start offset of each record, and the length of the file.
 fn offsets(events: &[(u64, Channel, Event)]) -> Vec<usize> {
     let ends = (0..=events.len()).map(|count| encode(&events[..count]).len());
     ends.collect()
@@ -144,13 +144,13 @@ fn a_record_that_is_missing_is_noticed_and_unknown_kinds_are_skipped() {
     let said = damage.unwrap().to_string();
     let want = format!("record 3 at byte {}: has number 4", offsets[3]);
     assert!(said.starts_with(&want), "{said}");
-    // The first record as one of a later version.
+    // Gives the first record a kind from a later version.
     let mut later = bytes;
     later[HEAD_LEN + 4] = 200;
     let crc = crc32fast::hash(&later[HEAD_LEN..HEAD_LEN + 32]);
     later[HEAD_LEN + 32..HEAD_LEN + 36].copy_from_slice(&crc.to_le_bytes());
     assert_eq!(read(&later).unwrap(), (events[1..].to_vec(), None));
-    // Another version of the file.
+    // Gives the file an unsupported version.
     let mut head = encode_head();
     head[8] = 2;
     let crc = crc32fast::hash(&head[..12]);
@@ -168,7 +168,7 @@ proptest! {
     ) {
         let _ = read(&bytes);
         let _ = read(&[&encode_head()[..], &bytes].concat());
-        // A sound record with any payload.
+        // An intact record with arbitrary payload.
         let mut file = encode(&[(0, Channel::Control, Event::Sent(bytes.clone()))]);
         file[HEAD_LEN + 4..HEAD_LEN + 6].copy_from_slice(&kind.to_le_bytes());
         let crc = crc32fast::hash(&file[HEAD_LEN..HEAD_LEN + 32]);
@@ -198,8 +198,8 @@ fn texts_are_cut_to_what_a_reader_takes() {
     assert!(matches!(&found[1].2, Event::Note(text) if text.len() == MAX_TEXT - 1));
 }
 
-/// A file in memory of which the test keeps a hand; it has room for so many bytes, and waits for a
-/// word before each write but the first.
+/// An in-memory file whose content the test can inspect. It holds at most `room` bytes, and waits
+/// for a signal before each write except the first.
 struct Disk {
     bytes: Arc<Mutex<Vec<u8>>>,
     room: usize,
@@ -225,7 +225,7 @@ impl Write for Disk {
         if std::mem::replace(&mut self.begun, true)
             && let Some(go) = &self.go
         {
-            // Without the other end it writes at once.
+            // Without a sender, it writes immediately.
             let _ = go.recv();
         }
         let mut file = self.bytes.lock().unwrap_or_else(PoisonError::into_inner);
@@ -352,7 +352,7 @@ fn a_summary_counts_what_is_there() {
     assert_eq!(cut.damaged_at, Some(file.len() as u64 - 14));
 }
 
-/// Bytes that a format of Python's `struct` stands for.
+/// Returns the size in bytes of a Python `struct` format.
 fn struct_len(format: &str) -> usize {
     let mut count = String::new();
     let mut len = 0;

@@ -1,23 +1,23 @@
-//! Definite-length arbitrary block data (IEEE 488.2, 7.7.6.2 and 8.7.9): `#`, one digit that says
-//! how many digits follow, that many digits of length, that many bytes.
+//! Definite-length arbitrary block data (IEEE 488.2, 7.7.6.2 and 8.7.9): `#`, one digit that gives
+//! the number of length digits, the length digits, and that many bytes.
 
-/// What a block's prefix says.
+/// Result of parsing a block's prefix.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Prefix {
-    /// Too few bytes to tell.
+    /// Too few bytes to decide.
     Incomplete,
     /// Not a definite-length block.
     Invalid,
-    /// Bytes of prefix and bytes of content.
+    /// A valid prefix.
     Block {
-        /// Length of `#`, the digit and the digits of length.
+        /// Length of the prefix: `#`, the digit and the length digits.
         prefix: usize,
         /// Length of the content.
         len: usize,
     },
 }
 
-/// Reads the prefix of a block that starts at `bytes[0]`.
+/// Parses the prefix of a block that starts at `bytes[0]`.
 pub fn header(bytes: &[u8]) -> Prefix {
     match bytes {
         [] | [b'#'] => Prefix::Incomplete,
@@ -41,7 +41,7 @@ pub fn header(bytes: &[u8]) -> Prefix {
     }
 }
 
-/// Splits a whole block at the start of `bytes` into its content and what follows.
+/// Splits a complete block at the start of `bytes` into its content and the bytes that follow.
 pub fn split(bytes: &[u8]) -> Option<(&[u8], &[u8])> {
     let Prefix::Block { prefix, len } = header(bytes) else {
         return None;
@@ -49,7 +49,7 @@ pub fn split(bytes: &[u8]) -> Option<(&[u8], &[u8])> {
     bytes.get(prefix..)?.split_at_checked(len)
 }
 
-/// The block that holds `content`; at most 999,999,999 bytes have a length that it can say.
+/// Encodes `content` as a block; the format limits the length to 999,999,999 bytes.
 pub fn encode(content: &[u8]) -> Vec<u8> {
     let len = content.len().to_string();
     debug_assert!(len.len() <= 9);

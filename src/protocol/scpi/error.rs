@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-/// Longest error text with its detail (SCPI-1999 vol 2, 21.8.1).
+/// Maximum length of an error text with its detail (SCPI-1999 vol 2, 21.8.1).
 const MAX_TEXT: usize = 255;
 
 macro_rules! codes {
@@ -13,7 +13,7 @@ macro_rules! codes {
         pub enum ErrorCode { $(#[doc = $text] $name = $number,)* }
 
         impl ErrorCode {
-            /// The standard's text.
+            /// Returns the standard's text.
             pub fn text(self) -> &'static str {
                 match self { $(Self::$name => $text,)* }
             }
@@ -72,12 +72,12 @@ codes! {
 }
 
 impl ErrorCode {
-    /// The number as `SYSTem:ERRor?` gives it.
+    /// Returns the number that `SYSTem:ERRor?` reports.
     pub fn number(self) -> i16 {
         self as i16
     }
 
-    /// The error with device-dependent detail.
+    /// Creates the error with device-dependent detail.
     pub fn with(self, detail: impl fmt::Display) -> DeviceError {
         DeviceError {
             code: self,
@@ -86,12 +86,12 @@ impl ErrorCode {
     }
 }
 
-/// An error of the device: a standard number and what it means here.
+/// A device error: a standard number with device-dependent detail.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct DeviceError {
-    /// The number.
+    /// Error number.
     pub code: ErrorCode,
-    /// Device-dependent detail; empty when there is nothing to add.
+    /// Device-dependent detail; may be empty.
     pub detail: String,
 }
 
@@ -102,8 +102,8 @@ impl From<ErrorCode> for DeviceError {
 }
 
 impl fmt::Display for DeviceError {
-    /// As `SYSTem:ERRor?` answers: `-222,"Data out of range;detail"`, printable ASCII, quotes
-    /// doubled, the text cut at 255 characters.
+    /// Formats the error like the answer to `SYSTem:ERRor?`: `-222,"Data out of range;detail"`,
+    /// printable ASCII, quotes doubled, the text truncated at 255 characters.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let mut text = self.code.text().to_owned();
         if !self.detail.is_empty() {

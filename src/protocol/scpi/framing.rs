@@ -4,12 +4,12 @@
 use super::block::{self, Prefix};
 use super::error::{DeviceError, ErrorCode};
 
-/// Bytes of a message outside of its blocks.
+/// Maximum number of bytes of a message outside its blocks.
 pub const MAX_LINE_BYTES: usize = 64 << 10;
-/// Bytes of one message with its blocks: pictures of patterns come this way.
+/// Maximum number of bytes of a message including its blocks, which may hold pattern images.
 pub const MAX_BLOCK_BYTES: usize = 64 << 20;
 
-/// What the stream gave.
+/// Output of the stream splitter.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Framing {
     /// A message without its newline.
@@ -22,21 +22,21 @@ pub enum Framing {
 enum Mode {
     Plain,
     Quoted(u8),
-    /// From this offset of the buffer on stands the prefix of a block.
+    /// Inside the prefix of a block, which starts at this offset of the buffer.
     BlockPrefix(usize),
-    /// This many bytes of content are still to come.
+    /// Inside a block, with this many bytes of content left.
     Block(usize),
-    /// The rest of the line is thrown away.
+    /// Skips the rest of the line.
     Skip(ErrorCode),
 }
 
-/// The state of one stream. Memory grows with the bytes received, up to [`MAX_BLOCK_BYTES`].
+/// State of one stream. Memory grows with the bytes received, up to [`MAX_BLOCK_BYTES`].
 #[derive(Debug, Clone)]
 pub struct Framer {
     buffer: Vec<u8>,
     /// Bytes of `buffer` that are block content.
     block_bytes: usize,
-    /// Where in `buffer` the last block ends: a carriage return before that is content.
+    /// End of the last block in `buffer`: a carriage return before it is content.
     block_end: usize,
     mode: Mode,
 }
@@ -53,7 +53,7 @@ impl Default for Framer {
 }
 
 impl Framer {
-    /// Takes bytes as they came and hands every complete message to `take`.
+    /// Processes received bytes and passes each complete message to `take`.
     pub fn push(&mut self, mut bytes: &[u8], take: &mut dyn FnMut(Framing)) {
         while let [byte, rest @ ..] = bytes {
             if let Mode::Block(left) = self.mode {
@@ -76,7 +76,7 @@ impl Framer {
         }
     }
 
-    /// Whether the stream stands inside of a block, where newlines do not resynchronise it.
+    /// Returns whether the stream is inside a block, where newlines do not resynchronise it.
     pub fn inside_block(&self) -> bool {
         matches!(self.mode, Mode::Block(_))
     }
@@ -104,11 +104,11 @@ impl Framer {
                 b'#' => self.mode = Mode::BlockPrefix(self.buffer.len() - 1),
                 _ => {}
             },
-            // A doubled quote leaves and enters again: the same in the end.
+            // A doubled quote ends the string and starts it again, with the same result.
             Mode::Quoted(quote) if byte == quote => self.mode = Mode::Plain,
             Mode::BlockPrefix(start) => match block::header(&self.buffer[start..]) {
                 Prefix::Incomplete => {}
-                // `#H1F` and the like: the parser knows what to do with it.
+                // Other uses of `#`, such as `#H1F`, are left to the parser.
                 Prefix::Invalid => self.mode = Mode::Plain,
                 Prefix::Block { len, .. } => {
                     if self.block_bytes + len > MAX_BLOCK_BYTES {

@@ -1,9 +1,10 @@
-//! Matching headers and words against SCPI's notation: capitals are the short form, brackets hold
-//! what may be left out, as in `TRIGger[:SEQuence][:IMMediate]`.
+//! Matching of headers and words against SCPI notation: capitals are the short form, and brackets
+//! enclose optional parts, as in `TRIGger[:SEQuence][:IMMediate]`.
 
 use super::parse::{Node, Unit};
 
-/// Whether a word in upper case is the short or the long form of a keyword such as `SOFTware`.
+/// Returns whether an upper-case word is the short or the long form of a keyword such as
+/// `SOFTware`.
 pub fn keyword_matches(pattern: &str, word: &str) -> bool {
     let short = pattern
         .find(|c: char| c.is_ascii_lowercase())
@@ -11,18 +12,19 @@ pub fn keyword_matches(pattern: &str, word: &str) -> bool {
     word == short || word.eq_ignore_ascii_case(pattern)
 }
 
-/// How a unit's header compares with a pattern.
+/// Result of comparing a unit's header with a pattern.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum HeaderMatch {
-    /// Another header.
+    /// A different header.
     No,
-    /// The header.
+    /// A match.
     Yes,
-    /// The header, but with a numeric suffix other than 1.
+    /// A match except for a numeric suffix other than 1.
     Suffix,
 }
 
-/// Compares a unit's header with a pattern. Every node has one instance, so a suffix may be 1.
+/// Compares a unit's header with a pattern. Every node has a single instance, so only suffix 1 is
+/// valid.
 pub fn match_header(pattern: &str, unit: &Unit) -> HeaderMatch {
     let (common, pattern) = match pattern.strip_prefix('*') {
         Some(rest) => (true, rest),

@@ -1,27 +1,27 @@
-//! Parameters and how commands take them, with the standard's error for each mismatch.
+//! Parameter types and their extraction by commands, with the standard's error for each mismatch.
 
 use super::error::{DeviceError, ErrorCode};
 use super::header::keyword_matches;
 
-/// One parameter as it was written.
+/// One parameter as written in the message.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Param {
-    /// A finite number; the suffix in upper case, empty when there is none.
+    /// A finite number; the suffix is in upper case and empty if absent.
     Number {
-        /// The number before its suffix.
+        /// The number without its suffix.
         value: f64,
-        /// The unit, `MS` for instance.
+        /// The unit, for example `MS`.
         suffix: String,
     },
     /// Character data in upper case.
     Name(String),
-    /// A string without its quotes.
+    /// A string without quotes.
     Text(String),
-    /// A block's bytes.
+    /// The bytes of a block.
     Block(Vec<u8>),
 }
 
-/// What a number measures, and so which suffixes it may have.
+/// Quantity of a number, which determines the allowed suffixes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Quantity {
     /// A plain number.
@@ -30,13 +30,14 @@ pub enum Quantity {
     Time,
     /// Decibels: DB.
     Decibel,
-    /// A ratio; PCT is a hundredth.
+    /// A ratio; PCT stands for hundredths.
     Ratio,
 }
 
 impl Quantity {
-    /// The number of suffixed units in a base unit. A divisor, because 20 / 1e6 is the double
-    /// nearest to 20 us and 20 * 1e-6 is not: a limit that is typed in must count as within.
+    /// Returns the number of suffixed units per base unit. It is a divisor because 20 / 1e6 is the
+    /// double nearest to 20 us and 20 * 1e-6 is not: a value entered at the limit must count as
+    /// within range.
     fn divisor(self, suffix: &str) -> Result<f64, DeviceError> {
         match (self, suffix) {
             (_, "") => Ok(1.0),
@@ -54,7 +55,7 @@ impl Quantity {
 /// A numeric parameter: a value in the quantity's base unit, or one of SCPI's special words.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Number {
-    /// A value.
+    /// A number in the base unit.
     Value(f64),
     /// `MINimum`.
     Min,
@@ -65,7 +66,7 @@ pub enum Number {
 }
 
 impl Number {
-    /// The value, with the special words replaced, when it lies in the range.
+    /// Returns the value, with special words resolved, if it is in range.
     ///
     /// # Errors
     /// Returns -222 with the value and the range if it is out of range.
@@ -84,20 +85,20 @@ impl Number {
     }
 }
 
-/// The parameters of a unit, taken one by one.
+/// The parameters of a unit, taken one at a time.
 pub struct Args<'a> {
     params: std::slice::Iter<'a, Param>,
 }
 
 impl<'a> Args<'a> {
-    /// All parameters of a unit.
+    /// Starts at the first parameter of a unit.
     pub fn new(params: &'a [Param]) -> Self {
         Self {
             params: params.iter(),
         }
     }
 
-    /// Whether none is left.
+    /// Returns whether no parameters are left.
     pub fn is_empty(&self) -> bool {
         self.params.len() == 0
     }
@@ -108,7 +109,7 @@ impl<'a> Args<'a> {
             .ok_or_else(|| ErrorCode::MissingParameter.into())
     }
 
-    /// A number of a quantity.
+    /// Takes a number of a quantity.
     ///
     /// # Errors
     /// Returns -109 if none is left, -131 or -138 for its suffix, -141 for an unknown word, -158 or
@@ -131,7 +132,8 @@ impl<'a> Args<'a> {
         }
     }
 
-    /// A boolean: ON, OFF, or a number that rounds to nonzero or zero (SCPI-1999 vol 1, 7.3).
+    /// Takes a boolean: ON, OFF, or a number, which is true if it rounds to a nonzero integer
+    /// (SCPI-1999 vol 1, 7.3).
     ///
     /// # Errors
     /// Returns -109 if none is left, -141 for an unknown word, -138 for a suffix, -158 or -168 for
@@ -149,7 +151,7 @@ impl<'a> Args<'a> {
         }
     }
 
-    /// One word of a list; words in SCPI's notation, `SOFTware` for instance.
+    /// Takes one word of a list; the list is in SCPI notation, for example `SOFTware`.
     ///
     /// # Errors
     /// Returns -109 if none is left, -224 for an unknown word with the list, -128, -158 or -168 for
@@ -169,7 +171,7 @@ impl<'a> Args<'a> {
         }
     }
 
-    /// The next parameter's word, where it is one; then it is taken.
+    /// Takes the next parameter if it is a word.
     pub fn word(&mut self) -> Option<&'a str> {
         match self.params.as_slice().first() {
             Some(Param::Name(word)) => {
@@ -180,7 +182,7 @@ impl<'a> Args<'a> {
         }
     }
 
-    /// A string.
+    /// Takes a string.
     ///
     /// # Errors
     /// Returns -109 if none is left, -128, -148 or -168 for another type.
@@ -191,7 +193,7 @@ impl<'a> Args<'a> {
         }
     }
 
-    /// A block.
+    /// Takes a block.
     ///
     /// # Errors
     /// Returns -109 if none is left, -128, -148 or -158 for another type.
@@ -202,7 +204,7 @@ impl<'a> Args<'a> {
         }
     }
 
-    /// Checks that nothing is left.
+    /// Checks that no parameters are left.
     ///
     /// # Errors
     /// Returns -108 if a parameter is left.
@@ -224,7 +226,7 @@ fn unwanted(param: &Param) -> DeviceError {
     .into()
 }
 
-/// A string as a parameter or reply: in double quotes, quotes inside doubled.
+/// Formats a string as a parameter or reply: in double quotes, with quotes inside doubled.
 pub fn quote(text: &str) -> String {
     format!("\"{}\"", text.replace('"', "\"\""))
 }

@@ -1,26 +1,26 @@
-//! Maps of numbers over the pixels, and the client's side of the channel.
+//! Per-pixel maps, and the client side of the service channel.
 
 use super::{MAX_REPLY_LINE, Reply, Request};
 use phasmid_core::error::{Error, Result};
 use std::io::{Read, Write};
 
-/// Named maps of one size.
+/// Named maps of the same size.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Maps {
     /// Columns.
     pub width: u32,
     /// Rows.
     pub height: u32,
-    /// Name and width * height values, row by row.
+    /// Names, each with width * height values in row-major order.
     pub maps: Vec<(String, Vec<f32>)>,
-    /// width * height bytes of flags.
+    /// Flags, width * height bytes.
     pub flags: Vec<u8>,
     /// See [`Reply::render_us`].
     pub render_us: u64,
 }
 
 impl Maps {
-    /// The line and the payload that carry the maps.
+    /// Encodes the maps as a reply line and its payload.
     pub fn encode(&self) -> (Reply, Vec<u8>) {
         let mut payload: Vec<u8> = self
             .maps
@@ -41,7 +41,7 @@ impl Maps {
         (reply, payload)
     }
 
-    /// The maps of a checked reply and its payload.
+    /// Decodes the maps of a validated reply and its payload.
     fn decode(reply: &Reply, payload: &[u8]) -> Self {
         let pixels = reply.width as usize * reply.height as usize;
         let (floats, flags) = payload.split_at(4 * pixels * reply.maps.len());
@@ -62,7 +62,8 @@ impl Maps {
     }
 }
 
-/// Sends a request over an open channel and reads the answer's maps. Timeouts are the stream's.
+/// Sends a request over an open channel and reads the maps of the answer. The stream's timeouts
+/// apply.
 ///
 /// # Errors
 /// Returns an error if the stream fails, the device refuses the request, or the answer is invalid.
@@ -70,7 +71,7 @@ pub fn ask(stream: &mut (impl Read + Write), request: Request) -> Result<Maps> {
     Ok(call(stream, &request)?.1)
 }
 
-/// Sends a request over an open channel and reads the answer. Timeouts are the stream's.
+/// Sends a request over an open channel and reads the answer. The stream's timeouts apply.
 ///
 /// # Errors
 /// Returns an error if the stream fails, the device refuses the request, or the answer is invalid.
@@ -78,7 +79,7 @@ pub fn call(stream: &mut (impl Read + Write), request: &Request) -> Result<(Repl
     let io = |e| Error::io("service channel", e);
     stream.write_all(request.to_line().as_bytes()).map_err(io)?;
     let mut line = Vec::new();
-    // A byte at a time: what follows the line is not this loop's.
+    // Reads one byte at a time, so as not to consume bytes after the line.
     loop {
         let mut byte = [0];
         stream.read_exact(&mut byte).map_err(io)?;
@@ -96,7 +97,7 @@ pub fn call(stream: &mut (impl Read + Write), request: &Request) -> Result<(Repl
     if let Some(error) = reply.error {
         return Err(Error::device(format!("service channel: {error}")));
     }
-    // Room is made as bytes come, not as they are promised.
+    // Memory grows with the bytes received, not with the announced length.
     let mut payload = Vec::new();
     stream
         .take(reply.bytes)
@@ -119,7 +120,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// A stream that answers with bytes made beforehand.
+    /// A stream that answers with prepared bytes.
     struct Canned(std::io::Cursor<Vec<u8>>, Vec<u8>);
 
     impl Read for Canned {

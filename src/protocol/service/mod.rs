@@ -14,11 +14,11 @@ pub use maps::{Maps, ask, call};
 pub use reply::Reply;
 pub use request::{Action, Every, Item, Placement, Request, Step, Which};
 
-/// Longest request line in bytes.
+/// Maximum request line length in bytes.
 pub const MAX_LINE: usize = 4096;
-/// Longest reply line in bytes.
+/// Maximum reply line length in bytes.
 pub const MAX_REPLY_LINE: usize = 4 << 20;
-/// Largest payload in bytes.
+/// Maximum payload size in bytes.
 pub const MAX_PAYLOAD: u64 = 2 << 30;
-/// Most maps in a reply.
+/// Maximum number of maps in a reply.
 const MAX_MAPS: usize = 64;

@@ -12,10 +12,10 @@ use serde_json::{Value, json};
 
 /// Names of requests.
 const REQUESTS: &str = "get, truth_at_ns, truth_of_frame, do, place, clock, fault, clear_faults";
-/// Characters that are shown of what was found.
+/// Maximum number of characters of the input that an error shows.
 const SHOWN: usize = 60;
 
-/// Reads a line.
+/// Parses a line.
 ///
 /// # Errors
 /// Returns an error, worded for the reply, if the line is not a valid request.
@@ -109,7 +109,7 @@ fn placement(place: &str, value: Value) -> Result<Placement, String> {
 }
 
 fn fault(place: &str, value: Value) -> Result<Fault, String> {
-    // Its conditions first: what is wrong with one of them is that one's.
+    // Conditions come first, so that an error in one of them names that condition.
     if let Some(when) = value.get("when") {
         let place = format!("{place}.when");
         fields::<When>(&place, when.clone(), &json!({}), "an object of conditions")?;
@@ -118,7 +118,7 @@ fn fault(place: &str, value: Value) -> Result<Fault, String> {
     fields(place, value, &whole, "what, and the fields of that kind")
 }
 
-/// A value as it would be written, not all of it where it is long.
+/// Formats a value as JSON, truncated if it is long.
 fn found(value: &Value) -> String {
     shortened(value.to_string())
 }

@@ -1,4 +1,4 @@
-//! The line that answers a request.
+//! The header line of a reply.
 
 use super::about::{Clock, DeviceAbout, FaultsAbout, FrameAbout, Objects};
 use super::{MAX_MAPS, MAX_PAYLOAD};
@@ -6,10 +6,10 @@ use phasmid_core::error::{Error, Result};
 use phasmid_pattern::manifest::MAX_SIDE_PX;
 use serde::{Deserialize, Serialize};
 
-/// The line that answers.
+/// The line that answers a request.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Reply {
-    /// Why there is no answer.
+    /// Reason for a refusal.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub error: Option<String>,
     /// Columns of each map.
@@ -18,40 +18,40 @@ pub struct Reply {
     /// Rows of each map.
     #[serde(default)]
     pub height: u32,
-    /// The maps of f32 in order.
+    /// Names of the f32 maps, in order.
     #[serde(default)]
     pub maps: Vec<String>,
-    /// Whether a map of bytes follows them.
+    /// Whether a byte map follows the f32 maps.
     #[serde(default)]
     pub flags: bool,
-    /// Microseconds that the device has spent on rendering frames since power-on.
+    /// Time spent rendering frames since power-on, in microseconds.
     #[serde(default)]
     pub render_us: u64,
-    /// Bytes that follow the line.
+    /// Number of bytes that follow the line.
     #[serde(default)]
     pub bytes: u64,
-    /// The clock, of requests about it.
+    /// Clock state, in replies to clock requests.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub clock: Option<Clock>,
-    /// The frame that was asked about.
+    /// The requested frame.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub frame: Option<FrameAbout>,
-    /// The scene.
+    /// Scene state.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub scene: Option<Objects>,
-    /// The device.
+    /// Device state.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub device: Option<DeviceAbout>,
-    /// The number of a fault that was added.
+    /// Id of the added fault.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub fault: Option<u64>,
-    /// What goes wrong.
+    /// Fault state.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub faults: Option<FaultsAbout>,
 }
 
 impl Reply {
-    /// The answer that there is none.
+    /// Creates a refusal with its reason.
     pub fn refusal(why: impl std::fmt::Display) -> Self {
         Self {
             error: Some(why.to_string().chars().take(1000).collect()),
@@ -59,14 +59,14 @@ impl Reply {
         }
     }
 
-    /// The line with its newline.
+    /// Serializes the line, including its newline.
     pub fn to_line(&self) -> String {
         let mut line = serde_json::to_string(self).expect("numbers and strings");
         line.push('\n');
         line
     }
 
-    /// Reads and checks a line.
+    /// Parses and validates a line.
     ///
     /// # Errors
     /// Returns an error if the line is not a reply, is inconsistent, or exceeds a limit.

@@ -3,19 +3,19 @@
 use crate::faults::Fault;
 use serde::{Deserialize, Serialize};
 
-/// What a client asks for.
+/// A client's request.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Request {
     /// Internal state of the emulator.
     Get(Item),
-    /// The truth at a device time in nanoseconds, of a scene that moves; [`Item::Truth`] is that of
-    /// the middle of the last sequence.
+    /// Ground truth of a moving scene at a device time in nanoseconds. [`Item::Truth`] is the
+    /// ground truth at the middle of the last sequence.
     #[serde(rename = "truth_at_ns")]
     TruthAt(u64),
-    /// Ground truth of a frame, by its id.
+    /// Ground truth of a frame, by frame id.
     TruthOfFrame(u64),
-    /// An external event.
+    /// Simulates an external event.
     Do(Action),
     /// Moves an object to another pose in the scene.
     Place(Placement),
@@ -27,13 +27,13 @@ pub enum Request {
     ClearFaults(Which),
 }
 
-/// Where an object of the scene is to be, as in a scene file.
+/// New pose of an object, as in a scene file.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Placement {
-    /// Which object, counted from 0 in the order of the scene file.
+    /// Index of the object, from 0, in the order of the scene file.
     pub object: u32,
-    /// Its origin in the scene's frame in millimetres.
+    /// Origin of the object in the scene's frame in millimetres.
     #[serde(deserialize_with = "phasmid_core::numbers::exactly")]
     pub position_mm: [f64; 3],
     /// Rotation in degrees about the fixed x, then y, then z axis.
@@ -41,24 +41,24 @@ pub struct Placement {
     pub rotation_deg: [f64; 3],
 }
 
-/// What can be asked for.
+/// Kinds of state that a client can request.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Item {
     /// Ground truth of the frames, over the whole sensor.
     Truth,
-    /// Device time and how it passes.
+    /// Device time and clock mode.
     Clock,
-    /// The objects of the scene, and where they are now.
+    /// Objects of the scene and their current poses.
     Objects,
     /// The device's state and counters.
     Device,
-    /// Faults in force, and faults that have occurred.
+    /// Active faults and past fault occurrences.
     Faults,
 }
 
 impl Item {
-    /// All of them, by their names.
+    /// All items with their names.
     pub(super) const ALL: [(&str, Self); 5] = [
         ("truth", Self::Truth),
         ("clock", Self::Clock),
@@ -68,7 +68,7 @@ impl Item {
     ];
 }
 
-/// What can happen to a device from outside.
+/// External events that act on a device.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Action {
@@ -76,29 +76,29 @@ pub enum Action {
     Trigger,
 }
 
-/// How far to advance stepped time.
+/// Advance of stepped time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Step {
-    /// So many nanoseconds further, up to a day.
+    /// By this many nanoseconds, at most a day.
     StepNs(u64),
-    /// To a device time in nanoseconds, a day from now at most.
+    /// To this device time in nanoseconds, at most a day ahead.
     RunUntilNs(u64),
-    /// Stop: cancels all pending steps.
+    /// Cancels all pending steps.
     Stop,
 }
 
-/// Which faults.
+/// Faults to remove.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(untagged)]
 pub enum Which {
-    /// The one of this number.
+    /// The fault with this id.
     One(u64),
-    /// Every one.
+    /// All faults.
     Every(Every),
 }
 
-/// The word for every fault.
+/// Keyword for all faults.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Every {
@@ -107,7 +107,7 @@ pub enum Every {
 }
 
 impl Request {
-    /// Reads a line.
+    /// Parses a request line.
     ///
     /// # Errors
     /// Returns an error, worded for the reply, if the line is not a valid request.
@@ -115,7 +115,7 @@ impl Request {
         super::parse::request(line)
     }
 
-    /// The line with its newline.
+    /// Serializes the request, including its newline.
     pub fn to_line(&self) -> String {
         let mut line = serde_json::to_string(self).expect("words and numbers");
         line.push('\n');

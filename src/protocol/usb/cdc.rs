@@ -1,32 +1,32 @@
 //! The serial class: CDC-ACM (USB Class Definitions for Communications Devices 1.2 and PSTN 1.2).
 
-/// Requests of the class (PSTN 1.2, table 13).
+/// Class-specific requests (PSTN 1.2, table 13).
 pub mod request {
     /// SET_LINE_CODING.
     pub const SET_LINE_CODING: u8 = 0x20;
     /// GET_LINE_CODING.
     pub const GET_LINE_CODING: u8 = 0x21;
-    /// SET_CONTROL_LINE_STATE: DTR and RTS.
+    /// SET_CONTROL_LINE_STATE: sets DTR and RTS.
     pub const SET_CONTROL_LINE_STATE: u8 = 0x22;
-    /// SEND_BREAK, its length in milliseconds: 0xFFFF until told otherwise, 0 ends it.
+    /// SEND_BREAK: duration in milliseconds; 0xFFFF lasts until the next request, 0 ends the break.
     pub const SEND_BREAK: u8 = 0x23;
 }
 
-/// How a line is driven (PSTN 1.2, table 17).
+/// Line coding: serial port settings (PSTN 1.2, table 17).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct LineCoding {
     /// Bits per second.
     pub baud: u32,
-    /// 0: one stop bit, 1: one and a half, 2: two.
+    /// Stop bits. 0: one, 1: one and a half, 2: two.
     pub stop_bits: u8,
-    /// 0: none, 1: odd, 2: even, 3: mark, 4: space.
+    /// Parity. 0: none, 1: odd, 2: even, 3: mark, 4: space.
     pub parity: u8,
-    /// 5, 6, 7, 8 or 16.
+    /// Data bits: 5, 6, 7, 8 or 16.
     pub data_bits: u8,
 }
 
 impl Default for LineCoding {
-    /// 115,200 baud, 8 bits, no parity, one stop bit.
+    /// 115,200 baud, 8 data bits, no parity, one stop bit.
     fn default() -> Self {
         Self {
             baud: 115_200,
@@ -38,10 +38,10 @@ impl Default for LineCoding {
 }
 
 impl LineCoding {
-    /// Length on the wire.
+    /// Length on the wire in bytes.
     pub const LEN: usize = 7;
 
-    /// The coding in 7 bytes.
+    /// Encodes the line coding.
     pub fn encode(self) -> [u8; Self::LEN] {
         let baud = self.baud.to_le_bytes();
         [
@@ -55,7 +55,7 @@ impl LineCoding {
         ]
     }
 
-    /// Reads a coding; `None` for one that no line can have.
+    /// Decodes a line coding; `None` if it is invalid.
     pub fn decode(bytes: &[u8]) -> Option<Self> {
         let bytes: [u8; Self::LEN] = bytes.try_into().ok()?;
         let coding = Self {
@@ -70,22 +70,22 @@ impl LineCoding {
     }
 }
 
-/// Lines that the host drives.
+/// Control lines driven by the host.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct HostLines {
-    /// Data terminal ready: a program has the port open.
+    /// Data terminal ready: set while a program has the port open.
     pub dtr: bool,
     /// Request to send.
     pub rts: bool,
 }
 
 impl HostLines {
-    /// The value of SET_CONTROL_LINE_STATE.
+    /// Encodes the value of SET_CONTROL_LINE_STATE.
     pub fn encode(self) -> u16 {
         u16::from(self.dtr) | u16::from(self.rts) << 1
     }
 
-    /// Reads the value of SET_CONTROL_LINE_STATE.
+    /// Decodes the value of SET_CONTROL_LINE_STATE.
     pub fn decode(value: u16) -> Self {
         Self {
             dtr: value & 1 != 0,
@@ -94,7 +94,7 @@ impl HostLines {
     }
 }
 
-/// Lines that the device drives.
+/// Control lines driven by the device.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct DeviceLines {
     /// Data carrier detect.
@@ -104,16 +104,16 @@ pub struct DeviceLines {
 }
 
 impl DeviceLines {
-    /// Length of the notification that tells them.
+    /// Length in bytes of the notification that reports them.
     pub const LEN: usize = 10;
 
-    /// SERIAL_STATE of the communications interface (PSTN 1.2, 6.5.4).
+    /// Encodes a SERIAL_STATE notification of the communications interface (PSTN 1.2, 6.5.4).
     pub fn notification(self, interface: u8) -> [u8; Self::LEN] {
         let state = u8::from(self.dcd) | u8::from(self.dsr) << 1;
         [0xA1, 0x20, 0, 0, interface, 0, 2, 0, state, 0]
     }
 
-    /// Reads SERIAL_STATE; `None` for another notification.
+    /// Decodes a SERIAL_STATE notification; `None` for any other.
     pub fn from_notification(bytes: &[u8]) -> Option<Self> {
         let known = bytes.len() == Self::LEN && bytes[..2] == [0xA1, 0x20];
         known.then(|| Self {

@@ -1,4 +1,4 @@
-//! Descriptors: their types, and how a sequence of them is walked.
+//! Descriptor types, and iteration over a sequence of descriptors.
 
 /// Descriptor types (USB 2.0, table 9-5; USB 3.2, table 9-6; UVC 1.1, table A-4).
 pub mod kind {
@@ -12,7 +12,7 @@ pub mod kind {
     pub const INTERFACE: u8 = 4;
     /// ENDPOINT.
     pub const ENDPOINT: u8 = 5;
-    /// DEVICE_QUALIFIER: what the device would be at its other speed.
+    /// DEVICE_QUALIFIER: the device's properties at its other speed.
     pub const DEVICE_QUALIFIER: u8 = 6;
     /// OTHER_SPEED_CONFIGURATION: the configuration at the other speed.
     pub const OTHER_SPEED_CONFIGURATION: u8 = 7;
@@ -20,17 +20,17 @@ pub mod kind {
     pub const INTERFACE_ASSOCIATION: u8 = 11;
     /// BOS, the binary object store.
     pub const BOS: u8 = 15;
-    /// DEVICE_CAPABILITY inside of a BOS.
+    /// DEVICE_CAPABILITY, part of a BOS.
     pub const DEVICE_CAPABILITY: u8 = 16;
-    /// CS_INTERFACE, a class's own.
+    /// CS_INTERFACE: class-specific.
     pub const CS_INTERFACE: u8 = 0x24;
-    /// CS_ENDPOINT, a class's own.
+    /// CS_ENDPOINT: class-specific.
     pub const CS_ENDPOINT: u8 = 0x25;
     /// SS_ENDPOINT_COMPANION.
     pub const ENDPOINT_COMPANION: u8 = 0x30;
 }
 
-/// Subtypes of the video class (UVC 1.1, tables ).
+/// Descriptor subtypes of the video class (UVC 1.1, tables ).
 pub mod video {
     /// VC_HEADER.
     pub const CONTROL_HEADER: u8 = 1;
@@ -50,42 +50,42 @@ pub mod video {
     pub const COLOR_FORMAT: u8 = 13;
 }
 
-/// Classes of devices and interfaces.
+/// Class codes of devices and interfaces.
 pub mod class {
-    /// CDC, its control interface.
+    /// CDC control interface.
     pub const COMMUNICATIONS: u8 = 2;
-    /// CDC, its data interface.
+    /// CDC data interface.
     pub const CDC_DATA: u8 = 10;
     /// Video.
     pub const VIDEO: u8 = 14;
-    /// Video, subclass of the control interface.
+    /// Video, subclass of control interfaces.
     pub const VIDEO_CONTROL: u8 = 1;
-    /// Video, subclass of a streaming interface.
+    /// Video, subclass of streaming interfaces.
     pub const VIDEO_STREAMING: u8 = 2;
-    /// A device of several functions with interface associations: class, subclass, protocol.
+    /// Class, subclass and protocol of a composite device with interface associations.
     pub const COMPOSITE: [u8; 3] = [0xEF, 2, 1];
 }
 
-/// Descriptors one after the other; ends early where a length is impossible, see [`Walk::is_whole`].
+/// Iterates over consecutive descriptors; stops early at an invalid length, see [`Walk::is_whole`].
 #[derive(Debug, Clone)]
 pub struct Walk<'a> {
     rest: &'a [u8],
 }
 
 impl<'a> Walk<'a> {
-    /// Walks descriptors.
+    /// Starts at the first descriptor.
     pub fn new(bytes: &'a [u8]) -> Self {
         Self { rest: bytes }
     }
 
-    /// Whether nothing is left over.
+    /// Returns whether no bytes are left.
     pub fn is_whole(&self) -> bool {
         self.rest.is_empty()
     }
 }
 
 impl<'a> Iterator for Walk<'a> {
-    /// A descriptor: its length, its type, and what the type has.
+    /// A descriptor: its length, its type, and the type's fields.
     type Item = &'a [u8];
 
     fn next(&mut self) -> Option<&'a [u8]> {
@@ -99,11 +99,11 @@ impl<'a> Iterator for Walk<'a> {
     }
 }
 
-/// A string descriptor, as many whole characters of `text` as its length allows.
+/// Encodes a string descriptor with as many whole characters of `text` as its length allows.
 pub fn string(text: &str) -> Vec<u8> {
     let mut units = Vec::new();
     for character in text.chars() {
-        // The length has to fit a byte: 126 units.
+        // The length must fit in a byte: at most 126 UTF-16 units.
         if units.len() + character.len_utf16() > 126 {
             break;
         }
@@ -114,7 +114,7 @@ pub fn string(text: &str) -> Vec<u8> {
     bytes
 }
 
-/// The text of a string descriptor; `None` for something else.
+/// Returns the text of a string descriptor; `None` for any other bytes.
 pub fn text(bytes: &[u8]) -> Option<String> {
     let sound = bytes.len() >= 2
         && usize::from(bytes[0]) == bytes.len()
@@ -154,7 +154,7 @@ mod tests {
         assert_eq!(string("Ph"), [6, 3, b'P', 0, b'h', 0]);
         assert_eq!(text(&string("Prüfgerät")).as_deref(), Some("Prüfgerät"));
         assert_eq!(string(&"x".repeat(500)).len(), 254);
-        // Two units each: the cut leaves no half of one.
+        // Each character takes two UTF-16 units: truncation must not split one.
         for text_before in ["", "x"] {
             let long = format!("{text_before}{}", "\u{1F9F2}".repeat(100));
             let back = text(&string(&long)).unwrap();

@@ -3,43 +3,43 @@
 /// A request on the control endpoint.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Setup {
-    /// Direction, type and recipient: bit 7 to the host; bits 6..5 standard, class, vendor; bits
-    /// 4..0 device, interface, endpoint.
+    /// Direction, type and recipient. Bit 7: device to host; bits 6..5: standard, class, vendor;
+    /// bits 4..0: device, interface, endpoint.
     pub kind: u8,
-    /// The request.
+    /// Request code.
     pub request: u8,
-    /// Meaning depends on the request.
+    /// Parameter whose meaning depends on the request.
     pub value: u16,
-    /// Often an interface or endpoint.
+    /// Parameter, often the number of an interface or endpoint.
     pub index: u16,
-    /// Bytes that follow or are asked for.
+    /// Number of bytes that follow or are requested.
     pub length: u16,
 }
 
 impl Setup {
-    /// To the host, standard, the device.
+    /// Device to host, standard, recipient: device.
     pub const STANDARD_IN: u8 = 0x80;
-    /// To the device, standard, the device.
+    /// Host to device, standard, recipient: device.
     pub const STANDARD_OUT: u8 = 0x00;
-    /// To the device, standard, an interface.
+    /// Host to device, standard, recipient: interface.
     pub const INTERFACE_OUT: u8 = 0x01;
-    /// To the host, standard, an interface.
+    /// Device to host, standard, recipient: interface.
     pub const INTERFACE_IN: u8 = 0x81;
-    /// To the device, standard, an endpoint.
+    /// Host to device, standard, recipient: endpoint.
     pub const ENDPOINT_OUT: u8 = 0x02;
-    /// To the host, standard, an endpoint.
+    /// Device to host, standard, recipient: endpoint.
     pub const ENDPOINT_IN: u8 = 0x82;
-    /// To the device, class, an interface.
+    /// Host to device, class, recipient: interface.
     pub const CLASS_OUT: u8 = 0x21;
-    /// To the host, class, an interface.
+    /// Device to host, class, recipient: interface.
     pub const CLASS_IN: u8 = 0xA1;
 
-    /// Whether data goes to the host.
+    /// Returns whether data flows from the device to the host.
     pub fn input(self) -> bool {
         self.kind & 0x80 != 0
     }
 
-    /// The packet in 8 bytes.
+    /// Encodes the packet.
     pub fn encode(self) -> [u8; 8] {
         let [value, index, length] = [self.value, self.index, self.length].map(u16::to_le_bytes);
         [
@@ -54,7 +54,7 @@ impl Setup {
         ]
     }
 
-    /// Reads the packet.
+    /// Decodes a packet.
     pub fn decode(bytes: [u8; 8]) -> Self {
         let word = |at: usize| u16::from_le_bytes([bytes[at], bytes[at + 1]]);
         Self {
@@ -87,10 +87,10 @@ pub mod request {
     pub const GET_INTERFACE: u8 = 10;
     /// SET_INTERFACE.
     pub const SET_INTERFACE: u8 = 11;
-    /// SET_SEL, exit latencies of SuperSpeed links.
+    /// SET_SEL: exit latencies of SuperSpeed links.
     pub const SET_SEL: u8 = 48;
     /// SET_ISOCH_DELAY.
     pub const SET_ISOCH_DELAY: u8 = 49;
-    /// The feature that SET_FEATURE and CLEAR_FEATURE name for a halted endpoint.
+    /// ENDPOINT_HALT, a feature for SET_FEATURE and CLEAR_FEATURE.
     pub const ENDPOINT_HALT: u16 = 0;
 }

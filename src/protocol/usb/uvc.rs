@@ -12,11 +12,11 @@ pub mod request {
     pub const GET_MIN: u8 = 0x82;
     /// GET_MAX.
     pub const GET_MAX: u8 = 0x83;
-    /// GET_RES, the step.
+    /// GET_RES: the step size.
     pub const GET_RES: u8 = 0x84;
     /// GET_LEN.
     pub const GET_LEN: u8 = 0x85;
-    /// GET_INFO: bit 0 GET is known, bit 1 SET is known.
+    /// GET_INFO. Bit 0: GET is supported, bit 1: SET is supported.
     pub const GET_INFO: u8 = 0x86;
     /// GET_DEF.
     pub const GET_DEF: u8 = 0x87;
@@ -26,7 +26,7 @@ pub mod request {
 pub mod selector {
     /// CT_EXPOSURE_TIME_ABSOLUTE_CONTROL: 4 bytes, units of 100 us.
     pub const EXPOSURE_TIME_ABSOLUTE: u8 = 0x04;
-    /// PU_GAIN_CONTROL: 2 bytes; the unit is the device's own.
+    /// PU_GAIN_CONTROL: 2 bytes in a device-specific unit.
     pub const GAIN: u8 = 0x04;
     /// VC_REQUEST_ERROR_CODE_CONTROL: 1 byte.
     pub const REQUEST_ERROR_CODE: u8 = 0x02;
@@ -38,17 +38,17 @@ pub mod selector {
 
 /// Values of the request error code control (UVC 1.1, 4.2.1.2).
 pub mod error_code {
-    /// Nothing failed.
+    /// No error.
     pub const NONE: u8 = 0;
-    /// The device is in no state for it.
+    /// The device's state does not allow the request.
     pub const WRONG_STATE: u8 = 2;
     /// The value is out of range.
     pub const OUT_OF_RANGE: u8 = 4;
-    /// The unit is not known.
+    /// Unknown unit.
     pub const INVALID_UNIT: u8 = 5;
-    /// The control is not known.
+    /// Unknown control.
     pub const INVALID_CONTROL: u8 = 6;
-    /// The request is not known.
+    /// Unknown request.
     pub const INVALID_REQUEST: u8 = 7;
 }
 
@@ -59,24 +59,24 @@ pub const GAIN_UNIT_DB: f64 = 0.01;
 /// Unit of frame intervals in nanoseconds.
 pub const INTERVAL_UNIT_NS: u64 = 100;
 
-/// Bits of a payload header's second byte (UVC 1.1, table 2-5).
+/// Payload header: its length, and the bits of its second byte (UVC 1.1, table 2-5).
 pub mod payload {
-    /// Length of the header that carries neither time stamp nor source clock.
+    /// Length of a header without time stamp and source clock.
     pub const HEADER_LEN: usize = 2;
-    /// Toggles with each frame.
+    /// Frame id, which toggles with each frame.
     pub const FID: u8 = 0x01;
-    /// The frame ends here.
+    /// End of the frame.
     pub const EOF: u8 = 0x02;
     /// The frame is damaged.
     pub const ERR: u8 = 0x40;
-    /// The header ends here.
+    /// End of the header.
     pub const EOH: u8 = 0x80;
 }
 
-/// The GUID of an uncompressed format: its four-character code and the rest that they share.
+/// Returns the GUID of an uncompressed format: its four-character code and a common suffix.
 pub fn guid(format: PixelFormat) -> [u8; 16] {
     let code = match format {
-        // The name by which drivers know 8-bit grey.
+        // The name that drivers use for 8-bit grey.
         PixelFormat::Grey => *b"Y800",
         PixelFormat::Y16 => *b"Y16 ",
         PixelFormat::Yuyv => *b"YUY2",
@@ -86,17 +86,17 @@ pub fn guid(format: PixelFormat) -> [u8; 16] {
     guid
 }
 
-/// The format of a GUID.
+/// Returns the format of a GUID; `None` if it is unknown.
 pub fn format(guid: &[u8]) -> Option<PixelFormat> {
     [PixelFormat::Grey, PixelFormat::Y16, PixelFormat::Yuyv]
         .into_iter()
         .find(|format| self::guid(*format) == guid)
 }
 
-/// What host and device agree on before a stream (UVC 1.1, table 4-75).
+/// Stream parameters that host and device negotiate (probe and commit; UVC 1.1, table 4-75).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Negotiation {
-    /// Which fields the host wants kept: bit 0 the frame interval.
+    /// Fields that the host wants to keep fixed. Bit 0: frame interval.
     pub hint: u16,
     /// `bFormatIndex`, from 1.
     pub format: u8,
@@ -104,21 +104,21 @@ pub struct Negotiation {
     pub frame: u8,
     /// Frame interval in units of 100 ns.
     pub interval: u32,
-    /// Largest frame in bytes.
+    /// Maximum frame size in bytes.
     pub max_frame: u32,
-    /// Largest payload in bytes, its header among them.
+    /// Maximum payload size in bytes, including the header.
     pub max_payload: u32,
-    /// Clock of the device in hertz.
+    /// Device clock frequency in hertz.
     pub clock: u32,
 }
 
 impl Negotiation {
-    /// Length of UVC 1.1's structure.
+    /// Length of the structure in UVC 1.1.
     pub const LEN: usize = 34;
-    /// Length of UVC 1.0's, which some hosts send.
+    /// Length of the structure in UVC 1.0, which some hosts send.
     pub const SHORT_LEN: usize = 26;
 
-    /// The structure in 34 bytes.
+    /// Encodes the structure.
     pub fn encode(&self) -> [u8; Self::LEN] {
         let mut bytes = [0; Self::LEN];
         bytes[..2].copy_from_slice(&self.hint.to_le_bytes());
@@ -131,7 +131,7 @@ impl Negotiation {
         bytes
     }
 
-    /// Reads the structure in either length; `None` for any other.
+    /// Decodes the structure in either length; `None` for any other length.
     pub fn decode(bytes: &[u8]) -> Option<Self> {
         if bytes.len() != Self::LEN && bytes.len() != Self::SHORT_LEN {
             return None;

@@ -66,8 +66,8 @@ impl<'a> Gatherer<'a> {
         }
     }
 
-    /// Gathers the light at the points seen by `pixels`, in order; none for a pixel that sees no
-    /// surface. The lamps' light is returned separately, as irradiance in W/m^2 and flicker
+    /// Gathers the light at the points seen by `pixels`, in order; zero for pixels that see no
+    /// surface. Light from lamps is returned separately, as irradiance in W/m^2 and flicker
     /// amplitude.
     pub(super) fn gather(
         &self,

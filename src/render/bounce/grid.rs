@@ -20,7 +20,7 @@ const LEAST: f64 = 0.2;
 pub(super) struct Grid {
     /// `None` where a grid pixel sees no surface.
     pub(super) pixels: Vec<Option<usize>>,
-    /// As in [`Bounce`](super::Bounce).
+    /// See [`Bounce`](super::Bounce).
     pub(super) first: Vec<u32>,
     pub(super) shares: Vec<[f32; 4]>,
     pub(super) stride: usize,

@@ -1,4 +1,4 @@
-//! Means over a step of products of exponentials, without cancellation.
+//! Means over a time step of products of exponentials, without cancellation.
 //!
 //! With `a` and `b` the lengths of a step in two time constants, these are divided differences of
 //! the exponential function at 0, -a, -b and -(a + b) (Higham: "Functions of Matrices", 2008,
@@ -7,7 +7,7 @@
 
 /// Argument below which series are used, because the closed forms lose digits.
 const SERIES_BELOW: f64 = 1.0;
-/// The same limit for [`both_gone`].
+/// Same limit for [`both_gone`].
 const BOTH_BELOW: f64 = 0.25;
 
 /// Exponential decay over a step with one time constant.
@@ -50,7 +50,7 @@ impl Decay {
         }
     }
 
-    /// Mean of 1 - exp(-a s).
+    /// Returns the mean of 1 - exp(-a s).
     pub(super) fn mean_gone(&self) -> f64 {
         let a = self.length;
         if a >= SERIES_BELOW {
@@ -63,7 +63,7 @@ impl Decay {
                 .fold(1.0, |sum, n| 1.0 - a / f64::from(n) * sum)
     }
 
-    /// Mean of exp(-a s) - exp(-a).
+    /// Returns the mean of exp(-a s) - exp(-a).
     fn mean_above_end(&self) -> f64 {
         let a = self.length;
         if a >= SERIES_BELOW {
@@ -77,7 +77,7 @@ impl Decay {
     }
 }
 
-/// Mean of exp(-a s) exp(-b s).
+/// Returns the mean of exp(-a s) exp(-b s).
 pub(super) fn both_left(a: &Decay, b: &Decay) -> f64 {
     match a.length + b.length {
         0.0 => 1.0,
@@ -85,7 +85,7 @@ pub(super) fn both_left(a: &Decay, b: &Decay) -> f64 {
     }
 }
 
-/// Mean of exp(-a s) (1 - exp(-b s)).
+/// Returns the mean of exp(-a s) (1 - exp(-b s)).
 pub(super) fn left_and_gone(a: &Decay, b: &Decay) -> f64 {
     match a.length + b.length {
         0.0 => 0.0,
@@ -93,7 +93,7 @@ pub(super) fn left_and_gone(a: &Decay, b: &Decay) -> f64 {
     }
 }
 
-/// Mean of (1 - exp(-a s)) (1 - exp(-b s)).
+/// Returns the mean of (1 - exp(-a s)) (1 - exp(-b s)).
 pub(super) fn both_gone(a: &Decay, b: &Decay) -> f64 {
     let (long, short) = if a.length > b.length { (a, b) } else { (b, a) };
     if long.length >= BOTH_BELOW {

@@ -41,8 +41,9 @@ struct Part<'a> {
 }
 
 impl<'a> Blend<'a> {
-    /// Of boxes as wide as the sizes of `slope`, a blur of standard deviation `sigma` and the
-    /// spread under skin, all in slide pixels but the spread; no Gaussian is narrower than `least`.
+    /// Creates the blend of boxes as wide as the sizes of `slope`, a blur of standard deviation
+    /// `sigma` and the spread under skin, all in slide pixels except the spread; no Gaussian is
+    /// narrower than `least`.
     pub(super) fn new(
         bell: &'a Bell,
         slope: [f64; 2],

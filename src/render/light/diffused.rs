@@ -41,7 +41,7 @@ pub(super) fn pixels(
     }
 }
 
-/// The same for the samples of a mixed pixel.
+/// Same as [`pixels`] for the samples of a mixed pixel.
 pub(super) fn samples(
     skin: &SkinMaps,
     picture: &PictureTable,

@@ -72,7 +72,7 @@ impl PictureTable {
 
     /// Returns the mean level over a rectangle centred on a position.
     fn rectangle(&self, (x, y): (f32, f32), (w, h): (f64, f64)) -> f64 {
-        // From pixel centres to corners of the table.
+        // Converts from pixel centres to table corners.
         let (x, y) = (f64::from(x) + 0.5, f64::from(y) + 0.5);
         let clip = |low: f64, high: f64, end: usize| {
             let end = end as f64;
@@ -126,7 +126,7 @@ impl PictureTable {
 mod tests {
     use super::*;
 
-    /// The mean over a parallelogram at 300 x 300 places.
+    /// Returns the mean over a parallelogram from 300 x 300 samples.
     fn sampled(levels: &[u16], at: [f32; 2], x_slope: [f32; 2], y_slope: [f32; 2]) -> f64 {
         let n = 300;
         let mut sum = 0.0;

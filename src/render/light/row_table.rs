@@ -174,7 +174,7 @@ impl RowTable {
             let inside = x[lane] - here as f32;
             let corners = [-outer, -inner, inner, outer];
             for k in 0..4 {
-                // From the left border of the held pixel at x.
+                // Relative to the left border of the held pixel at x.
                 let offset = inside + corners[k] + 0.5;
                 let index = (here + floor(offset)).clamp(0, last);
                 at.index[k][lane] = index;
@@ -184,7 +184,8 @@ impl RowTable {
         at
     }
 
-    /// Levels by second differences, relative to the centre's; `LONG` if the sums need 64 bits.
+    /// Returns levels by second differences, relative to the centre's level; `LONG` if the sums
+    /// need 64 bits.
     #[inline(always)]
     fn thick<const LONG: bool>(&self, at: &Footprints, found: &Corners) -> Lanes {
         let mut average = [0.0; LANES];
@@ -221,12 +222,12 @@ impl RowTable {
         average
     }
 
-    /// The averages of a mixed pixel's samples.
+    /// Returns the average levels of a mixed pixel's samples.
     pub(super) fn average_mixed(&self, x: &[f32; 16], slope: &[[f32; 2]; 16]) -> [f32; 16] {
         along_mixed(self, x, slope)
     }
 
-    /// Memory that the table takes, in bytes.
+    /// Returns the memory size of the table in bytes.
     pub(super) fn bytes(&self) -> usize {
         size_of_val(self.cells.as_slice())
     }
@@ -267,7 +268,8 @@ fn along_mixed_body(row: &RowTable, x: &[f32; 16], slope: &[[f32; 2]; 16]) -> [f
     levels
 }
 
-/// Levels for narrower boxes of less than a pixel, relative to the lowest corner's.
+/// Returns levels if the narrower box is less than a pixel wide, relative to the level at the
+/// lowest corner.
 #[inline(always)]
 fn thin(at: &Footprints, found: &Corners) -> Lanes {
     let mut average = [0.0; LANES];
@@ -278,7 +280,7 @@ fn thin(at: &Footprints, found: &Corners) -> Lanes {
         let rise = found.sum[2][lane].wrapping_sub(found.sum[0][lane]);
         let rise = rise.wrapping_sub(from.wrapping_mul(steps)) as i32 as f32;
         let step = to.wrapping_sub(from) as i32 as f32;
-        // What the borders within the flanks add to the mean of P.
+        // Contribution of the borders within the flanks to the mean of P.
         let low = found.level[1][lane].wrapping_sub(from) as i32 as f32;
         let high = found.level[3][lane].wrapping_sub(to) as i32 as f32;
         let (below, above) = (at.t[1][lane], at.t[3][lane]);
@@ -292,19 +294,19 @@ fn thin(at: &Footprints, found: &Corners) -> Lanes {
 /// Rounds down; |x| must be below 2^22. A cast would saturate, which takes several instructions.
 #[inline(always)]
 fn floor(x: f32) -> i32 {
-    /// Adding it rounds to an integer, in the low bits.
+    /// Adding this rounds to an integer in the low bits.
     const WHOLE: f32 = 1.5 * (1u32 << 23) as f32;
     let rounded = x + WHOLE;
     rounded.to_bits().wrapping_sub(WHOLE.to_bits()) as i32 - i32::from(rounded - WHOLE > x)
 }
 
-/// The lesser, the bound if NaN; one instruction.
+/// Returns the smaller value, or the bound if x is NaN, in one instruction.
 #[inline(always)]
 fn least(x: f32, bound: f32) -> f32 {
     if x < bound { x } else { bound }
 }
 
-/// The greater, the bound if NaN; one instruction.
+/// Returns the larger value, or the bound if x is NaN, in one instruction.
 #[inline(always)]
 fn greatest(x: f32, bound: f32) -> f32 {
     if x > bound { x } else { bound }
@@ -349,7 +351,7 @@ mod tests {
             .collect()
     }
 
-    /// Black and white in turn, the hardest row, and a random one of 8 and of 16 bits.
+    /// Alternating black and white, which is the hardest row, and random rows of 8 and of 16 bits.
     #[test]
     fn footprints_of_all_sizes_are_averaged_exactly() {
         let stripes: Vec<u16> = (0..1920).map(|i| 255 * (i % 2)).collect();
@@ -395,7 +397,7 @@ mod tests {
         }
     }
 
-    /// On a machine with AVX2 this compares it with the code for any x86-64.
+    /// On a machine with AVX2 this compares the AVX2 code with the code for any x86-64.
     #[test]
     fn every_instruction_set_gives_the_same_bits() {
         let row = RowTable::new(&random_row(), 1.0 / 255.0);

@@ -12,8 +12,8 @@ pub(crate) struct Soft<'a> {
 }
 
 impl<'a> Soft<'a> {
-    /// Of boxes as wide as the sizes of `slope`, and of a standard deviation above 0, all in slide
-    /// pixels.
+    /// Creates the convolution of boxes as wide as the sizes of `slope` and a Gaussian with a
+    /// standard deviation above 0, all in slide pixels.
     pub(crate) fn new(bell: &'a Bell, slope: [f64; 2], sigma: f64) -> Self {
         let [a, b] = slope.map(f64::abs);
         // Far below the blur a box's width no longer matters, but differences would cancel.
@@ -27,7 +27,7 @@ impl<'a> Soft<'a> {
         }
     }
 
-    /// Half of the width of the sharp trapezoid's foot.
+    /// Returns half the base width of the sharp trapezoid.
     pub(super) fn outer(&self) -> f64 {
         (self.wide + self.narrow) / 2.0
     }
@@ -38,7 +38,7 @@ impl<'a> Soft<'a> {
         second * self.sigma * self.sigma
     }
 
-    /// The same of the sharp trapezoid.
+    /// Returns the same fraction for the sharp trapezoid.
     pub(crate) fn sharp_left_of(&self, e: f64) -> f64 {
         self.second_difference(e, |e| 0.5 * e.max(0.0).powi(2))
     }

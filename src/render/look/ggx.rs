@@ -1,10 +1,11 @@
-//! A rough dielectric or metal over a diffuse body: the GGX microfacet model.
+//! A rough dielectric or metal over a diffuse base: the GGX microfacet model.
 //!
 //! The specular lobe is f_s = D G2 F / (4 (n.l)(n.v)): D of Walter et al. ("Microfacet Models for
 //! Refraction through Rough Surfaces", EGSR 2007, equation 33), G2 the height-correlated Smith term
 //! (Heitz, "Understanding the Masking-Shadowing Function", JCGT 3(2), 2014, equation 99), F by
-//! Schlick (1994). Light scatters once between facets; what would scatter again is lost: 59 %
-//! of even light on the roughest metal, nearly nothing below a roughness of 0.4.
+//! Schlick (1994). Only single scattering between facets is modelled; light that would scatter
+//! again is lost: 59 % of uniform light on the roughest metal, almost none below a roughness of
+//! 0.4.
 //!
 //! Light not reflected by the lobe enters the diffuse body. With E(c) the fraction that the lobe
 //! reflects of light at cosine c, the diffuse part is albedo (1 - E(n.l)) (1 - E(n.v)) / (pi (1 -
@@ -36,7 +37,8 @@ pub(crate) struct Ggx {
 }
 
 impl Ggx {
-    /// Reflectance at normal incidence, and perceptual roughness (alpha is its square).
+    /// Creates the material from its reflectance at normal incidence and its perceptual roughness
+    /// (alpha is its square).
     pub(crate) fn new(f0: f64, roughness: f64) -> Self {
         let mut ggx = Self {
             f0,
@@ -55,8 +57,8 @@ impl Ggx {
     }
 
     /// Returns pi times the BRDF for a diffuse albedo of `albedo`: the reflectance for light from
-    /// one direction, relative to a white Lambertian surface. All three are unit vectors away from
-    /// the surface; 0 where the light comes from behind.
+    /// one direction, relative to a white Lambertian surface. All three vectors are unit vectors
+    /// away from the surface; the result is 0 for light from behind.
     pub(crate) fn reflectance(&self, albedo: f64, normal: DVec3, light: DVec3, view: DVec3) -> f64 {
         let cos_light = normal.dot(light);
         if !(cos_light > 0.0) {
@@ -75,14 +77,15 @@ impl Ggx {
         specular + albedo * (1.0 - specular)
     }
 
-    /// pi f_s.
+    /// Returns pi f_s.
     fn lobe(&self, n: DVec3, l: DVec3, v: DVec3, cos_light: f64, cos_view: f64) -> f64 {
         let Some(half) = (l + v).try_normalize() else {
             return 0.0;
         };
         let a2 = self.alpha * self.alpha;
         let cos = n.dot(half);
-        // 1 - cos^2 as a cross product: it is far smaller than 1 in the highlight of a smooth one.
+        // 1 - cos^2 is computed by a cross product, because it is far smaller than 1 in the
+        // highlight of a smooth surface.
         let spread = a2 * cos * cos + n.cross(half).length_squared();
         // pi D, and G2 / (4 cos cos), which is finite at every angle.
         let d = a2 / (spread * spread);
@@ -110,7 +113,7 @@ impl Ggx {
         let view = DVec3::new((1.0 - cos * cos).max(0.0).sqrt(), 0.0, cos);
         let a = self.alpha;
         let stretched = DVec3::new(a * view.x, 0.0, view.z).normalize();
-        // (-y, x, 0) of the stretched view; any direction will do from straight above.
+        // (-y, x, 0) of the stretched view; from straight above any direction is valid.
         let across = DVec3::Y;
         let along = stretched.cross(across);
         let lambda = |c: f64| 0.5 * ((1.0 + a * a * (1.0 - c * c) / (c * c)).sqrt() - 1.0);
@@ -120,7 +123,7 @@ impl Ggx {
                 ((i % GRID) as f64 + 0.5) / GRID as f64,
                 ((i / GRID) as f64 + 0.5) / GRID as f64,
             );
-            // Close to the disc's rim, where the long tail of GGX is.
+            // Samples are concentrated near the disc's rim, where the long tail of GGX is.
             let weight = 3.0 * inward * inward;
             let (r, phi) = ((1.0 - inward.powi(3)).sqrt(), 2.0 * PI * turn);
             let (t1, raw) = (r * phi.cos(), r * phi.sin());
@@ -141,8 +144,9 @@ impl Ggx {
         (0..n).map(sample).sum::<f64>() / (n as f64 * whole)
     }
 
-    /// Mean of E over even light, 2 times the integral of E(c) c dc, exact for the table: with
-    /// c = s^2 it is a polynomial of degree four on each piece (Gauss and Legendre's three points).
+    /// Returns the mean of E over uniform light, 2 times the integral of E(c) c dc, exact for the
+    /// table: with c = s^2 it is a polynomial of degree four on each piece (three-point
+    /// Gauss-Legendre).
     fn mean(&self) -> f64 {
         let step = 1.0 / PIECES as f64;
         let nodes = [(-0.6f64.sqrt(), 5.0), (0.0, 8.0), (0.6f64.sqrt(), 5.0)];
@@ -177,8 +181,8 @@ mod tests {
         DVec3::new(sin * azimuth.cos(), sin * azimuth.sin(), cos)
     }
 
-    /// What is reflected to `view` of even light, by the midpoint rule over half vectors of the
-    /// upper half: dl = 4 (v.h) dh, fine where the lobe is narrow.
+    /// Returns the reflectance towards `view` of uniform light, by the midpoint rule over half
+    /// vectors of the upper hemisphere: dl = 4 (v.h) dh. The grid is fine where the lobe is narrow.
     fn quadrature(ggx: &Ggx, albedo: f64, view: DVec3) -> f64 {
         let (n, m) = (1200, 400);
         let mut sum = 0.0;

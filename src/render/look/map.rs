@@ -28,7 +28,7 @@ pub(crate) struct Picture {
 pub(crate) enum Place {
     /// Texture coordinates at the corners of the object's triangles, v up.
     Corners(Vec<[[f32; 2]; 3]>),
-    /// Over the shape, at a size in millimetres.
+    /// Mapped onto the shape, at a size in millimetres.
     Over {
         lay: Lay,
         size_mm: DVec2,
@@ -45,10 +45,10 @@ impl Map {
         Self::Board(Printed::new(board, ink, scene, object))
     }
 
-    /// Takes the texture coordinates of the object's mesh.
+    /// Stores the texture coordinates of the object's mesh.
     ///
     /// # Errors
-    /// Returns an error if the mesh has none and the scene sets no texture size.
+    /// Returns an error if the mesh has no texture coordinates and the scene sets no texture size.
     pub(super) fn take(&mut self, mesh: &Mesh) -> Result<()> {
         match self {
             Self::Picture(picture) => picture.take(mesh),
@@ -56,8 +56,8 @@ impl Map {
         }
     }
 
-    /// Mean over a spot's footprint, where the object rests. `index` is the triangle's among the
-    /// object's.
+    /// Returns the mean over a spot's footprint, with the object at rest. `index` is the triangle's
+    /// index within the object.
     pub(super) fn albedo(&self, index: usize, spot: &Spot) -> f64 {
         match self {
             Self::Picture(picture) => picture.albedo(index, spot),

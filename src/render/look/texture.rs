@@ -1,9 +1,9 @@
 //! A texture as albedo: square texels, repeated infinitely, averaged over a pixel's footprint.
 //!
 //! Summed-area tables (Crow, "Summed-Area Tables for Texture Mapping", SIGGRAPH 1984) give the
-//! exact mean over a rectangle along the texels. A slanted footprint is cut into 4 x 4 to 8 x 8
-//! pieces, each of which counts as the rectangle of its second moments: on a checkerboard that is
-//! good to 6 % of the contrast at worst, and to 2 % for 19 footprints of 20.
+//! exact mean over a rectangle aligned with the texels. A slanted footprint is divided into 4 x 4
+//! to 8 x 8 pieces, each replaced by the rectangle with the same second moments. On a checkerboard
+//! the error is at most 6 % of the contrast, and at most 2 % for 19 of 20 footprints.
 
 use crate::picture;
 use glam::DVec2;
@@ -13,13 +13,14 @@ use phasmid_geometry::colour;
 use std::io::Cursor;
 use std::path::Path;
 
-/// Longest side in texels: some 250 MB while it is read.
+/// Maximum side length in texels: some 250 MB while it is read.
 const MAX_SIDE: u32 = 4096;
-/// Minimum and maximum pieces along a side of a slanted footprint, and pieces per texel in between.
+/// Minimum and maximum number of pieces along a side of a slanted footprint, and pieces per texel
+/// in between.
 const PIECES: [f64; 3] = [4.0, 8.0, 3.0];
-/// A footprint slanted by less than this many texels is a rectangle.
+/// A footprint slanted by less than this many texels is treated as a rectangle.
 const STRAIGHT: f64 = 1e-2;
-/// Narrowest footprint in texels.
+/// Minimum footprint size in texels.
 const NARROWEST: f64 = 1e-3;
 
 /// Albedo over the unit square, u to the right and v down, repeated.
@@ -40,7 +41,7 @@ impl Texture {
         Ok(Self::new(width, height, albedo.into_iter()))
     }
 
-    /// Takes albedos row by row, at least one.
+    /// Creates a texture from row-major albedos, at least one.
     pub(crate) fn new(width: usize, height: usize, mut albedo: impl Iterator<Item = f64>) -> Self {
         let stride = width + 1;
         let mut sums = vec![0.0; stride * (height + 1)];
@@ -58,8 +59,8 @@ impl Texture {
         }
     }
 
-    /// Mean over the parallelogram about `uv` with sides `across` and `down`, in units of the
-    /// picture.
+    /// Returns the mean over the parallelogram centred on `uv` with sides `across` and `down`, in
+    /// units of the texture.
     pub(crate) fn average(&self, uv: DVec2, across: DVec2, down: DVec2) -> f64 {
         let size = DVec2::new(self.width as f64, self.height as f64);
         let (center, a, b) = (uv * size, across * size, down * size);
@@ -88,7 +89,7 @@ impl Texture {
         (0..n * n).map(piece).sum::<f64>() * part * part
     }
 
-    /// Exact mean over a rectangle along the texels.
+    /// Returns the exact mean over a rectangle aligned with the texels.
     fn rectangle(&self, center: DVec2, half: DVec2) -> f64 {
         let size = DVec2::new(self.width as f64, self.height as f64);
         let low = center - half;
@@ -118,7 +119,8 @@ impl Texture {
         sum
     }
 
-    /// The same within one picture, bilinear between corners as held texels have it.
+    /// Returns the same integral within one copy of the texture; it is bilinear between corners
+    /// because texels are constant.
     fn within(&self, x: f64, y: f64) -> f64 {
         let (i, j) = (
             (x as usize).min(self.width - 1),
@@ -170,7 +172,7 @@ mod tests {
         Texture::new(n, n, (0..n * n).map(|k| ((k % n + k / n) % 2) as f64))
     }
 
-    /// The mean of 4096 samples of the held texels.
+    /// Returns the mean of 4096 nearest-texel samples.
     fn sampled(n: usize, uv: DVec2, across: DVec2, down: DVec2) -> f64 {
         let mut sum = 0.0;
         for k in 0..4096 {
@@ -204,7 +206,7 @@ mod tests {
             slanted = slanted.max(error.abs());
             off += usize::from(error.abs() > 0.02);
         }
-        // Samples of an edge are good to 1/64.
+        // Samples at an edge are accurate to 1/64.
         assert!(straight < 0.02, "{straight}");
         assert!(slanted < 0.06 && off <= 20, "{slanted}, {off} of 400");
     }

@@ -1,5 +1,5 @@
-//! Materials of the reference path: one texel, one blend of vertex colours, one value of the
-//! microfacet formula per ray.
+//! Materials of the reference renderer: each ray evaluates one texel, one interpolated vertex
+//! colour and one value of the microfacet formula.
 
 use super::super::look::texels;
 use super::microfacets::Microfacets;
@@ -11,30 +11,32 @@ use phasmid_profile::{Object, Shape};
 use std::f64::consts::FRAC_PI_2;
 use std::path::Path;
 
-/// A surface.
+/// A surface material.
 pub(super) struct Look {
     albedo: f64,
     specular: Option<Microfacets>,
     picture: Option<Picture>,
     printed: Option<Printed>,
-    /// Reflectances at the corners of triangles, where they are wanted.
+    /// Reflectances at the triangles' corners, if the object uses vertex colours.
     colours: Vec<[f64; 3]>,
 }
 
-/// A board.
+/// A printed calibration board.
 struct Printed {
     board: Board,
     ink: f64,
-    /// Of the object.
+    /// Scale of the object.
     scale: f64,
 }
 
 struct Picture {
     columns: usize,
     texels: Vec<f64>,
-    /// Width and height in millimetres, where it is laid over the shape.
+    /// Width and height in millimetres, if the texture is laid over the shape; `None` if it uses
+    /// texture coordinates.
     size_mm: Option<DVec2>,
-    /// Texture coordinates of the triangles' corners, from the top left downwards, otherwise.
+    /// Texture coordinates of the triangles' corners, from the top left downwards; used without
+    /// `size_mm`.
     corners: Vec<[DVec2; 3]>,
 }
 
@@ -71,7 +73,7 @@ impl Look {
         })
     }
 
-    /// Takes the material data of a mesh that the object uses.
+    /// Takes over the material data of a mesh that the object uses.
     pub(super) fn take(&mut self, object: &Object, mesh: &Mesh) {
         if object.vertex_colours {
             let of = |t: &[u32; 3]| t.map(|i| f64::from(mesh.colours[i as usize]));
@@ -83,7 +85,8 @@ impl Look {
         }
     }
 
-    /// Albedo at a point with a unit normal on the camera's side, both in the shape's own frame.
+    /// Returns the albedo at a point with a unit normal on the camera's side, both in the shape's
+    /// own frame.
     pub(super) fn albedo(
         &self,
         surface: &Primitive,
@@ -120,8 +123,8 @@ impl Look {
         albedo
     }
 
-    /// What is thrown back to `view` of light from a direction, relative to a white Lambertian
-    /// surface: pi times the BRDF.
+    /// Returns the light from one direction that is reflected to `view`, relative to a white
+    /// Lambertian surface: pi times the BRDF.
     pub(super) fn reflectance(&self, albedo: f64, normal: DVec3, light: DVec3, view: DVec3) -> f64 {
         match &self.specular {
             Some(facets) => facets.reflectance(albedo, normal, light, view),
@@ -129,7 +132,7 @@ impl Look {
         }
     }
 
-    /// The same of light that is alike from everywhere.
+    /// Returns the same for uniform light from all directions.
     pub(super) fn under_even_light(&self, albedo: f64, cos_view: f64) -> f64 {
         match &self.specular {
             Some(facets) => {
@@ -142,7 +145,8 @@ impl Look {
 }
 
 impl Printed {
-    /// Tries all dots, or looks where among the squares a place lies.
+    /// Returns whether a position is printed: tests every dot, or finds the position among the
+    /// squares.
     fn is_ink(&self, at: DVec2) -> bool {
         let board = &self.board;
         match *board {
@@ -165,7 +169,8 @@ impl Printed {
 }
 
 impl Picture {
-    /// The texel at a place of the plane that the picture's copies fill, in units of the picture.
+    /// Returns the texel at a position in the plane tiled with copies of the texture, in units of
+    /// the texture.
     fn texel(&self, at: DVec2) -> f64 {
         let rows = self.texels.len() / self.columns;
         let of = |at: f64, count: usize| (at.rem_euclid(1.0) * count as f64) as usize % count;
@@ -178,7 +183,7 @@ impl Picture {
 /// axes.
 fn laid(surface: &Primitive, p: DVec3, normal: DVec3) -> DVec2 {
     let longitude = |ring: f64| (p.x / ring).asin();
-    // Behind, the arc sine counts down again.
+    // On the far side the arc sine decreases again.
     let around = |ring: f64| {
         if p.z <= 0.0 {
             longitude(ring)
@@ -197,7 +202,7 @@ fn laid(surface: &Primitive, p: DVec3, normal: DVec3) -> DVec2 {
     }
 }
 
-/// Weights of a triangle's corners at a point of it: the areas across from them.
+/// Returns the barycentric weights of a point in a triangle, from the areas opposite the corners.
 fn weights([a, b, c]: [DVec3; 3], p: DVec3) -> [f64; 3] {
     let area = |u: DVec3, v: DVec3, w: DVec3| (v - u).cross(w - u).length();
     let whole = area(a, b, c);

@@ -1,14 +1,14 @@
-//! A rough surface over a diffuse body by the formulas as they are published.
+//! A rough surface over a diffuse base, implemented directly from the published formulas.
 
 use glam::DVec3;
 use std::f64::consts::{PI, TAU};
 
-/// Cosines at which the share is worked out: squares of this many even steps.
+/// Number of cosines at which the reflected share is tabulated: squares of equidistant steps.
 const STEPS: usize = 64;
-/// Steps of the integral over the facets' normals, by slope and by azimuth.
+/// Steps of the integral over facet normals, by slope and by azimuth.
 const NORMALS: [usize; 2] = [600, 48];
 
-/// GGX facets that reflect by Schlick's approximation, and what enters between them.
+/// GGX facets with Schlick's Fresnel approximation over a diffuse base.
 pub(super) struct Microfacets {
     f0: f64,
     alpha2: f64,
@@ -17,7 +17,7 @@ pub(super) struct Microfacets {
 }
 
 impl Microfacets {
-    /// Reflectance at normal incidence and perceptual roughness.
+    /// Creates the model from the reflectance at normal incidence and the perceptual roughness.
     pub(super) fn new(f0: f64, roughness: f64) -> Self {
         let mut facets = Self {
             f0,
@@ -36,8 +36,9 @@ impl Microfacets {
         facets
     }
 
-    /// pi times the BRDF: the lobe of Walter et al. 2007 (equation 20) with the height-correlated
-    /// masking of Heitz 2014 (equation 99), and the body of Kelemen and Szirmay-Kalos 2001.
+    /// Returns pi times the BRDF: the lobe of Walter et al. 2007 (equation 20) with the
+    /// height-correlated masking of Heitz 2014 (equation 99), and the diffuse base of Kelemen and
+    /// Szirmay-Kalos 2001.
     pub(super) fn reflectance(&self, albedo: f64, normal: DVec3, light: DVec3, view: DVec3) -> f64 {
         let (cl, cv) = (normal.dot(light), normal.dot(view));
         let half = (light + view).normalize();
@@ -50,7 +51,7 @@ impl Microfacets {
         PI * lobe + body
     }
 
-    /// The part of light at a cosine that the lobe reflects.
+    /// Returns the share of light at an incidence cosine that the lobe reflects.
     pub(super) fn share(&self, cos: f64) -> f64 {
         let at = cos.clamp(0.0, 1.0).sqrt() * STEPS as f64;
         let i = (at as usize).min(STEPS - 1);
@@ -68,15 +69,15 @@ impl Microfacets {
         self.f0 + (1.0 - self.f0) * (1.0 - cos).powi(5)
     }
 
-    /// The lobe times the cosine, integrated over facets' normals spread by D (n.h): Walter et al.
-    /// 2007, equations 35, 36 and 41.
+    /// Integrates the lobe times the cosine over facet normals distributed by D (n.h): Walter et
+    /// al. 2007, equations 35, 36 and 41.
     fn integrate(&self, cos: f64) -> f64 {
         let cos = cos.max(1e-6);
         let view = DVec3::new((1.0 - cos * cos).sqrt(), 0.0, cos);
         let [slopes, turns] = NORMALS;
         let mut sum = 0.0;
         for i in 0..slopes {
-            // The tail of steep facets is long: steps shrink towards it.
+            // The distribution has a long tail of steep facets, so steps shrink towards it.
             let left = (i as f64 + 0.5) / slopes as f64;
             let (u, weight) = (1.0 - left.powi(3), 3.0 * left * left);
             let tan2 = self.alpha2 * u / (1.0 - u);
@@ -101,8 +102,8 @@ impl Microfacets {
 mod tests {
     use super::*;
 
-    /// At alpha 1 and F 1: D = 1/pi and lambda(c) = (1/c - 1)/2, so that pi f = 1/(2 (n.l + n.v)),
-    /// the share is 1 - c ln(1 + 1/c), and its mean 4/3 (1 - ln 2).
+    /// Closed forms at alpha 1 and F 1: D = 1/pi and lambda(c) = (1/c - 1)/2, so that pi f = 1/(2
+    /// (n.l + n.v)), the share is 1 - c ln(1 + 1/c), and its mean is 4/3 (1 - ln 2).
     #[test]
     fn the_roughest_metal_has_a_closed_form() {
         let facets = Microfacets::new(1.0, 1.0);

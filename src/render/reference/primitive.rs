@@ -1,13 +1,13 @@
-//! Shapes of the reference path in their own frames, each by a method that the fast path does not
-//! use.
+//! Shapes of the reference renderer in their own frames, each implemented by a method that the
+//! production renderer does not use.
 
 use glam::{DVec2, DVec3};
 
-/// A shape, scaled.
+/// A scaled shape.
 pub(super) enum Primitive {
     /// A mesh, or the faces of a frustum.
     Triangles(Vec<[DVec3; 3]>),
-    /// Half sides.
+    /// Half side lengths.
     Plane(DVec2),
     /// Radius.
     Sphere(f64),
@@ -15,13 +15,13 @@ pub(super) enum Primitive {
     Cylinder(f64, f64),
 }
 
-/// Where a ray meets a shape.
+/// An intersection of a ray with a shape.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Crossing {
     pub(super) t: f64,
-    /// Unit normal, either way.
+    /// Unit normal, on either side.
     pub(super) normal: DVec3,
-    /// Which of a mesh's triangles.
+    /// Index of the triangle in a mesh.
     pub(super) triangle: usize,
 }
 
@@ -34,7 +34,7 @@ fn met(t: f64, normal: DVec3, triangle: usize) -> Crossing {
 }
 
 impl Primitive {
-    /// All meetings with a ray.
+    /// Returns all intersections with a ray.
     pub(super) fn crossings(&self, o: DVec3, d: DVec3) -> Vec<Crossing> {
         match self {
             Self::Triangles(triangles) => triangles
@@ -93,7 +93,7 @@ fn moller_trumbore([a, b, c]: &[DVec3; 3], o: DVec3, d: DVec3) -> Option<(f64, D
     inside.then(|| (e2.dot(q) / det, e1.cross(e2).normalize()))
 }
 
-/// Two triangles for each of the six faces.
+/// Returns the twelve triangles of a frustum, two per face.
 pub(super) fn frustum(base: f64, top: f64, height: f64) -> Vec<[DVec3; 3]> {
     let ring = |half: f64, z: f64| {
         [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)]

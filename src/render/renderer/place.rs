@@ -96,7 +96,7 @@ mod tests {
         Renderer::with_options(&profile, scene, 3, options).unwrap()
     }
 
-    /// Frames after objects were placed are those of a device that was started so.
+    /// Frames after objects have been placed equal those of a device started with these placements.
     fn frames_equal(text: &str, object: usize, backend: Backend) {
         let mut scene = Scene::parse(text, "test").unwrap();
         let mut placed = renderer(&scene, backend);
@@ -144,7 +144,7 @@ mod tests {
         assert!(depth(&mut renderer).iter().all(|z| *z == 1000.0));
         renderer.place(0, [0.0, 0.0, 900.0], [0.0; 3]).unwrap();
         assert!(depth(&mut renderer).iter().all(|z| *z == 900.0));
-        // A refusal leaves it where it is.
+        // A refused placement leaves the object unchanged.
         assert!(renderer.place(1, [0.0; 3], [0.0; 3]).is_err());
         assert!(depth(&mut renderer).iter().all(|z| *z == 900.0));
     }

@@ -16,8 +16,8 @@ impl Renderer {
         self.truth_at(sequence, middle)
     }
 
-    /// As [`Self::truth`], at a device time in nanoseconds, with the scene frozen in its state at
-    /// that time.
+    /// Same as [`Self::truth`] at a device time in nanoseconds, with the scene frozen in its state
+    /// at that time.
     pub fn truth_at(&mut self, sequence: &[(Pattern, Shot)], time_ns: u64) -> Truth {
         self.expect_slides(sequence.iter().filter_map(|(_, s)| s.slide.as_deref()));
         self.go_to_time(time_ns);
@@ -88,7 +88,7 @@ impl Renderer {
     }
 }
 
-/// Phases and shots of the finest fringes.
+/// Returns the phases and shots of the finest fringes.
 fn finest_fringes(sequence: &[(Pattern, Shot)]) -> Vec<(f64, &Shot)> {
     let finest = finest_fringe(sequence.iter().map(|(pattern, _)| pattern));
     sequence

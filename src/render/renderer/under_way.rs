@@ -223,7 +223,7 @@ mod tests {
         }
     }
 
-    /// However a GPU fails, all frames come, those after it as the processor alone makes them.
+    /// However a GPU fails, all frames arrive; those after the failure equal the CPU's.
     fn goes_on_after(fail: impl Fn(&mut Passes), backend: Backend) -> Renderer {
         let mut alone = renderer(Backend::Cpu).unwrap();
         let mut renderer = renderer(Backend::Gpu).unwrap();
@@ -276,7 +276,8 @@ mod tests {
         );
     }
 
-    /// Where an adapter is hardware it is taken, without words; where none is, the words say so.
+    /// A hardware adapter is used without a notice; without one, the notice explains the CPU
+    /// fallback.
     #[test]
     fn auto_takes_a_gpu_that_is_hardware_or_says_why_not() {
         let mut renderer = renderer(Backend::Auto).unwrap();

@@ -1,14 +1,14 @@
-//! The sensor alone, exposed to known signals, pixel by pixel.
+//! The isolated sensor model, exposed to known signals pixel by pixel.
 
 use super::super::plan::Plan;
 use super::super::term::Term;
 use super::Sensor;
 use phasmid_profile::Sensor as Parameters;
 
-/// Returns a sensor's output at base gain for given mean signals in digital numbers: shot noise,
-/// read noise, full well, converter and response, without dark current and fixed pattern. Two bytes
-/// per pixel, little-endian, if it has more than 8 bits. `seed` and `noise_id` key the noise as
-/// they do a frame's.
+/// Returns a sensor's output at base gain for given mean signals in digital numbers. Models shot
+/// noise, read noise, full well, converter and response, without dark current and fixed-pattern
+/// noise. The output has two bytes per pixel, little-endian, if the sensor has more than 8 bits.
+/// `seed` and `noise_id` seed the noise as they do for a frame.
 pub fn read_out(sensor: &Parameters, [seed, noise_id]: [u64; 2], mean_dn: &[f32]) -> Vec<u8> {
     let mut plan = Plan::default();
     plan.set(Term::Noise, !sensor.noiseless);
@@ -29,7 +29,7 @@ mod tests {
     use super::*;
     use phasmid_profile::Profile;
 
-    /// Means and variances of flat fields are those of the noise model.
+    /// Mean and variance of flat fields match the noise model.
     #[test]
     fn flat_fields_have_the_models_noise() {
         let sensor = Profile::load("pmp-bench").unwrap().camera.sensor;
@@ -41,7 +41,7 @@ mod tests {
             let squares: f64 = levels.iter().map(|&l| (f64::from(l) - found).powi(2)).sum();
             let expected = model.variance_dn2(mean.into());
             assert!((found - f64::from(mean)).abs() < 4.0 * (expected / n).sqrt());
-            // A variance of n values is off by sqrt(2 / n) of itself.
+            // The relative standard error of a variance from n values is sqrt(2 / n).
             assert!((squares / n / expected - 1.0).abs() < 4.0 * (2.0 / n).sqrt());
         }
     }

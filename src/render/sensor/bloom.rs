@@ -1,13 +1,14 @@
-//! Blooming: charge beyond the full well spills along the column, into pixels that have room.
+//! Blooming: charge beyond the full well spills along the column into pixels with free capacity.
 //!
 //! Janesick, "Scientific Charge-Coupled Devices" (2001), section 4.2: barriers along the column are
 //! lower than those between columns, so half of the excess goes each way, fills each pixel up to
 //! the full well and continues with the remainder. Charge that reaches the image border is drained.
-//! Mean charges spill before noise is drawn, which is small compared to a visible excess.
+//! Mean charges spill before noise is drawn; the noise is small compared to a visible excess.
 
-/// Spills the excess of a frame's mean charges over the full well.
+/// Spills the charge of a frame's pixels that exceeds the full well.
 ///
-/// `share` of the excess spills, 0 to 1; no charge is above the full well afterwards.
+/// `share`, 0 to 1, is the fraction of the excess that spills. Afterwards no charge is above the
+/// full well.
 pub(crate) fn spill(electrons: &mut [f32], width: usize, full_well_e: f32, share: f32) {
     if share == 0.0 || !electrons.iter().any(|&e| e > full_well_e) {
         return;
@@ -26,8 +27,8 @@ pub(crate) fn spill(electrons: &mut [f32], width: usize, full_well_e: f32, share
     }
 }
 
-/// Fills one row with charge carried over from its neighbour, and passes on the rest with the row's
-/// own excess.
+/// Fills one row with charge carried over from the adjacent row, and passes on the remainder plus
+/// the row's own excess.
 fn fill(electrons: &mut [f32], excess: &[f32], full_well_e: f32, carried: &mut [f32]) {
     for ((e, x), carried) in electrons.iter_mut().zip(excess).zip(carried) {
         let held = e.min(full_well_e);
@@ -57,7 +58,8 @@ mod tests {
         frame.chunks(WIDTH).map(|row| row[x]).collect()
     }
 
-    /// Closed form: each full well of excess makes one pixel more of the streak, half each way.
+    /// Closed form: each full well of excess charge lengthens the streak by one pixel, half of it
+    /// on each side.
     #[test]
     fn a_hot_pixels_streak_is_its_excess_over_the_full_well() {
         let frame = bloomed(&[(50, 8500.0)], 1.0);

@@ -1,13 +1,14 @@
-//! Logarithm and exponential in f32, without a call or a branch: lanes in, lanes out, and the same
-//! bits on every machine.
+//! Branch-free f32 logarithm and exponential without library calls: vectorizable over lanes, and
+//! bit-identical on every machine.
 
 use std::f32::consts::{LN_2, LOG2_E};
 
-/// Natural logarithm of a normal positive number, to 2e-7 relative or absolute: exponent and a
-/// polynomial in s = (m - 1)/(m + 1), ln m = 2 (s + s^3/3 + s^5/5 + ...), m in [1/sqrt 2, sqrt 2).
+/// Returns the natural logarithm of a normal positive number, with an error of at most 2e-7,
+/// relative or absolute. Splits off the exponent and evaluates a polynomial in s = (m - 1)/(m + 1):
+/// ln m = 2 (s + s^3/3 + s^5/5 + ...), m in [1/sqrt 2, sqrt 2).
 #[inline(always)]
 pub(super) fn ln(x: f32) -> f32 {
-    // Moves the cut of the mantissa to 1/sqrt(2).
+    // Moves the lower limit of the mantissa's range to 1/sqrt(2).
     let bits = x.to_bits().wrapping_sub(0x3f35_04f3);
     let exponent = (bits as i32) >> 23;
     let m = f32::from_bits((bits & 0x007f_ffff).wrapping_add(0x3f35_04f3));
@@ -17,16 +18,16 @@ pub(super) fn ln(x: f32) -> f32 {
     exponent as f32 * LN_2 + 2.0 * (s + s * z * series)
 }
 
-/// exp(-x) of x from 0 to 80, to 4e-7 relative: 2^k times the series of what is left, half an
-/// octave to each side.
+/// Returns exp(-x) for x from 0 to 80, with a relative error of at most 4e-7: 2^k times the series
+/// of the remainder, which is within half an octave either way.
 #[inline(always)]
 pub(super) fn exp_negative(x: f32) -> f32 {
-    /// Adding it leaves the nearest whole number in the low bits, of either sign.
+    /// Adding this leaves the nearest integer, of either sign, in the low bits.
     const WHOLE: f32 = (3u32 << 22) as f32;
     let shifted = x * -LOG2_E + WHOLE;
     let whole = shifted - WHOLE;
-    // ln 2 in two parts, the first with zeros at its end, so that its product is exact (Cody and
-    // Waite 1980).
+    // ln 2 in two parts. The first ends in zero bits, so that its product is exact (Cody and Waite
+    // 1980).
     let rest = (-x - whole * 0.693_359_4) + whole * 2.121_944_4e-4;
     let mut series = 1.0 + rest * (1.0 / 7.0);
     for k in [6.0, 5.0, 4.0, 3.0, 2.0, 1.0f32] {

@@ -1,28 +1,28 @@
-//! Fixed-pattern noise of one device: differences between its pixels, the same in every frame.
+//! Fixed-pattern noise of one device: differences between pixels that are the same in every frame.
 //!
-//! EMVA 1288 release 4.0, section 4, describes it by two numbers, each the standard deviation over
-//! the pixels: PRNU of their sensitivities, which scales a pixel's mean electrons before shot
-//! noise, and DSNU of their dark signals. The latter is measured at short exposures, where the
-//! readout dominates: an offset after the well that causes no shot noise and may be negative.
+//! EMVA 1288 release 4.0, section 4, describes it by two standard deviations over the pixels. PRNU
+//! is that of their sensitivities, which scale a pixel's mean electrons before shot noise. DSNU is
+//! that of their dark signals. DSNU is measured at short exposures, where the readout dominates, so
+//! it is modelled as an offset after the full well that causes no shot noise and may be negative.
 
 use super::normal::{Tails, quantiles};
 use super::philox::{self, BLOCK};
 use phasmid_core::simd::widest;
 use phasmid_profile::Sensor as Parameters;
 
-/// Draw indices, apart from those of the noise.
+/// Draw indices, distinct from those of the temporal noise.
 const DRAW_SENSITIVITY: u32 = 2;
 const DRAW_OFFSET: u32 = 3;
 
-/// Sensitivities and offsets of a sensor's pixels.
+/// Sensitivity and offset of each pixel of a sensor.
 pub(crate) struct FixedPattern {
-    /// Relative to the mean of all.
+    /// Sensitivity relative to the mean over all pixels.
     sensitivity: Vec<f32>,
     offset_e: Vec<f32>,
 }
 
 impl FixedPattern {
-    /// Draws the pattern of the device that `sensor.pattern_seed` names.
+    /// Generates the pattern of the device with seed `sensor.pattern_seed`.
     pub(crate) fn new(sensor: &Parameters, pixels: usize) -> Self {
         let draw = |index| normal_numbers([sensor.pattern_seed, 0], index, pixels);
         let prnu = (sensor.prnu_percent / 100.0) as f32;
@@ -40,18 +40,18 @@ impl FixedPattern {
         }
     }
 
-    /// Sensitivity and offset in electrons of each pixel.
+    /// Returns the sensitivity and the offset in electrons of each pixel.
     pub(crate) fn pixels(&self) -> impl Iterator<Item = [f32; 2]> {
         let pairs = self.sensitivity.iter().zip(&self.offset_e);
         pairs.map(|(&sensitivity, &offset_e)| [sensitivity, offset_e])
     }
 
-    /// Scales the mean electrons of the pixels from `first` on.
+    /// Scales the mean electrons of pixels, starting with pixel `first`, by their sensitivities.
     pub(super) fn scale(&self, first: usize, electrons: &mut [f32]) {
         multiply(&self.sensitivity[first..first + electrons.len()], electrons);
     }
 
-    /// Adds the offsets of the pixels from `first` on, in electrons.
+    /// Adds the offsets, in electrons, of pixels starting with pixel `first`.
     pub(super) fn offset(&self, first: usize, electrons: &mut [f32]) {
         add(&self.offset_e[first..first + electrons.len()], electrons);
     }

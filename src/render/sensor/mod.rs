@@ -1,6 +1,6 @@
-//! The sensor pass: mean electrons to digital numbers, by the linear model of EMVA 1288 release 4.0
-//! (section 2): sensitivity of the pixel, dark current, shot noise, full well, read noise, offset
-//! of the pixel, system gain, black level, converter, and the non-linear response, if any.
+//! The sensor pass: converts mean electrons to digital numbers by the linear model of EMVA 1288
+//! release 4.0 (section 2): pixel sensitivity, dark current, shot noise, full well, read noise,
+//! pixel offset, system gain, black level, converter, and the non-linear response, if any.
 
 mod alone;
 pub(super) mod bloom;
@@ -23,11 +23,11 @@ use phasmid_profile::Sensor as Parameters;
 use phasmid_protocol::PixelFormat;
 use response::Response;
 
-/// The sensor at one gain and exposure, for one frame: the terms that the plan has.
+/// The sensor at one gain and exposure, for one frame, with the terms that the plan enables.
 #[derive(Clone, Copy)]
 pub(super) struct Sensor<'a> {
     linear: Linear,
-    /// Words of two bytes.
+    /// Whether a pixel takes two bytes.
     wide: bool,
     dark_e: Option<f32>,
     fixed: Option<&'a FixedPattern>,
@@ -35,7 +35,7 @@ pub(super) struct Sensor<'a> {
     response: Option<Response>,
 }
 
-/// From electrons to linear digital numbers.
+/// Conversion from electrons to linear digital numbers.
 #[derive(Debug, Clone, Copy)]
 struct Linear {
     full_well_e: f32,
@@ -45,8 +45,8 @@ struct Linear {
 }
 
 impl<'a> Sensor<'a> {
-    /// `noise` is the seed and the shot's noise id: shot and read noise are drawn if the plan has
-    /// them. `fixed` is the pattern, if the plan has that.
+    /// Creates the model. `noise` is the seed and the shot's noise id, used if the plan enables
+    /// shot and read noise. `fixed` is the fixed pattern, used if the plan enables it.
     pub(super) fn new(
         sensor: &Parameters,
         plan: &Plan,
@@ -57,7 +57,8 @@ impl<'a> Sensor<'a> {
         let gain = sensor.gain_at(gain_db);
         let full_scale = sensor.full_scale_dn();
         let (full_well_e, read_noise_e) = (sensor.full_well_e, sensor.read_noise_e);
-        // Whether a full well reads the converter's last number whatever the read noise and offset.
+        // Whether a full well always reads as the converter's maximum, whatever the read noise and
+        // offset.
         let far = f64::from(noise::FARTHEST);
         let least = full_well_e - far * (read_noise_e + sensor.dsnu_e);
         let hidden = least * gain + sensor.black_level_dn >= full_scale - 0.5;
@@ -89,7 +90,8 @@ impl<'a> Sensor<'a> {
         self.linear.full_well_e
     }
 
-    /// Converts the mean photoelectrons of the pixels from `first` on to all collected electrons.
+    /// Converts the mean photoelectrons of pixels, starting with pixel `first`, to mean collected
+    /// electrons.
     pub(super) fn gather(&self, first: usize, electrons: &mut [f32]) {
         if let Some(fixed) = self.fixed {
             fixed.scale(first, electrons);
@@ -101,8 +103,9 @@ impl<'a> Sensor<'a> {
         }
     }
 
-    /// Digital numbers of the pixels from `first` on, a multiple of the random numbers' block of
-    /// 32. `electrons` holds the means that they have gathered, and is used as scratch.
+    /// Computes the digital numbers of pixels, starting with pixel `first`, a multiple of the
+    /// random number block size of 32. `electrons` holds their mean collected electrons, and is
+    /// used as scratch.
     pub(super) fn read(&self, first: usize, electrons: &mut [f32], out: &mut [u8]) {
         match &self.noise {
             Some(noise) => noise::draw(noise, first, electrons),
@@ -130,8 +133,8 @@ impl<'a> Sensor<'a> {
         }
     }
 
-    /// Digital numbers, not rounded, without shot and read noise, of the pixels from `first` on.
-    /// `electrons` holds the means that they have gathered, and is used as scratch.
+    /// Computes the unrounded digital numbers of pixels, starting with pixel `first`, without shot
+    /// and read noise. `electrons` holds their mean collected electrons, and is used as scratch.
     pub(super) fn expect(&self, first: usize, electrons: &mut [f32], out: &mut [f32]) {
         clip(self.linear.full_well_e, electrons);
         if let Some(fixed) = self.fixed {
@@ -161,10 +164,10 @@ impl Linear {
         }
     }
 
-    /// The nearest whole number, in the low bits of a word.
+    /// Returns the nearest integer in the low bits of a word.
     #[inline(always)]
     fn word(&self, electrons: f32) -> u32 {
-        /// Adding it leaves whole numbers in the low bits.
+        /// Adding this leaves the integer in the low bits.
         const WHOLE: f32 = (1u32 << 23) as f32;
         (self.dn(electrons) + WHOLE).to_bits()
     }
@@ -190,7 +193,7 @@ fn clip_body(full_well_e: f32, electrons: &mut [f32]) {
     }
 }
 
-/// Electrons to the numbers in the frame, not rounded.
+/// Converts electrons to unrounded digital numbers of the frame.
 #[inline(always)]
 fn bend_body(response: &Response, linear: &Linear, electrons: &mut [f32]) {
     for e in electrons {

@@ -1,10 +1,10 @@
 //! Shot and read noise.
 //!
-//! EMVA 1288 release 4.0, section 2: a pixel's electrons are Poisson distributed about their mean
-//! and at most its full well; the readout adds normal noise. Where the mean is large and the well
-//! far, the sum of the two is drawn as one number, of their variance V, their skewness and their
-//! excess by Cornish and Fisher (1938): with g1 = mu / V^1.5 and g2 = mu / V^2, the cumulants
-//! of a Poisson variable in a variance of V,
+//! EMVA 1288 release 4.0, section 2: a pixel's electrons are Poisson distributed and limited to the
+//! full well; the readout adds normal noise. If the mean mu is large and the full well far above
+//! it, the sum of both is drawn as one number from its variance V, skewness g1 and excess kurtosis
+//! g2 by the Cornish-Fisher expansion (1938). With the cumulants of a Poisson variable in a
+//! variance of V, g1 = mu / V^1.5 and g2 = mu / V^2:
 //!
 //! x = mu + sqrt(V) (z + (z^2 - 1) g1 / 6 + (z^3 - 3 z) g2 / 24 - (2 z^3 - 5 z) g1^2 / 36).
 
@@ -13,13 +13,13 @@ use super::philox::BLOCK;
 use super::{philox, poisson};
 use phasmid_core::simd::widest;
 
-/// Upper limit of the magnitude of normal numbers.
+/// Upper limit of the magnitude of standard normal numbers.
 pub(super) const FARTHEST: f32 = 7.0;
 /// Draw indices of the random terms.
 const DRAW_SHOT: u32 = 0;
 const DRAW_READ: u32 = 1;
 
-/// The noise of one frame.
+/// Noise parameters of one frame.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Noise {
     pub(super) key: [u64; 2],
@@ -31,10 +31,10 @@ pub(super) struct Noise {
 }
 
 impl Noise {
-    /// `key` is the seed and the noise id. `hidden` means that the converter always saturates
-    /// before the full well has an effect, noise included.
+    /// Creates the noise parameters. `key` is the seed and the noise id. `hidden` means that the
+    /// converter always saturates before the full well has an effect, noise included.
     pub(super) fn new(key: [u64; 2], read_noise_e: f32, full_well_e: f32, hidden: bool) -> Self {
-        // Normal numbers of 32-bit words end at 6.4 standard deviations.
+        // Normal numbers from 32-bit words reach at most 6.4 standard deviations.
         let near = (full_well_e - FARTHEST * full_well_e.sqrt()).max(poisson::BELOW);
         Self {
             key,
@@ -45,11 +45,11 @@ impl Noise {
     }
 }
 
-/// Blocks of random numbers generated at a time, so that they stay in cache.
+/// Number of blocks of random numbers generated at a time, so that they stay in cache.
 const BATCH: usize = 16;
 
-/// Draws the electrons of the pixels from `first` on, a multiple of [`BLOCK`], in place of their
-/// means.
+/// Replaces the mean electrons of pixels, starting with pixel `first`, a multiple of [`BLOCK`], by
+/// random draws.
 pub(super) fn draw(noise: &Noise, first: usize, electrons: &mut [f32]) {
     let (blocks, end) = electrons.as_chunks_mut::<BLOCK>();
     let mut index = (first / BLOCK) as u32;
@@ -73,7 +73,7 @@ fn draw_batch(noise: &Noise, index: u32, blocks: &mut [[f32; BLOCK]]) {
     let mut words = [[0; BLOCK]; BATCH];
     let words = &mut words[..blocks.len()];
     philox::fill(noise.key, index, DRAW_SHOT, words);
-    // Few frames approach the full well: most need no second random number.
+    // Few frames approach the full well, so most need no second random number.
     let mut more = [[0; BLOCK]; BATCH];
     if blocks
         .as_flattened()
@@ -117,7 +117,7 @@ fn spread_body(
     }
 }
 
-/// Pixels with many electrons, but far fewer than the well holds.
+/// Draws bright pixels that stay far below the full well.
 #[inline(always)]
 fn even(noise: &Noise, electrons: &mut [f32; BLOCK], words: &[u32; BLOCK]) {
     let read_variance = noise.read_noise_e * noise.read_noise_e;
@@ -127,7 +127,7 @@ fn even(noise: &Noise, electrons: &mut [f32; BLOCK], words: &[u32; BLOCK]) {
     }
 }
 
-/// Pixels of which some are dark, and some not if there are `bright` ones.
+/// Draws blocks that contain dark pixels, and also brighter ones if `bright`.
 #[inline(always)]
 fn few(noise: &Noise, electrons: &mut [f32; BLOCK], words: &[u32; BLOCK], bright: bool) {
     let read_variance = noise.read_noise_e * noise.read_noise_e;
@@ -150,7 +150,7 @@ fn few(noise: &Noise, electrons: &mut [f32; BLOCK], words: &[u32; BLOCK], bright
     }
 }
 
-/// Again the pixels of means near the full well and above: shot noise, the well, read noise.
+/// Redraws pixels with means near or above the full well: shot noise, clipping, read noise.
 #[inline(always)]
 fn clipped(
     noise: &Noise,
@@ -177,7 +177,7 @@ fn clipped(
     }
 }
 
-/// Shot noise and a read noise of this variance, in one normal number.
+/// Returns shot noise plus read noise of the given variance from one normal number.
 #[inline(always)]
 fn many(mean: f32, read_variance: f32, z: f32) -> f32 {
     let variance = mean + read_variance;
@@ -205,7 +205,7 @@ mod tests {
         electrons
     }
 
-    /// Standard normal distribution function, to 1e-12: Simpson's rule from 0.
+    /// Standard normal distribution function, accurate to 1e-12, by Simpson's rule from 0.
     fn normal(x: f64) -> f64 {
         let x = x.clamp(-9.0, 9.0);
         let steps = 400;
@@ -217,7 +217,7 @@ mod tests {
         0.5 + h / 3.0 * (density(0.0) + inner + density(x))
     }
 
-    /// Poisson probabilities of 0, 1, ...
+    /// Poisson probabilities of 0, 1, 2, ...
     fn poisson(mean: f64) -> Vec<f64> {
         let mut log_p = -mean;
         (0..(mean + 12.0 * mean.sqrt() + 20.0) as u32)
@@ -230,9 +230,9 @@ mod tests {
             .collect()
     }
 
-    /// Pearson's chi-square of `values` over bins of one electron about the whole numbers, joined
-    /// until ten are expected; and the value that one run in 10,000 exceeds (Wilson and Hilferty
-    /// 1931).
+    /// Returns Pearson's chi-square of `values` over bins of one electron centred on integers,
+    /// merged until each expects at least ten values; and its critical value, which one run in
+    /// 10,000 exceeds (Wilson and Hilferty 1931).
     fn chi_square(values: &[f32], below: impl Fn(f64) -> f64) -> (f64, f64) {
         let least = values.iter().copied().fold(f32::MAX, f32::min).round() as i32 - 30;
         let most = values.iter().copied().fold(f32::MIN, f32::max).round() as i32 + 30;
@@ -246,7 +246,7 @@ mod tests {
         for (k, c) in counts.iter().enumerate() {
             count += c;
             let to = below(f64::from(least) + k as f64 + 0.5);
-            // The last bin takes the rest.
+            // The last bin includes the tail.
             let to = if n * (1.0 - to) < 10.0 { 1.0 } else { to };
             let expected = n * (to - from);
             if expected >= 10.0 || to == 1.0 {
@@ -270,8 +270,8 @@ mod tests {
         (statistic, critical)
     }
 
-    /// A million draws each, on both sides of the switch from Poisson numbers to normal ones: a
-    /// right sampler fails one seed in 10,000, and the seeds are fixed.
+    /// Draws a million values per mean, on both sides of the switch from Poisson to normal numbers.
+    /// A correct sampler fails for one seed in 10,000; the seeds are fixed.
     #[test]
     fn shot_noise_is_poisson_distributed() {
         for (i, mean) in [0.01, 0.4, 1.0, 5.0, 12.3, 31.9, 32.0, 33.0, 100.0, 2000.0]
@@ -295,9 +295,10 @@ mod tests {
         }
     }
 
-    /// The same with read noise, which shares the pixel's random word: the sum's distribution is
-    /// the Poisson probabilities' mixture of normal ones. Bins of one electron, and at a read noise
-    /// of 0.3 electrons values ten times as large, so that they show the comb.
+    /// The same test with read noise, which is drawn from the pixel's same random word: the sum is
+    /// distributed as a mixture of normal distributions weighted by the Poisson probabilities. Bins
+    /// are one electron wide; at a read noise of 0.3 electrons values are scaled by ten, so that
+    /// the bins resolve the comb.
     #[test]
     fn read_noise_is_normal_and_independent() {
         for (i, (mean, read, zoom)) in [
@@ -333,7 +334,7 @@ mod tests {
         }
     }
 
-    /// A wrong distribution does fail: a normal one of the same mean and variance.
+    /// The test rejects a wrong distribution: a normal one with equal mean and variance.
     #[test]
     fn the_test_sees_what_is_not_poisson() {
         let below = |x: f64| normal((x - 12.3) / 12.3f64.sqrt());
@@ -341,7 +342,7 @@ mod tests {
         assert!(statistic > 10.0 * critical, "{statistic} {critical}");
     }
 
-    /// On a machine with AVX2 this compares it with the code for any x86-64.
+    /// On a machine with AVX2 this compares the AVX2 code with the code for any x86-64.
     #[test]
     fn every_instruction_set_gives_the_same_bits() {
         let noise = Noise::new([7, 1], 2.3, 600.0, false);
@@ -361,7 +362,7 @@ mod tests {
         assert_eq!(bits(&wide), bits(&narrow));
     }
 
-    /// What a pixel draws depends on its own mean and place alone, not on its neighbours'.
+    /// A pixel's draw depends only on its own mean and position, not on its neighbours.
     #[test]
     fn neighbours_and_cuts_change_nothing() {
         let noise = Noise::new([3, 9], 2.3, 600.0, false);
@@ -378,7 +379,7 @@ mod tests {
         }
     }
 
-    /// Shot noise is clipped by the full well, read noise is not.
+    /// The full well clips shot noise but not read noise.
     #[test]
     fn a_full_well_has_read_noise_alone() {
         let noise = Noise::new([3, 9], 2.0, 1000.0, false);
@@ -399,7 +400,7 @@ mod tests {
         );
     }
 
-    /// Nothing that is not a number comes out, whatever goes in.
+    /// The output contains no NaN, whatever the input.
     #[test]
     fn any_mean_gives_a_number() {
         for read in [0.0, 2.0] {

@@ -1,8 +1,9 @@
-//! Standard normal numbers from uniform 32-bit words, by the inverse of the distribution.
+//! Standard normal numbers from uniform 32-bit words, by inversion of the distribution function.
 //!
 //! x = sqrt(2) erfinv(2 p - 1), with Giles's single-precision erfinv ("Approximating the erfinv
-//! function", GPU Computing Gems Jade, 2011). The word's smaller tail is used and its sign put
-//! back, so that both tails reach as far as 32 bits allow: 6.3 standard deviations.
+//! function", GPU Computing Gems Jade, 2011). It is evaluated for the smaller tail of the word and
+//! the sign is restored afterwards, so that both tails reach as far as 32 bits allow: 6.3 standard
+//! deviations.
 
 use super::elementary::ln;
 use std::f32::consts::SQRT_2;
@@ -10,8 +11,8 @@ use std::f32::consts::SQRT_2;
 /// The sign bit of a word or an f32.
 pub(super) const SIGN: u32 = 1 << 31;
 
-/// Uniform numbers by their smaller tails: the probability on that side, in (0, 1/2], and the sign
-/// bit of the normal number there.
+/// Uniform numbers in terms of their smaller tails: the tail probability, in (0, 1/2], and the sign
+/// bit of the corresponding normal number.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Tails<const N: usize> {
     pub(super) probability: [f32; N],
@@ -19,16 +20,16 @@ pub(super) struct Tails<const N: usize> {
 }
 
 impl<const N: usize> Tails<N> {
-    /// The tails of uniform words.
+    /// Returns the tails of uniform words.
     #[inline(always)]
     pub(super) fn of_words(words: &[u32; N]) -> Self {
         let mut probability = [0.0; N];
         let mut sign = [0; N];
         for i in 0..N {
-            // All ones in the upper half.
+            // All ones if the word is in the upper half.
             let upper = ((words[i] as i32) >> 31) as u32;
             let tail = words[i] ^ upper;
-            // Through i32, which has a SIMD cast.
+            // The cast goes through i32 because only that has a SIMD instruction.
             probability[i] = (tail as i32 as f32 + 0.5) * (1.0 / 4_294_967_296.0);
             sign[i] = !words[i] & SIGN;
         }
@@ -36,7 +37,7 @@ impl<const N: usize> Tails<N> {
     }
 }
 
-/// The standard normal numbers of uniform ones.
+/// Converts uniform numbers to standard normal numbers.
 #[inline(always)]
 pub(super) fn quantiles<const N: usize>(tails: &Tails<N>) -> [f32; N] {
     let p = &tails.probability;
@@ -49,7 +50,7 @@ pub(super) fn quantiles<const N: usize>(tails: &Tails<N>) -> [f32; N] {
         ratio[i] = polynomial(&CENTRAL, w[i] - 2.5);
         far |= u32::from(w[i] >= CENTRAL_END);
     }
-    // One number in 300 lies in the tails: most groups have none.
+    // One number in 300 lies in the tails, so most groups have none there.
     if far != 0 {
         for i in 0..N {
             let tail = polynomial(&TAIL, w[i].max(0.0).sqrt() - 3.0);
@@ -64,8 +65,8 @@ pub(super) fn quantiles<const N: usize>(tails: &Tails<N>) -> [f32; N] {
     normal
 }
 
-/// Giles's polynomials for erfinv(x) / x in w = -ln(1 - x^2), of w - 2.5 below the end of the
-/// central part and of sqrt(w) - 3 beyond, highest power first.
+/// Giles's polynomials for erfinv(x) / x with w = -ln(1 - x^2): in w - 2.5 up to the end of the
+/// central part, and in sqrt(w) - 3 beyond. Highest power first.
 const CENTRAL_END: f32 = 5.0;
 const CENTRAL: [f32; 9] = [
     2.810_226_4e-8,
@@ -105,7 +106,7 @@ mod tests {
     use super::*;
     use crate::gpu::Engine;
 
-    /// Standard normal distribution function by the continued fraction of its tail (Abramowitz and
+    /// Standard normal distribution function: the continued fraction of its tail (Abramowitz and
     /// Stegun 26.2.14) and, near zero, its series (26.2.10).
     fn cdf(x: f64) -> f64 {
         let density = (-0.5 * x * x).exp() / std::f64::consts::TAU.sqrt();
@@ -125,7 +126,8 @@ mod tests {
         if x < 0.0 { tail } else { 1.0 - tail }
     }
 
-    /// Logarithm, exponential and normal numbers of words at both ends and between.
+    /// Checks logarithm, exponential and normal numbers for words at both ends of the range and in
+    /// between.
     #[test]
     #[ignore = "needs a Vulkan adapter"]
     fn gpu_functions_are_within_rounding() {
@@ -148,16 +150,16 @@ mod tests {
     #[test]
     fn inverts_the_distribution() {
         for i in 0..=2000u32 {
-            // Down to the last word of the tail.
+            // Includes the last words of the tail.
             let word = (f64::from(i) / 2000.0).powi(6) * 2_147_483_647.0;
             let word = word as u32;
             let p = (f64::from(word) + 0.5) / 4_294_967_296.0;
             let [low, high] = quantiles(&Tails::of_words(&[word, !word]));
             let x = f64::from(low);
             let density = (-0.5 * x * x).exp() / std::f64::consts::TAU.sqrt();
-            // Error of x, from the error of p.
+            // Error of x, derived from the error of p.
             let error = (cdf(x) - p) / density;
-            // Giles fitted up to the last f32 before 1, at 5.4 standard deviations.
+            // Giles fitted up to the last f32 below 1, at 5.4 standard deviations.
             let bound = if x.abs() < 5.3 {
                 3e-6 * (1.0 + x.abs())
             } else {

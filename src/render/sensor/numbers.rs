@@ -1,4 +1,4 @@
-//! Sensor parameters of a frame for the GPU twin of this pass.
+//! Per-frame sensor parameters for the GPU version of this pass.
 
 use super::Sensor;
 
@@ -9,20 +9,20 @@ pub(crate) struct Numbers {
     pub(crate) key: [u64; 2],
     pub(crate) read_noise_e: f32,
     pub(crate) full_well_e: f32,
-    /// Mean from which shot and read noise are drawn apart; not finite where none is.
+    /// Mean from which shot and read noise are drawn separately; infinite if they never are.
     pub(crate) apart_from_e: f32,
     pub(crate) dark_e: f32,
     pub(crate) gain_dn_per_e: f32,
     pub(crate) black_dn: f32,
     pub(crate) full_scale_dn: f32,
-    /// Of the response; 1 where it is not bent.
+    /// Exponent of the response; 1 if it is linear.
     pub(crate) exponent: f32,
-    /// Words of two bytes.
+    /// Whether a pixel takes two bytes.
     pub(crate) wide: bool,
 }
 
 impl Sensor<'_> {
-    /// Returns the parameters; terms not in the plan get neutral values.
+    /// Returns the parameters; terms that the plan disables get neutral values.
     pub(crate) fn numbers(&self) -> Numbers {
         let noise = self.noise.as_ref();
         Numbers {

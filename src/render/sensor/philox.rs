@@ -1,21 +1,21 @@
-//! Random numbers of many pixels: [`phasmid_core::philox`] in lanes. A frame's noise is the same on any
-//! number of threads and in any order.
+//! Random numbers for many pixels: a SIMD version of [`phasmid_core::philox`]. A frame's noise is
+//! independent of the number of threads and the order of evaluation.
 
 use phasmid_core::philox::{M, ROUNDS, W};
 use phasmid_core::simd::widest;
 
-/// Counters that [`block`] runs side by side.
+/// Number of counters that [`block`] processes in parallel.
 pub(super) const WIDTH: usize = 8;
-/// Random words of a block, as many pixels as it serves.
+/// Number of random words in a block, one per pixel.
 pub(super) const BLOCK: usize = 4 * WIDTH;
 
-/// The random words of `BLOCK` pixels, one each: word w of counter c belongs to pixel
+/// Returns the random words of `BLOCK` pixels, one each: word w of counter c belongs to pixel
 /// `block_index * BLOCK + w * WIDTH + c` of the frame.
 ///
 /// `key` is the seed; the counter is (pixel counter, draw, low and high half of the shot's noise id).
 ///
-/// Words live in lanes of 64 bits whose upper halves are left over from products: a SIMD multiply
-/// takes the lower halves and gives whole products, so that no lane ever moves.
+/// Words are stored in 64-bit lanes whose upper halves hold leftovers of products: a SIMD multiply
+/// reads only the lower halves and returns full products, so that no lane needs shuffling.
 #[inline(always)]
 fn block(key: u64, block_index: u32, draw: u32, frame: u64) -> [u32; BLOCK] {
     const LOW: u64 = u32::MAX as u64;
@@ -45,8 +45,8 @@ fn block(key: u64, block_index: u32, draw: u32, frame: u64) -> [u32; BLOCK] {
 }
 
 widest! {
-    /// Fills `words` with the blocks from `first_block` on: see [`block`]. A pass of its own, so
-    /// that its lanes stay in registers.
+    /// Fills `words` with consecutive blocks from `first_block` on, see [`block`]. This is a
+    /// separate pass so that its lanes stay in registers.
     pub(super) fn fill(key: [u64; 2], first_block: u32, draw: u32, words: &mut [[u32; BLOCK]])
         => fill_body
 }
@@ -64,7 +64,8 @@ mod tests {
     use crate::gpu::Engine;
     use phasmid_core::philox::philox;
 
-    /// The published vectors and random ones, as words of a counter and as those of its pixels.
+    /// Checks the published test vectors and random ones, as words of a counter and as words of its
+    /// pixels.
     #[test]
     #[ignore = "needs a Vulkan adapter"]
     fn gpu_words_are_the_same() {

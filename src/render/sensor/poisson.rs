@@ -1,21 +1,22 @@
-//! Poisson numbers of small means, lane by lane, by inversion of the distribution.
+//! Poisson numbers of small means, vectorized, by inversion of the distribution.
 //!
-//! Devroye, "Non-Uniform Random Variate Generation" (1986), X.3.3: from 0 up, the probability of n
-//! is that of n - 1 times mean / n, until their sum exceeds a uniform number. Where in the last
-//! step it lies is again a uniform number, independent of n: the read noise is drawn from that, so
-//! that a dark pixel takes one random word as a bright one does.
+//! Devroye, "Non-Uniform Random Variate Generation" (1986), X.3.3: starting at 0, the probability
+//! of n is that of n - 1 times mean / n; the result is the n at which their sum exceeds a uniform
+//! number. The position of the uniform number within that last step is again uniform and
+//! independent of n. The read noise is drawn from it, so that dark pixels also need only one random
+//! word.
 
 use super::elementary::exp_negative;
 use super::normal::{SIGN, Tails};
 use super::philox::BLOCK;
 
-/// Means from here on are drawn by [`super::noise`] from a normal number.
+/// Means from this value on are drawn from a normal number by [`super::noise`].
 pub(super) const BELOW: f32 = 32.0;
-/// Probabilities are in units of 2^-24: those of a word's upper bits are whole numbers of f32.
+/// Probabilities are in units of 2^-24, in which the upper bits of a word are exact f32 integers.
 const ONE: f32 = (1u32 << 24) as f32;
-/// No lane steps further: 1e-13 of the probability of the largest mean lies beyond.
+/// Maximum number of steps: at the largest mean, a probability of 1e-13 lies beyond.
 const STEPS: usize = 84;
-/// Steps between looks at whether every lane has arrived.
+/// Steps between checks whether all lanes are done.
 const STRIDE: usize = 4;
 
 /// 1 / (n + 1).
@@ -29,19 +30,21 @@ const INVERSE_OF_NEXT: [f32; STEPS] = {
     inverse
 };
 
-/// Poisson numbers of `means` (0 or more) and, from the same words, uniform ones. Lanes of a mean
-/// of [`BELOW`] or more take no part: their uniform numbers are the words' own.
+/// Returns Poisson numbers of `means` (0 or more) and, from the same words, independent uniform
+/// numbers. Lanes with a mean of [`BELOW`] or more are skipped: their uniform numbers are those of
+/// the words themselves.
 #[inline(always)]
 pub(super) fn numbers(means: &[f32; BLOCK], words: &[u32; BLOCK]) -> ([f32; BLOCK], Tails<BLOCK>) {
     let mut mean = [0.0; BLOCK];
     let mut probability = [0.0; BLOCK];
-    // The uniform number less the probabilities so far: at first positive, in the end negative.
+    // The uniform number minus the probabilities so far: positive at first, negative in the end.
     let mut left = [0.0; BLOCK];
-    // The least positive and the least negative of those, as the bits of an f32: as unsigned numbers
-    // the positive ones come first, as signed ones the negative, and both rise with the magnitude.
+    // The smallest positive and the smallest negative of these values, as f32 bits: compared as
+    // unsigned integers, positive values come first; compared as signed integers, negative values
+    // do. Both orders rise with the magnitude.
     let mut low = [0u32; BLOCK];
     let mut high = [i32::MAX; BLOCK];
-    // Minus the number of negative ones.
+    // Minus the number of negative values.
     let mut past = [0i32; BLOCK];
     for i in 0..BLOCK {
         let few = means[i] < BELOW;
@@ -83,7 +86,7 @@ pub(super) fn numbers(means: &[f32; BLOCK], words: &[u32; BLOCK]) -> ([f32; BLOC
         let tail = if low + 0.5 < high { low + 0.5 } else { high };
         let side = if low + 0.5 < high { SIGN } else { 0 };
         let tail = tail / (low + high);
-        // In a step narrower than a unit, the half unit is too much.
+        // In a step narrower than one unit, the added half unit is too much.
         let tail = if tail < 0.5 { tail } else { 0.5 };
         tails.probability[i] = if few { tail } else { tails.probability[i] };
         tails.sign[i] = if few { side } else { tails.sign[i] };
@@ -94,8 +97,8 @@ pub(super) fn numbers(means: &[f32; BLOCK], words: &[u32; BLOCK]) -> ([f32; BLOC
     (number, tails)
 }
 
-/// Rounding leaves the sums of f32 short of one by some 1e-7: lanes whose uniform number lies there
-/// get their number from sums of f64, and the middle of their last step.
+/// Resolves lanes in the far tail. Rounding leaves the f32 sums about 1e-7 short of one; lanes with
+/// a uniform number in that gap take their number from f64 sums, and the middle of the last step.
 #[cold]
 fn far_tail(
     left: &[f32; BLOCK],
@@ -112,7 +115,7 @@ fn far_tail(
     }
 }
 
-/// The number of a word by sums of f64.
+/// Returns the Poisson number of a word from f64 sums.
 fn exactly(mean: f32, word: u32) -> f32 {
     let mean = f64::from(mean);
     let uniform = (f64::from(word >> 8) + 0.5) / f64::from(ONE);
@@ -132,7 +135,8 @@ mod tests {
     use super::*;
     use crate::gpu::Engine;
 
-    /// Lanes against sums in f64: the same number, but for words at the very border of two.
+    /// Compares lanes with f64 sums: the numbers agree, except for words at the border of two
+    /// numbers.
     #[test]
     fn inverts_the_distribution() {
         let mut differ = 0;
@@ -154,11 +158,11 @@ mod tests {
                 assert!(tails.probability[i] > 0.0 && tails.probability[i] <= 0.5);
             }
         }
-        // Of 1.9 million, at ten borders each within 1e-7.
+        // Of 1.9 million words, at ten borders, each within 1e-7.
         assert!(differ <= 20, "{differ}");
     }
 
-    /// Any mean with any word, and with words of the far tail, where the GPU has no f64.
+    /// Covers any mean with any word, and words of the far tail, where the GPU lacks f64.
     #[test]
     #[ignore = "needs a Vulkan adapter"]
     fn gpu_numbers_are_the_same() {
@@ -208,15 +212,15 @@ mod tests {
             println!(
                 "far tail {far}: {differ}, {differ_far} of {count} differ, the rest by {rest:e}"
             );
-            // At the very border of two numbers.
+            // Words at the border of two numbers.
             assert!(differ_far <= 5, "{differ_far}");
             assert!(differ <= if far { 20 } else { 2 }, "{differ}");
-            // Steps of the far tail are narrower than a unit.
+            // Steps of the far tail are narrower than one unit.
             assert!(far || rest < 0.01, "{rest}");
         }
     }
 
-    /// What is left of the word says where in the step of its number it lies.
+    /// The remaining uniform number is the word's position within the step of its number.
     #[test]
     fn the_rest_is_uniform() {
         let mean = 1.5;

@@ -1,4 +1,4 @@
-//! The response of [`profile::CameraResponse`](phasmid_profile::CameraResponse) in f32, over lanes.
+//! The response of [`profile::CameraResponse`](phasmid_profile::CameraResponse) in f32, vectorized.
 
 use super::elementary::{exp_negative, ln};
 use phasmid_profile as profile;
@@ -21,12 +21,12 @@ impl Response {
         }
     }
 
-    /// The number in the frame of a linear one in 0 to full scale: to 1e-6 of full scale, and
-    /// exactly the same where the exponent is 1.
+    /// Maps a linear digital number from 0 to full scale to the number in the frame: to 1e-6 of
+    /// full scale, and unchanged if the exponent is 1.
     #[inline(always)]
     pub(super) fn bend(&self, linear_dn: f32) -> f32 {
-        /// Less than 1e-9 of full scale, to the power of 1/4, is still below 0.006 of it: light
-        /// that small is cut to none.
+        /// Values below 1e-9 of full scale, raised to the power of 1/4, are still below 0.006 of
+        /// it; they are treated as zero.
         const LEAST: f32 = 1e-9;
         let share = linear_dn / self.full_scale_dn;
         let some = if share > LEAST { share } else { LEAST };

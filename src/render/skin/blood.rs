@@ -1,7 +1,7 @@
 //! Absorption of blood.
 
-/// Molar extinction coefficients of oxygenated and of deoxygenated haemoglobin in 1/(cm mol/l), from
-/// 310 to 1000 nm in steps of 10: compiled by Prahl from Gratzer and Kollias,
+/// Molar extinction coefficients of oxygenated and of deoxygenated haemoglobin in 1/(cm mol/l),
+/// from 310 to 1000 nm in steps of 10 nm, compiled by Prahl from Gratzer and Kollias,
 /// omlc.org/spectra/hemoglobin/summary.html.
 #[rustfmt::skip]
 const EXTINCTION: [[f64; 2]; 70] = [
@@ -79,8 +79,9 @@ const EXTINCTION: [[f64; 2]; 70] = [
 const FIRST_NM: f64 = 310.0;
 const STEP_NM: f64 = 10.0;
 
-/// Absorption coefficient in 1/cm of whole blood, 150 g of haemoglobin of 64,500 g/mol in a litre,
-/// of which a part is oxygenated. The table is held beyond its ends.
+/// Returns the absorption coefficient in 1/cm of whole blood with 150 g of haemoglobin (64,500
+/// g/mol) per litre, of which the fraction `oxygenated` is oxygenated. Beyond the ends of the table
+/// its end values apply.
 pub(super) fn absorption_per_cm(nm: f64, oxygenated: f64) -> f64 {
     let last = (EXTINCTION.len() - 1) as f64;
     let place = ((nm - FIRST_NM) / STEP_NM).clamp(0.0, last);

@@ -12,21 +12,22 @@ use rayon::prelude::*;
 use std::f64::consts::TAU;
 use std::sync::Arc;
 
-/// Maps over the camera's pixels, row by row. The projector coordinates of the buffer stay those of
-/// the surface, which the truth is, so that what skin does to a measurement shows.
+/// Skin maps over the camera's pixels, row-major. The projector coordinates of the geometry buffer
+/// remain those of the surface, which are the ground truth, so that measurements show the error
+/// that skin causes.
 #[derive(Debug, Clone)]
 pub(crate) struct SkinMaps {
-    /// Projector column and row from which the light comes that the pixel's centre sends out: its
-    /// own, shifted where it is skin.
+    /// Projector column and row where the light seen at the pixel centre entered the surface: the
+    /// point's own coordinates, shifted on skin.
     pub(crate) from: [Vec<f32>; 2],
-    /// Slide pixels a millimetre of skin along the gradients of column and row.
+    /// Slide pixels per millimetre of skin along the gradients of column and row.
     px_per_mm: Vec<[f32; 2]>,
-    /// Index of its tissue; `NONE` where it is not lit skin.
+    /// Index of the tissue; `NONE` for pixels that are not lit skin.
     tissue: Vec<u16>,
     materials: Arc<[Material]>,
 }
 
-/// The same of a mixed pixel's sixteen samples, whose coordinates are shifted already.
+/// The same data for the sixteen samples of a mixed pixel, whose coordinates are already shifted.
 #[derive(Debug, Clone)]
 pub(crate) struct Samples {
     px_per_mm: [[f32; 2]; 16],
@@ -44,14 +45,14 @@ impl Default for Samples {
 
 #[cfg(test)]
 impl Samples {
-    /// Slide pixels a millimetre of a sample's skin, and the index of its tissue.
+    /// Returns the slide pixels per millimetre of a sample's skin, and the index of its tissue.
     pub(crate) fn at(&self, k: usize) -> ([f32; 2], u16) {
         (self.px_per_mm[k], self.tissue[k])
     }
 }
 
 impl SkinMaps {
-    /// Follows the light of all pixels' centres, whose rays start at the rig's origin.
+    /// Computes the maps at all pixel centres, whose rays start at the rig's origin.
     pub(crate) fn new(
         map: &GeometryBuffer,
         rays: &Rays<'_>,
@@ -91,19 +92,19 @@ impl SkinMaps {
         maps
     }
 
-    /// Slide pixels a millimetre of a pixel's skin, and the index of its tissue.
+    /// Returns the slide pixels per millimetre of a pixel's skin, and the index of its tissue.
     #[cfg(test)]
     pub(crate) fn at(&self, i: usize) -> ([f32; 2], u16) {
         (self.px_per_mm[i], self.tissue[i])
     }
 
-    /// How far the slide's light spreads at a pixel, along one axis of the slide; `None` where it
-    /// is not lit skin.
+    /// Returns the spread of the projected light at a pixel along one axis of the slide; `None` if
+    /// the pixel is not lit skin.
     pub(crate) fn spread(&self, i: usize, axis: usize) -> Option<Spread<'_>> {
         self.of(self.tissue[i], self.px_per_mm[i], axis)
     }
 
-    /// The same of a sample.
+    /// Returns the same for a sample of a mixed pixel.
     pub(crate) fn sample(&self, samples: &Samples, k: usize, axis: usize) -> Option<Spread<'_>> {
         self.of(samples.tissue[k], samples.px_per_mm[k], axis)
     }
@@ -116,7 +117,8 @@ impl SkinMaps {
         })
     }
 
-    /// What skin leaves of the contrast of a fringe of `period` slide pixels along an axis.
+    /// Returns the fraction of contrast that skin leaves of a fringe with a period of `period`
+    /// slide pixels along an axis.
     pub(crate) fn contrast(&self, i: usize, axis: usize, period: f64) -> f64 {
         self.spread(i, axis).map_or(1.0, |spread| {
             let frequency = f64::from(spread.px_per_mm) / period;
@@ -125,7 +127,7 @@ impl SkinMaps {
     }
 }
 
-/// Follows the light of one ray to a lit point, the `k`th sample of a mixed pixel.
+/// Applies skin transport to the `k`th sample of a mixed pixel, a lit point.
 pub(crate) fn into_sample(
     world: &World,
     optics: &Optics,

@@ -1,10 +1,10 @@
-//! The spread of light under skin as a sum of Gaussians.
+//! Approximation of subsurface light spread by a sum of Gaussians.
 //!
-//! R(k)/R(0) of diffusion theory is a completely monotone function of k^2 (products of
-//! 1/(sqrt(a + k^2) + b) are), so by Bernstein's theorem it is a mixture of exp(-sigma^2 k^2 / 2)
-//! with weights that are not negative: a spread of light by Gaussians of several widths, which
-//! joins the projector's defocus by adding variances. Few of them, their widths in geometric steps,
-//! are close to it.
+//! R(k)/R(0) of diffusion theory is a completely monotone function of k^2 (products of 1/(sqrt(a +
+//! k^2) + b) are), so by Bernstein's theorem it is a mixture of exp(-sigma^2 k^2 / 2) with
+//! nonnegative weights: a spread of light by Gaussians of several widths, which combine with the
+//! projector's defocus by adding variances. A few Gaussians with widths in geometric progression
+//! approximate it closely.
 
 use super::Tissue;
 use nalgebra::{DMatrix, DVector};
@@ -12,13 +12,13 @@ use std::f64::consts::TAU;
 
 /// Maximum number of Gaussians in a mixture.
 pub(crate) const MOST: usize = 8;
-/// Finest pattern, in cycles a millimetre, that the mixture is fitted to.
+/// Highest spatial frequency of the fit, in cycles per millimetre.
 const FINEST: f64 = 1.5;
-/// Maximum deviation from the tissue's transfer function.
+/// Maximum error of the fit against the tissue's transfer function.
 const CLOSE: f64 = 0.004;
-/// Frequencies of the fit.
+/// Number of frequencies in the fit.
 const SAMPLES: usize = 60;
-/// Approximate fraction of all light that truncation of the Gaussians may leave out.
+/// Approximate fraction of all light that may be lost by truncating the Gaussians.
 const TAIL: f64 = 1e-4;
 /// Maximum reach of a Gaussian in standard deviations.
 const REACH: f64 = 4.0;
@@ -26,27 +26,27 @@ const REACH: f64 = 4.0;
 /// One Gaussian of a mixture.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Component {
-    /// Part of the light, 0 to 1.
+    /// Fraction of the light, 0 to 1.
     pub weight: f64,
     /// Standard deviation along any direction of the surface, in millimetres.
     pub sigma_mm: f64,
-    /// How many standard deviations of it matter.
+    /// Truncation radius in standard deviations.
     pub reach: f64,
 }
 
-/// Gaussians on the surface whose weights add up to 1.
+/// A sum of Gaussians on the surface whose weights add up to 1.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Mixture {
     components: Vec<Component>,
 }
 
 impl Mixture {
-    /// As few Gaussians as stay within 0.004 of the tissue's transfer up to 1.5 cycles a
-    /// millimetre, or the best eight.
+    /// Fits the fewest Gaussians that stay within 0.004 of the tissue's transfer function up to 1.5
+    /// cycles per millimetre, or the best eight.
     pub fn new(tissue: &Tissue) -> Self {
         let samples: Vec<(f64, f64)> = (0..=SAMPLES)
             .map(|i| {
-                // Closer to each other where contrast falls first.
+                // Samples are denser at low frequencies, where contrast falls first.
                 let k = TAU * FINEST * (i as f64 / SAMPLES as f64).powi(2);
                 (k, tissue.transfer(k))
             })
@@ -106,27 +106,28 @@ impl Mixture {
         samples.iter().map(off).fold(0.0, f64::max)
     }
 
-    /// The Gaussians, widest first.
+    /// Returns the Gaussians, widest first.
     pub fn components(&self) -> &[Component] {
         &self.components
     }
 
-    /// Returns the fraction of contrast the mixture leaves of a cosine of `k_per_mm` radians per
-    /// mm.
+    /// Returns the fraction of contrast that the mixture leaves of a cosine with `k_per_mm` radians
+    /// per millimetre.
     pub fn transfer(&self, k_per_mm: f64) -> f64 {
         let left = |c: &Component| c.weight * (-0.5 * (c.sigma_mm * k_per_mm).powi(2)).exp();
         self.components.iter().map(left).sum()
     }
 }
 
-/// Least squares under weights that are not negative: Lawson and Hanson, "Solving Least Squares
-/// Problems" (1974), chapter 23, on the normal equations: how good a fit is, its error says.
+/// Solves least squares with nonnegative weights on the normal equations: Lawson and Hanson,
+/// "Solving Least Squares Problems" (1974), chapter 23. The caller judges the quality of the fit by
+/// its error.
 fn not_negative(matrix: &DMatrix<f64>, values: &DVector<f64>) -> Vec<f64> {
     let n = matrix.ncols();
     let (normal, right) = (matrix.tr_mul(matrix), matrix.tr_mul(values));
     let mut weights = vec![0.0; n];
     let mut free = vec![false; n];
-    // Each round frees one more; rounds that take back are few.
+    // Each round frees one more weight; rounds that fix weights again are rare.
     for _ in 0..4 * n {
         let pull = &right - &normal * DVector::from_column_slice(&weights);
         let next = (0..n)
@@ -190,7 +191,7 @@ mod tests {
             assert!(mixture.components().iter().all(|c| c.weight > 0.0));
             let sum: f64 = mixture.components().iter().map(|c| c.weight).sum();
             assert!((sum - 1.0).abs() < 1e-14 && mixture.transfer(0.0) == sum);
-            // Between the samples too.
+            // Also checks frequencies between the samples.
             let worst = (0..=3000)
                 .map(|i| TAU * f64::from(i) * 5e-4)
                 .map(|k| (mixture.transfer(k) - tissue.transfer(k)).abs())

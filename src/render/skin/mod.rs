@@ -1,20 +1,20 @@
-//! Skin: light enters, travels under the surface, and comes out elsewhere.
+//! Skin: light enters, scatters below the surface, and exits elsewhere.
 //!
-//! `tissue` is diffusion theory: how much comes back, how much contrast a pattern keeps at its
-//! frequency on the surface, how far oblique light is shifted. `mixture` puts the contrast as a sum
-//! of Gaussians, which the kernels of the exposure pass take together with the projector's
-//! defocus. `preset` has the classes of Fitzpatrick's scale, `blood` what colours them. `maps` is
-//! what the geometry pass leaves of it.
+//! `tissue` is diffusion theory: diffuse reflectance, contrast of a pattern by spatial frequency,
+//! and shift of oblique light. `mixture` approximates the contrast by a sum of Gaussians, which the
+//! kernels of the exposure pass combine with the projector's defocus. `preset` holds the
+//! Fitzpatrick skin classes, `blood` the absorption of blood. `maps` holds the results of the
+//! geometry pass.
 //!
-//! It costs a scene without skin nothing. With it, the geometry pass works out a kernel for each
-//! pixel of lit skin, some microseconds each, and a kernel takes four bytes a slide pixel (or group
-//! of them, of at most 1024 beyond the footprint) within about four of the widest Gaussian's
-//! standard deviations: some 200 bytes a pixel and axis for a class of Fitzpatrick's scale at 3
-//! slide pixels a millimetre.
+//! A scene without skin incurs no cost. With skin, the geometry pass computes a kernel for each
+//! pixel of lit skin, which takes some microseconds each. A kernel takes four bytes per slide pixel
+//! (or group of slide pixels, of at most 1024 beyond the footprint) within about four standard
+//! deviations of the widest Gaussian: some 200 bytes per pixel and axis for a Fitzpatrick class at
+//! 3 slide pixels per millimetre.
 //!
-//! The surface is assumed flat and infinite within the range of light transport, a few millimetres.
-//! Pattern light spreads within its field; transport across edges of the field, of shadows or of
-//! the object is neglected, as is the spread of lamp light.
+//! The surface is assumed to be flat and infinite within the range of light transport, a few
+//! millimetres. Projected light spreads only within the lit area; transport across the edges of the
+//! projector's field, of shadows or of the object is neglected, as is the spread of lamp light.
 
 mod blood;
 mod maps;
@@ -32,17 +32,17 @@ pub use preset::Layers;
 use std::sync::Arc;
 pub use tissue::Tissue;
 
-/// Index of no tissue.
+/// Index that stands for no tissue.
 pub(super) const NONE: u16 = u16::MAX;
 
-/// A tissue that some object is made of.
+/// A tissue used by at least one object.
 #[derive(Debug)]
 pub(super) struct Material {
     layers: Layers,
     pub(super) mixture: Mixture,
 }
 
-/// The skins of a scene before a projector.
+/// The skins of a scene as lit by a projector.
 pub(super) struct Skins {
     /// Tissue of each object, or [`NONE`].
     of: Vec<u16>,
@@ -54,9 +54,9 @@ pub(super) struct Skins {
 /// Subsurface transport at one point of skin, in pattern coordinates.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Scatter {
-    /// Columns and rows of the slide a millimetre of the surface, along their gradients there.
+    /// Slide columns and rows per millimetre of the surface, along their gradients at the point.
     pub(super) px_per_mm: [f32; 2],
-    /// From where the point is lit to where its light entered, in slide pixels.
+    /// Offset, in slide pixels, from the point to where its light entered the surface.
     pub(super) shift_px: [f32; 2],
     /// Index of the tissue.
     pub(super) tissue: u16,
@@ -95,13 +95,13 @@ impl Skins {
         !self.materials.is_empty()
     }
 
-    /// The mixtures of all tissues, by their indices.
+    /// Returns the mixtures of all tissues, by tissue index.
     pub(super) fn mixtures(&self) -> impl Iterator<Item = &Mixture> {
         self.materials.iter().map(|material| &material.mixture)
     }
 
-    /// Of each object the index of its tissue, or [`NONE`], and how far light emerges that comes in
-    /// along the surface, in millimetres.
+    /// Returns for each object the index of its tissue, or [`NONE`], and the shift in millimetres
+    /// of light at grazing incidence.
     pub(super) fn of_objects(&self) -> impl Iterator<Item = (u16, f64)> {
         self.of.iter().map(|&tissue| {
             let material = self.materials.get(usize::from(tissue));
@@ -112,20 +112,22 @@ impl Skins {
         })
     }
 
-    /// Reflectance of an object's skin under even light; `None` where it has none.
+    /// Returns the reflectance of an object's skin under uniform light; `None` if the object is not
+    /// skin.
     pub(super) fn reflectance(&self, object: usize) -> Option<f64> {
         let material = self.materials.get(usize::from(*self.of.get(object)?))?;
         Some(material.layers.reflectance())
     }
 
-    /// What light does under a point of an object, with its unit normal, both in the rig's frame.
+    /// Returns the subsurface transport at a point of an object with its unit normal, both in the
+    /// rig's frame.
     fn at(&self, object: u16, point: DVec3, normal: DVec3) -> Option<Scatter> {
         let tissue = self.of[usize::from(object)];
         let material = self.materials.get(usize::from(tissue))?;
-        // Along the surface, as long as the sine of the angle of incidence.
+        // Direction along the surface; its length is the sine of the angle of incidence.
         let way = (point - self.projector.center()).normalize();
         let along = way - normal * normal.dot(way);
-        // Light that emerges here came in this much earlier on its way.
+        // Light that exits here entered this far back along its direction.
         let shift = -along * material.layers.tissue.shift_mm(1.0);
         let gradients = self.gradients(point);
         let on_surface = gradients.map(|g| (g - normal * normal.dot(g)).length() as f32);
@@ -136,7 +138,8 @@ impl Skins {
         })
     }
 
-    /// Gradients of the projector's column and row by a point in the rig's frame, in 1/mm.
+    /// Returns the gradients of the projector's column and row with respect to a point in the rig's
+    /// frame, in 1/mm.
     fn gradients(&self, point: DVec3) -> [DVec3; 2] {
         let lens = &self.projector.lens;
         let p = self.projector_from_rig.point(point);

@@ -1,4 +1,4 @@
-//! Composition of skin for each class of the Fitzpatrick scale.
+//! Composition of skin for each Fitzpatrick class.
 //!
 //! Jacques, "Skin Optics", Oregon Medical Laser Center News, January 1998
 //! (omlc.org/news/jan98/skinoptics.html): melanosomes in an epidermis of 60 um over a dermis with
@@ -8,10 +8,10 @@
 use super::{Tissue, blood};
 use phasmid_profile as profile;
 
-/// Part of the epidermis that melanosomes take, class by class. Jacques gives ranges of lightly (1.3
-/// to 6.3 %), moderately (11 to 16 %) and darkly pigmented skin (18 to 43 %). Which places in them
-/// the classes have is our choice: both ends and the middle of the first, the middle of the second,
-/// the lower end and the middle of the third.
+/// Volume fraction of melanosomes in the epidermis for each class. Jacques gives ranges for lightly
+/// (1.3 to 6.3 %), moderately (11 to 16 %) and darkly pigmented skin (18 to 43 %). The position of
+/// the classes within them is our choice: both ends and the middle of the first, the middle of the
+/// second, the lower end and the middle of the third.
 const MELANOSOMES: [f64; 6] = [0.013, 0.038, 0.063, 0.135, 0.18, 0.305];
 /// Thickness of the epidermis in centimetres.
 const EPIDERMIS_CM: f64 = 0.006;
@@ -19,10 +19,10 @@ const EPIDERMIS_CM: f64 = 0.006;
 const BLOOD: f64 = 0.002;
 const OXYGENATED: f64 = 0.75;
 
-/// Skin at one wavelength: the tissue that spreads light, under a filter.
+/// Skin at one wavelength: scattering tissue below an absorbing filter.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Layers {
-    /// What light spreads in.
+    /// Scattering tissue.
     pub tissue: Tissue,
     /// Transmission of the epidermis on the way in and out, 0 to 1. It is thin compared to the
     /// scattering length, so it attenuates light without spreading it.
@@ -30,7 +30,7 @@ pub struct Layers {
 }
 
 impl Layers {
-    /// Skin as a scene has it, at a wavelength in nanometres.
+    /// Creates the layers from a scene's skin parameters at a wavelength in nanometres.
     pub fn new(skin: &profile::Skin, wavelength_nm: f64) -> Self {
         let (coefficients, filter) = match *skin {
             profile::Skin {
@@ -62,12 +62,12 @@ impl Layers {
     }
 }
 
-/// Absorption in 1/cm of skin without melanin or blood.
+/// Returns the absorption in 1/cm of skin without melanin and blood.
 fn baseline_per_cm(nm: f64) -> f64 {
     0.244 + 85.3 * (-(nm - 154.0) / 66.2).exp()
 }
 
-/// Absorption and reduced scattering of the dermis in 1/mm.
+/// Returns the absorption and reduced scattering coefficients of the dermis in 1/mm.
 fn dermis_per_mm(nm: f64) -> (f64, f64) {
     let blood = blood::absorption_per_cm(nm, OXYGENATED);
     let absorption = BLOOD * blood + (1.0 - BLOOD) * baseline_per_cm(nm);

@@ -7,18 +7,18 @@ pub struct Tissue {
     pub absorption_per_mm: f64,
     /// Reduced scattering coefficient mu_s' in 1/mm.
     pub reduced_scattering_per_mm: f64,
-    /// Refractive index, of air 1.
+    /// Refractive index (1 for air).
     pub refractive_index: f64,
 }
 
 impl Tissue {
-    /// Transport coefficient mu_a + mu_s' in 1/mm.
+    /// Returns the transport coefficient mu_a + mu_s' in 1/mm.
     fn transport(&self) -> f64 {
         self.absorption_per_mm + self.reduced_scattering_per_mm
     }
 
-    /// Effective attenuation coefficient sqrt(3 mu_a mu_tr) in 1/mm: far light falls by e over its
-    /// inverse.
+    /// Returns the effective attenuation coefficient sqrt(3 mu_a mu_tr) in 1/mm: far from its
+    /// entry, light falls by a factor e over the inverse of this coefficient.
     pub(super) fn attenuation(&self) -> f64 {
         (3.0 * self.absorption_per_mm * self.transport()).sqrt()
     }
@@ -28,9 +28,10 @@ impl Tissue {
     /// Ayers, Tromberg: "Quantitation and mapping of tissue optical properties using modulated
     /// imaging", Journal of Biomedical Optics 14, 024012 (2009), equations 14 to 17.
     ///
-    /// Diffusion wants many scatterings within what it tells apart: against a Monte Carlo of normal
-    /// incidence and g = 0.8 (tests/skin) the contrast R(k)/R(0) is up to 4 % too high at
-    /// 0.1 cycles/mm and 13 % at 0.3 of tissue with mu_s' of 1.5 to 3.5, less under oblique light.
+    /// Diffusion theory assumes many scattering events within the length scale of the pattern.
+    /// Compared with a Monte Carlo simulation at normal incidence and g = 0.8 (tests/skin), for
+    /// tissue with mu_s' of 1.5 to 3.5 the contrast R(k)/R(0) is up to 4 % too high at 0.1
+    /// cycles/mm and 13 % at 0.3 cycles/mm, and less under oblique light.
     pub fn reflectance(&self, k_per_mm: f64) -> f64 {
         let transport = self.transport();
         let albedo = self.reduced_scattering_per_mm / transport;
@@ -41,18 +42,19 @@ impl Tissue {
         3.0 * a * albedo / ((u + 1.0) * (u + 3.0 * a))
     }
 
-    /// What is left of a cosine's contrast: R(k) / R(0).
+    /// Returns the remaining contrast of a cosine, R(k) / R(0).
     pub fn transfer(&self, k_per_mm: f64) -> f64 {
         self.reflectance(k_per_mm) / self.reflectance(0.0)
     }
 
-    /// How far beyond its entry, along its way in the surface, light emerges that comes in at an
-    /// angle of this sine to the normal, in millimetres: sin(theta_t) / (0.35 mu_a + mu_s'), with
-    /// theta_t the refracted angle. Wang and Jacques, Applied Optics 34, 2362 (1995); the factor
-    /// 0.35 is of Lin, Wang, Jacques, Tittel, Applied Optics 36, 136 (1997).
+    /// Returns the shift, in millimetres along the surface in the direction of propagation, between
+    /// entry and exit of light whose angle of incidence has this sine: sin(theta_t) / (0.35 mu_a +
+    /// mu_s'), with theta_t the refracted angle. Wang and Jacques, Applied Optics 34, 2362 (1995);
+    /// the factor 0.35 is from Lin, Wang, Jacques, Tittel, Applied Optics 36, 136 (1997).
     ///
-    /// It is the middle of the far light; a fringe of finite frequency is shifted less: 5 to 11 %
-    /// at 0.05 cycles/mm and 14 to 23 % at 0.3, of the same tissues (tests/skin).
+    /// This is the centre of the diffuse light far from the entry. A fringe of finite frequency is
+    /// shifted less: by 5 to 11 % at 0.05 cycles/mm and 14 to 23 % at 0.3 cycles/mm, for the same
+    /// tissues (tests/skin).
     pub fn shift_mm(&self, sin_incident: f64) -> f64 {
         let refracted = sin_incident / self.refractive_index;
         refracted / (0.35 * self.absorption_per_mm + self.reduced_scattering_per_mm)

@@ -13,10 +13,10 @@ use phasmid_geometry::{Mesh, Solid};
 use phasmid_profile::{Object, Scene};
 use std::sync::Arc;
 
-/// Maximum number of triangles of a scene: about 10 GiB with their hierarchy.
+/// Maximum number of triangles of a scene: about 10 GiB including their hierarchy.
 const MAX_TRIANGLES: usize = 50_000_000;
 
-/// A world that is being put together.
+/// A world under construction.
 struct Builder<'a> {
     scene: &'a Scene,
     fixed: Fixed,
@@ -26,7 +26,7 @@ struct Builder<'a> {
 }
 
 impl Builder<'_> {
-    /// Adds a solid and says which it is.
+    /// Adds a solid and returns its part.
     fn solid(&mut self, solid: Solid, object: &Object, index: u16) -> Part {
         let pose = self.scene.rig_from_object(object);
         self.solids.push(Placed::new(solid, pose, index));
@@ -47,7 +47,7 @@ impl Builder<'_> {
         Ok(mesh)
     }
 
-    /// Adds a mesh that stands still.
+    /// Adds a static mesh.
     fn mesh(&mut self, object: &Object, index: u16) -> Result<()> {
         let mesh = self.read(object, index)?;
         let pose = self.scene.rig_from_object(object);
@@ -65,7 +65,7 @@ impl Builder<'_> {
         Ok(())
     }
 
-    /// Adds a mesh that moves and says which it is.
+    /// Adds a moving mesh and returns its part.
     fn body(&mut self, object: &Object, index: u16) -> Result<Part> {
         let mesh = self.read(object, index)?;
         let place = || format!("scene, object[{index}]");
@@ -109,7 +109,7 @@ impl Builder<'_> {
 }
 
 impl World {
-    /// The scene at power-on.
+    /// Builds the scene in its state at power-on.
     pub(crate) fn new(scene: &Scene, skins: &Skins) -> Result<Self> {
         let mut builder = Builder {
             scene,
@@ -129,7 +129,7 @@ impl World {
                 None => builder.mesh(object, index)?,
             }
         }
-        // Their triangles are numbered behind those of all that stand still.
+        // Triangles of moving meshes are numbered after those of static meshes.
         for (object, index) in objects() {
             if path::moves(object) && solid(&object.shape, object.scale).is_none() {
                 let part = builder.body(object, index)?;

@@ -7,7 +7,7 @@ use phasmid_geometry::raycast::Bvh;
 /// Overshoot factor of a spline beyond its keyframes.
 const SWING: f64 = 1.25;
 
-/// Distance from its own origin that a solid reaches; endless planes none.
+/// Returns the radius of a solid about its own origin; 0 for infinite planes.
 pub(super) fn radius(solid: &Solid) -> f64 {
     match *solid {
         Solid::Plane { half } if half.is_finite() => half.length(),
@@ -18,7 +18,8 @@ pub(super) fn radius(solid: &Solid) -> f64 {
             half_length,
         } => radius.hypot(half_length),
         Solid::Frustum { faces } => {
-            // The top's offset is the height; a side's is half of the base, leant.
+            // The top's offset is the height; a side's offset is half of the base, reduced by the
+            // tilt of the side.
             let (side, offset) = faces[2];
             let half_base = offset / side.x;
             half_base.mul_add(std::f64::consts::SQRT_2, faces[0].1)
@@ -27,8 +28,8 @@ pub(super) fn radius(solid: &Solid) -> f64 {
 }
 
 impl World {
-    /// The farthest from the rig's origin in millimetres that anything may be, now or when it has
-    /// moved; planes without end aside.
+    /// Returns the maximum distance from the rig's origin, in millimetres, of any surface now or
+    /// after motion; infinite planes are ignored.
     pub(crate) fn farthest_mm(&self) -> f64 {
         let root = self.fixed.bvh.nodes().first();
         let still = root.map_or(0.0, |root| {
@@ -48,7 +49,7 @@ impl World {
         solids.chain(bodies).fold(still, f64::max)
     }
 
-    /// How far an object may move from where it rests.
+    /// Returns how far an object may move from its rest position.
     fn way_mm(&self, object: u16) -> f64 {
         let paths = &self.fixed.paths;
         match paths.binary_search_by_key(&object, |p| p.object) {
@@ -57,7 +58,7 @@ impl World {
         }
     }
 
-    /// All hierarchies.
+    /// Returns all hierarchies.
     pub(crate) fn hierarchies(&self) -> impl Iterator<Item = &Bvh> {
         let bodies = self.bodies.iter().map(|body| body.tree().bvh);
         std::iter::once(&self.fixed.bvh).chain(bodies)

@@ -4,13 +4,13 @@ use super::{FACETS, Hits, Surface, World};
 use glam::DVec3;
 use phasmid_geometry::raycast::{LANES, Scratch};
 
-/// What is closer to a point than this part of its distance from the rig touches it: 1 um at 1 m,
-/// far above the error of a depth in f32.
+/// Surfaces closer to a point than this fraction of its distance from the rig touch it: 1 um at 1
+/// m, far above the error of a depth in f32.
 const OFF_POINT: f64 = 1e-6;
 
 impl World {
-    /// The nearest surface along each ray from a point of a surface `own`, given in the rig's frame;
-    /// directions are of unit length, on the side of the surface that the camera sees.
+    /// Finds the nearest surface along each ray from a point of a surface `own`, given in the rig's
+    /// frame. Directions have unit length and are on the side of the surface that the camera sees.
     pub(crate) fn leaving(
         &self,
         point: DVec3,
@@ -27,7 +27,7 @@ impl World {
         }
         let start = point.length() * OFF_POINT;
         for (i, placed) in self.solids.iter().enumerate() {
-            // A convex solid that is seen from outside cannot be met by rays that leave it.
+            // A ray that leaves a convex solid, seen from outside, cannot hit the same solid.
             if self.object(own) == placed.object && !placed.around_camera {
                 continue;
             }

@@ -3,10 +3,6 @@
 //! The commands are the device's own, or those of a dialect file that overrides them ([`words`]). A
 //! file for SCPI defines only commands and power-on messages: line endings, the numbering of
 //! answers, refusals and the detection of a power cycle follow IEEE 488.2.
-//!
-//! The words are the device's own, and those of a file where it has others ([`words`]). A file of SCPI
-//! says words and what is said at power-on, no more: how lines end, what numbers an answer, how the
-//! device refuses and whether it has been switched off is IEEE 488.2's.
 
 mod words;
 

@@ -176,7 +176,7 @@ fn reply(
         (None, Some(ok), Framing::Line(_)) => vec![ok],
         _ => Vec::new(),
     };
-    // What an instrument answers to a message is one line (IEEE 488.2, 8.3).
+    // An instrument answers a message with one line (IEEE 488.2, 8.3).
     let most = match framing {
         Framing::Scpi(_) => 1,
         _ => MAX_PARTS,
@@ -269,7 +269,7 @@ fn chunked(
             let others: usize = command.values.iter().filter_map(|f| f.kind.width()).sum();
             layout.room(Direction::ToHost).saturating_sub(others)
         }
-        // Hexadecimal digits, and room for the template and its numbers.
+        // Data takes two hexadecimal digits per byte; the template and its numbers need space too.
         Framing::Line(ends) => ends.max.saturating_sub(256) / 2,
         Framing::Scpi(_) => 0,
     };
@@ -360,7 +360,7 @@ fn actions(
     Ok(())
 }
 
-/// Every message for the firmware with examples, checked for its grammar.
+/// Returns every message for the firmware with example arguments, after a check of its grammar.
 pub(super) fn runs(check: &Check<'_>, commands: &[Command]) -> Result<Vec<(String, String)>> {
     let mut all = Vec::new();
     for (at, command) in commands.iter().enumerate() {
@@ -384,7 +384,8 @@ pub(super) fn runs(check: &Check<'_>, commands: &[Command]) -> Result<Vec<(Strin
     Ok(all)
 }
 
-/// A message with each choice of each argument, the others at some value.
+/// Returns a message with each choice of each argument in turn, the other arguments at an example
+/// value.
 fn examples(command: &Command, run: &Template) -> Vec<String> {
     let filled = |chosen: Option<(&str, &str)>| {
         let message = run.fill(|name| {

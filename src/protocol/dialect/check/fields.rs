@@ -190,7 +190,7 @@ fn choices(check: &Check<'_>, path: &str, file: &FieldFile) -> Result<Vec<(Strin
         .collect())
 }
 
-/// A constant as a value; its type is checked by its field.
+/// Converts a constant to a value; its field checks the type.
 pub(super) fn number_or_text(value: &toml::Value) -> Option<Value> {
     match value {
         toml::Value::Integer(number) => Some(Value::Number(*number as f64)),

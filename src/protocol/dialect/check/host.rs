@@ -97,7 +97,7 @@ fn arguments(
         )?;
         args.push((name.clone(), Argument::Literal(value)));
     }
-    // A long answer's offset is counted by whoever asks.
+    // The code that reads a long answer supplies its offset.
     let counted = |f: &Field| command.chunk.as_ref().is_some_and(|c| c.offset == f.name);
     let missing = command
         .args
@@ -120,7 +120,7 @@ pub(super) fn sendable(field: &Field, value: &Value) -> Option<String> {
     sent.map(|error| error.to_string())
 }
 
-/// A number or a text.
+/// Converts a number or a text to a value.
 pub(super) fn literal(check: &Check<'_>, path: &str, value: &toml::Value) -> Result<Value> {
     number_or_text(value).ok_or_else(|| {
         let found = value.type_str();

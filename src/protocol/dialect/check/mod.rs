@@ -40,7 +40,7 @@ impl Check<'_> {
         }
     }
 
-    /// A name of letters, digits and underscores, and of what else may stand in it.
+    /// Checks that a name consists of letters, digits, underscores and the characters in `more`.
     fn name(&self, field: &str, name: &str, more: &[char]) -> Result<()> {
         let plain = |c: char| c.is_ascii_alphanumeric() || c == '_' || more.contains(&c);
         self.that(
@@ -67,7 +67,7 @@ impl Check<'_> {
         })
     }
 
-    /// Every name of a template is one of these, once at most.
+    /// Checks that every name in a template is one of `known` and occurs at most once.
     fn names(&self, field: &str, template: &Template, known: &[&str]) -> Result<()> {
         let names: Vec<_> = template.names().collect();
         for (at, name) in names.iter().enumerate() {
@@ -160,7 +160,8 @@ fn told_apart(check: &Check<'_>, dialect: &Dialect) -> Result<()> {
     Ok(())
 }
 
-/// Lines that the host may receive instead of a reply must be distinguishable from it.
+/// Checks that unsolicited lines that the host may receive instead of a reply are distinguishable
+/// from it.
 fn replies_apart(
     check: &Check<'_>,
     dialect: &Dialect,

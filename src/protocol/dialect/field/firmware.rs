@@ -1,11 +1,11 @@
-//! A field in the device's own messages and answers (SCPI).
+//! Conversion of fields to and from the device's native messages (SCPI).
 
 use super::{Field, Kind, Outcome, Value};
 use crate::dialect::template::own_end;
 use crate::scpi::{ErrorCode, Param, parse, quote, split_block};
 
 impl Field {
-    /// As the firmware reads it.
+    /// Formats a value as a SCPI parameter for the firmware.
     pub(in crate::dialect) fn to_scpi(&self, value: &Value) -> Outcome<String> {
         match value {
             Value::Number(number) => Ok(number.to_string()),
@@ -22,7 +22,7 @@ impl Field {
         }
     }
 
-    /// Out of the firmware's answer.
+    /// Parses a value from a firmware answer.
     pub(in crate::dialect) fn read_scpi(&self, raw: &[u8]) -> Outcome<Value> {
         let wrong = || {
             let start = &raw[..raw.len().min(40)];
@@ -56,7 +56,7 @@ impl Field {
     }
 }
 
-/// The strings of a list of strings in quotes, commas between them.
+/// Joins the strings of a comma-separated list of quoted strings.
 pub(super) fn unquoted(raw: &[u8]) -> Option<String> {
     if raw.first() != Some(&b'"') || own_end(raw) != Some(raw.len()) {
         return None;

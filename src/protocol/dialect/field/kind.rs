@@ -1,28 +1,28 @@
-//! Types and units of numbers and texts on the wire.
+//! Types and units of wire values.
 
 use serde::Deserialize;
 
-/// Integers that a double holds without loss.
+/// Largest range of integers that an f64 represents exactly (2^53).
 const EXACT: f64 = 9_007_199_254_740_992.0;
 
-/// How a value stands on the wire.
+/// Encoding of a value on the wire.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub(in crate::dialect) enum Kind {
-    /// Line: digits with or without a sign.
+    /// Line: an integer with optional sign.
     Int,
     /// Line: a decimal number.
     Float,
-    /// Line: characters without a space.
+    /// Line: characters other than space.
     Word,
-    /// Line: the characters up to what follows in the template. Packet: UTF-8, to the end or padded
-    /// with zeros to the field's size.
+    /// Line: all characters up to the next part of the template. Packet: UTF-8, to the end of the
+    /// data or padded with zeros to the field's size.
     Text,
-    /// Line: a string in double quotes, those inside doubled.
+    /// Line: a string in double quotes; quotes inside are doubled.
     Quoted,
-    /// Line: bytes as pairs of hexadecimal digits; `-` for none.
+    /// Line: bytes as pairs of hexadecimal digits; `-` if there are none.
     Hex,
-    /// Line: bytes as IEEE 488.2 has blocks.
+    /// Line: an IEEE 488.2 block.
     Block,
     /// Packet: an unsigned byte.
     U8,
@@ -36,22 +36,22 @@ pub(in crate::dialect) enum Kind {
     I32,
     /// Packet: four bytes, IEEE 754.
     F32,
-    /// Packet: bytes, to the end or as many as the field's size.
+    /// Packet: raw bytes, to the end of the data or of the field's size.
     Bytes,
 }
 
 impl Kind {
-    /// Whether it stands in packets rather than in lines; text stands in both.
+    /// Returns whether packets support the type. Text is valid in packets and lines.
     pub(in crate::dialect) fn in_packets(self) -> bool {
         self.width().is_some() || matches!(self, Self::Bytes | Self::Text)
     }
 
-    /// Whether it stands in lines.
+    /// Returns whether lines support the type.
     pub(in crate::dialect) fn in_lines(self) -> bool {
         self.width().is_none() && self != Self::Bytes
     }
 
-    /// Bytes of a number in a packet.
+    /// Returns the size of a number in a packet, in bytes.
     pub(in crate::dialect) fn width(self) -> Option<usize> {
         match self {
             Self::U8 => Some(1),
@@ -73,7 +73,7 @@ impl Kind {
         self.is_number() && !matches!(self, Self::Float | Self::F32)
     }
 
-    /// The numbers that it can say.
+    /// Returns the representable range of numbers.
     pub(in crate::dialect) fn range(self) -> (f64, f64) {
         match self {
             Self::U8 => (0.0, u8::MAX.into()),
@@ -88,10 +88,10 @@ impl Kind {
     }
 }
 
-/// What a number on the wire counts.
+/// Unit of a number on the wire.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize)]
 pub(in crate::dialect) enum Unit {
-    /// Itself.
+    /// No unit.
     #[default]
     #[serde(rename = "plain")]
     Plain,
@@ -110,13 +110,14 @@ pub(in crate::dialect) enum Unit {
     /// Decibels.
     #[serde(rename = "dB")]
     Decibels,
-    /// Hundredths of the whole.
+    /// Percent.
     #[serde(rename = "percent")]
     Percent,
 }
 
 impl Unit {
-    /// Units in a base unit: a divisor, because 20 / 1e6 is the double nearest to 20 us.
+    /// Returns the number of units per base unit. It is a divisor because 20 / 1e6 is the double
+    /// nearest to 20 us.
     pub(in crate::dialect) fn divisor(self) -> f64 {
         match self {
             Self::Plain | Self::Seconds | Self::Decibels => 1.0,

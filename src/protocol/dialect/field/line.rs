@@ -1,11 +1,11 @@
-//! A field in a line.
+//! Conversion of fields to and from text lines.
 
 use super::firmware::unquoted;
 use super::{Field, Kind, Outcome, Value};
 use crate::scpi::{ErrorCode, encode_block, quote, split_block};
 
 impl Field {
-    /// As it stands in a line.
+    /// Formats a value for a line.
     pub(in crate::dialect) fn to_line(&self, value: &Value) -> Outcome<Vec<u8>> {
         if self.kind.is_number() {
             return Ok(self.wire_number(value)?.to_string().into_bytes());
@@ -36,7 +36,7 @@ impl Field {
         Ok(text.as_bytes().to_vec())
     }
 
-    /// Out of a line.
+    /// Parses a value from a line.
     pub(in crate::dialect) fn read_line(&self, wire: &[u8]) -> Outcome<Value> {
         let none = || {
             self.wrong(

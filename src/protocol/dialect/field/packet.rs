@@ -1,10 +1,10 @@
-//! A field in a packet.
+//! Conversion of fields to and from binary packets.
 
 use super::{Field, Kind, Outcome, Value};
 use crate::scpi::ErrorCode;
 
 impl Field {
-    /// Appends it to a packet's data.
+    /// Appends a value to a packet's data.
     pub(in crate::dialect) fn to_packet(&self, value: &Value, data: &mut Vec<u8>) -> Outcome<()> {
         let Some(width) = self.kind.width() else {
             let bytes = match self.kind {
@@ -37,7 +37,7 @@ impl Field {
         Ok(())
     }
 
-    /// Takes it off a packet's data.
+    /// Reads a value from the front of a packet's data and advances past it.
     pub(in crate::dialect) fn read_packet(&self, data: &mut &[u8]) -> Outcome<Value> {
         let len = self.kind.width().or(self.bytes).unwrap_or(data.len());
         let Some((wire, rest)) = data.split_at_checked(len) else {
@@ -76,7 +76,7 @@ impl Field {
             Kind::I32 => f64::from(word as i32),
             _ => f64::from(word),
         };
-        // A NaN lies in no range.
+        // A NaN fails the range check.
         self.base(number)
     }
 }

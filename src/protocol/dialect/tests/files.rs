@@ -1,8 +1,8 @@
 use super::super::Dialect;
 use proptest::prelude::*;
 
-/// Each case is a text of a shipped file, another one in its place, and a part of the refusal, which
-/// has to name a line near it.
+/// Checks that edited dialect files are refused. Each case holds a text of a shipped file, its
+/// replacement, and a part of the error message, which must name a nearby line.
 fn assert_refused(name: &str, cases: &[(&str, &str, &str)]) {
     let shipped = Dialect::text(name).unwrap();
     for (from, to, needle) in cases {
@@ -336,7 +336,7 @@ fn the_firmware_s_messages_are_listed_with_their_lines() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(200))]
 
-    /// Files that somebody has cut a piece out of, or put one in, are taken or refused.
+    /// Files with a random piece removed or inserted are accepted or refused without a panic.
     #[test]
     fn any_file_is_taken_or_refused(
         which in 0usize..3, at: prop::sample::Index, len in 0usize..60, piece in "[ -~\n]{0,12}",

@@ -1,7 +1,7 @@
 use super::super::{Dialect, Direction, Reply, Value};
 use super::{messages, only};
 
-/// The example of the guide, as a reader would copy it.
+/// Returns the guide's example, as a reader would copy it.
 fn example() -> Dialect {
     let guide = include_str!("../guide.md");
     let (_, rest) = guide.split_once("```toml\n").unwrap();
@@ -34,7 +34,7 @@ fn its_example_does_what_it_says() {
     assert_eq!(gspark.nack(&error), b"Error:4 out of range\r\n");
     let scan = gspark.asked(b"G38").unwrap();
     assert_eq!(gspark.runs(&scan), ["TRIG:SOUR BUS", "INIT;*TRG"]);
-    // Nothing follows the command, or the S is missing: the error of all that has none of its own.
+    // The argument is missing or lacks its S: the default error applies.
     for line in ["M240", "M240 8000", "M241 S1"] {
         let error = gspark.asked(line.as_bytes()).unwrap_err();
         assert_eq!(gspark.nack(&error), b"Error:1 failed\r\n", "{line}");
@@ -43,7 +43,7 @@ fn its_example_does_what_it_says() {
     assert_eq!(gspark.host().needed().count(), 0);
 }
 
-/// Every field of the file stands in the guide.
+/// The guide mentions every field of the dialect file.
 #[test]
 fn it_has_every_field() {
     let guide = include_str!("../guide.md");

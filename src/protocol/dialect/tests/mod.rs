@@ -1,4 +1,4 @@
-//! What holds for every dialect: whatever is asked arrives as it was asked, and so does the answer.
+//! Properties of every dialect: requests and answers arrive unchanged.
 
 mod damage;
 mod files;
@@ -18,7 +18,7 @@ static DIALECTS: LazyLock<Vec<Dialect>> = LazyLock::new(|| {
         .collect()
 });
 
-/// A packet dialect of any length with start bytes and a checksum.
+/// Returns a dialect of variable-length packets with start bytes and a checksum.
 fn checked(checksum: &str) -> Dialect {
     let text = format!(
         r#"
@@ -66,7 +66,7 @@ answers = ["{{f}}", "{{i}};{{rest}}"]
     Dialect::parse(&text, "checked").unwrap()
 }
 
-/// All messages of a stream that comes in pieces of `step` bytes.
+/// Returns all messages of a stream that arrives in pieces of `step` bytes.
 fn messages(dialect: &Dialect, direction: Direction, bytes: &[u8], step: usize) -> Vec<Vec<u8>> {
     let mut cutter = dialect.cutter(direction);
     let mut messages = Vec::new();
@@ -80,7 +80,7 @@ fn messages(dialect: &Dialect, direction: Direction, bytes: &[u8], step: usize) 
     messages
 }
 
-/// The only message of a stream.
+/// Returns the single message of a stream.
 fn only(dialect: &Dialect, direction: Direction, bytes: &[u8]) -> Vec<u8> {
     let mut messages = messages(dialect, direction, bytes, 7);
     assert_eq!(messages.len(), 1, "{}", bytes.escape_ascii());

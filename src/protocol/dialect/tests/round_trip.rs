@@ -5,7 +5,7 @@ use super::{DIALECTS, messages, only};
 use crate::scpi::{encode_block, parse, quote};
 use proptest::prelude::*;
 
-/// Numbers from a seed, one after the other.
+/// A seeded random number generator.
 struct Dice(u64);
 
 impl Dice {
@@ -23,7 +23,7 @@ impl Dice {
     }
 }
 
-/// Some value that a field may have, as it comes off the wire.
+/// Returns a random valid value of a field, as decoded from the wire.
 fn some(field: &Field, dice: &mut Dice, room: usize) -> Value {
     if let Some(constant) = &field.constant {
         return constant.clone();
@@ -48,7 +48,7 @@ fn some(field: &Field, dice: &mut Dice, room: usize) -> Value {
             let letter = |b: &u8| char::from(letters[usize::from(*b) % letters.len()]);
             let text: String = bytes.iter().map(letter).collect();
             Value::Text(match kind {
-                // A word of SCPI has twelve letters at most.
+                // SCPI character data has at most twelve characters.
                 Kind::Word => {
                     let letters = text.chars().filter(char::is_ascii_alphanumeric);
                     std::iter::once('w').chain(letters).take(12).collect()
@@ -65,7 +65,7 @@ fn all(fields: &[Field], dice: &mut Dice, room: usize) -> Vec<(String, Value)> {
     fields.iter().map(one).collect()
 }
 
-/// Values as the firmware would answer them.
+/// Returns the firmware's answers for the given values.
 fn answers(command: &Command, values: &[(String, Value)]) -> Vec<Vec<u8>> {
     let raw = |name: &str| {
         let field = command.value(name).unwrap();
@@ -85,7 +85,7 @@ fn answers(command: &Command, values: &[(String, Value)]) -> Vec<Vec<u8>> {
     command.answers.iter().map(answer).collect()
 }
 
-/// Asks a command with random arguments, and answers it with random values.
+/// Sends a command with random arguments, and answers it with random values.
 fn goes_round(dialect: &Dialect, command: &Command, seed: u64) {
     let name = &command.name;
     let dice = &mut Dice(seed);
@@ -141,7 +141,7 @@ proptest! {
     }
 }
 
-/// A host's reading of what the device of SCPI itself answers.
+/// A host decodes the native answers of the SCPI device.
 #[test]
 fn scpi_answers_are_read() {
     let scpi = Dialect::load("scpi").unwrap();

@@ -95,7 +95,7 @@ fn refusals_have_the_dialect_s_own_numbers() {
     unknown[5] = 0x77;
     let error = dlpc.asked(&unknown).unwrap_err();
     assert_eq!(dlpc.nack(&error)[..5], [0x60, 5, 1, 0, 10]);
-    // The flags of the request, and that of a refusal (DLPU018, read operations).
+    // Flags of the request and of a refusal (DLPU018, read operations).
     for (flags, refused) in [(0x40, 0x60), (0xC0, 0xE0)] {
         let mut beyond = dlpc.request("list?", &[("offset", 0.0.into())], 9).unwrap();
         beyond[0] = flags;
@@ -117,7 +117,7 @@ fn refusals_have_the_dialect_s_own_numbers() {
     assert_eq!(error.error.code, ErrorCode::ParameterNotAllowed);
 }
 
-/// A word goes to the firmware as it is, so it may not be more than a word.
+/// A word reaches the firmware unchanged, so it must not contain a further message.
 #[test]
 fn a_word_is_no_message() {
     let text = Dialect::text("okline").unwrap();
@@ -160,7 +160,7 @@ fn long_answers_come_in_pieces() {
             assert_eq!(whole, toml, "{name}");
             assert_eq!(asks, pieces, "{name}");
         }
-        // A piece of another whole, and a digit that is another one.
+        // A chunk of another answer, and a chunk with one digit changed.
         let answer = |text: &[u8], offset: f64| {
             let asked = asked(&dialect, command, &[(&chunk.offset, offset.into())]);
             let reply = dialect.answer(&asked, &[encode_block(text)]).unwrap();
@@ -238,7 +238,7 @@ fn echoes_are_told_from_replies() {
     assert_eq!(echoing.reply("mark?", b"mark?", 0), Reply::Other);
 }
 
-/// What a scan needs, from the file alone.
+/// Every shipped dialect file defines the operations that a scan needs.
 #[test]
 fn every_dialect_can_do_a_scan() {
     for name in Dialect::names() {

@@ -1,6 +1,6 @@
 use super::super::Dialect;
 
-/// Lines whose first word is a command's are told from those of no command.
+/// Lines that begin with a command's word get other errors than lines of unknown commands.
 #[test]
 fn what_fits_no_template_has_the_number_of_what_is_wrong_with_it() {
     let text = "name = \"w\"\ndescription = \"\"\nframing = \"line\"\n[errors]\n\
@@ -44,7 +44,7 @@ fn what_fits_no_template_has_the_number_of_what_is_wrong_with_it() {
     assert_eq!(error.code.number(), -113);
 }
 
-/// Names may hold what the message says that they may.
+/// Error messages for invalid names describe exactly the characters that names may contain.
 #[test]
 fn a_wrong_name_is_told_what_it_may_hold() {
     let text = Dialect::text("okline").unwrap();

@@ -5,12 +5,12 @@ use crate::scpi::block;
 use crate::scpi::error::{DeviceError, ErrorCode};
 use crate::scpi::param::Param;
 
-/// Longest character data (IEEE 488.2, 7.7.1.4).
+/// Maximum length of character data (IEEE 488.2, 7.7.1.4).
 const MAX_NAME: usize = 12;
-/// Most digits of a number, leading zeros aside (IEEE 488.2, 7.7.2.4.1).
+/// Maximum number of digits, excluding leading zeros (IEEE 488.2, 7.7.2.4.1).
 const MAX_DIGITS: usize = 255;
 
-/// The parameters of a unit, which begin here.
+/// Parses the parameters of a unit, up to the unit's end.
 pub(super) fn params(cursor: &mut Cursor<'_>) -> Result<Vec<Param>, DeviceError> {
     let mut params = Vec::new();
     loop {
@@ -62,7 +62,7 @@ fn string(cursor: &mut Cursor<'_>, quote: u8) -> Result<Param, DeviceError> {
         .map_err(|_| ErrorCode::InvalidStringData.with("not UTF-8"))
 }
 
-/// A block, or a number in another base: `#H`, `#Q`, `#B` (IEEE 488.2, 7.7.4).
+/// Parses a block, or a number in another base: `#H`, `#Q`, `#B` (IEEE 488.2, 7.7.4).
 fn hash(cursor: &mut Cursor<'_>) -> Result<Param, DeviceError> {
     let rest = &cursor.bytes[cursor.at..];
     if let Some((content, after)) = block::split(rest) {
@@ -100,7 +100,7 @@ fn number(cursor: &mut Cursor<'_>) -> Result<Param, DeviceError> {
     if whole + part > MAX_DIGITS {
         return Err(ErrorCode::TooManyDigits.into());
     }
-    // `E` begins an exponent only when digits follow; else it is a suffix.
+    // `E` begins an exponent only if digits follow; otherwise it is part of a suffix.
     let mut ahead = cursor.at;
     if matches!(cursor.bytes.get(ahead), Some(b'e' | b'E')) {
         ahead += 1;

@@ -1,5 +1,5 @@
-//! A program message to its units (IEEE 488.2 chapter 7, SCPI-1999 volume 1 chapter 6): a pure
-//! function of the message's bytes.
+//! Parses a program message into its units (IEEE 488.2 chapter 7, SCPI-1999 volume 1 chapter 6).
+//! The result depends only on the message's bytes.
 
 mod cursor;
 mod data;
@@ -11,37 +11,38 @@ use super::param::Param;
 use cursor::{Cursor, ascii};
 use data::params;
 
-/// Longest mnemonic (IEEE 488.2, 7.6.1.4.1).
+/// Maximum mnemonic length (IEEE 488.2, 7.6.1.4.1).
 const MAX_MNEMONIC: usize = 12;
 
-/// Most mnemonics of a header, what it inherits included: more than any device has, and few enough that a
-/// line of commands that inherit from each other takes memory in step with its length.
+/// Maximum number of mnemonics in a header, including inherited ones. No device has that many, and
+/// it keeps the memory for a line of commands that inherit from each other proportional to its
+/// length.
 const MAX_NODES: usize = 16;
 
-/// One mnemonic of a header in upper case, and its numeric suffix where it has one.
+/// One mnemonic of a header in upper case, with its numeric suffix if any.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Node {
-    /// Letters, digits and underscores, without the trailing digits.
+    /// Letters, digits and underscores, without trailing digits.
     pub name: String,
-    /// The trailing digits' value.
+    /// Value of the trailing digits.
     pub suffix: Option<u32>,
 }
 
 /// A program message unit: one command or query.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Unit {
-    /// Whether the header is a common one, `*IDN?` for instance.
+    /// Whether the header is that of a common command, for example `*IDN?`.
     pub common: bool,
-    /// The header from the root, what was inherited from the unit before included.
+    /// The header from the root, including nodes inherited from the previous unit.
     pub path: Vec<Node>,
-    /// Whether it ends with `?`.
+    /// Whether the header ends with `?`.
     pub query: bool,
-    /// What follows.
+    /// Parameters.
     pub params: Vec<Param>,
 }
 
 impl Unit {
-    /// The header as text, for messages.
+    /// Returns the header as text, for messages.
     pub fn header(&self) -> String {
         let mut text = String::from(if self.common { "*" } else { "" });
         for (i, node) in self.path.iter().enumerate() {
@@ -60,12 +61,12 @@ impl Unit {
     }
 }
 
-/// A message's units up to its first error, which voids the rest of it.
+/// Units of a message up to its first error; the rest of the message is void.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Program {
-    /// The units in order.
+    /// Units in order.
     pub units: Vec<Unit>,
-    /// What ended the message early.
+    /// Error that ended the message early.
     pub error: Option<DeviceError>,
 }
 
@@ -78,7 +79,7 @@ pub fn parse(message: &[u8]) -> Program {
         cursor.skip_space();
         match cursor.peek() {
             None => return program,
-            // An empty unit does nothing: a trailing `;` is common and harmless.
+            // Empty units are ignored: a trailing `;` is common and harmless.
             Some(b';') => cursor.at += 1,
             Some(_) => match unit(&mut cursor, &mut node) {
                 Ok(unit) => program.units.push(unit),
@@ -91,7 +92,7 @@ pub fn parse(message: &[u8]) -> Program {
     }
 }
 
-/// One unit; `node` is the header path that the next one inherits.
+/// Parses one unit. `node` is the inherited header path; it is updated for the next unit.
 fn unit(cursor: &mut Cursor<'_>, node: &mut Vec<Node>) -> Result<Unit, DeviceError> {
     let common = cursor.eat(b'*');
     let mut path = if common || cursor.eat(b':') {

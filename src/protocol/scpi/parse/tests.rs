@@ -1,4 +1,4 @@
-//! Messages as they should be read, and mistakes with their numbers.
+//! Parsing of valid messages, and error numbers of invalid ones.
 
 use super::*;
 use proptest::prelude::*;

@@ -1,11 +1,11 @@
-//! Objects of known fields: which of them is wrong, in the words of all other errors.
+//! Objects of known fields: finds the invalid field and words its error like all others.
 
 use super::{refusal, shortened};
 use serde::de::DeserializeOwned;
 use serde_json::Value;
 
-/// Reads an object. `whole` is one that can be read: what is wrong with a field is found by putting
-/// that field alone there.
+/// Parses an object. `whole` is a valid object: to find the invalid field, each field in turn is
+/// inserted alone into it.
 pub(super) fn fields<T: DeserializeOwned>(
     place: &str,
     value: Value,
@@ -34,7 +34,7 @@ pub(super) fn fields<T: DeserializeOwned>(
     Err(format!("{place}: {error}; allowed: {needed}"))
 }
 
-/// What serde says, in the words of all other errors.
+/// Rewords an error of serde like all other errors.
 fn told(error: &serde_json::Error) -> String {
     let words = error.to_string();
     let words = ["invalid type: ", "invalid value: ", "invalid length "]

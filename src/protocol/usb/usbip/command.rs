@@ -1,4 +1,4 @@
-//! Commands from the host after an import: transfers, and their cancellation.
+//! Commands from the host after an import: submitting and cancelling transfers.
 
 use super::words::{put_words, u32_at};
 use super::{HEADER_LEN, MAX_PACKETS, MAX_TRANSFER, NO_PACKETS};
@@ -8,45 +8,45 @@ use phasmid_core::error::{Error, Result};
 const CMD_SUBMIT: u32 = 1;
 const CMD_UNLINK: u32 = 2;
 
-/// A transfer that the host asks for; a transfer to the device is followed by its bytes.
+/// A transfer submitted by the host; in the direction of the device, its data follows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Submit {
-    /// Number by which the reply names it.
+    /// Sequence number, which the reply repeats.
     pub seqnum: u32,
-    /// [`DeviceInfo::id`](super::DeviceInfo::id).
+    /// Device id, see [`DeviceInfo::id`](super::DeviceInfo::id).
     pub device: u32,
-    /// From the device to the host.
+    /// Whether data flows from the device to the host.
     pub input: bool,
-    /// Number of the endpoint, 0 to 15.
+    /// Endpoint number, 0 to 15.
     pub endpoint: u8,
     /// `transfer_flags` of the kernel's URB.
     pub flags: u32,
-    /// Bytes that the host sends or has room for.
+    /// Number of bytes that the host sends or has room for.
     pub length: u32,
-    /// Packets of an isochronous transfer; their descriptors follow the data.
+    /// Number of packets of an isochronous transfer; their descriptors follow the data.
     pub packets: Option<u32>,
-    /// Interval of the endpoint as the kernel counts it.
+    /// Polling interval of the endpoint, in the kernel's units.
     pub interval: u32,
-    /// The request of a control transfer.
+    /// Setup packet of a control transfer.
     pub setup: Setup,
 }
 
-/// What the host's side sends.
+/// A command from the host.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Command {
-    /// A transfer.
+    /// Submits a transfer.
     Submit(Submit),
     /// Cancels a transfer.
     Unlink {
-        /// Number by which the reply names it.
+        /// Sequence number, which the reply repeats.
         seqnum: u32,
-        /// The transfer's number.
+        /// Sequence number of the transfer to cancel.
         target: u32,
     },
 }
 
 impl Command {
-    /// The command in 48 bytes.
+    /// Encodes the command's header.
     pub fn encode(&self) -> [u8; HEADER_LEN] {
         let mut bytes = [0; HEADER_LEN];
         match self {
@@ -76,7 +76,7 @@ impl Command {
         bytes
     }
 
-    /// Reads and bounds a command.
+    /// Decodes a command's header and checks its limits.
     ///
     /// # Errors
     /// Returns an error if it is not a command, the endpoint is invalid, or there are too many
@@ -102,7 +102,7 @@ impl Command {
                         "a transfer of {length} bytes, at most {MAX_TRANSFER}"
                     ));
                 }
-                // Kernels say 0 or all ones where nothing is isochronous.
+                // Kernels send 0 or all ones for transfers that are not isochronous.
                 let packets = (packets != NO_PACKETS && packets != 0).then_some(packets);
                 if packets.is_some_and(|packets| packets > MAX_PACKETS) {
                     return bad(format!(

@@ -1,42 +1,42 @@
-//! Devices as lists and imports show them.
+//! Device descriptions in list and import replies.
 
 use super::words::{u16_at, u32_at};
 
-/// Length of a device's name on its bus, with zeros behind it.
+/// Length of a bus id in bytes, padded with zeros.
 pub const BUS_ID_LEN: usize = 32;
-/// Length of a device in a list or an import.
+/// Length of a device description in bytes.
 pub const DEVICE_LEN: usize = 312;
 
-/// A device as lists and imports show it.
+/// Device description in list and import replies.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct DeviceInfo {
-    /// Name on the bus, such as `1-1`; at most 31 bytes.
+    /// Bus id, such as `1-1`; at most 31 bytes.
     pub bus_id: String,
-    /// Number of the bus.
+    /// Bus number.
     pub bus: u32,
-    /// Number of the device on its bus.
+    /// Device number on its bus.
     pub device: u32,
-    /// Speed as the kernel numbers it: 3 high, 5 SuperSpeed.
+    /// Speed, numbered as in the kernel: 3 high, 5 SuperSpeed.
     pub speed: u32,
     /// Vendor id.
     pub vendor: u16,
     /// Product id.
     pub product: u16,
-    /// Release of the device, binary coded decimal.
+    /// Device release number in binary-coded decimal.
     pub release: u16,
     /// Class, subclass, protocol.
     pub class: [u8; 3],
-    /// Interfaces of the configuration.
+    /// Number of interfaces of the configuration.
     pub interfaces: u8,
 }
 
 impl DeviceInfo {
-    /// Number by which transfers name the device.
+    /// Returns the device id used in transfers.
     pub fn id(&self) -> u32 {
         self.bus << 16 | self.device
     }
 
-    /// The device in 312 bytes.
+    /// Encodes the description.
     pub fn encode(&self) -> [u8; DEVICE_LEN] {
         let mut bytes = [0; DEVICE_LEN];
         let path = format!("/phasmid/{}", self.bus_id);
@@ -49,13 +49,13 @@ impl DeviceInfo {
         bytes[302..304].copy_from_slice(&self.product.to_be_bytes());
         bytes[304..306].copy_from_slice(&self.release.to_be_bytes());
         bytes[306..309].copy_from_slice(&self.class);
-        // The value of the configuration that is set, and how many there are.
+        // Value of the active configuration, and number of configurations.
         bytes[309..311].copy_from_slice(&[1, 1]);
         bytes[311] = self.interfaces;
         bytes
     }
 
-    /// Reads a device.
+    /// Decodes a description.
     pub fn decode(bytes: &[u8; DEVICE_LEN]) -> Self {
         Self {
             bus_id: text(&bytes[256..288]),
@@ -71,20 +71,20 @@ impl DeviceInfo {
     }
 }
 
-/// A name on the bus in its 32 bytes.
+/// Encodes a bus id.
 pub fn bus_id_bytes(bus_id: &str) -> [u8; BUS_ID_LEN] {
     let mut bytes = [0; BUS_ID_LEN];
     put_text(&mut bytes, bus_id);
     bytes
 }
 
-/// A text with zeros behind it; what is no UTF-8 is replaced.
+/// Decodes a zero-padded text; invalid UTF-8 is replaced.
 pub fn text(bytes: &[u8]) -> String {
     let used = bytes.split(|byte| *byte == 0).next().unwrap_or_default();
     String::from_utf8_lossy(used).into_owned()
 }
 
-/// Cut so that at least one zero stays behind it.
+/// Writes a text, truncated so that at least one zero follows it.
 fn put_text(bytes: &mut [u8], text: &str) {
     let len = text.len().min(bytes.len() - 1);
     bytes[..len].copy_from_slice(&text.as_bytes()[..len]);

@@ -1,9 +1,9 @@
-//! USB/IP on the wire, version 1.1.1 (the kernel's `Documentation/usb/usbip_protocol.rst`): numbers
-//! are big-endian, a setup packet is as USB has it.
+//! USB/IP wire format, version 1.1.1 (the kernel's `Documentation/usb/usbip_protocol.rst`). Numbers
+//! are big-endian; setup packets keep their USB encoding.
 //!
-//! A connection begins with one operation, a list of devices or the import of one. After an import
-//! it carries headers of 48 bytes: commands from the host's side, replies from the device's, each
-//! followed by its data.
+//! A connection begins with one operation: listing devices or importing one. After an import it
+//! carries 48-byte headers (commands from the host, replies from the device), each followed by its
+//! data.
 
 mod command;
 mod device;
@@ -21,14 +21,14 @@ pub use operation::{OPERATION_LEN, Operation, Outcome};
 pub use packet::{PACKET_LEN, Packet};
 pub use reply::Reply;
 
-/// Port that USB/IP servers listen on.
+/// Default port of USB/IP servers.
 pub const PORT: u16 = 3240;
-/// Length of a command's or a reply's header.
+/// Length of a command or reply header in bytes.
 pub const HEADER_LEN: usize = 48;
-/// Largest transfer in bytes; the kernel's hosts stay far below.
+/// Maximum transfer size in bytes; kernel hosts stay far below it.
 pub const MAX_TRANSFER: u32 = 1 << 20;
-/// Most packets of an isochronous transfer; the kernel's own limit.
+/// Maximum number of packets in an isochronous transfer; the kernel's own limit.
 pub const MAX_PACKETS: u32 = 1024;
 
-/// What stands for "not isochronous".
+/// Packet count of transfers that are not isochronous.
 const NO_PACKETS: u32 = u32::MAX;

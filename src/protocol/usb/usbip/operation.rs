@@ -1,19 +1,19 @@
-//! Operations that open a connection: list of devices, or import of one.
+//! Operations that open a connection: listing devices or importing one.
 
 use super::words::{u16_at, u32_at};
 use phasmid_core::error::{Error, Result};
 
-/// Length of an operation's header.
+/// Length of an operation's header in bytes.
 pub const OPERATION_LEN: usize = 8;
 
 const VERSION: u16 = 0x0111;
 
-/// What a connection begins with.
+/// First operation of a connection.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Operation {
-    /// List of devices.
+    /// Lists the devices.
     List,
-    /// Import of a device, whose bus name follows.
+    /// Imports a device, whose bus id follows.
     Import,
 }
 
@@ -22,9 +22,9 @@ pub enum Operation {
 pub enum Outcome {
     /// Success.
     Done,
-    /// Another host has the device.
+    /// Another host has imported the device.
     Busy,
-    /// There is no such device.
+    /// No such device.
     NoDevice,
     /// Any other status number.
     Refused(u32),
@@ -58,12 +58,12 @@ impl Operation {
         }
     }
 
-    /// The operation's request, without what follows it.
+    /// Encodes the request header, without the data that follows.
     pub fn encode(self) -> [u8; OPERATION_LEN] {
         operation(self.request(), 0)
     }
 
-    /// Reads a request.
+    /// Decodes a request header.
     ///
     /// # Errors
     /// Returns an error if the protocol, version or operation is not the expected one.
@@ -80,12 +80,12 @@ impl Operation {
             })
     }
 
-    /// The reply's header.
+    /// Encodes the reply header.
     pub fn reply(self, outcome: Outcome) -> [u8; OPERATION_LEN] {
         operation(self.request() & 0x7FFF, outcome.code())
     }
 
-    /// Reads the reply's header.
+    /// Decodes a reply header.
     ///
     /// # Errors
     /// Returns an error if the protocol, version or operation is not the expected one.

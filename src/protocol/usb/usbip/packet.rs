@@ -2,24 +2,24 @@
 
 use super::words::{put_words, u32_at};
 
-/// Length of an isochronous packet's descriptor.
+/// Length of a packet descriptor in bytes.
 pub const PACKET_LEN: usize = 16;
 
 /// One packet of an isochronous transfer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Packet {
-    /// Where it lies in the transfer's buffer.
+    /// Offset in the transfer's buffer.
     pub offset: u32,
-    /// Its room.
+    /// Size of its buffer space in bytes.
     pub length: u32,
-    /// Its bytes; in a reply they follow each other without gaps.
+    /// Bytes transferred; in a reply, packet data is contiguous.
     pub actual: u32,
-    /// See [`status`](super::status).
+    /// Status code, see [`status`](super::status).
     pub status: i32,
 }
 
 impl Packet {
-    /// The packet's descriptor.
+    /// Encodes the packet descriptor.
     pub fn encode(&self) -> [u8; PACKET_LEN] {
         let mut bytes = [0; PACKET_LEN];
         let words = [self.offset, self.length, self.actual, self.status as u32];
@@ -27,7 +27,7 @@ impl Packet {
         bytes
     }
 
-    /// Reads a packet's descriptor.
+    /// Decodes a packet descriptor.
     pub fn decode(bytes: &[u8; PACKET_LEN]) -> Self {
         Self {
             offset: u32_at(bytes, 0),

@@ -7,33 +7,34 @@ use phasmid_core::error::{Error, Result};
 const RET_SUBMIT: u32 = 3;
 const RET_UNLINK: u32 = 4;
 
-/// What the device's side sends; a submitted transfer to the host is followed by its bytes.
+/// A reply from the device; for a submitted transfer to the host, its data follows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Reply {
-    /// A transfer is over.
+    /// A transfer has ended.
     Submit {
-        /// Number of the transfer.
+        /// Sequence number of the transfer.
         seqnum: u32,
-        /// See [`status`](super::status).
+        /// Status code, see [`status`](super::status).
         status: i32,
         /// Bytes transferred.
         actual: u32,
-        /// Packets of an isochronous transfer; their descriptors follow the data.
+        /// Number of packets of an isochronous transfer; their descriptors follow the data.
         packets: Option<u32>,
-        /// Packets that failed.
+        /// Number of failed packets.
         errors: u32,
     },
-    /// A transfer was taken back: [`UNLINKED`](super::status::UNLINKED), or [`OK`](super::status::OK) when it was over before.
+    /// Result of a cancellation: [`UNLINKED`](super::status::UNLINKED), or
+    /// [`OK`](super::status::OK) if the transfer had already ended.
     Unlink {
-        /// Number of the unlink command.
+        /// Sequence number of the unlink command.
         seqnum: u32,
-        /// See above.
+        /// Status code, as described above.
         status: i32,
     },
 }
 
 impl Reply {
-    /// The reply in 48 bytes.
+    /// Encodes the reply's header.
     pub fn encode(&self) -> [u8; HEADER_LEN] {
         let mut bytes = [0; HEADER_LEN];
         match *self {
@@ -66,11 +67,10 @@ impl Reply {
         bytes
     }
 
-    /// Reads and bounds a reply.
+    /// Decodes a reply's header and checks its limits.
     ///
     /// # Errors
-    /// Returns an error if it is not a reply, or has more bytes or packets than a transfer may
-    /// have.
+    /// Returns an error if it is not a reply, or exceeds the byte or packet limit of a transfer.
     pub fn decode(bytes: &[u8; HEADER_LEN]) -> Result<Self> {
         let seqnum = u32_at(bytes, 4);
         let status = u32_at(bytes, 20) as i32;

@@ -1,11 +1,11 @@
-//! The wire as the kernel documents it, and back and forth.
+//! Encodings documented by the kernel, and round trips.
 
 use super::words::put_words;
 use super::*;
 use crate::usb::Setup;
 use proptest::prelude::*;
 
-/// The example of an import and a transfer in the kernel's documentation.
+/// Import and transfer examples from the kernel's documentation.
 #[test]
 fn reads_as_the_kernel_documents() {
     assert_eq!(
