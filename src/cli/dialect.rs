@@ -1,6 +1,6 @@
 //! `phasmid dialect`: lists the shipped dialects, prints one, checks files.
 
-use phasmid_core::error::{Error, Result};
+use phasmid_core::error::Result;
 use phasmid_device::port::Port;
 use phasmid_profile::{Profile, Station, StationDevice};
 use phasmid_protocol::dialect::Dialect;
@@ -38,14 +38,9 @@ pub(super) fn run(args: &Args) -> Result<()> {
                 println!("{name:<16}{}", Dialect::load(name)?.description());
             }
         }
-        Action::Show { name } => match Dialect::text(name) {
-            Some(text) => print!("{text}"),
-            None => {
-                let names: Vec<_> = Dialect::names().collect();
-                let found = "no shipped dialect";
-                return Err(Error::input(name, found, names.join(", ")));
-            }
-        },
+        Action::Show { name } => {
+            super::show("dialect", name, Dialect::text(name), Dialect::names())?
+        }
         Action::Check { file } => check(file, Dialect::load(file)?)?,
     }
     Ok(())

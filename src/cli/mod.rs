@@ -65,7 +65,7 @@ mod without_link;
 use {without_link as demo, without_link as doctor, without_link as replay, without_link as serve};
 
 use clap::{Parser, Subcommand};
-use phasmid_core::error::Result;
+use phasmid_core::error::{Error, Result};
 use std::process::ExitCode;
 
 /// A structured-light 3D scanner that is not there.
@@ -110,6 +110,25 @@ fn unheard(e: &std::io::Error) {
     }
     eprintln!("phasmid: standard output: {e}");
     std::process::exit(1);
+}
+
+/// Prints a built-in document; `names` are those that exist.
+fn show<'a>(
+    kind: &str,
+    name: &str,
+    text: Option<&str>,
+    names: impl Iterator<Item = &'a str>,
+) -> Result<()> {
+    let Some(text) = text else {
+        let names: Vec<_> = names.collect();
+        return Err(Error::input(
+            name,
+            format!("no built-in {kind}"),
+            names.join(", "),
+        ));
+    };
+    print!("{text}");
+    Ok(())
 }
 
 /// Says on a terminal what goes on; nothing in a pipe.

@@ -1,15 +1,16 @@
-//! `phasmid profile`: lists the built-in profiles and checks profile files.
+//! `phasmid profile`: lists and prints the built-in profiles and checks profile files.
 
 use phasmid_core::error::Result;
 use phasmid_core::source::TomlSource;
 use phasmid_decode::Plan;
 use phasmid_profile::{
-    Configuration, Control, Parity, Profile, Scene, Station, profile_names, station_names,
+    Configuration, Control, Parity, Profile, Scene, Station, profile_names, profile_text,
+    station_names,
 };
 use phasmid_protocol::dialect::Dialect;
 use std::path::Path;
 
-/// List or check device profiles.
+/// List, print or check device profiles.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     #[command(subcommand)]
@@ -20,8 +21,12 @@ pub struct Args {
 enum Action {
     /// List the built-in profiles and stations.
     List,
-    /// Check the file of a profile, a station or a dialect (or what is built in) and say what it
-    /// describes.
+    /// Print a built-in profile or station, as a start for your own.
+    Show {
+        /// Built-in name.
+        name: String,
+    },
+    /// Check a profile, station or dialect and summarise it.
     Check {
         /// Path of a TOML file, or a built-in name.
         file: String,
@@ -39,6 +44,12 @@ pub(super) fn run(args: &Args) -> Result<()> {
                 println!("{name:<16}{description}");
             }
         }
+        Action::Show { name } => super::show(
+            "profile",
+            name,
+            profile_text(name),
+            profile_names().chain(station_names()),
+        )?,
         Action::Check { file } if names_dialect(file)? => {
             super::dialect::check(file, Dialect::load(file)?)?;
         }

@@ -1,10 +1,10 @@
-//! `phasmid scene`: lists the built-in scenes and checks scene files.
+//! `phasmid scene`: lists and prints the built-in scenes and checks scene files.
 
 use phasmid_core::error::Result;
 use phasmid_geometry::Mesh;
-use phasmid_profile::{Scene, Shape, scene_names};
+use phasmid_profile::{Scene, Shape, scene_names, scene_text};
 
-/// List or check scenes.
+/// List, print or check scenes.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     #[command(subcommand)]
@@ -15,6 +15,11 @@ pub struct Args {
 enum Action {
     /// List the built-in scenes.
     List,
+    /// Print a built-in scene, as a start for your own.
+    Show {
+        /// Built-in name.
+        name: String,
+    },
     /// Check a scene file (or a built-in scene).
     Check {
         /// Path of a TOML file, or a built-in name.
@@ -29,6 +34,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
                 println!("{name:<24}{}", Scene::load(name)?.description);
             }
         }
+        Action::Show { name } => super::show("scene", name, scene_text(name), scene_names())?,
         Action::Check { file } => {
             let scene = Scene::load(file)?;
             let mut triangles = 0;

@@ -60,7 +60,7 @@ impl TomlSource {
             // Errors of our own deserialisers say what is allowed.
             let (found, allowed) = message.split_once("; allowed: ").unwrap_or((
                 &message,
-                "what the README and the files in device-profiles show",
+                "the fields listed in docs/src/reference/fields.md",
             ));
             Error::input(format!("{}:{line}", self.place), found, allowed)
         })

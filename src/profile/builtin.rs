@@ -59,6 +59,21 @@ pub fn scene_names() -> impl Iterator<Item = &'static str> {
     SCENES.iter().map(|(name, _)| *name)
 }
 
+/// Returns the TOML of a built-in profile or station; `None` for any other name.
+pub fn profile_text(name: &str) -> Option<&'static str> {
+    text(&PROFILES, name).or_else(|| text(&STATIONS, name))
+}
+
+/// Returns the TOML of a built-in scene; `None` for any other name.
+pub fn scene_text(name: &str) -> Option<&'static str> {
+    text(&SCENES, name)
+}
+
+fn text(documents: &[(&str, &'static str)], name: &str) -> Option<&'static str> {
+    let (_, text) = documents.iter().find(|(known, _)| *known == name)?;
+    Some(text)
+}
+
 pub(super) fn profile_source(name_or_path: &str) -> Result<(TomlSource, PathBuf)> {
     source::load(name_or_path, &PROFILES, "profile")
 }

@@ -62,7 +62,7 @@ mod timing;
 mod usb;
 pub mod vignetting;
 
-pub use builtin::{profile_names, scene_names, station_names};
+pub use builtin::{profile_names, profile_text, scene_names, scene_text, station_names};
 pub use calibration::Calibration;
 pub use camera::Camera;
 pub use camera_response::CameraResponse;

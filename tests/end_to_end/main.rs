@@ -5,6 +5,7 @@ mod served;
 
 mod bad_day;
 mod bench_command;
+mod book;
 mod calibrate_command;
 mod decode_command;
 mod demo;
@@ -13,7 +14,6 @@ mod licences;
 mod nominal_rigs;
 mod outputs;
 mod patient_import;
-mod readme;
 mod serve;
 mod soak;
 mod weighted;

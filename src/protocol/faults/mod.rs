@@ -21,7 +21,6 @@
 //! ```
 //!
 //! Conditions of `when` are evaluated in order, and all must hold: `device`, `frames`, `command`
-//! Conditions of `when` are evaluated in order, and all must hold: `device`, `frames`, `command`
 //! and `window_s` select the frames or messages to count; `nth` and `every` apply to that count;
 //! `probability` applies to the remainder; `times` limits the number of occurrences.
 

@@ -1,4 +1,4 @@
-"""The commands of the README that need a kernel: its blocks marked `sh kernel`."""
+"""The commands of the book that need a kernel: the blocks marked `sh kernel` of its page."""
 
 from lab import loopback, udev
 from lab.failure import expect_true, limit, whole
@@ -10,9 +10,9 @@ PRELUDE = f"set -eu\nPATH={PHASMID.parent}:$PATH\ntrap 'kill $(jobs -p) 2> /dev/
 @whole
 @limit(400)
 def test_every_command_runs(scratch):
-    text = (REPO / "README.md").read_text()
+    text = (REPO / "docs/src/guides/kernel-camera.md").read_text()
     blocks = [rest.split("```")[0] for rest in text.split("```sh kernel\n")[1:]]
-    expect_true("the README has no block for a kernel", blocks)
+    expect_true("the page has no block for a kernel", blocks)
     with udev.running(scratch):
         loopback.load([(10, "Phasmid 1"), (11, "Phasmid 2")])
         wait_until("a name", lambda: "1" in udev.links())

@@ -1,5 +1,6 @@
-//! The README's figures are what a study or a command says.
+//! Figures in the README and the book are those that a study or a command reports.
 
+use super::{pages, text};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -12,16 +13,23 @@ fn snapshot(name: &str) -> String {
     std::fs::read_to_string(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()))
 }
 
-/// The tables below `<!-- study NAME -->`: name and lines.
-fn tables() -> Vec<(&'static str, Vec<&'static str>)> {
-    let one = |rest: &'static str| {
-        let (name, rest) = rest.split_once(" -->\n").unwrap();
-        let lines = rest.lines().take_while(|line| line.starts_with('|'));
-        let lines: Vec<&str> = lines.collect();
-        assert!(lines.len() > 2, "a table of study {name}");
-        (name, lines)
-    };
-    README.split("<!-- study ").skip(1).map(one).collect()
+/// Returns the tables below `<!-- study NAME -->` in the README and the book: name and text.
+fn tables() -> Vec<(String, String)> {
+    let mut tables = Vec::new();
+    for page in pages() {
+        for rest in text(&page).split("<!-- study ").skip(1) {
+            let (name, rest) = rest.split_once(" -->").unwrap();
+            let rest = rest.trim_start_matches('\n');
+            let lines: Vec<&str> = rest.lines().take_while(|l| l.starts_with('|')).collect();
+            assert!(
+                lines.len() > 2,
+                "{}: a table of study {name}",
+                page.display()
+            );
+            tables.push((name.to_owned(), lines.join("\n")));
+        }
+    }
+    tables
 }
 
 /// Cells of a table's row.
@@ -35,12 +43,11 @@ fn cells(line: &str) -> Vec<&str> {
 fn tables_are_those_of_the_studies() {
     let found = tables();
     for (name, table) in &found {
-        let table = table.join("\n");
         let printed = snapshot(&format!("{name}.md"));
-        assert!(printed.contains(&table), "study {name} has no\n{table}");
+        assert!(printed.contains(table), "study {name} has no\n{table}");
     }
     for name in ["paper", "noise", "work-precision", "sgrt", "acceptance"] {
-        assert!(found.iter().any(|(known, _)| *known == name), "{name}");
+        assert!(found.iter().any(|(known, _)| known == name), "{name}");
     }
 }
 
@@ -88,7 +95,7 @@ fn how_good_it_is() {
     // Downwards: what is not all is not said to be.
     let coverage = (number("coverage") * 1e4).floor() / 100.0;
     assert_eq!(
-        figure("lit and seen pixels that are measured"),
+        figure("lit and visible pixels measured"),
         format!("{coverage:.2} %")
     );
     assert_eq!(
@@ -97,7 +104,7 @@ fn how_good_it_is() {
     );
     let without = demo(&["--no-noise"])["mae_mm"].as_f64().unwrap();
     assert_eq!(
-        figure("mean absolute error without noise (rounding to 8 bits is left)"),
+        figure("mean absolute error without noise (8-bit rounding remains)"),
         format!("{without:.3} mm")
     );
 }
@@ -124,5 +131,6 @@ fn weights_win_what_the_study_of_noise_says() {
         false => format!("{least} to {most}"),
     };
     let words = format!("{range} % less depth noise on `pmp-bench`");
-    assert!(README.contains(&words), "{words}");
+    let page = text(Path::new("docs/src/studies/noise.md"));
+    assert!(page.contains(&words), "{words}");
 }

@@ -1,0 +1,491 @@
+//! The reference of every field of the files that a user writes, generated from the structs that
+//! read them and their documentation.
+
+use super::root;
+use std::collections::{HashMap, HashSet};
+use std::fmt::Write;
+use std::rc::Rc;
+use syn::{
+    Attribute, Expr, Field, Fields, GenericArgument, ImplItem, Item, Lit, Meta, PathArguments,
+    Stmt, Type,
+};
+
+/// Folders and files whose types the documents consist of.
+const SOURCES: [&str; 8] = [
+    "src/profile",
+    "src/pattern",
+    "src/geometry/board/kind.rs",
+    "src/phantom/lib.rs",
+    "src/phantom/tissue.rs",
+    "src/phantom/breathing/mod.rs",
+    "src/protocol/faults",
+    "src/protocol/frame.rs",
+];
+
+/// Type of a document's root, title, and what it is for.
+const DOCUMENTS: [(&str, &str, &str); 5] = [
+    (
+        "Profile",
+        "Profile",
+        "Describes a scanner; `phasmid serve --profile`, `phasmid profile check`.",
+    ),
+    (
+        "Scene",
+        "Scene",
+        "Describes what the scanner sees; `phasmid serve --scene`, `phasmid scene check`.",
+    ),
+    (
+        "Station",
+        "Station",
+        "Describes several devices in one scene; `phasmid serve --profile`.",
+    ),
+    (
+        "Manifest",
+        "Manifest",
+        "Lists the projected patterns; `phasmid decode --manifest`, `phasmid serve --sequence`.",
+    ),
+    (
+        "Schedule",
+        "Faults",
+        "Describes what goes wrong and when; `phasmid serve --faults`.",
+    ),
+];
+
+/// A struct or enum that is read from a file.
+struct Definition {
+    attributes: Vec<Attribute>,
+    shape: Shape,
+    /// Default value of each field that a function or `impl Default` in the same file gives, by the
+    /// function's or the field's name.
+    defaults: Defaults,
+}
+
+type Defaults = Rc<HashMap<String, Expr>>;
+
+enum Shape {
+    Struct(Vec<Field>),
+    Enum(Vec<syn::Variant>),
+}
+
+/// Returns the types, and the constants of all files.
+fn definitions() -> (HashMap<String, Definition>, HashMap<String, Expr>) {
+    let mut files = Vec::new();
+    let mut open: Vec<_> = SOURCES.iter().map(|path| root().join(path)).collect();
+    while let Some(path) = open.pop() {
+        if path.is_dir() {
+            open.extend(
+                std::fs::read_dir(&path)
+                    .unwrap()
+                    .map(|entry| entry.unwrap().path()),
+            );
+        } else if path.extension().is_some_and(|e| e == "rs") {
+            files.push(path);
+        }
+    }
+    let mut found = HashMap::new();
+    let mut constants = HashMap::new();
+    for path in files {
+        let text =
+            std::fs::read_to_string(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
+        let items = syn::parse_file(&text).unwrap().items;
+        let defaults: Defaults = Rc::new(items.iter().flat_map(defaults).collect());
+        let here = items.iter().filter(|item| matches!(item, Item::Const(_)));
+        constants.extend(here.flat_map(self::defaults));
+        for item in items {
+            let (name, attributes, shape) = match item {
+                Item::Struct(item) => {
+                    let Fields::Named(fields) = item.fields else {
+                        continue;
+                    };
+                    (
+                        item.ident,
+                        item.attrs,
+                        Shape::Struct(fields.named.into_iter().collect()),
+                    )
+                }
+                Item::Enum(item) => (
+                    item.ident,
+                    item.attrs,
+                    Shape::Enum(item.variants.into_iter().collect()),
+                ),
+                _ => continue,
+            };
+            let derived = |attribute: &Attribute| {
+                attribute.path().is_ident("derive")
+                    && matches!(&attribute.meta, Meta::List(list) if list.tokens.to_string().contains("Deserialize"))
+            };
+            if attributes.iter().any(derived) {
+                let definition = Definition {
+                    attributes,
+                    shape,
+                    defaults: Rc::clone(&defaults),
+                };
+                let before = found.insert(name.to_string(), definition);
+                assert!(before.is_none(), "two types {name}");
+            }
+        }
+    }
+    (found, constants)
+}
+
+/// Returns the names and values that an item defines: a constant, a function's last expression, or
+/// `Type.field` of an `impl Default`.
+fn defaults(item: &Item) -> Vec<(String, Expr)> {
+    let last = |block: &syn::Block| match block.stmts.last() {
+        Some(Stmt::Expr(expr, None)) => Some(expr.clone()),
+        _ => None,
+    };
+    match item {
+        Item::Const(item) => vec![(item.ident.to_string(), (*item.expr).clone())],
+        Item::Fn(item) => {
+            let value = last(&item.block);
+            value
+                .map(|expr| (item.sig.ident.to_string(), expr))
+                .into_iter()
+                .collect()
+        }
+        Item::Impl(item)
+            if item
+                .trait_
+                .as_ref()
+                .is_some_and(|(_, path, _)| path.is_ident("Default")) =>
+        {
+            let (name, _) = split(&item.self_ty);
+            let functions = item.items.iter().filter_map(|item| match item {
+                ImplItem::Fn(function) => last(&function.block),
+                _ => None,
+            });
+            let fields = functions.filter_map(|expr| match expr {
+                Expr::Struct(value) => Some(value.fields),
+                _ => None,
+            });
+            let fields = fields.flatten().filter_map(|field| match field.member {
+                syn::Member::Named(member) => Some((format!("{name}.{member}"), field.expr)),
+                syn::Member::Unnamed(_) => None,
+            });
+            fields.collect()
+        }
+        _ => Vec::new(),
+    }
+}
+
+/// Returns the documentation as one line; links to items become code.
+fn documentation(attributes: &[Attribute]) -> String {
+    let mut out = String::new();
+    for attribute in attributes.iter().filter(|a| a.path().is_ident("doc")) {
+        if let Meta::NameValue(doc) = &attribute.meta
+            && let Expr::Lit(literal) = &doc.value
+            && let Lit::Str(text) = &literal.lit
+        {
+            out.push_str(text.value().trim());
+            out.push(' ');
+        }
+    }
+    let mut text = String::new();
+    for (at, part) in out.trim().split("[`").enumerate() {
+        match part.split_once("`]") {
+            Some((item, rest)) if at > 0 => {
+                let rest = match rest.strip_prefix('(') {
+                    Some(path) => path.split_once(')').map_or("", |(_, rest)| rest),
+                    None => rest,
+                };
+                write!(text, "`{item}`{rest}").unwrap();
+            }
+            _ => text.push_str(part),
+        }
+    }
+    text.replace('|', "\\|")
+}
+
+/// Returns the value of a key in the serde attributes, or an empty text for a bare word.
+fn serde(attributes: &[Attribute], key: &str) -> Option<String> {
+    let mut found = None;
+    for attribute in attributes.iter().filter(|a| a.path().is_ident("serde")) {
+        attribute
+            .parse_nested_meta(|meta| {
+                let value = match meta.value() {
+                    Ok(value) => value.parse::<syn::LitStr>()?.value(),
+                    Err(_) => String::new(),
+                };
+                if meta.path.is_ident(key) {
+                    found = Some(value);
+                }
+                Ok(())
+            })
+            .unwrap();
+    }
+    found
+}
+
+/// Returns the name of a variant in a file.
+fn variant_name(variant: &syn::Variant, rename_all: Option<&str>) -> String {
+    let name = variant.ident.to_string();
+    serde(&variant.attrs, "rename").unwrap_or_else(|| match rename_all {
+        Some("lowercase") => name.to_lowercase(),
+        Some("kebab-case") => {
+            let mut out = String::new();
+            for (at, c) in name.char_indices() {
+                if at > 0 && c.is_uppercase() {
+                    out.push('-');
+                }
+                out.extend(c.to_lowercase());
+            }
+            out
+        }
+        None => name,
+        Some(other) => panic!("rename_all = {other}"),
+    })
+}
+
+/// Returns the last segment of a type's path and its type arguments.
+fn split(ty: &Type) -> (String, Vec<&Type>) {
+    let Type::Path(path) = ty else {
+        panic!("not a path");
+    };
+    let last = path.path.segments.last().unwrap();
+    let arguments = match &last.arguments {
+        PathArguments::AngleBracketed(list) => list
+            .args
+            .iter()
+            .filter_map(|argument| match argument {
+                GenericArgument::Type(ty) => Some(ty),
+                _ => None,
+            })
+            .collect(),
+        _ => Vec::new(),
+    };
+    (last.ident.to_string(), arguments)
+}
+
+/// Writes the sections of a document: one for each table that it may contain.
+struct Document<'a> {
+    types: &'a HashMap<String, Definition>,
+    constants: &'a HashMap<String, Expr>,
+    /// Short name, at the start of each heading.
+    name: &'a str,
+    /// Paths of the tables that are already described, by type.
+    described: HashMap<String, String>,
+    /// Tables to describe: path in the file, and type.
+    waiting: Vec<(String, String)>,
+    out: String,
+}
+
+impl Document<'_> {
+    /// Returns how a value of a type is written at `path`, and queues the tables in it.
+    fn value(&mut self, ty: &Type, path: &str) -> String {
+        if let Type::Array(array) = ty {
+            let Expr::Lit(length) = &array.len else {
+                panic!("{path}: length of an array");
+            };
+            let Lit::Int(length) = &length.lit else {
+                panic!("{path}: length of an array");
+            };
+            let inner = self.value(&array.elem, path);
+            return format!("{length} x {inner}");
+        }
+        let (name, arguments) = split(ty);
+        match name.as_str() {
+            "f64" | "f32" => "number".into(),
+            "u8" | "u16" | "u32" | "u64" | "usize" | "i32" | "i64" => "integer".into(),
+            "bool" => "boolean".into(),
+            "String" => "text".into(),
+            "PathBuf" => "file".into(),
+            "Option" | "Box" => self.value(arguments[0], path),
+            "Vec" => match self.value(arguments[0], &format!("{path}[]")) {
+                inner if inner.starts_with("[table]") => inner.replacen("table", "tables", 1),
+                inner => format!("array of {inner}"),
+            },
+            name => {
+                let definition = self
+                    .types
+                    .get(name)
+                    .unwrap_or_else(|| panic!("{path}: type {name}"));
+                let rename_all = serde(&definition.attributes, "rename_all");
+                match &definition.shape {
+                    Shape::Enum(variants)
+                        if variants.len() <= 4
+                            && variants.iter().all(|v| matches!(v.fields, Fields::Unit)) =>
+                    {
+                        let rename_all = rename_all.as_deref();
+                        let names = variants
+                            .iter()
+                            .map(|v| format!("`\"{}\"`", variant_name(v, rename_all)));
+                        names.collect::<Vec<_>>().join(", ")
+                    }
+                    _ => {
+                        let known = self.described.entry(name.to_owned()).or_insert_with(|| {
+                            self.waiting.push((path.to_owned(), name.to_owned()));
+                            path.to_owned()
+                        });
+                        format!("[table](#{})", anchor(self.name, known))
+                    }
+                }
+            }
+        }
+    }
+
+    /// Returns how a default value is written in a file.
+    fn written(&self, expr: &Expr) -> String {
+        match expr {
+            Expr::Lit(literal) => match &literal.lit {
+                Lit::Int(value) => value.to_string().replace('_', ""),
+                Lit::Float(value) => value.base10_digits().to_owned(),
+                Lit::Str(value) => format!("\"{}\"", value.value()),
+                Lit::Bool(value) => value.value.to_string(),
+                _ => panic!("a default that is neither number, text nor boolean"),
+            },
+            Expr::MethodCall(call) => self.written(&call.receiver),
+            Expr::Path(path) => {
+                let names: Vec<String> = path
+                    .path
+                    .segments
+                    .iter()
+                    .map(|s| s.ident.to_string())
+                    .collect();
+                let [.., outer, name] = names.as_slice() else {
+                    return "absent".into();
+                };
+                let Some(definition) = self.types.get(outer) else {
+                    return self.written(&self.constants[name]);
+                };
+                let Shape::Enum(variants) = &definition.shape else {
+                    panic!("{outer}::{name}");
+                };
+                let variant = variants.iter().find(|v| v.ident == name).unwrap();
+                let rename_all = serde(&definition.attributes, "rename_all");
+                format!("\"{}\"", variant_name(variant, rename_all.as_deref()))
+            }
+            _ => panic!("a default that is no literal"),
+        }
+    }
+
+    /// Returns the default of a field, or "required".
+    fn default(&self, field: &Field, owner: &str) -> String {
+        let definition = &self.types[owner];
+        let name = field.ident.as_ref().unwrap();
+        if serde(&definition.attributes, "default").is_some()
+            && let Some(expr) = definition.defaults.get(&format!("{owner}.{name}"))
+        {
+            return format!("`{}`", self.written(expr)).replace("`absent`", "absent");
+        }
+        let by_container = serde(&definition.attributes, "default").is_some();
+        let zero = |ty: &Type| match ty {
+            Type::Array(_) => "zeros".to_owned(),
+            ty => match split(ty).0.as_str() {
+                "Option" => "absent".into(),
+                "Vec" => "empty".into(),
+                "bool" => "`false`".into(),
+                "f64" | "f32" | "u8" | "u16" | "u32" | "u64" => "`0`".into(),
+                _ => "its defaults".into(),
+            },
+        };
+        match serde(&field.attrs, "default") {
+            Some(function) if !function.is_empty() => {
+                format!("`{}`", self.written(&definition.defaults[&function]))
+            }
+            Some(_) => zero(&field.ty),
+            None if by_container => zero(&field.ty),
+            None => match &field.ty {
+                Type::Path(_) if split(&field.ty).0 == "Option" => "absent".into(),
+                _ => "required".into(),
+            },
+        }
+    }
+
+    /// Writes the rows of a table's fields.
+    fn rows<'f>(&mut self, fields: impl IntoIterator<Item = &'f Field>, path: &str, owner: &str) {
+        let head = "| field | value | default | meaning |\n| --- | --- | --- | --- |";
+        writeln!(self.out, "{head}").unwrap();
+        let read = |field: &&Field| serde(&field.attrs, "skip").is_none();
+        for field in fields.into_iter().filter(read) {
+            let name = field.ident.as_ref().unwrap().to_string();
+            let inner = match path {
+                "" => name.clone(),
+                path => format!("{path}.{name}"),
+            };
+            let value = self.value(&field.ty, &inner);
+            let default = self.default(field, owner);
+            let meaning = documentation(&field.attrs);
+            writeln!(self.out, "| `{name}` | {value} | {default} | {meaning} |").unwrap();
+        }
+        self.out.push('\n');
+    }
+
+    fn section(&mut self, path: &str, owner: &str) {
+        let types = self.types;
+        let definition = &types[owner];
+        if !path.is_empty() {
+            writeln!(self.out, "### {}: `{path}`\n", self.name).unwrap();
+        }
+        writeln!(self.out, "{}\n", documentation(&definition.attributes)).unwrap();
+        match &definition.shape {
+            Shape::Struct(fields) => {
+                self.rows(fields, path, owner);
+            }
+            Shape::Enum(variants) => {
+                let rename_all = serde(&definition.attributes, "rename_all");
+                let tag = serde(&definition.attributes, "tag");
+                for variant in variants {
+                    let name = variant_name(variant, rename_all.as_deref());
+                    let text = documentation(&variant.attrs);
+                    match (&tag, &variant.fields) {
+                        (Some(tag), Fields::Named(fields)) => {
+                            writeln!(self.out, "**`{tag} = \"{name}\"`**: {text}\n").unwrap();
+                            if !fields.named.is_empty() {
+                                self.rows(&fields.named, path, owner);
+                            }
+                        }
+                        (Some(tag), Fields::Unit) => {
+                            writeln!(self.out, "**`{tag} = \"{name}\"`**: {text}\n").unwrap();
+                        }
+                        (None, Fields::Unnamed(fields)) => {
+                            let value = self.value(&fields.unnamed[0].ty, path);
+                            writeln!(self.out, "**`{name} = ...`** ({value}): {text}\n").unwrap();
+                        }
+                        (None, Fields::Unit) => {
+                            writeln!(self.out, "- `\"{name}\"`: {text}").unwrap();
+                        }
+                        _ => panic!("{path}: variant {name}"),
+                    }
+                }
+                self.out.push('\n');
+            }
+        }
+    }
+}
+
+fn anchor(document: &str, path: &str) -> String {
+    format!("{}-{path}", document.to_lowercase())
+        .chars()
+        .filter(|c| c.is_alphanumeric() || *c == '_' || *c == '-')
+        .collect()
+}
+
+#[test]
+fn the_reference_of_fields_is_the_code() {
+    let (types, constants) = definitions();
+    let mut page = String::from(
+        "# Fields of files\n\nThis page is generated from the code that reads the files. All files are TOML. An unknown field, a missing required field or a value out of range is rejected with file, line and allowed range. `a.b[]` means the tables `[[a.b]]`. Dialect files have [a page of their own](dialect-file.md).\n\n",
+    );
+    let mut anchors = HashSet::new();
+    for (name, title, purpose) in DOCUMENTS {
+        let mut document = Document {
+            types: &types,
+            constants: &constants,
+            name: title,
+            described: HashMap::new(),
+            waiting: vec![(String::new(), name.to_owned())],
+            out: format!("## {title}\n\n{purpose} "),
+        };
+        while !document.waiting.is_empty() {
+            let (path, name) = document.waiting.remove(0);
+            document.section(&path, &name);
+            assert!(
+                path.is_empty() || anchors.insert(anchor(title, &path)),
+                "{title}: two sections {path}"
+            );
+        }
+        page += &document.out;
+    }
+    super::assert_generated("reference/fields.md", &format!("{}\n", page.trim_end()));
+}
