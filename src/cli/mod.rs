@@ -112,7 +112,7 @@ fn unheard(e: &std::io::Error) {
     std::process::exit(1);
 }
 
-/// Prints a built-in document; `names` are those that exist.
+/// Prints a built-in document; `names` lists the existing ones.
 fn show<'a>(
     kind: &str,
     name: &str,

@@ -76,7 +76,7 @@ fn the_effects_in_the_book_add_their_terms_to_the_plan() {
         .filter(|decision| !decision.included)
         .map(|decision| decision.term.to_string())
         .collect();
-    // Terms that the example does not set, and those that depend on the pattern images.
+    // Terms that the example does not set, and terms that depend on the pattern images.
     let expected = [
         "camera-distortion",
         "projector-distortion",

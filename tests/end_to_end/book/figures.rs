@@ -1,4 +1,4 @@
-//! Figures in the README and the book are those that a study or a command reports.
+//! Figures in the README and the book equal the output of a study or a command.
 
 use super::{pages, text};
 use serde_json::Value;
